@@ -14,13 +14,10 @@ from deatwin.ident.mismatch.naming.decide import STRONG, Naming, decide
 from deatwin.ident.mismatch.naming.limits import with_limits
 from deatwin.ident.mismatch.naming.tried import each_without_one
 from deatwin.ident.mismatch.naming.versus import advantage
-from deatwin.ident.mismatch.naming.worth import acts, explained, held_back_by, takes_most
+from deatwin.ident.mismatch.naming.worth import NEARLY_ALL, acts, explained, held_back_by, takes_most
 from deatwin.ident.mismatch.verify.verification import Verification
 from deatwin.ident.mismatch.verify.verify import verify
 
-NEARLY_ALL = 0.9
-"""Share of the explainable power that effects must take away which act though more is missing: the law of a mechanism
-is right to about 30 % of what it contributes at worst, which is 9 % of its power. What takes less imitates."""
 EVERYWHERE = 0.9
 """Share of the recorded time from which on a stretch that holds what is left says nothing of where it is."""
 

@@ -167,8 +167,8 @@ def test_an_answer_that_stands_knows_all_that_was_tried_since(leaving, scale):
 
 def test_a_pair_has_the_single_effects_as_rivals_that_it_is_not_far_likelier_than(leaving, candidate, scale):
     """The likeliest one, whose law lies between those of the two, may do what both do; what explains little may not."""
-    third, fourth = candidate("dielectric_absorption", rms=2.7), candidate("sensor_drift", rms=2.9)
-    search = Known(*leaving(5.0, 3.0, 4.6, 2.2), third, fourth)
+    third, fourth = candidate("dielectric_absorption", rms=2.62), candidate("sensor_drift", rms=2.9)
+    search = Known(*leaving(5.0, 2.7, 4.6, 2.2), third, fourth)
     both = replace(first_alone(search), best=search.tried[PAIR], probabilities={PAIR: 1.0})
     assert with_doubt(search, both) is both
     scale(odds=STRONG - 0.1)
@@ -178,6 +178,17 @@ def test_a_pair_has_the_single_effects_as_rivals_that_it_is_not_far_likelier_tha
     assert doubted.probabilities[CLIP] == pytest.approx(1 / 3)
     alone = first_alone(search)
     assert with_doubt(search, alone) is alone
+
+
+@pytest.mark.parametrize(
+    ("left", "rivals"), [(2.7, (CLIP,)), (3.0, ())], ids=["nearly all is taken", "too much is left"]
+)
+def test_a_law_is_to_blame_only_for_what_laws_err_by(leaving, scale, left, rivals):
+    """Of 21 - 1 units of power that are neither noise nor the plant's error one effect leaves 2.3, another one 4."""
+    search = Known(*leaving(5.0, left, 4.6, 2.2))
+    scale(odds=-19.0)
+    both = replace(first_alone(search), best=search.tried[PAIR], probabilities={PAIR: 1.0})
+    assert tuple(rival.effects for rival in with_doubt(search, both).rivals) == rivals
 
 
 def test_rivals_of_another_form_stay_among_what_was_tried(leaving, candidate, scale):
