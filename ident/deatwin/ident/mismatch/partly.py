@@ -10,6 +10,7 @@ from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.locate.location import Location
 from deatwin.ident.mismatch.located import Band, Unexplained
 from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.clocks import of_one_clock
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming, decide
 from deatwin.ident.mismatch.naming.limits import with_limits
 from deatwin.ident.mismatch.naming.tried import each_without_one
@@ -37,8 +38,10 @@ def acting(naming: Naming, bench: Bench, rng: np.random.Generator) -> tuple[Nami
     Returns
     -------
     tuple of Naming and Verification, or None
-        None where no effect is certain to act.
+        None where no effect is certain to act: each of two that run by one clock may be a part of what another one does.
     """
+    if naming.best is not None and of_one_clock(naming.best):
+        return None
     found = led_by_what_acts(naming)
     if found is None or found.best is None or (naming.best and set(naming.best.effects) == set(found.best.effects)):
         return None

@@ -23,6 +23,7 @@ from deatwin.ident.mismatch.likelihood.beforehand import TIMING
 from deatwin.ident.mismatch.naming.contribution import readings_of_fit
 from deatwin.ident.mismatch.refit.search import finish, refit, roughly
 from deatwin.ident.mismatch.result import Statistic
+from deatwin.plant.effects.delay import Delay
 
 if TYPE_CHECKING:
     from deatwin.ident.mismatch.bench import Bench
@@ -143,16 +144,16 @@ def _answering_late(base: Candidate, bench: Bench, size: float) -> Calibration |
     Triggers, filters and integrators of real rigs come a little late: that is no missing physics. Not tried where what is
     left, of this `size`, SI, is more than so little can do.
     """
-    delay = next((effect for effect in bench.effects if effect.name == "delay"), None)
+    names, delay = {effect.name for effect in bench.effects}, Delay.name
     fit, step = base.calibration, bench.nominal.rig.sample_time
     longest = SURELY_LATE * TIMING * step
     steps = np.concatenate([np.diff(readings) for readings in _simulated(base, bench)])
     most = np.hypot(
         longest / step * float(np.sqrt(np.mean(steps**2))), practical_size(base.noise, fit.plant.rig.model_error)
     )
-    if delay is None or "delay" in fit.plant.effect_names or size > most:
+    if delay not in names or delay in fit.plant.effect_names or size > most:
         return None
-    late = finish(roughly(fit.plant.with_effects(replace(delay, time=longest / 2)), bench.everything), bench.everything)
+    late = finish(roughly(fit.plant.with_effects(Delay(time=longest / 2)), bench.everything), bench.everything)
     short = late.status.ok and late.plant.parameters["delay.time"].value <= longest
     return late if short and _leaves_nothing(late, base, bench) else None
 
