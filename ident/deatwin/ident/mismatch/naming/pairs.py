@@ -106,14 +106,20 @@ def with_doubt(search: Search, naming: Naming) -> Naming:
 
 
 def _promising(search: Search, scale: Scale) -> dict[Names, list[str]]:
-    """Beside which single effects which others promise most, to first order: those that make the likeliest pairs."""
+    """Beside which single effects which others promise most, to first order: those that make the likeliest pairs.
+
+    A plant that was bent to imitate an effect, as a lag bends the damping, hides what that promises: so the nats count,
+    too, by which the effect alone lets the rig's own parameters be nearer to their nominal values.
+    """
     alone = [c for names, c in search.tried.items() if len(names) == 1 and not c.calibration.given_up]
     weights = {c.effects: scale.weight(c) for c in alone}
     highest, tried = max(weights.values(), default=0.0), {frozenset(names) for names in search.tried}
+    bent = scale.bent(search.tried[()])
+    relief = {names[0]: max(bent - scale.bent(c), 0.0) for names, c in search.tried.items() if len(names) == 1}
     alone = sorted(alone, key=lambda c: -weights[c.effects])[:BESIDE]
     promised = sorted(
         (
-            (weights[c.effects] + odds - highest, c.effects, other)
+            (weights[c.effects] + odds + relief.get(other, 0.0) - highest, c.effects, other)
             for c in alone
             for other, odds in scale.promises(c, search.known()).items()
         ),

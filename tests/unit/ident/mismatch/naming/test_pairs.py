@@ -58,13 +58,16 @@ class Known(Search):
 class GivenScale:
     """Two are likelier by `odds` than either alone, and less so by what a better fit of one leaves less, in nats."""
 
-    odds, promised = STRONG + 1.0, {}
+    odds, promised, bends = STRONG + 1.0, {}, {}
 
     def __init__(self, *, bench, base, noise):
         self.tried = (bench, base, noise)
 
     def weight(self, candidate):
         return -candidate.calibration.rms
+
+    def bent(self, candidate):
+        return self.bends.get(candidate.effects, 0.0)
 
     def of_two(self, pair, alone):
         return self.odds - 1e6 * (alone.calibration.rms < 2.6)
@@ -152,6 +155,15 @@ def test_the_pairs_that_promise_most_are_tried_beside_the_likeliest_single_effec
     )
     decided(search)  # the pair of clip and creep is known, the last one beside creep is the fifth
     assert dict(search.asked) == {CREEP: ["sensor_drift", "leakage", "delay"], CLIP: ["sensor_drift"]}
+
+
+def test_what_lets_the_rig_be_nearer_to_its_nominal_values_is_tried(leaving, candidate, scale):
+    """A lag bends the damping of the plant without it, where its footprint then promises nothing."""
+    search = Known(*leaving(5.0, 3.0, 3.5, 2.2), candidate("sensor_lag", rms=4.9))
+    bends = {(): 70.0, CLIP: 70.0, CREEP: 71.0, ("sensor_lag",): 1.0}
+    scale(promised={CLIP: {"sensor_lag": -5.0, "mullins": -1.0}}, bends=bends)
+    decided(search)
+    assert dict(search.asked) == {CLIP: ["sensor_lag"]}
 
 
 def test_an_answer_that_stands_knows_all_that_was_tried_since(leaving, scale):
