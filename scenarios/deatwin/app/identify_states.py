@@ -41,7 +41,7 @@ def identify_states(
         finished = run.status.ok
         errors.append({"free_run": run.rms_error, "finished": finished, "unit": model.output_units[0]})
         ended = "" if finished else " (diverged)"
-        lines.append(f"{label(record)}, unseen part: free run {run.rms_error:.4g}{unit}{ended} rms")
+        lines.append(f"{label(record)}, held-out part: free run {run.rms_error:.4g}{unit}{ended} rms")
     linear, own = (float(np.sqrt(np.mean(error**2))) for error in (identifier.linear_error_, identifier.error_))
     lines.append(f"on what was fitted: free run {own:.4g}{unit} rms, that of a linear state space {linear:.4g}{unit}")
     if not identifier.status_.ok:

@@ -10,17 +10,15 @@ from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.locate.location import Location
 from deatwin.ident.mismatch.located import Band, Unexplained
 from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.clocks import of_one_clock
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming, decide
 from deatwin.ident.mismatch.naming.limits import with_limits
 from deatwin.ident.mismatch.naming.tried import each_without_one
 from deatwin.ident.mismatch.naming.versus import advantage
-from deatwin.ident.mismatch.naming.worth import acts, explained, held_back_by, takes_most
+from deatwin.ident.mismatch.naming.worth import NEARLY_ALL, acts, explained, held_back_by, takes_most
 from deatwin.ident.mismatch.verify.verification import Verification
 from deatwin.ident.mismatch.verify.verify import verify
 
-NEARLY_ALL = 0.9
-"""Share of the explainable power that effects must take away which act though more is missing: the law of a mechanism
-is right to about 30 % of what it contributes at worst, which is 9 % of its power. What takes less imitates."""
 EVERYWHERE = 0.9
 """Share of the recorded time from which on a stretch that holds what is left says nothing of where it is."""
 
@@ -40,8 +38,10 @@ def acting(naming: Naming, bench: Bench, rng: np.random.Generator) -> tuple[Nami
     Returns
     -------
     tuple of Naming and Verification, or None
-        None where no effect is certain to act.
+        None where no effect is certain to act: each of two that run by one clock may be a part of what another one does.
     """
+    if naming.best is not None and of_one_clock(naming.best):
+        return None
     found = led_by_what_acts(naming)
     if found is None or found.best is None or (naming.best and set(naming.best.effects) == set(found.best.effects)):
         return None

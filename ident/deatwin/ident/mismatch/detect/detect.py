@@ -19,8 +19,11 @@ from deatwin.ident.mismatch.detect.statistics import GROUPS, Scores
 from deatwin.ident.mismatch.excess import excess_over_floor, practical_size
 from deatwin.ident.mismatch.gate.noise import noise_level
 from deatwin.ident.mismatch.gate.repeats import find_repeats, repeatability
-from deatwin.ident.mismatch.refit.search import refit
+from deatwin.ident.mismatch.likelihood.beforehand import TIMING
+from deatwin.ident.mismatch.naming.contribution import readings_of_fit
+from deatwin.ident.mismatch.refit.search import finish, refit, roughly
 from deatwin.ident.mismatch.result import Statistic
+from deatwin.plant.effects.delay import Delay
 
 if TYPE_CHECKING:
     from deatwin.ident.mismatch.bench import Bench
@@ -38,6 +41,8 @@ BEYOND_CHANCE = 3.0
 """and one of so many times whatever its probability: on some 90 clean rigs the largest was 1.8."""
 SCATTER = 3.0
 """Standard deviations of the power of white noise that such an excess has besides: they are much in a short record."""
+SURELY_LATE = 2.0
+"""Deviations of the time at which a reading is taken, within which it lies (95 %): what comes later is a dead time."""
 POINTS = 400
 """Of a curve that is drawn."""
 
@@ -61,7 +66,10 @@ def detect(base: Candidate, bench: Bench, rng: np.random.Generator, *, known: Se
     Detection
     """
     found = detect_in(leftover_of(base, bench), rng, known=known)
-    return replace(found, taken_up=_taking_up_the_rest(base, bench)) if found.mismatch else found
+    if not found.mismatch:
+        return found
+    whole = _taking_up_the_rest(base, bench)
+    return replace(found, taken_up=_answering_late(base, bench, found.size) if whole is None else whole)
 
 
 def detect_in(
@@ -126,10 +134,41 @@ def _taking_up_the_rest(base: Candidate, bench: Bench) -> Calibration | None:
     if not base.fitted_test.within_floor:
         return None  # to fit more than that part brings it no nearer
     whole = refit(base.calibration, bench.everything)
+    bent = {*whole.at_bound} - {*base.calibration.at_bound}
+    return whole if _leaves_nothing(whole, base, bench) and not bent else None
+
+
+def _answering_late(base: Candidate, bench: Bench, size: float) -> Calibration | None:
+    """The plant fitted with a dead time, if that is no longer than readings may be late, and leaves nothing that counts.
+
+    Triggers, filters and integrators of real rigs come a little late: that is no missing physics. Not tried where what is
+    left, of this `size`, SI, is more than so little can do.
+    """
+    names, delay = {effect.name for effect in bench.effects}, Delay.name
+    fit, step = base.calibration, bench.nominal.rig.sample_time
+    longest = SURELY_LATE * TIMING * step
+    steps = np.concatenate([np.diff(readings) for readings in _simulated(base, bench)])
+    most = np.hypot(
+        longest / step * float(np.sqrt(np.mean(steps**2))), practical_size(base.noise, fit.plant.rig.model_error)
+    )
+    if delay not in names or delay in fit.plant.effect_names or size > most:
+        return None
+    late = finish(roughly(fit.plant.with_effects(Delay(time=longest / 2)), bench.everything), bench.everything)
+    short = late.status.ok and late.plant.parameters["delay.time"].value <= longest
+    return late if short and _leaves_nothing(late, base, bench) else None
+
+
+def _simulated(base: Candidate, bench: Bench) -> list[np.ndarray]:
+    """Readings of the base plant on the fitted part of each experiment, SI."""
+    readings = readings_of_fit(bench.fitted, base.calibration.residuals)
+    return np.split(readings, np.cumsum([part.size for part in bench.fitted])[:-1])
+
+
+def _leaves_nothing(whole: Calibration, base: Candidate, bench: Bench) -> bool:
+    """Whether a fit leaves nothing that counts of either part."""
     left = [free_run_residuals(whole.plant, parts) for parts in (bench.fitted, bench.unseen)]
-    error, bent = whole.plant.rig.model_error, {*whole.at_bound} - {*base.calibration.at_bound}
-    enough = all(r is not None and excess_over_floor(r, base.noise, error).within_floor for r in left)
-    return whole if enough and not bent else None
+    error = whole.plant.rig.model_error
+    return all(r is not None and excess_over_floor(r, base.noise, error).within_floor for r in left)
 
 
 def _size(left: Leftover) -> float:

@@ -128,36 +128,44 @@ def _decided_in_form(search: Search, rival: Candidate, stage: Sequence[Names]) -
 
 
 def _with_more(taken: _InForm, own: _InForm, tell: Callable[[int, float], None]) -> tuple[Search, Naming]:
-    """The decision over one effect or more in the form that was `taken`; where there is none, in the rig file's `own`.
+    """The decision over as few effects as explain the recordings, in the form that was `taken` or the rig file's `own`.
 
-    A form that explains one of two effects away has none for the other. A single one that suffices in the file's form
-    only is what that other reading does.
+    A form that explains one of two effects away has none for the other: so fewer effects in the file's form come before
+    more in the other one. A single one that suffices in the file's form only is what that other reading does.
     """
-    search, naming = taken[0], _beside_each_other(*taken, tell)
-    first, alone, _ = own
-    if naming.best is None and search is not first and first.one_takes_most(alone):
-        again = _beside_each_other(*own, lambda number, share: None)
-        if again.best is not None and len(again.best.effects) > 1:
-            return first, again
-    return search, naming
+    ways = [(taken[0], _one_after_another(*taken, tell))]
+    if own[0] is not taken[0] and own[0].one_takes_most(own[1]):
+        ways.append((own[0], _one_after_another(*own, lambda number, share: None)))
+    last = taken[2]
+    while ways:
+        for way in list(ways):
+            search, decisions = way
+            naming = next(decisions, None)
+            alone = naming is not None and naming.best is not None and len(naming.best.effects) == 1
+            if naming is None or (alone and search is not taken[0]):
+                ways.remove(way)
+            elif naming.best is not None:
+                return search, naming
+            elif search is taken[0]:
+                last = naming
+    return taken[0], last
 
 
-def _beside_each_other(
+def _one_after_another(
     search: Search, stage: list[Names], naming: Naming, tell: Callable[[int, float], None]
-) -> Naming:
-    """The decision `naming` over single effects, or that over further ones beside them until they explain.
+) -> Iterator[Naming]:
+    """The decision `naming` over single effects, then those over further ones beside them; last what nearly explains.
 
     `tell` is called with the number of effects beside the first and the share of it that is done.
     """
     for number in range(1, MOST_CAUSES):
-        naming = settled(search, stage) if naming.best is None else naming
-        if naming.best is not None:
-            return naming
+        yield settled(search, stage) if naming.best is None else naming
         stage = search.with_one_more(stage, partial(tell, number))
         if not stage:
             break
         naming = decided_surely(search, stage)
-    return nearly(search) if naming.best is None else naming
+        yield naming
+    yield nearly(search)
 
 
 def _best_form(forms: Sequence[_InForm]) -> _InForm:

@@ -10,7 +10,7 @@ from deatwin.ident.mismatch.naming.decide import STRONG, Naming
 from deatwin.ident.mismatch.naming.sets import Search
 from deatwin.ident.mismatch.naming.tried import Names
 from deatwin.ident.mismatch.naming.weigh import Scale
-from deatwin.ident.mismatch.naming.worth import TRIFLE, gained, held_back_by, suffices
+from deatwin.ident.mismatch.naming.worth import TRIFLE, errs_by_its_law, gained, held_back_by, suffices
 
 BARELY = 0.5
 """Of the model error's power: a second effect that counts for less is none, and for certain one from the whole on."""
@@ -91,7 +91,8 @@ def with_doubt(search: Search, naming: Naming) -> Naming:
     Returns
     -------
     Naming
-        Each of those as likely as the pair: what their laws miss is known no better.
+        Each of those as likely as the pair: what their laws miss is known no better. What takes too little alone for its
+        law to be to blame for the rest is none.
     """
     pair = None if naming.best is None else search.tried.get(naming.best.effects)
     if pair is None or len(pair.effects) != 2:
@@ -99,19 +100,26 @@ def with_doubt(search: Search, naming: Naming) -> Naming:
     scale = Scale(bench=search.bench, base=search.tried[()], noise=search.noise)
     alone = [c for names, c in search.tried.items() if len(names) == 1 and not c.calibration.given_up]
     possible = sorted((c for c in alone if search.is_possible(c)), key=lambda c: -scale.weight(c))
+    possible = [c for c in possible if errs_by_its_law(c, search.tried[()])]
     asked = [c for k, c in enumerate(possible) if k == 0 or c.effects[0] in pair.effects]
     return naming.as_likely([c for c in asked if scale.of_two(pair, c) < STRONG])
 
 
 def _promising(search: Search, scale: Scale) -> dict[Names, list[str]]:
-    """Beside which single effects which others promise most, to first order: those that make the likeliest pairs."""
+    """Beside which single effects which others promise most, to first order: those that make the likeliest pairs.
+
+    A plant that was bent to imitate an effect, as a lag bends the damping, hides what that promises: so the nats count,
+    too, by which the effect alone lets the rig's own parameters be nearer to their nominal values.
+    """
     alone = [c for names, c in search.tried.items() if len(names) == 1 and not c.calibration.given_up]
     weights = {c.effects: scale.weight(c) for c in alone}
     highest, tried = max(weights.values(), default=0.0), {frozenset(names) for names in search.tried}
+    bent = scale.bent(search.tried[()])
+    relief = {names[0]: max(bent - scale.bent(c), 0.0) for names, c in search.tried.items() if len(names) == 1}
     alone = sorted(alone, key=lambda c: -weights[c.effects])[:BESIDE]
     promised = sorted(
         (
-            (weights[c.effects] + odds - highest, c.effects, other)
+            (weights[c.effects] + odds + relief.get(other, 0.0) - highest, c.effects, other)
             for c in alone
             for other, odds in scale.promises(c, search.known()).items()
         ),
@@ -129,13 +137,17 @@ def _promising(search: Search, scale: Scale) -> dict[Names, list[str]]:
 
 
 def _odds(search: Search, scale: Scale, first: Candidate) -> dict[Names, float]:
-    """Log odds of each pair that was fitted over the likeliest of the first effect and its own two."""
+    """Log odds of each pair that was fitted over the likeliest of the first effect and its own two.
+
+    Of these only what takes so much alone that its law may be to blame for the rest.
+    """
     found: dict[Names, float] = {}
     for names, pair in list(search.tried.items()):
         if len(names) != 2 or pair.calibration.given_up:
             continue
-        alone = [c for c in search.without_one(names) if c.effects != first.effects]
-        found[names] = min(scale.of_two(pair, c) for c in (search.tried[first.effects], *alone))
+        alone = [c for c in search.without_one(names) if errs_by_its_law(c, search.tried[()])]
+        asked = {c.effects: c for c in (search.tried[first.effects], *alone)}
+        found[names] = min(scale.of_two(pair, c) for c in asked.values())
     return found
 
 

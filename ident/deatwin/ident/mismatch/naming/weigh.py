@@ -24,7 +24,7 @@ from scipy.special import log_ndtr
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.likelihood import structured
-from deatwin.ident.mismatch.likelihood.beforehand import coordinate, pair_odds, strength_deviation
+from deatwin.ident.mismatch.likelihood.beforehand import coordinate, deviation, pair_odds, strength_deviation
 from deatwin.ident.mismatch.likelihood.model import Prior
 from deatwin.ident.mismatch.likelihood.scales import evidence
 from deatwin.ident.mismatch.likelihood.several import OwnErrors, own_errors
@@ -123,6 +123,13 @@ class Scale:
         does = min(_rms(alone.contribution), float(np.std(self.error.readings)))
         own, other = (LOOSE, LOOSE) if alone.effects[0] in LOOPS else (OWN, OTHER)
         return own * does, other * does
+
+    def bent(self, candidate: Candidate) -> float:
+        """How far the rig's own parameters are off their nominal values, in nats: what is missing bends them."""
+        fit, nominal = candidate.calibration, self.bench.nominal.parameters
+        own = [(fit.plant.parameters[name], nominal[name]) for name in fit.names if name in nominal]
+        off = [(p.scale.to_coordinate(p.value) - k.scale.to_coordinate(k.value)) / deviation(k) for p, k in own]
+        return 0.5 * float(np.sum(np.square(off)))
 
     def promises(self, alone: Candidate, known: Sequence[Footprint]) -> dict[str, float]:
         """Log odds of each further effect beside one that was fitted, to first order, over an error of that one's law.

@@ -14,6 +14,10 @@ MOST = 0.5
 any effect."""
 TRIFLE = 0.05
 """Share of the mismatch's energy below which a further effect mends what another one does to the plant's own error."""
+NEARLY_ALL = 0.9
+"""Share of the explainable power that effects take away whose law alone may be to blame for the rest: the law of a
+mechanism is right to about 30 % of what it contributes at worst, which is 9 % of its power. What takes less imitates, or
+is not alone."""
 ACTING = 0.5
 """Share of the fall of the rms residual, that the effects of an explanation must do by themselves at least; where the
 fit without them has found its minimum it is all, by the triangle inequality."""
@@ -129,6 +133,23 @@ def share_explained(after: Excess, before: Excess) -> float:
     if before.size**2 <= error:
         return 0.0
     return 1.0 - max(after.size**2 - error, 0.0) / (before.size**2 - error)
+
+
+def errs_by_its_law(candidate: Candidate, base: Candidate) -> bool:
+    """Whether what a candidate leaves of the fitted part may be no more than the error of its effects' laws.
+
+    The held-out part says nothing of that: a slow effect whose law is not quite right errs more where it is extrapolated.
+
+    Parameters
+    ----------
+    candidate, base : Candidate
+        With and without effects.
+
+    Returns
+    -------
+    bool
+    """
+    return share_explained(candidate.fitted_test, base.fitted_test) >= NEARLY_ALL
 
 
 def asks(after: Excess, before: Excess) -> bool:

@@ -58,6 +58,8 @@ class Verification(Described):
         SI unit of the reading.
     whole : Calibration or None
         The amended plant fitted to all recordings, where that was needed: whoever needs it next has it here.
+    one_clock : tuple of str
+        Two effects that run by one clock, and so may be one mechanism that is in no catalogue.
     """
 
     fitted_before: float
@@ -77,6 +79,7 @@ class Verification(Described):
     )
     output_unit: str = ""
     whole: Calibration | None = None
+    one_clock: tuple[str, ...] = ()
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
         "stage": coordinate("stage", of=lambda _: ["before", "after"]),
@@ -119,6 +122,8 @@ class Verification(Described):
             for c in self.constancies
             if c.change is not None and not c.holds
         ]
+        if self.one_clock:
+            found.append(" and ".join(self.one_clock) + " run by one clock: they may be one mechanism of another kind")
         return tuple(found)
 
     @property

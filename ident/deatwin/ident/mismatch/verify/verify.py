@@ -16,6 +16,7 @@ from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.excess import practical_size
 from deatwin.ident.mismatch.losses import block_losses, bootstrap_gain
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
+from deatwin.ident.mismatch.naming.clocks import of_one_clock
 from deatwin.ident.mismatch.naming.worth import MOST
 from deatwin.ident.mismatch.refit.fitted import fitted_effect
 from deatwin.ident.mismatch.refit.search import refit, settle
@@ -69,6 +70,7 @@ def verify(
         noise=amended.noise,
         output_unit=amended.calibration.plant.rig.output_unit,
         whole=whole,
+        one_clock=of_one_clock(amended),
     )
 
 

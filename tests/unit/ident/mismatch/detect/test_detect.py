@@ -21,7 +21,7 @@ from deatwin.ident.mismatch.detect.power import Power
 from deatwin.ident.mismatch.detect.statistics import Scores
 from deatwin.ident.mismatch.gate.repeats import find_repeats
 from deatwin.ident.mismatch.naming.candidate import judge
-from deatwin.plant import Diaphragm, Experiment, Plant, Recording, SensorJump, records
+from deatwin.plant import Delay, Diaphragm, Experiment, Plant, Recording, SensorJump, records
 from deatwin.plant.excitation import band_limited_noise, random_holds
 
 STEP, NOISE, MODEL_ERROR = 0.02, 2e-6, 1.2e-6
@@ -334,6 +334,19 @@ def small_then_large() -> np.ndarray:
     rng = np.random.default_rng(0)
     small, large = band_limited_noise(rng, 42.0, STEP), random_holds(rng, 18.0, STEP, 1.2, 3.2, 1.0, 3.0)
     return np.concatenate([0.84 + 0.3 * small, large])
+
+
+@pytest.mark.parametrize(("late", "taken_up"), [(5e-3, True), (9e-3, False)], ids=["within timing", "a dead time"])
+def test_a_rig_that_answers_a_few_milliseconds_late_lacks_nothing(late, taken_up):
+    """Readings are late by 3 ms (a deviation of 0.15 samples): 6 ms are within two of them, 9 ms are not."""
+    command = random_holds(np.random.default_rng(0), 30.0, STEP, 1.2, 3.4, 0.1, 0.6)
+    bench = replace(bench_of(command, 1, PLANT.with_effects(Delay(time=late))), effects=(Delay(),))
+    base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=10, starts=1), PLANT.rig.noise)
+    found = detect(base, bench, np.random.default_rng(2))
+    assert replace(found, taken_up=None).mismatch
+    assert found.mismatch is not taken_up
+    if found.taken_up is not None:
+        assert found.taken_up.plant.parameters["delay.time"].value == pytest.approx(late, rel=0.1)
 
 
 def test_what_the_plant_takes_up_once_it_is_fitted_to_all_recordings_is_not_missing():

@@ -58,13 +58,16 @@ class Known(Search):
 class GivenScale:
     """Two are likelier by `odds` than either alone, and less so by what a better fit of one leaves less, in nats."""
 
-    odds, promised = STRONG + 1.0, {}
+    odds, promised, bends = STRONG + 1.0, {}, {}
 
     def __init__(self, *, bench, base, noise):
         self.tried = (bench, base, noise)
 
     def weight(self, candidate):
         return -candidate.calibration.rms
+
+    def bent(self, candidate):
+        return self.bends.get(candidate.effects, 0.0)
 
     def of_two(self, pair, alone):
         return self.odds - 1e6 * (alone.calibration.rms < 2.6)
@@ -154,6 +157,15 @@ def test_the_pairs_that_promise_most_are_tried_beside_the_likeliest_single_effec
     assert dict(search.asked) == {CREEP: ["sensor_drift", "leakage", "delay"], CLIP: ["sensor_drift"]}
 
 
+def test_what_lets_the_rig_be_nearer_to_its_nominal_values_is_tried(leaving, candidate, scale):
+    """A lag bends the damping of the plant without it, where its footprint then promises nothing."""
+    search = Known(*leaving(5.0, 3.0, 3.5, 2.2), candidate("sensor_lag", rms=4.9))
+    bends = {(): 70.0, CLIP: 70.0, CREEP: 71.0, ("sensor_lag",): 1.0}
+    scale(promised={CLIP: {"sensor_lag": -5.0, "mullins": -1.0}}, bends=bends)
+    decided(search)
+    assert dict(search.asked) == {CLIP: ["sensor_lag"]}
+
+
 def test_an_answer_that_stands_knows_all_that_was_tried_since(leaving, scale):
     scale(odds=-1.0)
     search = Known(*leaving(5.0, 3.0, 3.1, 2.2))
@@ -167,8 +179,8 @@ def test_an_answer_that_stands_knows_all_that_was_tried_since(leaving, scale):
 
 def test_a_pair_has_the_single_effects_as_rivals_that_it_is_not_far_likelier_than(leaving, candidate, scale):
     """The likeliest one, whose law lies between those of the two, may do what both do; what explains little may not."""
-    third, fourth = candidate("dielectric_absorption", rms=2.7), candidate("sensor_drift", rms=2.9)
-    search = Known(*leaving(5.0, 3.0, 4.6, 2.2), third, fourth)
+    third, fourth = candidate("dielectric_absorption", rms=2.62), candidate("sensor_drift", rms=2.9)
+    search = Known(*leaving(5.0, 2.7, 4.6, 2.2), third, fourth)
     both = replace(first_alone(search), best=search.tried[PAIR], probabilities={PAIR: 1.0})
     assert with_doubt(search, both) is both
     scale(odds=STRONG - 0.1)
@@ -178,6 +190,17 @@ def test_a_pair_has_the_single_effects_as_rivals_that_it_is_not_far_likelier_tha
     assert doubted.probabilities[CLIP] == pytest.approx(1 / 3)
     alone = first_alone(search)
     assert with_doubt(search, alone) is alone
+
+
+@pytest.mark.parametrize(
+    ("left", "rivals"), [(2.7, (CLIP,)), (3.0, ())], ids=["nearly all is taken", "too much is left"]
+)
+def test_a_law_is_to_blame_only_for_what_laws_err_by(leaving, scale, left, rivals):
+    """Of 21 - 1 units of power that are neither noise nor the plant's error one effect leaves 2.3, another one 4."""
+    search = Known(*leaving(5.0, left, 4.6, 2.2))
+    scale(odds=-19.0)
+    both = replace(first_alone(search), best=search.tried[PAIR], probabilities={PAIR: 1.0})
+    assert tuple(rival.effects for rival in with_doubt(search, both).rivals) == rivals
 
 
 def test_rivals_of_another_form_stay_among_what_was_tried(leaving, candidate, scale):

@@ -1,0 +1,49 @@
+"""Effects that run by one clock: one mechanism that acts at two places looks like two of the catalogue's."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+
+from deatwin.ident.greybox.fit import Calibration
+from deatwin.ident.mismatch.likelihood.beforehand import RATE
+from deatwin.ident.mismatch.naming.candidate import Candidate
+
+DRIFTS = frozenset({"permittivity_drift", "prestretch_relaxation", "sensor_drift"})
+"""They follow the clock by the same law, an exponential."""
+INTERVAL = 3.92
+"""Deviations from one end of a 95 % interval to the other."""
+
+
+def of_one_clock(candidate: Candidate) -> tuple[str, ...]:
+    """Two drifts of an explanation whose times are rather one time than two, or none.
+
+    A film that stiffens with age sags less and gains less: a drift of the zero and one of the permittivity, which no two
+    mechanisms would make at one rate. With d for the difference of the logarithms of both times and s for its deviation,
+    their densities are N(0, s²) for one clock, and N(0, 2 r²) for two whose rates have the deviation r beforehand.
+
+    Parameters
+    ----------
+    candidate : Candidate
+        Of any effects.
+
+    Returns
+    -------
+    tuple of str
+        Names of two effects.
+    """
+    fit = candidate.calibration
+    times = {name: _time(fit, name) for name in candidate.effects if name in DRIFTS and f"{name}.time" in fit.names}
+    for one, other in combinations(times, 2):
+        apart = times[one][0] - times[other][0]
+        chance, known = np.sqrt(2.0) * RATE, np.hypot(times[one][1], times[other][1])
+        if known > 0.0 and np.log(chance / known) > 0.5 * apart**2 * (known**-2 - chance**-2):
+            return one, other
+    return ()
+
+
+def _time(fit: Calibration, name: str) -> tuple[float, float]:
+    """Logarithm of an effect's time, and its deviation."""
+    low, high = np.log(fit.interval(f"{name}.time"))
+    return float(np.log(fit.plant.parameters[f"{name}.time"].value)), float(high - low) / INTERVAL
