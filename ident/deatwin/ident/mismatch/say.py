@@ -93,8 +93,15 @@ def _none(diagnosis: Diagnosis) -> str:
 
 
 def _parameters(diagnosis: Diagnosis) -> str:
-    taken_up = "; fitted to all recordings, it leaves no more than that" if diagnosis.detection.taken_up else ""
-    return f"No physics is missing, only parameters were off: the calibrated plant leaves {_left(diagnosis)}, {_within(diagnosis)}{taken_up}."
+    late = diagnosis.parameters.get("delay.time") if diagnosis.detection.taken_up else None
+    timing = "" if late is None else f" and taken to answer {_with_interval(late)} late"
+    taken_up = (
+        f"; fitted to all recordings{timing}, it leaves no more than that" if diagnosis.detection.taken_up else ""
+    )
+    return (
+        "No physics is missing, only parameters were off: the calibrated plant leaves "
+        f"{_left(diagnosis)}, {_within(diagnosis)}{taken_up}."
+    )
 
 
 def _named(diagnosis: Diagnosis) -> str:

@@ -387,6 +387,12 @@ def test_a_refuted_explanation_and_a_free_form_are_no_causes():
     assert "rather than physics" in DIAGNOSES["unknown, free form"].sentence
 
 
+def test_a_late_answer_within_the_timing_of_readings_is_said_with_its_time():
+    late = FittedParameter(value=3.7e-3, low=3.5e-3, high=3.9e-3, unit="s")
+    diagnosis = replace(DIAGNOSES["parameters, once all is fitted"], parameters={"delay.time": late})
+    assert "; fitted to all recordings and taken to answer 3.70 ms (3.50 to 3.90) late, it leaves" in say(diagnosis)
+
+
 def test_an_estimate_below_nothing_is_said_as_nothing():
     assert "; 4 % of it comes back with the command." in DIAGNOSES["disturbance, known"].sentence
     assert "; none of it comes back with the command." in DIAGNOSES["disturbance, all of it"].sentence
