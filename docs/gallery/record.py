@@ -150,8 +150,8 @@ def record(made: Made, folder: Path, rng: np.random.Generator) -> None:
     u = command(made.command, made.top, rng)
     given = Experiment(recordings=(Recording.from_arrays(u, np.zeros((0, len(u))), SAMPLE_TIME),))
     y = plant.simulate(given).require().outputs[0][0]
-    y = y if made.spoil is None else made.spoil(u, y, rng)
-    read = 1e3 * (y + 1e-6 * made.noise * rng.normal(size=len(y)))
+    read = y + 1e-6 * made.noise * rng.normal(size=len(y))
+    read = 1e3 * (read if made.spoil is None else made.spoil(u, read, rng))
     with (folder / "noise.csv").open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
         rows.writerow(("time_s", "command_V", "displacement_mm"))

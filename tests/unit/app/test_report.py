@@ -249,7 +249,7 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
     page = (folder.path / "report.html").read_text(encoding="utf-8")
     outline = Page(page)
     assert outline.headings == [
-        "What was left out",
+        "What the model lacks",
         "Recordings",
         "The calibrated plant",
         "Is anything missing?",

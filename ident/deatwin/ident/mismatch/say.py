@@ -172,8 +172,17 @@ def _unknown(diagnosis: Diagnosis) -> str:
     )
     return (
         "Something is missing, and no effect of the catalogue explains it: the calibrated plant leaves "
-        f"{_left(diagnosis)}, with {_noise(diagnosis)}{refuted}{shape}."
+        f"{_left(diagnosis)}, with {_noise(diagnosis)}{_when(diagnosis)}{refuted}{shape}."
     )
+
+
+def _when(diagnosis: Diagnosis) -> str:
+    """In which stretch of time most of the mismatch lies, if in one."""
+    windows = () if diagnosis.location is None else diagnosis.location.time
+    longest = max(windows, key=lambda window: window.score, default=None)
+    if longest is None or longest.score <= HALF:
+        return ""
+    return f"; {100 * longest.score:.0f} % of the mismatch lies between {longest.from_s:.2f} and {longest.to_s:.2f} s"
 
 
 def _disturbance(diagnosis: Diagnosis) -> str:
@@ -305,7 +314,8 @@ def _refuted(diagnosis: Diagnosis) -> bool:
 
 def _fault(fault: Fault, many: bool) -> str:
     which = f"recording {fault.recording}" + (f" of experiment {fault.experiment}" if many else "")
-    return f"in {which} {fault.fault}, {fault.samples} samples between {fault.from_s:.2f} and {fault.to_s:.2f} s"
+    many = f"{fault.samples} samples between {fault.from_s:.2f} and {fault.to_s:.2f} s"
+    return f"in {which} {fault.fault}, {many if fault.samples > 1 else f'one sample at {fault.from_s:.2f} s'}"
 
 
 def _first_up(text: str) -> str:

@@ -28,7 +28,7 @@ class Verdict(Enum):
 
     @property
     def advice(self) -> str:
-        """What the verdict means for the user."""
+        """What to do next."""
         return _ADVICE[self]
 
     @property
@@ -38,15 +38,15 @@ class Verdict(Enum):
 
 
 _ADVICE: Mapping[Verdict, str] = {
-    Verdict.NONE: "no physics is missing beyond the sensor's noise and the plant's own model error",
-    Verdict.PARAMETERS: "only the parameters were off: use the calibrated plant",
-    Verdict.NAMED: "use the amended plant",
-    Verdict.AMBIGUOUS: "something is missing, but these recordings cannot tell the rivals apart",
-    Verdict.PARTLY: "use the amended plant, but do not trust it where something else is missing",
-    Verdict.UNKNOWN: "something is missing that no effect of the catalogue explains: do not trust the plant there",
-    Verdict.DISTURBANCE: "the mismatch does not repeat with input and state: look for a disturbance",
-    Verdict.DATA_FAULT: "the recording is at fault: repeat it, or use the sound part",
-    Verdict.NOT_TESTABLE: "the input is too poor to test anything: excite more",
+    Verdict.NONE: "next: use the calibrated plant within what these inputs excited; the smallest sizes say what could still hide",
+    Verdict.PARAMETERS: "next: use the calibrated plant within what these inputs excited",
+    Verdict.NAMED: "next: use the amended plant, model.json, which `deatwin simulate` and `deatwin check` take",
+    Verdict.AMBIGUOUS: "next: measure what is advised, and diagnose all recordings together; until then no explanation is sure",
+    Verdict.PARTLY: "next: use the amended plant, but not where something else is missing",
+    Verdict.UNKNOWN: "next: look at the readings where the mismatch lies; if they are sound, add the effect that you suspect",
+    Verdict.DISTURBANCE: "next: look for what disturbs the bench; no change of the plant will help",
+    Verdict.DATA_FAULT: "next: repeat the recording, or delete the faulty rows and read it with --allow-gaps",
+    Verdict.NOT_TESTABLE: "next: excite more; `deatwin plan` says what an input would show",
 }
 
 

@@ -133,10 +133,9 @@ class Gate(Described):
             for number, (record, bad) in enumerate(zip(experiment.recordings, marked, strict=True)):
                 if bad.any():
                     where = record.timepts[bad]
-                    found.append(
-                        f"{_called(record, number)}: {what} in {int(bad.sum())} samples "
-                        f"between {where[0]:.2f} and {where[-1]:.2f} s"
-                    )
+                    many = f"{where.size} samples between {where[0]:.2f} and {where[-1]:.2f} s"
+                    one = f"one sample at {where[0]:.2f} s"
+                    found.append(f"{_called(record, number)}: {what} in {many if where.size > 1 else one}")
         return found
 
     def plot(self, ax: Axes | None = None) -> Axes:
