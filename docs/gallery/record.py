@@ -112,7 +112,7 @@ MADE: Mapping[str, Made] = {
     "other-parameters": Made(DIAPHRAGM, truth={"shear_modulus": 1.1, "branch_time": 0.7}),
     "creep": Made(DIAPHRAGM, ("creep",)),
     "two-effects": Made(DIAPHRAGM, ("permittivity_drift", "hysteresis")),
-    "too-short-a-sine": Made(DIAPHRAGM, ("delay",), command="sine"),
+    "too-short-a-sine": Made(DIAPHRAGM, ("permittivity_drift",), command="sine"),
     "slow-command": Made(DIAPHRAGM, command="slow"),
     "stuck-sensor": Made(DIAPHRAGM, spoil=stuck),
     "shaken-bench": Made(DIAPHRAGM, spoil=wander),
