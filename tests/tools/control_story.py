@@ -55,7 +55,8 @@ def story_data(folder: Path | str, remark: str = "") -> dict[str, Any]:
 
 def story_blocks(data: Mapping[str, Any]) -> dict[str, list[str]]:
     """The lines of the blocks that show a story."""
-    whence = f"Story with seed {data['seed']}, deatwin {data['version']}. {data['remark']}".strip()
+    run = f"Output of `deatwin scenario control-check`, story part, seed {data['seed']}, deatwin {data['version']}."
+    whence = f"{run} {data['remark']}".strip()
     return {
         "tracking": [
             f"{whence} Each row is a measure of the story, what it demands, what was reached, and whether that is met:",

@@ -178,7 +178,7 @@ class Actuator:
 
 
 def specification() -> Plant:
-    """Return the plant that all six actuators were built to: no drift, with the drive and sensor of `MeasuringChain`.
+    """Return the nominal plant of the fleet of six simulated actuators: no drift, drive and sensor of `MeasuringChain`.
 
     Returns
     -------

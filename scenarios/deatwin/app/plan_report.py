@@ -36,8 +36,8 @@ def _drawings(found: ExperimentPlan, folder: ResultFolder) -> Iterator[Drawing]:
         axes.legend(markerscale=1)
         folder.text("figures/visible.svg", standalone(figure))
         caption = (
-            "How much an effect must change the reading to be found, once the plant's parameters are fitted, and how "
-            "much it typically does. Left of the first mark this input shows nothing of it."
+            "How much an effect must change the reading to be detected once the plant's parameters are fitted, and how "
+            "much it typically does. If the typical change lies left of the first mark, this input does not show it."
         )
         yield Drawing.of(figure, "visible", "What the input would show", caption, "\n".join([header, *rows, ""]))
 
@@ -52,7 +52,9 @@ def _page(found: ExperimentPlan, drawings: list[Drawing]) -> StoryPage:
             "found from": _least,
             "typical": lambda one: with_unit(one.typical, one.unit),
             f"change at the typical strength{f', {unit}' if unit else ''}": lambda one: f"{one.change:.3g}",
-            "not told from": lambda one: ", ".join(map(_words, one.alike)) or ("–" if one.visible else "not seen"),
+            "not distinguished from": lambda one: (
+                ", ".join(map(_words, one.alike)) or ("–" if one.visible else "not seen")
+            ),
         },
     )
     tables = [table]
@@ -67,12 +69,12 @@ def _page(found: ExperimentPlan, drawings: list[Drawing]) -> StoryPage:
     if found.readings:
         tables.append(
             Table.of(
-                "Readings that could be had",
+                "Readings that could be added",
                 found.readings,
                 {
                     "reading": lambda one: _words(one.reading),
                     "noise": lambda one: f"{with_unit(one.noise, one.unit)} ({one.noise_source})",
-                    "tells apart": lambda one: ", ".join(" / ".join(map(_words, pair)) for pair in one.tells) or "–",
+                    "distinguishes": lambda one: ", ".join(" / ".join(map(_words, pair)) for pair in one.tells) or "–",
                 },
             )
         )
@@ -89,13 +91,13 @@ def _page(found: ExperimentPlan, drawings: list[Drawing]) -> StoryPage:
 def _said(found: ExperimentPlan, unit: str) -> Iterator[str]:
     noise, error = (amount(f"{value:.3g}", unit) for value in (found.noise, found.model_error))
     yield (
-        f"To first order about the nominal plant, with sensor noise of {noise} and a model error of {error}. All "
-        "parameters of the plant are refitted beside an effect, and its own error is allowed for."
+        f"Linearised about the nominal plant, with sensor noise of {noise} and a model error of {error}. All "
+        "parameters of the plant are refitted together with each effect; the model error is taken into account."
     )
     yield (
-        "An effect is found where it is expected to be at least 95 % probable, and changes the reading by more than "
-        "the model error once the parameters are fitted. Two effects are not told apart where "
-        "the wrong one would fit better in more than 2.3 % of all recordings; the other one may have any strength, "
+        "An effect is detected if it is expected to be at least 95 % probable and changes the reading by more than "
+        "the model error once the parameters are fitted. Two effects are not distinguished if "
+        "the wrong one would fit better in more than 2.3 % of all recordings; the other one may have any strength "
         "and any spread of its times."
     )
     if found.impossible:

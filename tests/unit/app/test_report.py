@@ -272,7 +272,7 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
         "25 to 27 kPa",
         "0.00250",
         "0.610 µm",
-        "Fitted to all recordings, the plant leaves less than that",
+        "Refitted to all recordings, the plant leaves less than that",
         "film: stiffness",
         "1234",
         "creep and delay (9.10)",

@@ -189,7 +189,7 @@ def test_a_story_becomes_data_and_its_tables_and_leaves_those_of_trials_alone(st
     assert evidence.main([str(docs), "--control-story", str(story), "--remark", "Run on a Monday."]) == 0
     assert (docs / "data" / "control-check.json").read_bytes() == trials
     page = (docs / "control-check.md").read_text(encoding="utf-8")
-    assert page.count("Story with seed 9, deatwin 7.8. Run on a Monday. ") == 3
+    assert page.count("story part, seed 9, deatwin 7.8. Run on a Monday. ") == 3
     assert "| tones | at least 5 times | 3.0 times | no |" in page
     assert "random rigs and designs that pass" not in page  # one of many trials, which have their own tables
     assert "| nominal rig | PI | 24 | 1.00 | 4 | 61 |\n| nominal rig | inverse | 8 | 3.00 | – | 61 |" in page

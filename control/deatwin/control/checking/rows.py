@@ -18,6 +18,8 @@ from deatwin.control.stability.margins import Margins
 
 QUANTILE = 0.025
 """Quantile of the draws at which margins are judged."""
+BAND = "model by its analytic band"
+"""Source of the margins' limits that follow from the model's covariance without draws."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +33,7 @@ class OperatingPoint:
     output : float or None
         Output at rest, in its unit; None if the model does not settle.
     static_gain : float or None
-        Static gain, output unit by input unit; None if the model does not settle.
+        Static gain, output unit per input unit; None if the model does not settle.
     status : LinearStatus
         Status of the linear model; it says whether a controller could be designed there.
     sample_time : float
@@ -111,7 +113,7 @@ class MarginRow:
 def rows_of_family(
     source: str, family: LinearFamily, controller: Controller, times: Sequence[float | None] | None = None
 ) -> tuple[MarginRow, ...]:
-    """Margins of a controller over operating points (or times) and draws."""
+    """Return the margins of a controller over operating points (or times) and draws."""
     rows = []
     for point, operating_input in enumerate(family.operating_inputs):
         found = family_margins(family, point, controller.local(float(operating_input)))
@@ -122,11 +124,11 @@ def rows_of_family(
 
 
 def row_of_band(band: MarginBand, linear: LinearModel, crossover_Hz: float) -> MarginRow:
-    """Margins with their limits from the model's covariance, to first order and without draws. `crossover_Hz` highest
-    frequency at which the loop gain is one, Hz.
+    """Return the margins with their limits from the model's covariance, linearised and without draws. `crossover_Hz` is
+    the highest frequency at which the loop gain is one, Hz.
     """
     return MarginRow(
-        source="model by its analytic band",
+        source=BAND,
         operating_input=linear.operating_input,
         time=None,
         gain=band.gain.value,

@@ -51,7 +51,7 @@ def judge_band(crossovers_Hz: Sequence[float], excited: Excitation) -> Finding:
 def judge_rests(
     linear: LinearModel, amplitude: float, rests: NDArray[np.float64], runs: Runs, verdict: Verdict
 ) -> Finding | None:
-    """Find that a plant cannot follow the references since it rests elsewhere than the model; None where it can.
+    """Find that a plant cannot follow the references because it rests elsewhere than the model; None if it can.
     Shapes: `rests` (3,).
     """
     centre = linear.operating_output

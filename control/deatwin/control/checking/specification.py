@@ -67,7 +67,7 @@ class Limit:
         return Verdict.MARGINAL if sign * value >= sign * self.poor else Verdict.FAIL
 
     def room(self, value: float) -> float:
-        """Return the distance of a number from the limit of `pass`.
+        """Return how far a number is inside the limit of `pass`, as a share.
 
         Parameters
         ----------
@@ -77,8 +77,8 @@ class Limit:
         Returns
         -------
         float
-            Share of the way from the limit to the best possible value: 1 for a share of which more is better, infinity
-            for any other number of which more is better, otherwise 0. Negative if the number does not pass.
+            0 at the limit, 1 at the best possible value, negative outside. The best value is 1 (100 %) for a share if
+            more is better, infinity for any other number if more is better, and 0 if less is better.
 
         Examples
         --------

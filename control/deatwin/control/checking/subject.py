@@ -79,12 +79,12 @@ class Subject:
 
     def judged(self, progress: Progress | None) -> Check:
         """Margins first, then the prediction, then the physics."""
-        spec, h = self.specification, self.linear.sample_time
+        spec, linear = self.specification, self.linear
         trial = Trial(controller=self.controller, linear=self.linear, rng=self.rng)
         here, rows = self._model_rows()
         plants = draw_plants(self.plant, self.rng, PLANTS) if self.plant.names else ()
         physics = self._plant_rows("plant", (self.plant.plant, *plants))
-        findings = [*_judged(rows, h, spec), *_judged(physics, h, spec)]
+        findings = [*_judged(rows, linear, spec), *_judged(physics, linear, spec)]
         crossovers = [row.crossover_Hz for row in rows]
         findings.append(judge_unknown_band() if self.excited is None else judge_band(crossovers, self.excited))
         predicted = self._predicted(trial.step_reference, part(progress, 0.1, 0.2))
@@ -107,7 +107,7 @@ class Subject:
             table = self._plant_rows(name, (other.plant,))
             first, last = (0.7 + 0.3 * (number + i) / len(self.others) for i in (0, 1))
             steps = trial.runs(name, other.plant, part(progress, first, last))
-            findings += [*_judged(table, h, spec), *self._judged_runs(trial, steps, sine_predicted, other.plant)]
+            findings += [*_judged(table, linear, spec), *self._judged_runs(trial, steps, sine_predicted, other.plant)]
             if steps.steps.status.ok:
                 findings.append(judge_film(name, (other.plant,), _commands(steps), self.controller))
             seen[name], more = steps.steps, [*more, *table]
@@ -129,7 +129,7 @@ class Subject:
         )
 
     def _judged_runs(self, trial: Trial, runs: Runs, sine_predicted: float, plant: Plant) -> list[Finding]:
-        """Findings on runs on a plant; first, where it rests elsewhere than the model and that explains them, this."""
+        """Return the findings on runs on a plant; if they fail because it rests elsewhere than the model, that comes first."""
         findings = list(judge_runs(runs, sine_predicted, self.specification.on_a_stand_in))
         c = self.controller
         if worst(findings).verdict is Verdict.PASS:
@@ -216,11 +216,11 @@ def _commands(runs: Runs) -> Array:
     return np.concatenate([runs.steps.command, runs.sine.command])
 
 
-def _judged(rows: Sequence[MarginRow], sample_time: float, specification: Specification) -> list[Finding]:
+def _judged(rows: Sequence[MarginRow], linear: LinearModel, specification: Specification) -> list[Finding]:
     """Findings on the margins of each source in the rows."""
     sources = dict.fromkeys(row.source for row in rows)
     return [
         finding
         for source in sources
-        for finding in judge_margins([row for row in rows if row.source == source], sample_time, specification)
+        for finding in judge_margins([row for row in rows if row.source == source], linear, specification)
     ]

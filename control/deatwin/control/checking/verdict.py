@@ -9,10 +9,12 @@ from math import inf, isfinite
 import numpy as np
 
 from deatwin.control.checking.amounts import amount
-from deatwin.control.checking.rows import MarginRow
+from deatwin.control.checking.rows import BAND, MarginRow
 from deatwin.control.checking.specification import Limit, Specification, Verdict
+from deatwin.control.linear.model import LinearModel
 from deatwin.control.loop.closed_loop import ClosedLoop
 from deatwin.control.loop.predicted import PredictedLoop
+from deatwin.plant.amplitudes import amount as with_unit
 from deatwin.plant.amplitudes import written_amplitude
 
 
@@ -31,7 +33,7 @@ class Finding:
     text : str
         Finding as one plain sentence.
     room : float or None
-        Distance of the value from its limit, as `Limit.room` returns it; None if it was not judged by a limit.
+        How far the value is inside its limit, from `Limit.room`; None if it was not judged by a limit.
     """
 
     subject: str
@@ -67,18 +69,18 @@ def worst(findings: Sequence[Finding]) -> Finding:
     return min(findings, key=lambda finding: inf if finding.room is None else finding.room)
 
 
-def judge_margins(rows: Sequence[MarginRow], sample_time: float, specification: Specification) -> tuple[Finding, ...]:
+def judge_margins(rows: Sequence[MarginRow], linear: LinearModel, specification: Specification) -> tuple[Finding, ...]:
     """Judge the margins of one source where they are worst."""
-    spec = specification
+    spec, unit = specification, linear.input_unit
     least = min(rows, key=lambda row: row.stable_share)
-    text = f"the loop is stable{_all(rows)}" if least.stable_share == 1.0 else _partly_stable(least)
+    text = _stable(rows, unit) if least.stable_share == 1.0 else _partly_stable(least, unit)
     stability = _finding(_subject("stability", least), least.stable_share, spec.stable_share, text)
     if stability.verdict is not Verdict.PASS:
-        return (stability,)  # margins of loops that are unstable would say the same once more
+        return (stability,)  # margins of unstable loops would only repeat this
     by = (
         ("gain margin", lambda r: r.gain_low, spec.gain, "{:.2f}"),
         ("phase margin", lambda r: r.phase_low_deg, spec.phase_deg, "{:.0f}°"),
-        ("delay margin", lambda r: r.delay_low / sample_time, spec.delay_samples, "{:.1f} samples"),
+        ("delay margin", lambda r: r.delay_low / linear.sample_time, spec.delay_samples, "{:.1f} samples"),
         ("disk margin", lambda r: r.disk_low, spec.disk, "{:.2f}"),
     )
     found = [stability]
@@ -86,7 +88,7 @@ def judge_margins(rows: Sequence[MarginRow], sample_time: float, specification: 
         row = min(rows, key=measure)
         value = measure(row)
         size = written.format(value) if isfinite(value) else "infinite"
-        found.append(_finding(_subject(name, row), value, limit, f"the {name} is {size}{_at(row)}"))
+        found.append(_finding(_subject(name, row), value, limit, f"the {name} is {_at(size, row, unit)}"))
     return tuple(found)
 
 
@@ -106,9 +108,9 @@ def judge_runs(runs: Runs, sine_predicted: float, specification: Specification) 
     measured = (
         ("overshoot", steps.overshoot, spec.overshoot, f"steps overshoot by {over}"),
         ("steady error", steps.steady_error, spec.steady_error, f"steps end {off} off"),
-        ("ripple", steps.ripple, spec.ripple, f"late after a step {moves} of it still moves"),
+        ("ripple", steps.ripple, spec.ripple, f"late after a step, {moves} of it still moves"),
         ("saturation", saturated, spec.saturated, f"{100 * saturated:.0f} % of the commands are at a limit"),
-        ("tracking", ratio, spec.tracking, f"the error on a slow sine is {times} the predicted"),
+        ("tracking", ratio, spec.tracking, f"the error on a slow sine is {times} the predicted one"),
     )
     return tuple(
         _finding(runs.subject(name), value, limit, f"{text} {runs.where}") for name, value, limit, text in measured
@@ -122,14 +124,14 @@ def judge_draws(predicted: PredictedLoop, specification: Specification) -> Findi
 
 
 def judge_width(predicted: PredictedLoop, step: float, specification: Specification) -> Finding:
-    """Judge whether the prediction says enough: in a band that is wide enough anything lies inside."""
+    """Judge whether the predicted band is narrow enough: anything lies inside a band that is wide enough."""
     share = float(np.median(predicted.half_width)) / abs(step)
     text = f"the band that the model predicts reaches {amount(share, '.3g', ' steps')} to either side"
     return _finding("width of the prediction", share, specification.width, text)
 
 
 def judge_prediction(predicted: PredictedLoop, achieved: ClosedLoop, specification: Specification) -> Finding:
-    """Judge whether the physics plant did what the model had promised."""
+    """Judge whether the physics plant did what the model predicted."""
     share = predicted.inside(achieved)
     where = f"on the physics plant{_beyond(predicted.trained, achieved)}"
     text = f"{100 * share:.1f} % of the steps {where} lie inside the band that the model predicts"
@@ -137,7 +139,7 @@ def judge_prediction(predicted: PredictedLoop, achieved: ClosedLoop, specificati
 
 
 def judge_raised(raised: Sequence[tuple[float, ClosedLoop]], specification: Specification) -> Finding:
-    """Judge the gain margin that the physics plant showed: the model may not know its fast mode."""
+    """Judge the gain margin measured on the physics plant, which may have a fast mode that the model lacks."""
     calm: list[float] = []
     for factor, run in sorted(raised, key=lambda entry: entry[0]):
         if not (run.status.ok and run.ripple <= specification.ripple.poor):
@@ -145,9 +147,11 @@ def judge_raised(raised: Sequence[tuple[float, ClosedLoop]], specification: Spec
         calm.append(factor)
     reached = max(calm, default=1.0)
     if calm:
-        text = f"the physics plant stays calm with the controller's gain raised {reached:g} times"
+        text = f"the physics plant does not ring with the controller's gain multiplied by {reached:g}"
     else:
-        text = f"the physics plant rings or fails with the gain raised {min(f for f, _ in raised):g} times"
+        text = (
+            f"the physics plant rings or fails with the controller's gain multiplied by {min(f for f, _ in raised):g}"
+        )
     return _finding("gain margin on the plant", reached, specification.gain, text)
 
 
@@ -179,22 +183,32 @@ def _subject(name: str, row: MarginRow) -> str:
     return name if row.source == "model" else f"{name} ({row.source})"
 
 
-def _at(row: MarginRow) -> str:
-    """Operating point of a row of margins, in words."""
-    whose = _whose(row)
-    low = f" at the 2.5 % quantile over draws of {whose}" if row.samples > 1 else f" on {whose}"
-    return f"{low}, at the input {row.operating_input:.3g}{_when(row)}"
-
-
-def _partly_stable(row: MarginRow) -> str:
-    where = f"of {_whose(row)}, at the input {row.operating_input:.3g}{_when(row)}"
+def _at(size: str, row: MarginRow, unit: str) -> str:
+    """A margin with its source and its operating point, in words."""
+    where = _where(row, unit)
+    if row.source == BAND:
+        # The band does not bound an infinite margin.
+        least = size if size == "infinite" else f"at least {size}"
+        return f"{least} (lower limit of the two-sided 95 % band, linearised, from the model's covariance) {where}"
     if row.samples > 1:
-        return f"the loop is stable in {100 * row.stable_share:.0f} % of the draws {where}"
-    return f"the loop {where}, is stable with {100 * row.stable_share:.0f} % certainty"
+        return f"{size} at the 2.5 % quantile over draws of {_whose(row)}, {where}"
+    return f"{size} on {_whose(row)}, {where}"
 
 
-def _when(row: MarginRow) -> str:
-    return "" if row.time is None else f" {row.time:.0f} s after the start"
+def _partly_stable(row: MarginRow, unit: str) -> str:
+    where = _where(row, unit)
+    share = f"{100 * row.stable_share:.0f} %"
+    if row.source == BAND:
+        return f"the model's loop is stable with {share} certainty (linearised, from the model's covariance) {where}"
+    if row.samples > 1:
+        return f"the loop is stable in {share} of the draws of {_whose(row)}, {where}"
+    return f"the loop of {_whose(row)} is stable with {share} certainty {where}"
+
+
+def _where(row: MarginRow, unit: str) -> str:
+    """Operating point of a row of margins, in words."""
+    when = "" if row.time is None else f" {row.time:.0f} s after the start"
+    return f"at the input {with_unit(f'{row.operating_input:.3g}', unit)}{when}"
 
 
 def _whose(row: MarginRow) -> str:
@@ -206,11 +220,14 @@ def _whose(row: MarginRow) -> str:
     return row.source
 
 
-def _all(rows: Sequence[MarginRow]) -> str:
+def _stable(rows: Sequence[MarginRow], unit: str) -> str:
+    """The finding that the loops of one source are stable, in words."""
+    if rows[0].source == BAND:
+        return f"every loop inside the model's 95 % band, linearised from its covariance, is stable {_where(rows[0], unit)}"
     whose = _whose(rows[0])
     kind = "operating points" if all(row.time is None for row in rows) else "operating points and times"
-    count = f" at all of {len(rows)} {kind}" if len(rows) > 1 else ""
-    return f" on {whose}{count}" + (" and in all draws" if rows[0].samples > 1 else "")
+    count = f" at all {len(rows)} {kind}" if len(rows) > 1 else ""
+    return f"the loop is stable on {whose}{count}" + (" and in all draws" if rows[0].samples > 1 else "")
 
 
 def _finding(subject: str, value: float, limit: Limit, text: str) -> Finding:

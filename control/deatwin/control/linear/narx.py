@@ -1,4 +1,4 @@
-"""A NARX model about an operating point, as the linear model that a controller is designed on."""
+"""A NARX model about an operating point, as the linear model on which a controller is designed."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def linearise(model: NarxModel, operating_input: float | None = None) -> LinearM
     Parameters
     ----------
     model : NarxModel
-        Identified model, in the rows of its recording. The instant at which a reading is taken is not considered here;
-        see `LinearModel.in_loop`.
+        Identified model. Lags count samples of its recording. When within a sample the reading was taken is ignored
+        here; see `LinearModel.in_loop`.
     operating_input : float, optional
         Constant input, in its unit; the centre of the training data by default.
 

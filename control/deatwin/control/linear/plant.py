@@ -1,4 +1,4 @@
-"""The physics plant about its state of rest, as the sampled linear model that a controller is designed on."""
+"""The physics plant about its state of rest, as the sampled linear model on which a controller is designed."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ _LOWEST, _POINTS = 1e-3, 50
 """Lowest frequency at which coefficients are compared with the matrices, Hz."""
 _GAIN_ERROR = 1e-3
 """Relative difference between the static gain of the matrices and the slope of the static curve that a design may have:
-far below what a gain margin leaves, far above rounding."""
+far below any gain margin, far above rounding."""
 _LOSS = 1e-6
-"""Relative error of the response that the coefficients may have without a word about it."""
+"""Relative error of the response that the coefficients may have without a remark."""
 
 
 @taking(plant=instance(Plant), time=number)
@@ -43,11 +43,11 @@ def linearise_plant(
 ) -> LinearModel:
     """Linearise a plant exactly about its state of rest under a constant command.
 
-    The plant is moved from the rig's rest to the command and comes to rest there. The model describes one sample, from
-    the held command to the noise-free readings of the rig's rows; quantities that drift by the clock are frozen. It
-    holds for motions that are small against every characteristic distance of the plant: hysteresis then acts as a
-    spring whose stiffness is its force divided by its distance. For much larger motions `Plant.without_effects` is more
-    accurate.
+    The command is moved from the rig's rest to the operating input, where the plant comes to rest. The model maps the
+    command held over one sample to the noise-free reading of that sample; quantities that drift with the clock are
+    frozen. It holds for motions much smaller than the distances over which friction and hysteresis develop; these then
+    act as springs (stiffness = force / distance). For much larger motions linearise `plant.without_effects(...)`
+    instead.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def linearise_plant(
     Returns
     -------
     LinearModel
-        Linear model, SI by unit of the command, without covariance. If rows are read at the end of the hold its
+        Linear model, SI per unit of the command, without covariance. If the rig reads at the end of the hold, its
         numerator begins with lag 0; if at the start, b_0 = 0. Its status says whether there is an equilibrium and a
         controller can be designed there.
 
@@ -76,7 +76,7 @@ def linearise_plant(
     -----
     Poles, gain and responses are computed from the matrices of the step. The polynomial coefficients lose digits with
     slow modes: above 1 mHz the response keeps ten digits with one or two slow effects, about three digits with three,
-    and none with more. `LinearModel.detail` says so if fewer than six remain. The static gain is compared with the
+    and none with more than three. `LinearModel.detail` says so if fewer than six remain. The static gain is compared with the
     slope of the equations of rest; if they differ by more than 0.1 %, the status is not OK.
     """
     return _models(plant, [operating_input], values, time)[0]
@@ -91,15 +91,15 @@ def draw_plants(calibrated: CalibratedPlant, rng: np.random.Generator, count: in
     calibrated : CalibratedPlant
         Calibrated plant with the covariance of its parameters' coordinates, each in its `Scale`.
     rng : numpy.random.Generator
-        Source of the draws.
+        Random generator of the draws.
     count : int
         Number of plants.
 
     Returns
     -------
     tuple of Plant, length count
-        Plants whose parameters are drawn from the normal law and kept in their physical ranges; all identical if there
-        is no covariance.
+        Plants whose parameters are drawn from the normal distribution and kept in their physical ranges; all identical
+        if there is no covariance.
     """
     plant = calibrated.plant
     problem = Problem(plant=plant, parts=(), names=calibrated.names)
@@ -163,7 +163,7 @@ def _model(plant: Plant, operating_input: float, small: SmallSignal | None) -> L
     least = whole.minimal()
     numerator, denominator = least.coefficients()
     seen = least
-    if plant.rig.reading is ReadingTime.START_OF_HOLD:  # a row shows what the hold before has led to
+    if plant.rig.reading is ReadingTime.START_OF_HOLD:  # a row shows the result of the previous hold
         numerator, seen = np.concatenate([[0.0], numerator]), least.delayed()
     size = numerator.size + denominator.size - 1
     linear = LinearModel(
@@ -176,7 +176,7 @@ def _model(plant: Plant, operating_input: float, small: SmallSignal | None) -> L
         **signals,
     )
     grows = np.abs(whole.modes).max(initial=0.0) > 1.0 + _GROWS
-    # States count in their typical sizes, so that much less than one of these by unit of the command is rounding too.
+    # States are scaled by their typical sizes, so much less than one of these per unit of the command is rounding, too.
     moved = max(float(np.linalg.norm(whole.b)), 1.0)
     floor = _NO_GAIN * float(np.linalg.norm(whole.c) * moved + np.linalg.norm(whole.d))
     judged = linear.judged(not grows and bool((np.abs(least.modes) < 1.0).all()), floor)

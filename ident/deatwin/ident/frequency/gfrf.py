@@ -22,10 +22,10 @@ from deatwin.plant.errors import ModelError, nearest
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-_BLOCK = 1 << 14  # frequencies: what is multiplied then fits into the processor's cache
-_HELD = 1 << 23  # complex numbers, 128 MB: what a block may keep of all its products
+_BLOCK = 1 << 14  # frequencies: the arrays of a block then fit into the processor's cache
+_HELD = 1 << 23  # complex numbers, 128 MB: limit of the products that a block keeps
 HIGHEST_ORDER = 8
-"""3^n products of parts; beyond this nobody waits."""
+"""3^n products of parts; higher orders take too long."""
 
 
 def gfrf(
@@ -40,9 +40,9 @@ def gfrf(
     """Compute the generalised frequency response H_n of a model about an operating point.
 
     In response to the input A_1 e^(jw_1 t) + ... + A_n e^(jw_n t) about the operating input, the output contains n!
-    H_n(w_1..w_n) A_1 ... A_n e^(j(w_1+...+w_n)t), where H_n is symmetric. Of a model with several inputs, each tone is in
-    an input of its own, and H_n is the kernel of these inputs, as H_2 of u1 and u2: a cross kernel if they differ. It
-    stays the same where frequencies change places together with their inputs.
+    H_n(w_1..w_n) A_1 ... A_n e^(j(w_1+...+w_n)t), where H_n is symmetric. With several inputs, `inputs` names the input
+    that carries each tone; if they differ (u1, u2), H_n is a cross kernel, which is unchanged if frequencies are
+    exchanged together with their inputs.
 
     Parameters
     ----------
@@ -53,8 +53,8 @@ def gfrf(
     omega : array_like, shape (n,) for order 1, else (n, order)
         Angular frequencies, rad/s, each between minus and plus half the sampling rate; see `frequency_grid`.
     inputs : sequence of str, length n, optional
-        Name of the input that each frequency is in, as ``["u1", "u2"]`` or by the model's names; needed if there are
-        several.
+        Name of the input that carries each tone, as ``["u1", "u2"]`` or by the model's own names; required if the model
+        has several inputs.
     operating_input : float, or array_like of shape (n_inputs,), optional
         Constant input about which the model is expanded, in its unit; the centre of the training data by default (0 if
         there is none, as after `remove_dc`).
@@ -71,9 +71,9 @@ def gfrf(
     Raises
     ------
     ModelError
-        If the order or the form is not available; if the model has several outputs, noise terms or no equilibrium, or
-        several inputs of which none are named; if the frequencies are not real numbers of that shape in that range; or if some of them add up to
-        the frequency of a pole on the unit circle.
+        If the order or the form is not available; if the model has several outputs, noise terms or no equilibrium; if
+        it has several inputs and `inputs` is omitted; if the frequencies are not real numbers of that shape in that
+        range; or if some of them add up to the frequency of a pole on the unit circle.
 
     References
     ----------
@@ -139,7 +139,7 @@ def require_one_input(model: NarxModel) -> None:
 
 
 def input_row(model: NarxModel, name: str) -> int:
-    """Return the row of an input by its name, or by its place, as u2."""
+    """Return the row of an input, given by its name or by its position, as u2."""
     placed = {f"u{row + 1}": row for row in range(len(model.input_names))}
     known = (placed if len(placed) > 1 else {"u": 0, **placed}) | {n: row for row, n in enumerate(model.input_names)}
     if name not in known:
@@ -150,13 +150,13 @@ def input_row(model: NarxModel, name: str) -> int:
 
 
 def names_of(model: NarxModel, rows: Sequence[int]) -> tuple[str, ...]:
-    """Return the names of inputs as equations write them; none for a model of one input."""
+    """Return the names of inputs as equations write them; none for a model with one input."""
     symbols = symbols_of(model.input_names, model.output_names)
     return tuple(symbols["u", row] for row in rows) if len(model.input_names) > 1 else ()
 
 
 def _rows_of(model: NarxModel, inputs: Sequence[str] | None, order: int) -> tuple[int, ...]:
-    """Return the row of the input that each frequency is in."""
+    """Return the row of the input that carries each tone."""
     count = len(model.input_names)
     if inputs is None:
         if count != 1:
@@ -170,7 +170,7 @@ def _rows_of(model: NarxModel, inputs: Sequence[str] | None, order: int) -> tupl
 
 
 def unit_of(model: NarxModel, rows: Sequence[int]) -> str:
-    """Return output unit by the product of the units of inputs; empty where one is unknown."""
+    """Return the output unit per product of the inputs' units; empty if one is unknown."""
     units = [model.input_units[row] for row in rows]
     if not (model.output_units[0] and all(units)):
         return ""

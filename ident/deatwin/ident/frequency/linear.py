@@ -22,6 +22,8 @@ _ROUNDING = 4 * np.finfo(float).eps
 class LinearPart(Frozen):
     """Linear part of a model about an equilibrium: v(k) = sum_l a_l v(k-l) + sum_l b_l w(k-l).
 
+    v and w are the deviations of output and input from the equilibrium.
+
     Parameters
     ----------
     output_lags : ndarray of int, shape (n_a,)
@@ -31,7 +33,7 @@ class LinearPart(Frozen):
     input_lags : ndarray of int, shape (n_b,)
         Lags of w, samples.
     b : ndarray, shape (n_b,)
-        Coefficients of w, output unit by input unit.
+        Coefficients of w, output unit per input unit.
     input_index : ndarray of int, shape (n_b,)
         Index of the input that each coefficient belongs to.
     a_theta, b_theta : ndarray, shape (n_a, n_terms) and (n_b, n_terms)

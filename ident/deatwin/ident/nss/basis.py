@@ -43,7 +43,7 @@ Term = tuple[Factor, ...]
 
 @dataclass(frozen=True)
 class Basis:
-    """All regressors: 1, the states, the inputs, then terms. A direction is a sum of those that hold earlier ones at most."""
+    """All regressors: 1, the states, the inputs, then terms. A direction may use earlier ones only."""
 
     states: int
     inputs: int
@@ -62,7 +62,7 @@ class Basis:
 
     @property
     def linear(self) -> int:
-        """Number of regressors that are no terms: 1, the states and the inputs."""
+        """Number of regressors that are not terms: 1, the states and the inputs."""
         return 1 + self.states + self.inputs
 
     @cached_property

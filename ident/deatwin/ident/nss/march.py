@@ -1,7 +1,7 @@
 """The run of a nonlinear state space over a record, with its sensitivities to all weights and to the first state.
 
-x(k+1) = W phi(k), y(k) = V phi(k), with the regressors phi of states, inputs and directions s(k) = P phi(k), each of
-regressors that hold earlier directions at most.
+x(k+1) = W phi(k), y(k) = V phi(k), with the regressors phi of states, inputs and directions s(k) = P phi(k). A
+direction may use the constant, states, inputs, terms and earlier directions, not later ones.
 The march is a small C kernel where a C compiler is found, and Python elsewhere or where a function is the user's own.
 """
 

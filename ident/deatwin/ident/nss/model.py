@@ -27,7 +27,7 @@ from deatwin.plant.recording import Recording
 
 Array = NDArray[np.float64]
 _WARMUP_PER_STATE = 10
-"""Samples by state that determine the first state, as a linear model takes: noise on it falls with their square root."""
+"""Samples per state from which the first state is estimated, as for a linear model: its noise falls with their square root."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,9 +35,9 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
     """Nonlinear state space x(k+1) = W phi(k), y(k) = V phi(k) + e(k).
 
     phi holds 1, the states, the inputs, and terms: products of powers and functions of states x1, x2, ..., inputs u (or
-    u1, u2, ...) and directions s1, s2, ..., which are weighted sums s = P phi, each of
-    regressors that hold earlier directions at most. Inputs and outputs are scaled: a
-    signal minus its origin, divided by its scale. States have about unit size on the training data.
+    u1, u2, ...) and directions s1, s2, ..., which are weighted sums s = P phi. A direction may use the constant, states,
+    inputs, terms and earlier directions, not later ones. Inputs and outputs are scaled: a signal minus its origin,
+    divided by its scale. States have about unit size on the training data.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         Weights that were estimated, in the shapes of P, W and V; all of them if omitted.
     theta_cov : array_like, shape (n_theta, n_theta), optional
         Covariance of the free weights of P, W and V, row by row; zero if omitted. It is valid if the errors of the free
-        run are white. A change of the state's coordinates moves no output and has no variance.
+        run are white. Changes of state coordinates leave the outputs unchanged and get zero variance.
     noise_variance : array_like, shape (n_outputs,), optional
         Variance of the readings' noise e, squares of the outputs' units; zero if omitted.
     input_names, output_names, input_units, output_units : sequence of str, optional
@@ -68,7 +68,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
     Raises
     ------
     ModelError
-        If shapes or values are inconsistent, or a term is none.
+        If shapes or values are inconsistent, or a term cannot be parsed.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A modulus that follows the temperature."""
+"""A modulus that changes with the temperature."""
 
 from __future__ import annotations
 
@@ -27,14 +27,15 @@ class ThermalStiffness(Effect):
               \Delta T = (1\,\text{K})\,\Bigl[\cos\Bigl(\frac{2\pi t}{P} + \varphi\Bigr) - \cos\varphi\Bigr]
 
     No state. If the recording has a channel ``temperature`` (K), :math:`\Delta T` is its deviation from
-    :math:`T_0` = 293.15 K, and period and phase have no influence. Otherwise (the channel is then 0 K, which no
-    thermometer shows) the room temperature is assumed to swing by 1 K about its mean, as under a thermostat, and
-    :math:`k_T` is the relative change that this swing makes, relative to clock 0, for which the rig's modulus holds. A
-    reading may be of the ``room_temperature`` :math:`T_0 + \Delta T`.
-    Typical: a few percent per kelvin, minutes to a day. In measurements the elastic part of VHB alone stiffened
-    with temperature (entropy predicts +0.34 % per kelvin), and the tape as a whole softened. Signature: sag and gain
-    swing together, in a ratio of 1 : 2.4 at 1.9 kV, also at 0 V, with a period that is absent from the drive; a
-    `permittivity_drift` goes one way and leaves the sag alone. Off at :math:`k_T = 0`.
+    :math:`T_0` = 293.15 K, and period and phase have no influence. Without a ``temperature`` channel (it then reads
+    0 K) the room is assumed to swing sinusoidally by ±1 K with period P, as under a thermostat; the rig's modulus is
+    that at clock 0, so the change counts from there. A further reading may show the ``room_temperature``
+    :math:`T_0 + \Delta T`.
+    Typical: a few percent per kelvin; periods from minutes to a day. In measurements the elastic part of VHB alone
+    stiffened with temperature (entropy predicts +0.34 % per kelvin), whereas the tape as a whole softened. Signature:
+    sag and gain swing together, in a ratio of 1 : 2.4 at 1.9 kV, also at 0 V, with a period that is absent from the
+    drive; a `permittivity_drift` changes in one direction only and leaves the sag at 0 V unchanged. Off at
+    :math:`k_T = 0`.
 
     Parameters
     ----------
@@ -102,8 +103,8 @@ class ThermalStiffness(Effect):
         Returns
         -------
         tuple of Effect
-            Up to three effects. A stiffer film sags less, so with a negative `change_per_kelvin` the temperature cycle
-            has the phase of the residual.
+            Up to three effects. A stiffer film sags less, so with a negative `change_per_kelvin` the temperature swings
+            in phase with the residual.
         """
         known = self.described("period")
         softer = replace(self, change_per_kelvin=-abs(self.change_per_kelvin))

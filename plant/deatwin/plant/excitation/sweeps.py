@@ -19,8 +19,8 @@ def linear_chirp(
 ) -> NDArray[np.float64]:
     """Return a sine on a bias whose frequency changes linearly with time.
 
-    It starts at the bias, upwards. The defaults end near the resonance of the thesis' ball at that bias, sqrt(g/z)/2π
-    for a sag z, which reveals the sag independently of the sensor's zero.
+    It starts at the bias and rises first. By default the sweep ends near the resonance of the ball-loaded diaphragm at
+    2.4 V; that frequency, sqrt(g/z)/2π, gives the sag z without knowing the sensor's zero.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def logarithmic_chirp(
 ) -> NDArray[np.float64]:
     """Return a sine on a bias whose frequency changes exponentially with time.
 
-    It starts at the bias, upwards. Each octave takes the same time, so that slow and fast dynamics get equal shares of
+    It starts at the bias and rises first. Each octave takes the same time, so that slow and fast dynamics get equal shares of
     the experiment.
 
     Parameters

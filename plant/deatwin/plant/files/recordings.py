@@ -73,8 +73,7 @@ def read_recordings(
     input_column, output_column : str, optional
         Header of the input and of the output, or the position, ``"#2"`` for the second column. By default the columns
         that the file declares, else ``command`` and ``displacement``. The unit may be given in the header, in a line
-        below it, in an attribute, or here after an equals sign, ``"#2=mm"``; values without a known unit are used
-        unchanged, unless `output_unit` is given.
+        below it, in an attribute, or here after an equals sign, ``"#2=mm"``.
     time_column : str, optional
         Header or position of the times; by default the column called ``time`` or similar, else the one with a unit of
         time. The unit comes from the header or follows an equals sign, ``"Timestamp=ms"``; otherwise it is the second.
@@ -91,8 +90,8 @@ def read_recordings(
         Time within a row at which the reading is taken; it also holds for rows that `resample` makes.
     input_unit, output_unit : str, optional
         Unit of input and output in the recording, SI by default. A column with exactly this unit is used unchanged, a
-        column with another known unit of the same kind is converted; "1" means numbers without a unit. An output column
-        whose unit is unknown is refused.
+        column with another known unit of the same kind is converted; "1" means numbers without a unit. If `output_unit`
+        is given, an output column whose unit is not known is refused; without it, the values are used unchanged.
     rig : RigFile, optional
         Rig file; commands far outside its rig's range raise an error, and its further readings are read.
     readings : sequence of Reading, optional

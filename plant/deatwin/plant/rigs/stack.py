@@ -26,9 +26,11 @@ class Stack(FilmActuator):
 
     .. math:: n A\Bigl(H\,\frac{dW}{dh} - \frac{\varepsilon V^2}{2H}\,\frac{d\lambda^4}{dh}\Bigr) = F
 
-    where F pulls the stack longer. Each layer has the whole voltage. Electrodes and end plates do not constrain the
-    film in its plane, so that a stack without load is a free equal-biaxial film: at small strain it shortens by
-    :math:`nH\,\varepsilon E^2/Y`. The thesis (2.2.3) is taken to mean a stack that works by contraction.
+    with the thickness H of a layer before stretching, the strain energy density W of the film, its permittivity
+    :math:`\varepsilon`, the voltage V across each layer, and the load F, which lengthens the stack. Electrodes and end
+    plates do not constrain the film in its plane, so a stack without load is a free equal-biaxial film: at small strain
+    it shortens by :math:`nH\,\varepsilon E^2/Y`, with the field E and Young's modulus Y. The thesis (2.2.3) is taken
+    to mean a stack that works by contraction.
 
     Parameters
     ----------
@@ -37,10 +39,12 @@ class Stack(FilmActuator):
     area : float
         A, the area of each layer before stretching, m².
     load : float
-        F, a dead load on the lower end, N; positive pulls the stack longer.
+        F, a dead load on the lower end, N; positive lengthens the stack.
     material, thickness, mass, damping, gain, start_ramp, start_hold, start_is_known, zero_is_known, direction
-        Film and start, as in every film actuator: material, undeformed thickness in m, moved mass in kg,
-        damping in N s/m, film volts per command volt, ramp and hold in s.
+        Film and start, as in every film actuator: material, undeformed thickness in m, moved mass in kg, damping in N
+        s/m, film volts per command volt, ramp and hold in s. `start_is_known` is False if the film's history before the
+        first sample is unknown, `zero_is_known` is False if the sensor's zero is arbitrary, and `direction` is -1 if
+        the reading falls as the displacement grows.
     sample_time, noise, reading, model_error, command_range, chain, further, supply
         Drive and sensor; see `Rig`.
 

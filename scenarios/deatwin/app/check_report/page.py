@@ -118,7 +118,7 @@ def _tiles(view: View) -> list[Tile]:
 
 
 def _margins_here(view: View) -> list[tuple[str, ...]]:
-    """Rows of the table of margins at the operating point: the model's own, of its draws, and to first order."""
+    """Rows of the table of margins at the operating point: of the model itself, of its draws, and linearised."""
     check = view.check
     if check.controller is None or check.margins is None:
         return []

@@ -41,7 +41,7 @@ def draw_steps(view: View, steps: ClosedLoop) -> Drawing:
         _draw_limits(lower, view, steps)
         figure.align_ylabels()
         figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=3)
-        caption = "Steps of the reference, and what the physics plant made of them; dotted: the limits of the command."
+        caption = "Steps of the reference and the response of the physics plant; dotted: the limits of the command."
         if view.check.predicted is not None:
             caption += (
                 " The band holds 95 % of the loops that the model predicts, at all times at once: parameters drawn "
@@ -75,8 +75,8 @@ def draw_others(view: View, others: Mapping[str, ClosedLoop]) -> Drawing:
         return Drawing.of(
             figure,
             "rivals",
-            "The same steps on the rivals",
-            "Plants that the actuator may be as well. A line that ends early: the plant failed there.",
+            "The same steps on the alternatives",
+            "Other plants that the actuator may be. A line that ends early marks where the plant failed.",
             _other_columns(view, others, longest),
         )
 

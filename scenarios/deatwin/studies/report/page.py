@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from deatwin.ident.mismatch.locate.region import RATE, SINCE_REST
 from deatwin.plant.amplitudes import reported_size, written_unit
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.report.figures import drawings
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 
 LEAST_SHARE = 0.05
-"""A stretch of time with less of the mismatch is not listed."""
+"""A window of time with a smaller share of the mismatch is not listed."""
 MOST_LINES = 6
 
 
@@ -47,11 +48,12 @@ def write_report(folder: ResultFolder, diagnosis: Diagnosis, origin: Origin) -> 
         causes=_causes(diagnosis),
         candidates=_candidates(diagnosis),
         located=_located(diagnosis.location),
+        units=_signal_units(diagnosis),
     )
 
 
 def _causes(diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    """Rows of the table of causes: one for each parameter."""
+    """Return the rows of the table of causes: one for each parameter."""
     rows = []
     for cause in diagnosis.causes:
         values = {n: with_interval(p.value, p.low, p.high, p.unit) for n, p in cause.parameters.items()}
@@ -60,7 +62,7 @@ def _causes(diagnosis: Diagnosis) -> list[dict[str, Any]]:
 
 
 def _located(found: LocationSummary | None) -> LocationSummary | None:
-    """The entries worth a line: the file has them all."""
+    """Return the entries worth a line; the file has them all."""
     if found is None:
         return None
     return replace(
@@ -72,8 +74,27 @@ def _located(found: LocationSummary | None) -> LocationSummary | None:
     )
 
 
+def _signal_units(diagnosis: Diagnosis) -> dict[str, str]:
+    """Units of the operating signals of all regions, as the page shows them; empty where unknown."""
+    located = diagnosis.location.region if diagnosis.location else ()
+    left = diagnosis.unexplained.region if diagnosis.unexplained else None
+    unit = written_unit(diagnosis.output.unit)
+    found = {}
+    for region in (*located, *([left] if left else [])):
+        if region.signal == SINCE_REST:
+            found[region.signal] = "s"
+        elif region.signal == diagnosis.output.name:
+            found[region.signal] = unit
+        elif region.signal.endswith(RATE):
+            found[region.signal] = f"{unit or '1'}/s"
+        else:
+            known = diagnosis.readings and diagnosis.readings.experiments[0].recordings[0].input_units[0]
+            found[region.signal] = known if known and known != "1" else ""
+    return found
+
+
 def _candidates(diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    """Rows of the table of candidates, the best on held-out data first."""
+    """Return the rows of the table of candidates, the best on held-out data first."""
     if diagnosis.readings is None:
         return []
     size = reported_size(diagnosis.output.unit, diagnosis.readings.experiments[0].recordings[0].output_units[0])

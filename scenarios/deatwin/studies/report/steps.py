@@ -41,18 +41,18 @@ Drawable = tuple[tuple[float, float], str, str, Callable[["Figure"], object]]
 
 
 def _drawable(findings: Findings) -> dict[str, Drawable]:
-    """Size, title and caption of each step's figure, and what draws it."""
+    """Return size, title, caption and drawing function of each step's figure."""
     found: dict[str, Drawable] = {}
     found["checked"] = (
         (WIDTH, 3.2),
         "The readings",
-        "As recorded, with whatever was found in them.",
+        "As recorded; stuck, outlying, clipped and jumping samples are marked.",
         lambda figure: findings.checked.plot(figure.add_subplot()),
     )
     found["detection"] = (
         (WIDTH, 8.4),
         "Beyond chance",
-        "Spectrum, cumulated periodogram and correlations of the calibrated plant's residual, beside what chance allows.",
+        "Spectrum, cumulative periodogram and correlations of the calibrated plant's residual, beside what chance allows.",
         lambda figure: findings.detection.plot(list(figure.subplots(3, 1))),
     )
     if (location := findings.location) is not None:
@@ -66,29 +66,29 @@ def _drawable(findings: Findings) -> dict[str, Drawable]:
             found["place"] = (
                 (WIDTH, 4.2),
                 "Signals that predict the mismatch",
-                "Share of the mismatch that an unknown function of the signals at each place predicts, before any "
-                "effect is tried.",
+                "Share of the mismatch that a flexible regression on the signals at each place predicts, without "
+                "assuming physics.",
                 lambda figure: location.place.plot(figure.add_subplot()),
             )
         if (lines := location.lines) is not None:
             found["lines"] = (
                 (WIDTH, 3.4),
                 "Lines of the periodic input",
-                "The mismatch on its lines and between them.",
+                "The mismatch on the input's spectral lines and between them.",
                 lambda figure: lines.plot(figure.add_subplot(), unit=location.unit),
             )
     if (discovery := findings.discovery) is not None:
         found["free_form"] = (
             (WIDTH, 4.0),
             "The free form",
-            "A description of what is missing, not physics: force against state.",
+            "A formula for what is missing, without a physical meaning: force against state.",
             lambda figure: discovery.plot(figure.add_subplot()),
         )
     if (advice := findings.advice) is not None:
         found["advice"] = (
             (WIDTH, 4.4),
             "The next experiment",
-            "The input, and what the rivals predict for it.",
+            "The advised input, and the readings that the alternatives predict for it.",
             lambda figure: advice.plot(figure.add_subplot()),
         )
     if findings.named:
@@ -96,22 +96,22 @@ def _drawable(findings: Findings) -> dict[str, Drawable]:
         rows = 1 + len(held.transfers) + len(held.ablations) + sum(s.share is not None for s in held.shams)
         found["verification"] = (
             (WIDTH, 1.3 + ROW * rows),
-            "On data that no fit saw",
-            "Free runs before and after; without each effect, the rest fitted anew; and with each effect's shams in "
-            "its place, which must not do as well.",
+            "On held-out data",
+            "Error of free runs before and after; without each effect, with the rest refitted; and with placebo effects "
+            "in place of each effect, which must not do as well.",
             lambda figure: held.plot(figure.add_subplot()),
         )
     return found
 
 
 def noise_source(diagnosis: Diagnosis) -> str:
-    """Where the noise floor is known from, in words; empty where the file does not say."""
+    """Return the source of the noise's size in words; empty if the file does not state it."""
     name = (diagnosis.detection.noise_source or "").upper()
     return NoiseSource[name].value if name in NoiseSource.__members__ else ""
 
 
 def parameters(diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    """Rows of the table of the calibrated base plant."""
+    """Return the rows of the table of the calibrated base plant."""
     rows = []
     for name, fitted in diagnosis.parameters.items():
         value, interval = with_interval(fitted.value, fitted.low, fitted.high, fitted.unit)
@@ -122,7 +122,7 @@ def parameters(diagnosis: Diagnosis) -> list[dict[str, Any]]:
 
 
 def forms(diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    """Rows of the table of the ways to read the rig file, the chosen one first."""
+    """Return the rows of the table of the ways to read the rig file, the chosen one first."""
     if len(diagnosis.forms) < 2:
         return []
     rows = []
@@ -133,7 +133,7 @@ def forms(diagnosis: Diagnosis) -> list[dict[str, Any]]:
 
 
 def shams(found: VerificationSummary | None) -> list[dict[str, Any]]:
-    """Rows of the table of shams, each with what is shown of its gain."""
+    """Return the rows of the table of placebo effects, each with its gain as shown."""
     return [
         {"sham": sham, "shown": sham.skipped if sham.share is None else f"{three_digits(100 * sham.share)} %"}
         for sham in (() if found is None else found.shams)

@@ -45,7 +45,7 @@ class Curves:
     noise : float
         Density of white noise of the floor's level, SI squared over Hz.
     lines, cumulated, expected : ndarray, shape (l,)
-        Cumulated periodogram, and its mean where nothing is missing, over frequencies in Hz.
+        Cumulative periodogram, and its mean if nothing is missing, over frequencies in Hz.
     distance : float
         Half width of its 99 % band.
     regressors : tuple of str
@@ -201,7 +201,7 @@ class Detection(Described):
         )
 
     def plot(self, ax: Sequence[Axes] | None = None) -> Sequence[Axes]:
-        """Draw spectrum, cumulated periodogram and correlations of the residual with what chance allows.
+        """Draw spectrum, cumulative periodogram and correlations of the residual with what chance allows.
 
         Parameters
         ----------
@@ -263,7 +263,7 @@ def _cumulated(detection: Detection, axes: Axes) -> None:
     axes.plot(curves.lines, curves.expected, color="0.5", linewidth=0.8)
     axes.plot(curves.lines, curves.cumulated, color="C0", linewidth=1.2, label="residual")
     axes.set_xlabel("frequency, Hz")
-    axes.set_ylabel("cumulated periodogram")
+    axes.set_ylabel("cumulative periodogram")
     axes.set_title(f"p = {detection.p_value:.2g}, all statistics together", fontsize="small", loc="left")
     axes.legend(fontsize="small", loc="lower right")
 

@@ -39,7 +39,7 @@ class Law:
     largest : ndarray, shape (b,)
         The largest of all groups for each draw, in order of size.
     spectrum : ndarray, shape (f,)
-        Mean cumulated periodogram.
+        Mean cumulative periodogram.
     """
 
     def __init__(self, left: Leftover, rng: np.random.Generator, draws: int) -> None:
@@ -65,7 +65,7 @@ class Law:
 
     @property
     def distance(self) -> float:
-        """Half width of the 99 % band about the mean cumulated periodogram."""
+        """Half width of the 99 % band about the mean cumulative periodogram."""
         mean, deviation = self.moments[:, 1]
         return float((mean + deviation * np.quantile(self.drawn[:, 1], 1 - LEVEL)) / np.sqrt(self.spectrum.size))
 

@@ -2,7 +2,7 @@
 
 References
 ----------
-.. [1] Bartlett, "An Introduction to Stochastic Processes" (1955), the cumulated periodogram.
+.. [1] Bartlett, "An Introduction to Stochastic Processes" (1955), the cumulative periodogram.
 .. [2] Billings, Voon, "Correlation based model validity tests for non-linear models", Int. J. Control 44 (1986)
    235-244, doi:10.1080/00207178608933593.
 """
@@ -20,7 +20,7 @@ from deatwin.ident.mismatch.detect.leftover import Leftover
 
 LAGS = 9
 """Lags of 0, 1, 4, 16, ... samples, as far as a tenth of the longest recording."""
-GROUPS = ("variance ratio", "cumulated periodogram", "correlation with the command", "correlation of the square")
+GROUPS = ("variance ratio", "cumulative periodogram", "correlation with the command", "correlation of the square")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -102,7 +102,7 @@ class Battery:
 
     @cached_property
     def frequencies(self) -> np.ndarray:
-        """Frequencies of the cumulated periodogram, shape (f,), Hz."""
+        """Frequencies of the cumulative periodogram, shape (f,), Hz."""
         return np.fft.rfftfreq(self.lines, self.left.sample_time)[1:]
 
     def _cumulated(self, residuals: np.ndarray) -> np.ndarray:
