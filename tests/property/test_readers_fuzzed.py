@@ -37,6 +37,7 @@ KINDS = (
     "plant",
     "narx",
     "linear",
+    "states",
     "diagnosis",
     "check",
     "theta",

@@ -185,4 +185,4 @@ def test_a_friction_that_differs_between_the_ways_is_partly_a_friction():
     assert force.value == pytest.approx(1.5, abs=0.15)
     left = diagnosis.unexplained
     assert left is not None and 0.0 < left.share < 0.1
-    assert "left unexplained" in diagnosis.sentence
+    assert "remain unexplained" in diagnosis.sentence
