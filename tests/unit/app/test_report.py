@@ -28,7 +28,7 @@ from deatwin.ident.mismatch import (
     Verdict,
 )
 from deatwin.ident.mismatch.gate.gate import gate
-from deatwin.ident.mismatch.located import PlaceSummary, Window
+from deatwin.ident.mismatch.located import PlaceSummary, Region, Window
 from deatwin.ident.mismatch.result import (
     Ablation,
     Errors,
@@ -219,7 +219,11 @@ def with_everything() -> Diagnosis:
         location=LocationSummary(
             time=(Window(from_s=1.0, to_s=9.0, score=0.9),),
             frequency=(),
-            region=(),
+            region=(
+                Region(signal="time_since_rest", low=0.0, high=49.99, mean_residual=1.0),
+                Region(signal="displacement_rate", low=-332.0, high=326.0, mean_residual=-1.0),
+                Region(signal="branch", low=-1.0, high=0.0, mean_residual=0.5),
+            ),
             place=(PlaceSummary(place="film", signal="stiffness", score=0.8),),
         ),
         parameters={
@@ -266,7 +270,7 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
     assert len(page) < 5e6
     shown = (
         "that of the readings while the command rests",
-        "on a bound of its range",
+        "at a bound of its range",
         "30 kPa",
         "26.4 kPa",
         "25 to 27 kPa",
@@ -291,7 +295,10 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
         "3.12 %",
         "not judged: it hardly differs",
         "-126 ± 8 %",
-        "cannot be told",
+        "not determined",
+        "time since rest from 0 to 49.99 s",
+        "displacement rate from -332 to 326 µm/s",
+        "<td>falling reading</td>",
         "the strength of creep would change by -126 % of itself over the fitted part",
     )
     for text in shown:
