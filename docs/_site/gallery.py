@@ -26,7 +26,7 @@ def gallery() -> str:
     """Markdown of all entries."""
     told = tomllib.loads((DOCS / "gallery" / "entries.toml").read_text(encoding="utf-8"))["entry"]
     data = json.loads((DOCS / "data" / "gallery.json").read_text(encoding="utf-8"))
-    return "\n\n".join(shown(one, data[one["name"]]) for one in told)
+    return "\n\n".join(shown(one, data[one["name"]]) for one in told if one["name"] in data)
 
 
 def shown(told: dict[str, Any], found: dict[str, Any]) -> str:

@@ -76,6 +76,7 @@ class Made:
 
     rig: str
     effects: tuple[str, ...] = ()
+    seed: int = 0
     command: str = "noise"
     spoil: Spoil | None = None
     noise: float = 2.0  # um
@@ -108,31 +109,28 @@ def counted(u: Array, y: Array, rng: np.random.Generator) -> Array:
 
 
 MADE: Mapping[str, Made] = {
-    "nothing-missing": Made(DIAPHRAGM),
-    "other-parameters": Made(DIAPHRAGM, truth={"shear_modulus": 1.1, "branch_time": 0.7}),
-    "creep": Made(DIAPHRAGM, ("creep",)),
-    "two-effects": Made(DIAPHRAGM, ("permittivity_drift", "hysteresis")),
-    "too-short-a-sine": Made(DIAPHRAGM, ("permittivity_drift",), command="sine"),
-    "slow-command": Made(DIAPHRAGM, command="slow"),
-    "stuck-sensor": Made(DIAPHRAGM, spoil=stuck),
-    "shaken-bench": Made(DIAPHRAGM, spoil=wander),
-    "wear": Made(DIAPHRAGM, spoil=counted),
-    "friction-and-wear": Made(DIAPHRAGM, ("coulomb_friction",), spoil=counted),
-    "disc": Made(DISC, ("sensor_drift",), noise=0.5, top=3.0),
-    "pressure": Made(PRESSURE, ("electrode_rc",), top=2.0),
-    "planar": Made(PLANAR, ("dielectric_absorption",), noise=5.0, top=1.5),
+    "nothing-missing": Made(DIAPHRAGM, seed=0),
+    "other-parameters": Made(DIAPHRAGM, truth={"shear_modulus": 1.1, "branch_time": 0.7}, seed=1),
+    "creep": Made(DIAPHRAGM, ("creep",), seed=2),
+    "two-effects": Made(DIAPHRAGM, ("permittivity_drift", "hysteresis"), seed=3),
+    "too-short-a-sine": Made(DIAPHRAGM, ("permittivity_drift",), command="sine", seed=4),
+    "stuck-sensor": Made(DIAPHRAGM, spoil=stuck, seed=6),
+    "shaken-bench": Made(DIAPHRAGM, spoil=wander, seed=7),
+    "wear": Made(DIAPHRAGM, spoil=counted, seed=8),
+    "friction-and-wear": Made(DIAPHRAGM, ("coulomb_friction",), spoil=counted, seed=9),
+    "disc": Made(DISC, ("sensor_drift",), noise=0.5, top=3.0, seed=10),
+    "pressure": Made(PRESSURE, ("electrode_rc",), top=2.0, seed=11),
+    "planar": Made(PLANAR, ("dielectric_absorption",), noise=5.0, top=1.5, seed=12),
 }
 """Strengths are the catalogue's typical ones."""
 
 
 def command(kind: str, top: float, rng: np.random.Generator) -> Array:
-    """Command, V, shape (n,): noise up to 1 Hz, one sine, or one slow rise."""
+    """Command, V, shape (n,): noise up to 1 Hz, or one sine."""
     n = round(SECONDS / SAMPLE_TIME)
     time = SAMPLE_TIME * np.arange(n)
     if kind == "sine":
         return (0.55 + 0.25 * np.sin(2 * np.pi * 0.1 * time))[: n // 3] * top
-    if kind == "slow":
-        return np.linspace(0.6, 0.62, n) * top
     noise = sosfiltfilt(butter(4, 1.0, fs=1 / SAMPLE_TIME, output="sos"), rng.normal(size=n))
     return np.clip(0.55 * top + 0.2 * top * noise / noise.std(), 0.0, top)
 
@@ -168,7 +166,7 @@ def main() -> None:
     args = parser.parse_args()
     if args.folder is None:
         parser.exit(message="\n".join(MADE) + "\n")
-    record(MADE[args.name], args.folder, np.random.default_rng([2027, list(MADE).index(args.name)]))
+    record(MADE[args.name], args.folder, np.random.default_rng([2027, MADE[args.name].seed]))
 
 
 if __name__ == "__main__":

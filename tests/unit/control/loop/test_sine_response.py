@@ -121,7 +121,10 @@ def test_progress_rises_to_one_in_the_order_of_the_work(curve, monkeypatch):
 
 
 def test_rows_read_at_the_start_are_the_same_loop(curve):
-    end, start = (sine_response(curve(lag=0.1, reading=r), 0.0, [0.1, 1.0], WHOLE) for r in (ReadingTime.END_OF_HOLD, ReadingTime.START_OF_HOLD))
+    end, start = (
+        sine_response(curve(lag=0.1, reading=r), 0.0, [0.1, 1.0], WHOLE)
+        for r in (ReadingTime.END_OF_HOLD, ReadingTime.START_OF_HOLD)
+    )
     np.testing.assert_array_equal(end.values, start.values)
 
 
