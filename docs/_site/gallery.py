@@ -40,7 +40,7 @@ def shown(told: dict[str, Any], found: dict[str, Any]) -> str:
         if "figure" in told
         else f'<figure class="gallery">{drawing(found)}</figure>'
     )
-    return f"## {told['title']}\n\n```sh\n{commands}\n```\n\n{answer}{picture}"
+    return f"## {told['title']}\n\n```sh\n{commands.strip()}\n```\n\n{answer}{picture}"
 
 
 def drawing(found: dict[str, Any]) -> str:
