@@ -105,6 +105,16 @@ def direction_notes(plant: GivenPlant, records: Sequence[Recording]) -> list[str
     ]
 
 
+def absent_readings(plant: GivenPlant, records: Sequence[Recording]) -> list[str]:
+    """Name the further readings of the rig that no recording has, in a sentence each."""
+    recorded = {name for record in records for name in record.extras}
+    return [
+        f'no recording has the reading "{reading.name}" of {plant.source}: it is left out'
+        for reading in plant.model.plant.rig.further
+        if reading.name not in recorded
+    ]
+
+
 def reading_column(rig: Rig) -> tuple[str, float]:
     """Column header for a rig's first reading, and how many of its units one of the rig's is."""
     return column_of(rig.output_name, rig.output_unit)

@@ -174,6 +174,11 @@ def with_readings(table: Table, readings: Iterable[Reading], taken: set[int]) ->
     for reading in readings:
         name, unit = split_stated(table, reading.column)
         column = table.column(name) if name else _own_column(table, reading.name, taken)
+        if name and column in taken:
+            raise DataError(
+                f'{table.path}: the reading "{reading.name}" names the column "{table.shown(column)}", which is already the '
+                "input, the output or the time; name a column of its own"
+            )
         if column is None or column in taken:
             continue
         found[column], names[column] = reading, reading.name

@@ -209,7 +209,7 @@ def _columns(table: Table, found: Understood) -> tuple[Column, ...]:
 def _how(table: Table, role: str, found: Understood) -> str:
     """Say what gave a column its role, and its unit if an option did."""
     key = f"{role}_column"
-    if value := _roles(found.asked | found.further)[role]:
+    if value := _roles(found.asked | found.further).get(role):
         said = "guessed" if key in found.further.given else f"named by --{role}-column"
         return f"{said}, unit by the option" if split_stated(table, value)[1] else said
     if role != "time" and table.declared.signals:

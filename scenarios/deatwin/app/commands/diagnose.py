@@ -61,7 +61,7 @@ def diagnose(
     groups += [unfold_experiment(value) for value in experiment or []]
     if not groups:
         raise typer.BadParameter("give at least one recording", param_hint="REC.csv")
-    from deatwin.app.given import GivenPlant, clock_notes, direction_notes
+    from deatwin.app.given import GivenPlant, absent_readings, clock_notes, direction_notes
     from deatwin.studies.diagnosing import DiagnosisTask
 
     voice = Voice(as_json=as_json, quiet=quiet)
@@ -70,7 +70,7 @@ def diagnose(
     )
     experiments = [plant.experiment(files, allow_gaps=allow_gaps) for files in groups]
     records = [record for experiment in experiments for record in experiment.recordings]
-    for note in (*clock_notes(records), *direction_notes(plant, records)):
+    for note in (*clock_notes(records), *direction_notes(plant, records), *absent_readings(plant, records)):
         voice.say(note)
     task = DiagnosisTask(
         plant=plant.model.plant,

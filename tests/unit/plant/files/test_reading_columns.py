@@ -83,6 +83,7 @@ def test_faults_of_columns_are_said(tmp_path: Path) -> None:
         ("I_mon", 'column "I_mon" of the reading "current" gives no unit; state .*"I_mon=A"'),
         ("I_mom=nA", 'no column "I_mom"; .* did you mean "I_mon"'),
         ("I_mon=mm", 'the column "I_mon" is in mm, but the plant takes it in A'),
+        ("displacement_mm", 'names the column "displacement_mm", which is already the input, the output or the time'),
     ):
         with pytest.raises(DataError, match=text):
             read_recording(tmp_path / "lab.csv", readings=[Reading(name="current", noise=1e-9, column=column)])

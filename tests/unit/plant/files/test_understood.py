@@ -74,6 +74,13 @@ def test_columns_with_their_units_and_what_tells_them(write: Write) -> None:
     assert sorted(found.options) == ["--input-column", "--output-column", "U_cmd (V)", "Weg (mm)"]
 
 
+def test_a_further_reading_is_a_column_of_its_own(write: Write) -> None:
+    text = "time_s,command_V,displacement_mm,current_uA\n" + "\n".join(
+        f"{k},{k % 7},{k % 5},{k % 3}" for k in range(40)
+    )
+    assert [(c.role, c.how) for c in understand(write("lab.csv", text)).columns][3] == ("extra", "by its header")
+
+
 def test_a_sample_time_that_only_the_user_knows(write: Write) -> None:
     path = write("a.csv", "u,y\n" + "\n".join(f"{np.sin(k):.4f},{np.cos(k):.4f}" for k in range(40)))
     found = understand(path)
