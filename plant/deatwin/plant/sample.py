@@ -47,7 +47,7 @@ class Sample:
 
 def solved(error: np.ndarray | ca.DM, reading: np.ndarray | ca.DM, count: int) -> int:
     """Number of samples at the beginning, of `count`, that were solved with finite readings; `error` (n, ...), `reading` (n, rows)."""
-    errors = np.asarray(error).ravel()[:count]
-    readings = np.asarray(reading).reshape(np.size(error), -1)[:count]
-    bad = ~((errors <= SETTLED) & np.isfinite(readings).all(axis=1))
+    errors = np.asarray(error).ravel()
+    readings = np.asarray(reading).reshape(errors.size, -1)[:count]
+    bad = ~((errors[:count] <= SETTLED) & np.isfinite(readings).all(axis=1))
     return int(np.argmax(bad)) if bad.any() else count
