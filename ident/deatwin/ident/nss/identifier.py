@@ -194,7 +194,8 @@ def _on_all(found: Found, start: Point, whole: Sequence[Record], max_steps: int)
         return search(found.point.system, found.point.starts, whole, steps=max_steps)
     again = search(start.system, start.starts, whole, steps=found.steps) if found.steps else found
     # Not where the other samples lead the search astray: the held-out ones then know a better end.
-    return again if again.point.cost < judged(found.point.system, found.point.starts, whole).cost else found
+    better = again.point.cost < judged(found.point.system, found.point.starts, whole).cost
+    return again if better else replace(found, interrupted=again.interrupted)
 
 
 def _errors(point: Point, records: Sequence[Record]) -> tuple[Array, Array]:

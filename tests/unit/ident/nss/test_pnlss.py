@@ -9,7 +9,10 @@ from scipy.stats import binom
 
 from deatwin.ident.narx import FitStatus
 from deatwin.ident.nss import NonlinearStateSpace, Pnlss
-from deatwin.ident.nss.identifier import _lines
+from deatwin.ident.nss.basis import Basis
+from deatwin.ident.nss.identifier import _lines, _on_all
+from deatwin.ident.nss.march import System
+from deatwin.ident.nss.search import Found, Record, judged
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -218,6 +221,22 @@ def test_an_interrupt_that_the_progress_raises_keeps_the_model():
 
     fitted = Pnlss(**DUFFING).fit(duffing(np.random.default_rng(10), 200, noise=0.1), progress=stop)
     assert fitted.status_ is FitStatus.INTERRUPTED and fitted.model_.simulate(np.ones(9)).status.ok
+
+
+def test_an_interrupt_of_the_last_search_is_told(monkeypatch):
+    basis = Basis(1, 1, 0, ())
+    free = {"directions": (0, 3), "transition": (1, 3), "output": (1, 3)}
+    system = System.of(
+        basis, {name: np.zeros(s) for name, s in free.items()}, {n: np.ones(s, bool) for n, s in free.items()}
+    )
+    whole = [Record(inputs=np.ones((1, 9)), outputs=np.ones((1, 9)), fitted=9)]
+    start = judged(system, np.zeros((1, 1)), whole)
+    monkeypatch.setattr("deatwin.ident.nss.search.triangle", _interrupt)
+    assert _on_all(Found(point=start, steps=1, overfitted=True), start, whole, 9).interrupted
+
+
+def _interrupt(*_):
+    raise KeyboardInterrupt
 
 
 def test_a_run_that_diverges_at_once_holds_the_origin():
