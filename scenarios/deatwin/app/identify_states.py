@@ -6,9 +6,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from deatwin.studies.voice import Voice, complain
+
 if TYPE_CHECKING:
     from deatwin.plant.recording import Recording
-    from deatwin.studies.voice import Voice
+
+_USELESS = (
+    "no better than the mean of the readings: stay with fewer states, terms or degrees, record longer, or try --method "
+    "frols, whose choice one step ahead also suits plants that are unstable or integrate"
+)
 
 
 def identify_states(
@@ -24,29 +30,46 @@ def identify_states(
 ) -> bool:
     """Fit, save and judge; return whether the search was completed."""
     import numpy as np
+    import typer
 
+    from deatwin.ident.narx.recorded_pole import recorded_pole
+    from deatwin.ident.narx.unstable import unstable_pole_lacked
     from deatwin.ident.nss import Pnlss
     from deatwin.plant.recording import label
 
     identifier = Pnlss(states=states, degrees=tuple(range(2, degree + 1)), terms=tuple(functions))
     with voice.progress("fitting a nonlinear state space") as progress:
-        identifier.fit(training, progress=progress)
+        try:
+            identifier.fit(training, progress=progress)
+        except KeyboardInterrupt:
+            complain("interrupted before a model was found; nothing was written")
+            raise typer.Exit(130) from None
     model = identifier.model_
     model.save(out)
     unit = f" {model.output_units[0]}" if model.output_units[0] not in ("", "1") else ""
     lines = [*notes, str(model)]
-    errors = []
+    errors, found = [], []
     for record in unseen:
         run = model.simulate(record)
         finished = run.status.ok
         errors.append({"free_run": run.rms_error, "finished": finished, "unit": model.output_units[0]})
         ended = "" if finished else " (diverged)"
+        if not finished or run.rms_error > record.outputs[:, run.first :].std():
+            found.append(
+                f"{label(record)}, held-out part: the free run {'' if finished else 'diverges, and '}is {_USELESS}"
+            )
         lines.append(f"{label(record)}, held-out part: free run {run.rms_error:.4g}{unit}{ended} rms")
     linear, own = (float(np.sqrt(np.mean(error**2))) for error in (identifier.linear_error_, identifier.error_))
-    lines.append(f"on what was fitted: free run {own:.4g}{unit} rms, that of a linear state space {linear:.4g}{unit}")
+    lines.append(
+        f"on the part for training: free run {own:.4g}{unit} rms, that of a linear state space {linear:.4g}{unit}"
+    )
+    if np.all(np.abs(model.poles) <= 1.0) and (lacked := unstable_pole_lacked(recorded_pole(training), training)):
+        found.append(lacked)
+    lines += [f"note: {note}" for note in found]
     if not identifier.status_.ok:
         lines.append(identifier.status_.value)
     for line in (*lines, f"model: {out}"):
         voice.say(line)
-    voice.result({"out": str(out), "complete": identifier.status_.ok, "unseen": errors, "clocks": list(notes)})
+    document = {"out": str(out), "complete": identifier.status_.ok, "notes": found, "unseen": errors}
+    voice.result({**document, "clocks": list(notes)})
     return identifier.status_.ok

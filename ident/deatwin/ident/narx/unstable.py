@@ -105,8 +105,12 @@ def recorded_once(model: NarxModel, recordings: Sequence[Recording]) -> Recorded
 
 def stable_model_of_unstable(model: NarxModel, recordings: Sequence[Recording], recorded: Recorded) -> str:
     """Return a sentence if recordings surely have an unstable pole, which a model whose free run is bounded lacks."""
-    found = recorded()
-    if found is None or not _surely_outside(found, recordings) or np.any(np.abs(poles_at(model, recordings)) > 1.0):
+    return "" if np.any(np.abs(poles_at(model, recordings)) > 1.0) else unstable_pole_lacked(recorded(), recordings)
+
+
+def unstable_pole_lacked(found: RecordedPole | None, recordings: Sequence[Recording]) -> str:
+    """Return a sentence for a model without unstable poles if recordings surely have one."""
+    if found is None or not _surely_outside(found, recordings):
         return ""
     return (
         f"a long ARX model of the recordings has an unstable pole, {_sized(found.pole, found.interval)}, "

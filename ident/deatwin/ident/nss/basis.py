@@ -17,6 +17,8 @@ from deatwin.plant.errors import ModelError
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
+_HIGHEST = 1023
+"""Largest power: beyond it 2 overflows."""
 _POWER = re.compile(r"([xus])(\d*)(?:\^(\d+))?")
 _FUNCTION = re.compile(r"(\w+)\(([xus]\d*)((?:,[^(),]+)*)\)")
 
@@ -93,10 +95,10 @@ class Basis:
         for word in text.split():
             word = re.sub(r"^\|(.*)\|$", r"abs(\1)", word)
             if found := _POWER.fullmatch(word):
-                power = int(found[3] or 1)
-                if power < 1:
-                    raise ModelError(f"the power in {text!r} must be at least 1")
-                factors.append(Factor(self._place(found[1] + found[2], text), power))
+                power = float(found[3] or 1)
+                if not 1 <= power <= _HIGHEST:
+                    raise ModelError(f"the power in {text!r} must be at least 1 and at most {_HIGHEST}")
+                factors.append(Factor(self._place(found[1] + found[2], text), int(power)))
             elif found := _FUNCTION.fullmatch(word):
                 numbers = [_number(part, text) for part in found[3].split(",")[1:]]
                 factors.append(Factor(self._place(found[2], text), 1, Shape.of(found[1], numbers, 0)))

@@ -37,8 +37,8 @@ class StateSpaceIdentifier(Identifier):
     status_ : FitStatus
         Outcome of the search.
     linear_error_, error_, held_out_error_ : ndarray, shape (n_outputs,)
-        Root mean square of the free-run error of the linear start on the fitted samples, of the model on all samples,
-        and of the model at the end of the search on the held-out ones (NaN without), in the outputs' units.
+        Root mean square of the free-run error of the linear start and of the model on all samples, and of the model at
+        the end of the search on the held-out ones (NaN without), in the outputs' units.
     """
 
     model_: NonlinearStateSpace
@@ -98,20 +98,21 @@ class StateSpaceIdentifier(Identifier):
             found = linear_start(
                 records, self._order, lines=_lines(chosen, sides), steps=_LINEAR_STEPS, feedthrough=self.feedthrough
             )
-            self.linear_error_ = _errors(found.point, records)[0] * sides["output"][1]
+            whole = all_fitted(records)
+            self.linear_error_ = _errors(found.point, whole)[0] * sides["output"][1]
             start = found.point
             if not found.interrupted:
                 points = self._begun(in_own_coordinates(found.point, records), records)
                 start, found = self._searched(points, records, told)
             self.held_out_error_ = _errors(found.point, records)[1] * sides["output"][1]
-            whole = all_fitted(records)
             if not found.interrupted:
                 found = _on_all(found, start, whole, self.max_steps)
             point = found.point
             self.error_ = _errors(point, whole)[0] * sides["output"][1]
             self.model_ = _model(self, point, whole, chosen, sides)
         self.status_ = FitStatus.INTERRUPTED if found.interrupted else FitStatus.DONE
-        told(1.0, "done")
+        if not found.interrupted:  # a caller's progress may raise the interrupt again
+            told(1.0, "done")
         return self
 
     def _require_whole(self, *names: str) -> None:
@@ -193,7 +194,8 @@ def _on_all(found: Found, start: Point, whole: Sequence[Record], max_steps: int)
         return search(found.point.system, found.point.starts, whole, steps=max_steps)
     again = search(start.system, start.starts, whole, steps=found.steps) if found.steps else found
     # Not where the other samples lead the search astray: the held-out ones then know a better end.
-    return again if again.point.cost < judged(found.point.system, found.point.starts, whole).cost else found
+    better = again.point.cost < judged(found.point.system, found.point.starts, whole).cost
+    return again if better else replace(found, interrupted=again.interrupted)
 
 
 def _errors(point: Point, records: Sequence[Record]) -> tuple[Array, Array]:
@@ -201,6 +203,7 @@ def _errors(point: Point, records: Sequence[Record]) -> tuple[Array, Array]:
     parts: tuple[list[Array], list[Array]] = ([], [])
     for record, start in zip(records, point.starts, strict=True):
         left = (record.outputs.T - point.system.run(record.inputs, start)[0]) ** 2
+        left[np.isnan(left)] = np.inf  # after the end of a run that diverged
         parts[0].append(left[: record.fitted])
         parts[1].append(left[record.fitted :])
     fitted, rest = (np.concatenate(part) for part in parts)

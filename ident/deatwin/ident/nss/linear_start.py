@@ -113,12 +113,19 @@ def in_own_coordinates(point: Point, records: Sequence[Record]) -> Point:
     spread = np.asarray(np.linalg.qr(seen.T / np.sqrt(seen.shape[1]), mode="r")).T
     spread = spread * np.sign(np.where(np.diag(spread) == 0.0, 1.0, np.diag(spread)))
     turn = np.linalg.lstsq(spread, turn, rcond=1e-10)[0]
-    back = np.linalg.pinv(turn)
+    # Back to the states that occur: fewer than n directions of them where the order is higher than that of the data.
+    left, sizes, _ = np.linalg.svd(states, full_matrices=False)
+    occurring = left[:, sizes > 1e-10 * sizes[0]]
+    back = occurring @ np.linalg.pinv(turn @ occurring)
     transition, output = system.transition.copy(), system.output.copy()
     transition = turn @ transition
     for weights in (transition, output):
         weights[:, 1 : 1 + n] = weights[:, 1 : 1 + n] @ back
-    return judged(replace(system, transition=transition, output=output), point.starts @ turn.T, records)
+    turned = judged(replace(system, transition=transition, output=output), point.starts @ turn.T, records)
+    # A state that is hardly seen loses its digits in the turn; where that costs more than half of those of the outputs,
+    # the coordinates stay.
+    rounding = np.finfo(float).eps * sum(record.fitted for record in records) * len(output)
+    return turned if turned.cost <= (1.0 + 1e-6) * point.cost + rounding else point
 
 
 def _states(system: System, start: Array, record: Record) -> Array:

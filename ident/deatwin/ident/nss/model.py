@@ -217,7 +217,8 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         Returns
         -------
         NarxResponse
-            Response with ``.outputs`` of shape (n_outputs, n). If the run diverges, ``.status`` says so.
+            Response with ``.outputs`` of shape (n_outputs, n). If the run diverges, ``.status`` says so; one that
+            diverges at its first sample holds the outputs' origin.
 
         Raises
         ------
@@ -230,7 +231,8 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         values[:, : drive.first] = drive.outputs[:, : drive.first]
         if reached >= values.shape[1]:
             return response_over(drive, values, drive.first, self.output_units)
-        values[:, max(reached, drive.first) :] = values[:, [max(reached, drive.first, 1) - 1]]
+        last = max(reached, drive.first)
+        values[:, last:] = values[:, [last - 1]] if last else self.output_origin[:, None]
         when = float(drive.timepts[reached])
         return response_over(drive, values, drive.first, self.output_units, ResponseStatus.DIVERGED, when)
 

@@ -57,8 +57,8 @@ class Pnlss(StateSpaceIdentifier):
     status_ : FitStatus
         Outcome of the search.
     linear_error_, error_, held_out_error_ : ndarray, shape (n_outputs,)
-        Root mean square of the free-run error of the linear start and of the model on the fitted samples, and of the
-        model on the held-out ones (NaN without), in the outputs' units.
+        Root mean square of the free-run error of the linear start and of the model on all samples, and of the model at
+        the end of the search on the held-out ones (NaN without), in the outputs' units.
 
     References
     ----------

@@ -137,15 +137,15 @@ def search(
                 damping *= 4.0
             else:
                 return end(count)
+            damping = max(damping / 4.0, 1e-8)
+            small = small + 1 if point.cost - ahead.cost <= tolerance * point.cost else 0
+            point = ahead
+            if point.held_out < best.held_out:
+                best, best_at = point, count
+            if progress is not None:
+                progress(count, point)
         except KeyboardInterrupt:
             return end(count, interrupted=True)
-        damping = max(damping / 4.0, 1e-8)
-        small = small + 1 if point.cost - ahead.cost <= tolerance * point.cost else 0
-        point = ahead
-        if point.held_out < best.held_out:
-            best, best_at = point, count
-        if progress is not None:
-            progress(count, point)
         if small == 2 or point.cost == 0.0:
             break
         if holds_out and count - best_at >= patience:
@@ -171,8 +171,10 @@ def covariance(point: Point, records: Sequence[Record]) -> tuple[Array, Array, i
         outputs = point.system.run(record.inputs[:, : record.fitted], start)[0]
         squares += ((outputs - record.outputs[:, : record.fitted].T) ** 2).sum(axis=0)
     noise = squares / max(samples - rank / p, 1.0)
-    roots = (right[seen] / scale / values[seen, None])[:, : point.system.theta.size]
-    return roots.T @ roots * float(noise.mean()), noise, rank
+    roots = (right[seen] / scale / values[seen, None])[:, : point.system.theta.size] * np.sqrt(noise.mean())
+    # Deviations whose squares are no longer told from 0 to all digits: an exact fit has them.
+    roots[:, np.linalg.norm(roots, axis=0) < np.sqrt(np.finfo(float).tiny / np.finfo(float).eps)] = 0.0
+    return roots.T @ roots, noise, rank
 
 
 def all_fitted(records: Sequence[Record]) -> list[Record]:

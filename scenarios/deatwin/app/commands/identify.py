@@ -95,7 +95,7 @@ Functions = Annotated[
         "--function",
         metavar="TEXT",
         help="A function of a lagged signal that terms may hold, as '|u(k-1)|', 'sat(u(k-1),0.5)' or "
-        "'sign(y(k-1)-y(k-2))'; once for each.",
+        "'sign(y(k-1)-y(k-2))'; with nss a further term, as '|x1|' or 'sat(u,0.5)'; once for each.",
     ),
 ]
 States = Annotated[int, typer.Option(min=1, help="Number of states (nss alone).")]
@@ -159,6 +159,7 @@ def identify(
     first, last = FIRST if first_input_lag is None else first_input_lag, LAST if input_lags is None else input_lags
     if last < first:
         raise typer.BadParameter(f"the last lag, {last}, lies before the first, {first}", param_hint="--input-lags")
+    _refuse_idle(context, method)
     if method is Method.NSS and report is not None:
         raise typer.BadParameter("reports are of NARX models; leave it out with --method nss", param_hint="--report")
     reading = ReadingTime.START_OF_HOLD if first else ReadingTime.END_OF_HOLD
@@ -250,6 +251,17 @@ def identify(
         )
         if not identifier.status_.ok:
             raise typer.Exit(130)
+
+
+def _refuse_idle(context: typer.Context, method: Method) -> None:
+    """Refuse an option that was given and that the method does not read."""
+    idle = ("output_lags", "input_lags", "first_input_lag", "max_terms") if method is Method.NSS else ("states",)
+    why = "a nonlinear state space has no lags and takes all terms" if method is Method.NSS else "only nss has states"
+    for name in idle:
+        source = context.get_parameter_source(name)
+        if source is not None and source.name == "COMMANDLINE":
+            hint = f"--{name.replace('_', '-')}"
+            raise typer.BadParameter(f"{why}; leave it out with --method {method}", param_hint=hint)
 
 
 def _fit(identifier: NarxIdentifier, training: Sequence[Recording], records: Sequence[Recording], voice: Voice) -> None:

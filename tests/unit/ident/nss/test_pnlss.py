@@ -4,12 +4,15 @@ import json
 
 import numpy as np
 import pytest
-from scipy.signal import dlsim
+from scipy.signal import dlsim, lfilter
 from scipy.stats import binom
 
 from deatwin.ident.narx import FitStatus
 from deatwin.ident.nss import NonlinearStateSpace, Pnlss
-from deatwin.ident.nss.identifier import _lines
+from deatwin.ident.nss.basis import Basis
+from deatwin.ident.nss.identifier import _lines, _on_all
+from deatwin.ident.nss.march import System
+from deatwin.ident.nss.search import Found, Record, judged
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -183,3 +186,68 @@ def test_arguments_that_make_no_sense_are_refused(arguments, message):
 def test_a_constant_signal_is_refused_by_name():
     with pytest.raises(ModelError, match='the input "command" is constant'):
         Pnlss().fit(Recording.from_arrays(np.ones(300), np.arange(300.0), 0.1))
+
+
+def lagged(gain=0.2, pole=0.8, n=1000):
+    """A lag of first order, read without noise."""
+    u = np.random.default_rng(0).uniform(-1.0, 1.0, n)
+    return Recording.from_arrays(u, lfilter([0.0, gain], [1.0, -pole], u), 0.01)
+
+
+@pytest.mark.parametrize("states", [2, 3])
+def test_too_many_states_keep_an_exact_linear_start(states):
+    fitted = Pnlss(states=states, degrees=[2]).fit(lagged())
+    assert fitted.linear_error_[0] < 1e-9 and fitted.error_[0] < 1e-7
+
+
+def test_an_exact_fit_has_a_covariance():
+    u = np.random.default_rng(0).uniform(-1.0, 1.0, 1000)
+    fitted = Pnlss(states=1, degrees=[2], output_degrees=[2]).fit(Recording.from_arrays(u, u + u**2, 0.01))
+    assert fitted.error_[0] < 1e-9 and np.isfinite(fitted.model_.theta_cov).all()
+
+
+def test_both_errors_are_of_all_samples():
+    # Without terms the model is the linear one; its fit to all samples cannot be worse than the start over them.
+    record = duffing(np.random.default_rng(11), 300, noise=0.1)
+    quiet = Recording.from_arrays(record.inputs[0], record.outputs[0] + np.r_[np.zeros(240), np.full(60, 9.0)], 0.1)
+    fitted = Pnlss(states=2, degrees=[]).fit(quiet)
+    assert fitted.linear_error_[0] > 3.0 and fitted.error_[0] <= fitted.linear_error_[0]
+
+
+def test_an_interrupt_that_the_progress_raises_keeps_the_model():
+    def stop(share, text):
+        if text.startswith("step 2") or text == "done":
+            raise KeyboardInterrupt
+
+    fitted = Pnlss(**DUFFING).fit(duffing(np.random.default_rng(10), 200, noise=0.1), progress=stop)
+    assert fitted.status_ is FitStatus.INTERRUPTED and fitted.model_.simulate(np.ones(9)).status.ok
+
+
+def test_an_interrupt_of_the_last_search_is_told(monkeypatch):
+    basis = Basis(1, 1, 0, ())
+    free = {"directions": (0, 3), "transition": (1, 3), "output": (1, 3)}
+    system = System.of(
+        basis, {name: np.zeros(s) for name, s in free.items()}, {n: np.ones(s, bool) for n, s in free.items()}
+    )
+    whole = [Record(inputs=np.ones((1, 9)), outputs=np.ones((1, 9)), fitted=9)]
+    start = judged(system, np.zeros((1, 1)), whole)
+    monkeypatch.setattr("deatwin.ident.nss.search.triangle", _interrupt)
+    assert _on_all(Found(point=start, steps=1, overfitted=True), start, whole, 9).interrupted
+
+
+def _interrupt(*_):
+    raise KeyboardInterrupt
+
+
+def test_a_run_that_diverges_at_once_holds_the_origin():
+    model = NonlinearStateSpace(
+        terms=["u^2"], transition=[[0, 0.5, 1, 0]], output=[[0, 1, 0, 1]], sample_time=1.0, output_origin=[3.0]
+    )
+    run = model.simulate([1e9, 0.0, 0.0])
+    assert run.failed_at_s == 0.0 and run.outputs.tolist() == [[3.0, 3.0, 3.0]]
+
+
+@pytest.mark.parametrize("power", ["0", "1024", "9" * 20, "9" * 5000])
+def test_a_power_that_no_number_has_is_refused(power):
+    with pytest.raises(ModelError, match="must be at least 1 and at most 1023"):
+        NonlinearStateSpace(terms=[f"u^{power}"], transition=[[0, 0.5, 1, 0]], output=[[0, 1, 0, 1]], sample_time=1.0)
