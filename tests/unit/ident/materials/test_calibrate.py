@@ -187,7 +187,7 @@ def test_a_measured_silicone_has_its_published_constants(tmp_path: Path) -> None
     write_text_atomic(
         tmp_path / "tests.toml",
         f'[material]\nenergy = "yeoh"\n[[tests]]\nkind = "tension"\nfile = \'{DATA / "soft_materials" / "Dragon Skin 30.csv"}\'\n'
-        'strain = "Engineering Strain"\nstress = "Engineering Stress"\n',
+        'strain = "Engineering Strain=1"\nstress = "Engineering Stress"\n',
     )
     listed = read_material_tests(tmp_path / "tests.toml")
     test = listed.tests[0]
