@@ -98,7 +98,7 @@ def _lines(name: str, table: Mapping[str, Any]) -> Iterator[str]:
             yield from (f"{one} = {_value(number)}" for one, number in branch.items())
     if not table.get("branches", True):
         yield ""
-        yield "# no branches: the tests show no relaxation"
+        yield "# no branches"
 
 
 def _value(value: Any) -> str:
