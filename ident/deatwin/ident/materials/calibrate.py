@@ -20,6 +20,7 @@ from deatwin.ident.materials.section import section_of, stated_energy
 from deatwin.ident.materials.tests import MaterialTest
 from deatwin.plant.errors import DataError
 from deatwin.plant.laws.energies import yeoh
+from deatwin.plant.rigs.rigmaterial import read_material
 
 Array = NDArray[np.float64]
 

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.materials.section import stated_energy
 from deatwin.ident.materials.tests import KINDS, MaterialTest
-from deatwin.plant.errors import DataError, DeatwinError, nearest
+from deatwin.plant.errors import DataError, DeatwinError, RigError, nearest
 from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.recordings import table_of_file
 from deatwin.plant.files.units import UNITS as KNOWN_UNITS
@@ -113,6 +114,10 @@ def read_material_tests(path: str | Path) -> MaterialTests:
     if mistakes := list(_mistakes(data)):
         more = f" and {len(mistakes) - 10} more" if len(mistakes) > 10 else ""
         raise DataError(f"{path}: {'; '.join(mistakes[:10])}{more}")
+    try:
+        stated_energy(data.get("material", {}))
+    except RigError as error:
+        raise DataError(f"{path}: {error}") from None
     shared = data.get("specimen", {})
     folder = Path(path).parent
     tests = [_test({**shared, **one}, folder, number) for number, one in enumerate(data["tests"], start=1)]

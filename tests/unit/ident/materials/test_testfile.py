@@ -59,6 +59,14 @@ def test_two_tests_of_one_file_have_names_of_their_own(tmp_path: Path) -> None:
             r"did you mean .width_mm.*kind: 3 is a number.*.file. is missing",
         ),
         ("tests = 3\n", "there is no test"),
+        (
+            '[material]\nenergy = "ogdn"\n[[tests]]\nkind = "tension"\nfile = "b.csv"\nstrain = "#1"\nstress = "s=kPa"\n',
+            r"tests.toml: \[material\] energy: unknown energy .ogdn.",
+        ),
+        (
+            '[material]\npermittivity = -2.8\n[[tests]]\nkind = "tension"\nfile = "b.csv"\nstrain = "#1"\nstress = "s=kPa"\n',
+            r"tests.toml: \[material\] permittivity: -2.8 is below 1",
+        ),
         ('[tests]\nkind = "tension"\n', r"write \[\[tests\]\] with double brackets"),
         (
             '[[tests]]\nkind = "tension"\nfile = "b.csv"\nstrain = "#1=1"\nstress = "s=kPa"\n',
