@@ -131,6 +131,8 @@ def test_a_formula_of_ones_own() -> None:
     first, second = found.quantities
     assert first.low < 50e3 < first.high and second.low < 4e3 < second.high
     assert found.material.energy.text == about["energy"]
+    assert any("no permittivity is stated" in note for note in found.notes)
+    assert "show no relaxation" not in found.to_toml()  # tests without times cannot
 
 
 def test_a_path_keeps_its_corners() -> None:
