@@ -102,9 +102,11 @@ class Supply:
         voltage = charge * size / all_of_it
         current = build.coordinate("supply_current", scale=1e-6)
         build.rate(charge, (current - bleeder * voltage) * all_of_it / (reached * size))
-        # As a voltage drop: a search for rest from afar would find the current flat.
+        # Into the film as a voltage drop, for a search for rest from afar would find the current flat; out of it as a
+        # current, for that of a converter that takes none back is as good as 0 and the drop any.
         ahead = wanted - voltage
-        build.balance(ahead - resistance * current * self._excess(ahead, build))
+        excess, drop = self._excess(ahead, build), resistance * current
+        build.balance(ca.if_else(ahead > 0, ahead - drop * excess, ahead / excess - drop))
         return voltage
 
     def _excess(self, ahead: Symbol, build: Builder) -> Symbol:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deatwin.plant import BlockedPlanar, Diaphragm, Experiment, Plant, Recording, RigError, Supply, load_plant
+from deatwin.plant import BlockedPlanar, Diaphragm, Disc, Experiment, Plant, Recording, RigError, Supply, load_plant
 from deatwin.plant.files import write_text_atomic
 
 STEP, VOLTS = 2e-3, 2000.0
@@ -46,6 +46,23 @@ def test_a_converter_that_cannot_sink_falls_through_its_bleeder() -> None:
     volts, film = charged(Supply(sink_current=0.0, series_resistance=1e4, bleed_resistance=50e6))
     assert volts[RISE - 1] == pytest.approx(VOLTS * 50e6 / (50e6 + 1e4), rel=1e-6)
     np.testing.assert_allclose(volts[RISE:], volts[RISE - 1] * np.exp(-TIMES / (50e6 * film)), rtol=1e-3)
+
+
+@pytest.mark.parametrize("limit", [200e-6, 20e-6, None])
+def test_a_converter_that_cannot_sink_holds_the_peak_of_a_disc(limit: float | None) -> None:
+    commands = np.r_[np.linspace(0.0, 1.0, 50), np.zeros(50)]
+    rig = Disc(
+        sample_time=0.02, gain=1000.0, supply=Supply(current_limit=limit, sink_current=0.0, bleed_resistance=5e9)
+    )
+    recording = Recording.from_arrays(commands, np.zeros(commands.size), 0.02)
+    watched = Plant(rig=rig).simulate(Experiment(recordings=(recording,))).require().watched[0]
+    volts, film = watched["film_voltage"], watched["capacitance"]
+    # The charging is faster than a sample by far: a step goes a little beyond, and nothing takes that back.
+    np.testing.assert_allclose(volts[5:50], 1e3 * commands[5:50], atol=20.0)
+    # The charge falls through the bleeder; the film's own leakage takes a little more.
+    charge, lost = volts * film, 0.02 * np.cumsum(volts[50:]) / 5e9
+    left = charge[50:] / (charge[49] - lost)
+    assert np.all((left > 0.9) & (left < 1.0))
 
 
 def test_a_supply_without_limits_is_none() -> None:

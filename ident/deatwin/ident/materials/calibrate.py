@@ -13,13 +13,14 @@ from scipy.stats import t as student
 from deatwin.ident.materials.energies import EnergyStart, is_stable, known_energies
 from deatwin.ident.materials.fit import Fit, fewer_and_fewer, fit, neo_hookean_modulus, richest
 from deatwin.ident.materials.noise import Noise, estimate_noise
-from deatwin.ident.materials.notes import ODDS, notes_of
+from deatwin.ident.materials.notes import ODDS, notes_of, on_permittivity
 from deatwin.ident.materials.observations import Observations
 from deatwin.ident.materials.result import CalibratedMaterial, Choice, Quantity
 from deatwin.ident.materials.section import section_of, stated_energy
 from deatwin.ident.materials.tests import MaterialTest
 from deatwin.plant.errors import DataError
 from deatwin.plant.laws.energies import yeoh
+from deatwin.plant.rigs.rigmaterial import read_material
 
 Array = NDArray[np.float64]
 
@@ -78,13 +79,16 @@ def calibrate_material(tests: Sequence[MaterialTest], about: Mapping[str, Any] |
     data = Observations.of(tests)
     chosen = _choose(data, own)
     quantities, covariance = _intervals(data, chosen)
+    section = section_of(about or {}, chosen.fit, quantities)
+    material, _ = read_material(section)
+    said = notes_of(data, chosen.fit, chosen.noise, chosen.choices, quantities)
     return CalibratedMaterial(
-        section=section_of(about or {}, chosen.fit, quantities),
+        section=section,
         quantities=quantities,
         covariance=covariance,
         noise=chosen.noise,
         choices=chosen.choices,
-        notes=tuple(notes_of(data, chosen.fit, chosen.noise, chosen.choices, quantities)),
+        notes=(*said, *on_permittivity(about or {}, material)),
         tests=tuple(tests),
         data=data,
         modelled=chosen.fit.modelled,

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from deatwin.ident.materials.noise import Noise
     from deatwin.ident.materials.observations import Observations
     from deatwin.ident.materials.result import Choice, Quantity
+    from deatwin.plant.substance import Material
 
 Array = NDArray[np.float64]
 
@@ -39,6 +40,15 @@ def notes_of(
         wide = one.low <= 0.0 <= one.high or max(abs(one.high / one.low), abs(one.low / one.high)) > WIDE
         if wide and not one.name.endswith("limit") and one.name != "locking_stretch":
             yield f"{one.name} is hardly known: {one.low:.3g} to {one.high:.3g} {one.unit}"
+
+
+def on_permittivity(about: Mapping[str, Any], material: Material | None) -> Iterator[str]:
+    """Say which permittivity is taken where none is stated."""
+    if "permittivity" not in about and material is not None:
+        yield (
+            f"no permittivity is stated, and coupons show none: {material.permittivity.value:.3g} is taken, which sets "
+            "what voltage does; state it in [material]"
+        )
 
 
 def _on_energies(data: Observations, fitted: Fit, choices: Sequence[Choice]) -> Iterator[str]:
@@ -73,7 +83,8 @@ def _on_times(data: Observations, fitted: Fit) -> Iterator[str]:
         yield f"{why}: the material has no branches, whatever it does in time"
         return
     shortest, longest = data.relaxation
-    yield f"the equilibrium is that after {longest:.3g} s: the tests show nothing slower"
+    shown = max(clock[1] for block in data.blocks if (clock := block.test.clock) is not None)
+    yield f"the equilibrium is the stress after {shown:.3g} s, the longest time of a test: the tests show nothing slower"
     times = fitted.branches[1] if fitted.n_branches else np.empty(0)
     if np.any(times < 1.05 * shortest):
         yield f"the fastest branch lies at the end of what the tests show, {shortest:.2g} s: it stands for all that is faster"

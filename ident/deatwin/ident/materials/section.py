@@ -33,7 +33,10 @@ def stated_energy(about: Mapping[str, Any]) -> EnergyStart | str | None:
         if "parameters" in about:
             raise RigError('[material]: parameters are of an energy; name it, as in energy = "gent", or leave them out')
         return None
-    law = energy_named(str(energy))
+    try:
+        law = energy_named(str(energy))
+    except RigError as error:
+        raise RigError(f"[material] energy: {error}") from None
     if not isinstance(law, Formula) and "parameters" not in about:
         return str(law.__name__)
     start = _checked(about)
@@ -98,7 +101,7 @@ def _lines(name: str, table: Mapping[str, Any]) -> Iterator[str]:
             yield from (f"{one} = {_value(number)}" for one, number in branch.items())
     if not table.get("branches", True):
         yield ""
-        yield "# no branches: the tests show no relaxation"
+        yield "# no branches"
 
 
 def _value(value: Any) -> str:

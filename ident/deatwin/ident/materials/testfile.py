@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.materials.section import stated_energy
 from deatwin.ident.materials.tests import KINDS, MaterialTest
-from deatwin.plant.errors import DataError, DeatwinError, nearest
+from deatwin.plant.errors import DataError, DeatwinError, RigError, nearest
 from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.recordings import table_of_file
 from deatwin.plant.files.units import UNITS as KNOWN_UNITS
@@ -42,6 +43,9 @@ UNITS: Mapping[str, str] = MappingProxyType(
 )
 """Columns of a test and their SI units."""
 STRETCHES, STRESSES = ("stretch", "strain", "true_strain", "displacement"), ("stress", "true_stress", "force")
+_PLAIN = ("1", "-", "–", "mm/mm", "m/m")
+LARGEST = 20.0
+"""Largest stretch of a test: elastomers break far below it, and a strain in per cent that is taken for fractions is above."""
 _DYNAMIC = ("frequency", "storage", "loss")
 
 
@@ -61,7 +65,7 @@ TEST: Keys = {
     **{name: TextKey(field=name, required=False) for name in UNITS},
     **SPECIMEN,
     "rate_1_s": NumberKey(field="rate", lower=1e-9, upper=1e6, required=False, about="of the strain, without times"),
-    "held_stretch": NumberKey(field="held", lower=0.01, upper=20.0, required=False),
+    "held_stretch": NumberKey(field="held", lower=0.01, upper=LARGEST, required=False),
     "modulus": TextKey(field="modulus", choices=("tension", "shear"), required=False),
 }
 """Keys of a test."""
@@ -110,6 +114,10 @@ def read_material_tests(path: str | Path) -> MaterialTests:
     if mistakes := list(_mistakes(data)):
         more = f" and {len(mistakes) - 10} more" if len(mistakes) > 10 else ""
         raise DataError(f"{path}: {'; '.join(mistakes[:10])}{more}")
+    try:
+        stated_energy(data.get("material", {}))
+    except RigError as error:
+        raise DataError(f"{path}: {error}") from None
     shared = data.get("specimen", {})
     folder = Path(path).parent
     tests = [_test({**shared, **one}, folder, number) for number, one in enumerate(data["tests"], start=1)]
@@ -147,6 +155,9 @@ def _mistakes(data: Mapping[str, Any]) -> Iterator[str]:
         yield f"material is {kind_of(data['material'])}; it must be a section [material]"
     yield from _inside("[specimen]", data.get("specimen", {}), SPECIMEN)
     tests = data.get("tests")
+    if isinstance(tests, Mapping):
+        yield "a list may have several tests: write [[tests]] with double brackets instead of [tests]"
+        return
     if not isinstance(tests, list) or not tests:
         yield 'there is no test; write a section [[tests]] with kind = "tension" and file = "pull.csv"'
         return
@@ -205,7 +216,8 @@ def _incomplete(one: Mapping[str, Any]) -> Iterator[str]:
 def _test(one: Mapping[str, Any], folder: Path, number: int) -> MaterialTest:
     """Return a test without mistakes."""
     table = table_of_file(folder / one["file"])
-    columns = _columns(table, {name: one[name] for name in UNITS if name in one}, f"[[tests]] {number}")
+    place = f"[[tests]] {number}"
+    columns = _columns(table, {name: one[name] for name in UNITS if name in one}, place)
     known: dict[str, Any] = {"name": Path(one["file"]).name, "kind": one["kind"], "specimen": one.get("specimen", "")}
     sizes = {name.removesuffix("_mm"): one[name] / 1e3 for name in SPECIMEN if name in one}
     try:
@@ -219,12 +231,18 @@ def _test(one: Mapping[str, Any], folder: Path, number: int) -> MaterialTest:
             return MaterialTest(**known, **moduli, stretch=held, shear=one.get("modulus") == "shear")
         stretch, stress = _pull(columns, one, sizes)
         times = columns.get("time")
+        if np.any(large := stretch > LARGEST):
+            row = int(np.argmax(large))
+            raise DataError(
+                f"{table.where(row)}: {place} has a stretch of {stretch[row]:.4g} there; it must be at most {LARGEST:g}: "
+                "is the unit right, or the length of the specimen?"
+            )
         if "rate_1_s" in one:
             moved = np.abs(np.diff(stretch, prepend=1.0))
             times = np.cumsum(moved) / one["rate_1_s"]
         return MaterialTest(**known, times=times, stretch=stretch, stress=stress)
     except DataError as error:
-        raise DataError(f"{table.path}{str(error).removeprefix(known['name'])}") from None
+        raise DataError(f"{table.path}{str(error).removeprefix(str(table.path)).removeprefix(known['name'])}") from None
 
 
 def _pull(columns: Mapping[str, Array], one: Mapping[str, Any], sizes: Mapping[str, float]) -> tuple[Array, Array]:
@@ -255,6 +273,7 @@ def _columns(table: Table, wanted: Mapping[str, str], place: str) -> dict[str, A
             other = next(key for key, one in found.items() if one == column)
             raise DataError(f'{table.path}: {place} takes the column "{table.shown(column)}" as {other} and as {name}')
         if unit:
+            _require_agreement(table, column, unit, place)
             units[column], said[column] = find_unit(unit), unit
         found[name] = column
     table = replace(table, units=tuple(units), said=tuple(said))
@@ -265,14 +284,34 @@ def _columns(table: Table, wanted: Mapping[str, str], place: str) -> dict[str, A
     return dict(zip(found, table.si(order), strict=True))
 
 
+def _require_agreement(table: Table, column: int, unit: str, place: str) -> None:
+    """Refuse a stated unit that contradicts the file's own."""
+    own = table.units[column] or ("1" if _is_plain(table, column) else "")
+    if own not in ("", "C", find_unit(unit) or unit):  # C may be degrees or coulombs
+        raise DataError(
+            f'{table.path}: {place}: the column "{table.shown(column)}" is in {own}, but is said to be in '
+            f"{clipped(unit)}; leave ={clipped(unit)} out"
+        )
+
+
+def _is_plain(table: Table, column: int) -> bool:
+    """Return whether a column is said to be a plain number: "=1", a line of units, or a header like "strain [-]"."""
+    said = table.said[column].strip("()[] ") if table.said else ""
+    header = table.headers[column].strip()
+    return said in _PLAIN or any(header.endswith((f"[{sign}]", f"({sign})")) for sign in _PLAIN)
+
+
 def _require_unit(table: Table, column: int, name: str, place: str) -> None:
     """Refuse a column without a unit, or in one of another kind."""
-    said, known, wanted = table.own_unit(column), table.units[column], UNITS[name]
+    known, wanted = table.units[column], UNITS[name]
+    said = "" if _is_plain(table, column) else table.own_unit(column)
     usual = {"m": "mm", "Pa": "MPa", "1": "%"}.get(wanted, wanted)
-    if not said and wanted != "1":
+    # A strain of 50 may be per cent; a stretch is hardly ever given so.
+    if not said and (wanted != "1" or (name in ("strain", "true_strain") and not _is_plain(table, column))):
+        plain = ', or "=1" for fractions' if wanted == "1" else ""
         raise DataError(
             f'{table.path}: the column "{table.shown(column)}" gives no unit; state it in {place}: '
-            f'{name} = "{table.unmistakable(column)}={usual}"'
+            f'{name} = "{table.unmistakable(column)}={usual}"{plain}'
         )
     if said and not (known and same_kind(KNOWN_UNITS[known].si, wanted)):
         plain = "a plain number, or in %" if wanted == "1" else f"in a unit like {usual}"

@@ -211,9 +211,7 @@ def table_of(numbered: Iterable[tuple[int, str]], name: str, sha256: str) -> Csv
     if filled and filled[0][1].startswith(DESCRIPTION):
         declared = read_description(filled.pop(0)[1].removeprefix(DESCRIPTION), name)
     if not filled:
-        raise DataError(
-            f"{name}: the file is empty; it must hold a header (time_s,command_V,displacement_mm) and samples"
-        )
+        raise DataError(f"{name}: the file is empty; it must hold a header, with the names of its columns, and samples")
     rows, lines = [row for row, _ in filled], [line for _, line in filled]
     layout = find_layout(lines, rows, name)
     if layout.head:

@@ -159,7 +159,9 @@ def load_material(path: str | Path) -> Material:
 
 
 def _material_of(file: TomlFile) -> Material:
-    found, mistakes = read_material(file.data.get("material", {}))
+    if "material" not in file.data:
+        raise RigError(f"{file.path}: this is no material file: it has no section [material]")
+    found, mistakes = read_material(file.data["material"])
     if found is None:
         places = [Mistake(text=said, at=("material", *at), line_of=("material", *at)) for at, said in mistakes]
         raise RigError(format_errors(file.path, places, lines_of(file.text) if len(places) > 1 else {}))

@@ -149,7 +149,7 @@ KINDS: Mapping[str, RigKind] = MappingProxyType(
             load={"mass_g": _MOVED},
             absent={"mass": 0.0},
             examples={"length_mm": 40.0, "waist_width_mm": 20.0, "bar_width_mm": 60.0, "prestretch": 1.5}
-            | {"side_prestretch": 0.8, "sides": "clamped"},
+            | {"side_prestretch": 1.2, "sides": "clamped"},
         ),
         "roll": RigKind(
             about="A spring roll: a film wound around a compressed spring, which voltage lets lengthen.",

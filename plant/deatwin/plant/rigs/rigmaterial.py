@@ -106,8 +106,14 @@ class _Reader:
         if value == 0.0 and not {"low", "high"} <= set(numbers):
             self.told(path, "0 has no range of its own; write { value = 0.0, low = -1e3, high = 1e3 }")
             return None
+        if name == "permittivity" and value < 1.0:
+            self.told(path, f"{value:g} is below 1, the permittivity of a vacuum")
+            return None
         least, most = _usual(name, value, unit)
         low, high = float(numbers.get("low", min(least, value))), float(numbers.get("high", max(most, value)))
+        if low > high:
+            self.told(path, f"low = {low:g} exceeds high = {high:g}")
+            return None
         if not low <= value <= high or low == high:
             self.told(path, f"{value:g} does not lie in its range from {low:g} to {high:g}")
             return None
@@ -156,8 +162,6 @@ def read_material(section: object) -> tuple[Material | None, list[tuple[tuple[st
         changed["branches"] = tuple(_branches(reader))
     if "permittivity" in section:
         given = reader.parameter(("permittivity",), section["permittivity"], "permittivity", "1")
-        if given is not None and given.value < 1.0:
-            reader.told(("permittivity",), f"{given.value:g} is below 1, the permittivity of a vacuum")
         changed["permittivity"] = given
     if (law := reader.table("breakdown")) is not None:
         changed["breakdown"] = _breakdown(reader, law)

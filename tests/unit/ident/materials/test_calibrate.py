@@ -131,6 +131,8 @@ def test_a_formula_of_ones_own() -> None:
     first, second = found.quantities
     assert first.low < 50e3 < first.high and second.low < 4e3 < second.high
     assert found.material.energy.text == about["energy"]
+    assert any("no permittivity is stated" in note for note in found.notes)
+    assert "show no relaxation" not in found.to_toml()  # tests without times cannot
 
 
 def test_a_path_keeps_its_corners() -> None:
@@ -187,7 +189,7 @@ def test_a_measured_silicone_has_its_published_constants(tmp_path: Path) -> None
     write_text_atomic(
         tmp_path / "tests.toml",
         f'[material]\nenergy = "yeoh"\n[[tests]]\nkind = "tension"\nfile = \'{DATA / "soft_materials" / "Dragon Skin 30.csv"}\'\n'
-        'strain = "Engineering Strain"\nstress = "Engineering Stress"\n',
+        'strain = "Engineering Strain=1"\nstress = "Engineering Stress"\n',
     )
     listed = read_material_tests(tmp_path / "tests.toml")
     test = listed.tests[0]

@@ -15,6 +15,8 @@ SIZES = "[specimen]\nlength_mm = 50\nwidth_mm = 5\nthickness_mm = 2\n"
 def listed(folder: Path, text: str) -> Path:
     write_csv(folder / "a.csv", {"time_s": np.arange(5.0), "x_mm": 5.0 * np.arange(1, 6), "F_N": np.arange(1.0, 6.0)})
     write_csv(folder / "b.csv", {"e_%": 10.0 * np.arange(1, 6), "s": np.arange(1.0, 6.0)})
+    write_csv(folder / "c2.csv", {"e": 10.0 * np.arange(1, 6), "s": np.arange(1.0, 6.0)})
+    write_csv(folder / "d.csv", {"e [-]": 0.1 * np.arange(1, 6), "f": 0.1 * np.arange(1, 6), "s": np.arange(1.0, 6.0)})
     write_text_atomic(folder / "tests.toml", text)
     return folder / "tests.toml"
 
@@ -36,6 +38,13 @@ def test_true_stress_strain_in_per_cent_and_a_rate(tmp_path: Path) -> None:
     assert test.specimen == "A"
 
 
+@pytest.mark.parametrize("strain", ["e [-]", "f=1", "f=mm/mm"])
+def test_a_strain_is_said_to_be_a_fraction(tmp_path: Path, strain: str) -> None:
+    text = f'[[tests]]\nkind = "tension"\nfile = "d.csv"\nstrain = "{strain}"\nstress = "s=kPa"\n'
+    (test,) = read_material_tests(listed(tmp_path, text)).tests
+    np.testing.assert_allclose(test.stretch, 1 + 0.1 * np.arange(1, 6))
+
+
 def test_two_tests_of_one_file_have_names_of_their_own(tmp_path: Path) -> None:
     one = '[[tests]]\nkind = "tension"\nfile = "b.csv"\nstrain = "#1"\nstress = "s=kPa"\n'
     names = [test.name for test in read_material_tests(listed(tmp_path, one + one)).tests]
@@ -50,6 +59,35 @@ def test_two_tests_of_one_file_have_names_of_their_own(tmp_path: Path) -> None:
             r"did you mean .width_mm.*kind: 3 is a number.*.file. is missing",
         ),
         ("tests = 3\n", "there is no test"),
+        (
+            '[material]\nenergy = "ogdn"\n[[tests]]\nkind = "tension"\nfile = "b.csv"\nstrain = "#1"\nstress = "s=kPa"\n',
+            r"tests.toml: \[material\] energy: unknown energy .ogdn.",
+        ),
+        (
+            '[material]\npermittivity = -2.8\n[[tests]]\nkind = "tension"\nfile = "b.csv"\nstrain = "#1"\nstress = "s=kPa"\n',
+            r"tests.toml: \[material\] permittivity: -2.8 is below 1",
+        ),
+        ('[tests]\nkind = "tension"\n', r"write \[\[tests\]\] with double brackets"),
+        (
+            '[[tests]]\nkind = "tension"\nfile = "b.csv"\nstrain = "#1=1"\nstress = "s=kPa"\n',
+            r'b.csv: \[\[tests\]\] 1: the column "e_%" is in %, but is said to be in 1',
+        ),
+        (
+            '[[tests]]\nkind = "tension"\nfile = "b.csv"\nstrain = "s"\nstress = "#1=kPa"\n',
+            '"e_%" is in %, but is said to be in kPa',
+        ),
+        (
+            '[[tests]]\nkind = "tension"\nfile = "a.csv"\nstrain = "time_s"\nstress = "F_N=mN"\n',
+            '"F_N" is in N, but is said to be in mN; leave =mN out',
+        ),
+        (
+            '[[tests]]\nkind = "tension"\nfile = "c2.csv"\nstrain = "e"\nstress = "s=kPa"\n',
+            '"e" gives no unit.*strain = "e=%", or "=1" for fractions',
+        ),
+        (
+            '[[tests]]\nkind = "tension"\nfile = "c2.csv"\nstretch = "e"\nstress = "s=kPa"\n',
+            "c2.csv, row 4: .*a stretch of 30 there; it must be at most 20",
+        ),
         ('[[tests]]\nkind = "dma"\nfile = "b.csv"\nstress = "s"\n', 'needs the column "frequency".*has no "stress"'),
         (
             '[[tests]]\nkind = "tension"\nfile = "b.csv"\nstrain = "#1"\n',

@@ -202,6 +202,7 @@ WITH_OWN = DISC.replace('material = "Elastosil 2030"\n', "") + OWN
         (WITH_OWN, "stretch_limit = 40", "", r'\[material\] parameters: the parameter "stretch_limit" is missing'),
         (WITH_OWN, "stretch_limit = 40", "stretch_limit = true", "true|True is a truth value; it must be a number, or"),
         (WITH_OWN, "low = 200e3", "low = 400e3", "300000 does not lie in its range from 400000 to 500000"),
+        (WITH_OWN, "low = 200e3", "low = 600e3", "low = 600000 exceeds high = 500000"),
         (WITH_OWN, "time_s = 5", "times = 5", 'branch 1 lacks "time_s"'),
         (WITH_OWN, "field_MV_m", "field", 'unknown key "field"'),
         (WITH_OWN, "density_kg_m3 = 1100", "density_kg_m3 = 0", "a density"),
