@@ -220,6 +220,7 @@ FILES = {
     "hoop.toml": RIG + "[hoop]\n",
     "three.toml": "readings = 3\n" + RIG,
     "curent.toml": RIG + '[readings.curent]\nunit = "nA"\nnoise = 1\n',
+    "same.toml": RIG + '[readings.current]\ncolumn = "displacement_mm"\nunit = "nA"\nnoise = 1\n',
     "monitor.toml": RIG + '[readings.current]\ncolumn = "I_mon"\nunit = "nA"\nnoise = 1\n',
     "monitor.csv": HEADER + ",I_mon" + "".join(f"\n{0.02 * k:.2f},{k % 3},0.3,5" for k in range(40)),
     "above.toml": "gain = 800.0\n" + RIG,
