@@ -214,7 +214,7 @@ def _model(
     identifier: Identifier, point: Point, records: Sequence[Record], recordings: Sequence[Recording], sides: Sides
 ) -> NonlinearStateSpace:
     """Return the model with its covariance."""
-    cov, noise, _ = covariance(point, records)
+    cov, noise = covariance(point, records)
     first, system = recordings[0], point.system
     files = [record.provenance["file"] for record in recordings if "file" in record.provenance]
     return NonlinearStateSpace(

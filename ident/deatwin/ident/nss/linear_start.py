@@ -44,24 +44,17 @@ def linear_start(
     return search(system, best.starts, records, steps=steps, patience=steps)
 
 
-def _linear(a: Array, c: Array, m: int) -> System:
-    """Return the system without inputs, of which what the inputs do is free."""
+def _linear(a: Array, c: Array, m: int, feedthrough: bool) -> System:
+    """Return the system without inputs, in which the weights of the inputs and the constant are free."""
     p, n = c.shape
     basis = Basis(n, m, 0, ())
     transition, output = np.zeros((n, basis.size)), np.zeros((p, basis.size))
     transition[:, 1 : 1 + n], output[:, 1 : 1 + n] = a, c
-    free = [np.zeros_like(weights, dtype=bool) for weights in (np.zeros((0, basis.size)), transition, output)]
-    free[1][:, 1 + n :] = True
-    free[2][:, [0, *range(1 + n, basis.size)]] = True
-    return System(
-        basis=basis,
-        directions=np.zeros((0, basis.size)),
-        transition=transition,
-        output=output,
-        free_directions=free[0],
-        free_transition=free[1],
-        free_output=free[2],
-    )
+    weights = {"directions": np.zeros((0, basis.size)), "transition": transition, "output": output}
+    free = {name: np.zeros_like(values, dtype=bool) for name, values in weights.items()}
+    free["transition"][:, 1 + n :] = True
+    free["output"][:, 0], free["output"][:, 1 + n :] = True, feedthrough
+    return System.of(basis, weights, free)
 
 
 def _freed(system: System, feedthrough: bool) -> System:
@@ -73,11 +66,7 @@ def _freed(system: System, feedthrough: bool) -> System:
 
 def _fitted(a: Array, c: Array, records: Sequence[Record], feedthrough: bool) -> Point:
     """Fit B, D, the constant and the first states, in which the outputs are linear."""
-    system = _linear(a, c, len(records[0].inputs))
-    if not feedthrough:
-        output = system.free_output.copy()
-        output[:, 1 + system.basis.states :] = False
-        system = replace(system, free_output=output)
+    system = _linear(a, c, len(records[0].inputs), feedthrough)
     point = judged(system, np.zeros((len(records), len(a))), records)
     rows = triangle(point, records)
     step = np.asarray(np.linalg.lstsq(rows[:, :-1], rows[:, -1], rcond=1e-12)[0], dtype=np.float64)

@@ -113,6 +113,13 @@ class System:
         )
         return outputs, gradient, int(reached)
 
+    def sensitivities(self, inputs: Array, start: Array) -> tuple[Array, Array]:
+        """Return outputs and their derivatives of a whole run, shaped as those of `run`."""
+        outputs, gradient, _ = self.run(inputs, start, sensitive=True)
+        if gradient is None:
+            raise ValueError("a sensitive run has a gradient")
+        return outputs, gradient
+
     def _work(self) -> Array:
         basis, (p, n) = self.basis, (len(self.output), self.basis.states)
         width = n + basis.inputs + basis.directions

@@ -225,7 +225,9 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         ModelError
             If shapes are inconsistent, or the recording does not suit the model.
         """
-        drive, start = self._begun(recording, warmup, initial)
+        return self._run(*self._begun(recording, warmup, initial))
+
+    def _run(self, drive: Drive, start: Opening) -> NarxResponse:
         outputs, _, reached = self.system.run(self._scaled(drive.inputs, "input"), start.state, limit=DIVERGED)
         values = outputs.T * self.output_scale[:, None] + self.output_origin[:, None]
         values[:, : drive.first] = drive.outputs[:, : drive.first]
@@ -283,13 +285,11 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
             If the recording does not suit the model, the level lies outside 0 to 1, or the run diverges.
         """
         half = quantile(level, math.inf)
-        response = self.simulate(recording, warmup=warmup)
+        drive, start = self._begun(recording, warmup, None)
+        response = self._run(drive, start)
         if not response.status.ok:
             raise ModelError(f"the free run diverged at {response.failed_at_s:.6g} s: there is no band")
-        start = self._begun(recording, warmup, None)[1]
-        gradient = self.system.run(self._scaled(recording.inputs, "input"), start.state, sensitive=True)[1]
-        if gradient is None:
-            raise ValueError("a sensitive run has a gradient")
+        gradient = self.system.sensitivities(self._scaled(recording.inputs, "input"), start.state)[1]
         n = self.theta.size
         weights = gradient[:, :, :n] + gradient[:, :, n:] @ start.by_theta
         variance = np.einsum("kpi,ij,kpj->pk", weights, self.theta_cov, weights, optimize=True)

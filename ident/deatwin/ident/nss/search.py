@@ -76,9 +76,7 @@ def triangle(point: Point, records: Sequence[Record]) -> Array:
     n = point.system.theta.size
     found = np.zeros((0, point.theta.size + 1))
     for i, (record, start) in enumerate(zip(records, point.starts, strict=True)):
-        outputs, gradient, _ = point.system.run(record.inputs[:, : record.fitted], start, sensitive=True)
-        if gradient is None:
-            raise ValueError("a sensitive run has a gradient")
+        outputs, gradient = point.system.sensitivities(record.inputs[:, : record.fitted], start)
         rows = np.zeros((outputs.size, found.shape[1]))
         flat = gradient.reshape(outputs.size, -1)
         rows[:, :n] = flat[:, :n]
@@ -125,9 +123,7 @@ def search(
         try:
             rows = triangle(point, records)
             size = np.maximum(size, np.linalg.norm(rows[:, :-1], axis=0))
-            scale = np.where(size > 0.0, size, 1.0)
-            left, values, right = np.linalg.svd(rows[:, :-1] / scale, full_matrices=False)
-            seen = values > _NULL * values[0]
+            scale, left, values, right, seen = _directions(rows[:, :-1], size)
             along = (left.T @ rows[:, -1])[seen]
             for _ in range(_TRIES):
                 weights = values[seen] / (values[seen] ** 2 + damping**2 * values[0] ** 2) * along
@@ -153,17 +149,21 @@ def search(
     return end(count)
 
 
-def covariance(point: Point, records: Sequence[Record]) -> tuple[Array, Array, int]:
-    """Return the covariance of the weights, that of the noise of each output, and the number of directions that count.
+def _directions(rows: Array, size: Array) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
+    """Return scales, the singular value decomposition of scaled rows (n, m), and which directions move an output."""
+    scale = np.where(size > 0.0, size, 1.0)
+    left, values, right = np.linalg.svd(rows / scale, full_matrices=False)
+    return scale, left, values, right, values > _NULL * values[0]
+
+
+def covariance(point: Point, records: Sequence[Record]) -> tuple[Array, Array]:
+    """Return the covariance of the weights, and the variance of the noise of each output.
 
     Directions that move no output (coordinates of the state) have none: bands of outputs do not depend on them.
     Shapes: returns (n_theta, n_theta), (n_outputs,).
     """
     rows = triangle(point, records)[:, :-1]
-    scale = np.linalg.norm(rows, axis=0)
-    scale = np.where(scale > 0.0, scale, 1.0)
-    _, values, right = np.linalg.svd(rows / scale, full_matrices=False)
-    seen = values > _NULL * values[0]
+    scale, _, values, right, seen = _directions(rows, np.linalg.norm(rows, axis=0))
     rank, samples = int(seen.sum()), sum(record.fitted for record in records)
     p = len(point.system.output)
     squares = np.zeros(p)
@@ -174,7 +174,7 @@ def covariance(point: Point, records: Sequence[Record]) -> tuple[Array, Array, i
     roots = (right[seen] / scale / values[seen, None])[:, : point.system.theta.size] * np.sqrt(noise.mean())
     # Deviations whose squares are no longer told from 0 to all digits: an exact fit has them.
     roots[:, np.linalg.norm(roots, axis=0) < np.sqrt(np.finfo(float).tiny / np.finfo(float).eps)] = 0.0
-    return roots.T @ roots, noise, rank
+    return roots.T @ roots, noise
 
 
 def all_fitted(records: Sequence[Record]) -> list[Record]:
