@@ -1,4 +1,4 @@
-"""What the gallery of the site draws, reduced from the folders that the commands wrote.
+"""Reduce the folders that commands wrote to what the gallery of the site draws.
 
 ``python tests/tools/gallery.py RESULTS docs`` reads ``docs/gallery/entries.toml``, takes what is found below RESULTS and
 writes ``docs/data/gallery.json``; entries without results stay as they are.
@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from signatures import outline
 
 POINTS = 300
 """Groups of samples along a picture, each shown by its smallest and its largest value."""
@@ -28,12 +29,6 @@ def columns(path: Path) -> dict[str, np.ndarray]:
     return dict(zip(head, table.T, strict=True))
 
 
-def outline(values: np.ndarray) -> list[list[float]]:
-    """Smallest and largest value of each group, shape (POINTS, 2)."""
-    groups = (g[np.isfinite(g)] for g in np.array_split(values, min(POINTS, len(values))))
-    return [[float(f"{g.min():.3g}"), float(f"{g.max():.3g}")] if g.size else [0.0, 0.0] for g in groups]
-
-
 def drawn(table: dict[str, np.ndarray], names: list[str]) -> dict[str, Any]:
     """Series of columns whose names begin with `names`; the rest of a name is the unit."""
     found = {name: next(key for key in table if key.startswith(name + "_")) for name in names}
@@ -41,7 +36,7 @@ def drawn(table: dict[str, np.ndarray], names: list[str]) -> dict[str, Any]:
     return {
         "seconds": [float(time.min()), float(time.max())],
         "unit": next(iter(found.values())).removeprefix(names[0] + "_").replace("um", "µm"),
-        "series": {name: outline(table[key]) for name, key in found.items()},
+        "series": {name: outline(table[key], POINTS) for name, key in found.items()},
     }
 
 

@@ -53,10 +53,10 @@ def shown(effect: Effect, levels: dict[str, float]) -> Effect:
     return replace(effect, **{effect.threshold: LEVEL * levels[effect.place.value]}) if effect.threshold else effect
 
 
-def outline(values: NDArray[np.float64]) -> list[list[float]]:
-    """Smallest and largest value of each group, shape (POINTS, 2)."""
-    groups = np.array_split(values, POINTS)
-    return [[float(f"{g.min():.3g}"), float(f"{g.max():.3g}")] for g in groups]
+def outline(values: NDArray[np.float64], points: int = POINTS) -> list[list[float]]:
+    """Smallest and largest value of each group, shape (points, 2); 0 of a group that is a gap."""
+    groups = (g[np.isfinite(g)] for g in np.array_split(values, min(points, len(values))))
+    return [[float(f"{g.min():.3g}"), float(f"{g.max():.3g}")] if g.size else [0.0, 0.0] for g in groups]
 
 
 def signatures() -> dict[str, object]:

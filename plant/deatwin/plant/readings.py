@@ -14,7 +14,7 @@ from deatwin.plant.safe_read import clipped
 ELECTRICAL_UNITS: Mapping[str, str] = {"current": "A", "capacitance": "F", "film_voltage": "V"}
 """Readings that each rig with a film offers, with their SI units."""
 ROOM_TEMPERATURE = 293.15
-"""What a thermometer reads where no effect says otherwise, K."""
+"""Reading of a thermometer where no effect says otherwise, K."""
 ROWS = 3
 """Rows of the equations for each further reading: level, stored quantity, and the share of it that flows."""
 

@@ -1,4 +1,4 @@
-"""What plants of one structure share: their equations, and the simulator that these are compiled to."""
+"""Share equations, and the simulator that they are compiled to, among plants of one structure."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ class State(NamedTuple):
 
 @dataclass(kw_only=True)
 class Written:
-    """What a `Builder` has collected so far."""
+    """Hold all that a `Builder` has collected so far."""
 
     parameters: ParameterSet
     symbols: dict[str, Symbol]  # Of the parameters

@@ -43,13 +43,17 @@ class EnergyStart:
             object.__setattr__(self, "called", self.energy.__name__)
 
     @property
+    def stiffest(self) -> float:
+        """Largest modulus of the start, Pa; 1 without any."""
+        return max((abs(p.value) for p in self.parameters if p.unit == "Pa"), default=1.0)
+
+    @property
     def prior(self) -> Array:
         """Expected coordinates and their deviations, shape (2, k): weak, for directions of which the tests tell nothing.
 
         A modulus is within ten times of that of the start, one deviation; a term of either sign is not larger.
         """
-        stiff = max((abs(p.value) for p in self.parameters if p.unit == "Pa"), default=1.0)
-        deviations = {Scale.LOGARITHMIC: np.log(10.0), Scale.LINEAR: 10.0 * stiff}
+        deviations = {Scale.LOGARITHMIC: np.log(10.0), Scale.LINEAR: 10.0 * self.stiffest}
         modulus = [deviations.get(p.scale, np.inf) if p.unit == "Pa" else np.inf for p in self.parameters]
         return np.vstack([self.start, modulus])
 
@@ -128,7 +132,7 @@ def equibiaxial_of(largest: float) -> float:
 
 
 def is_stable(start: EnergyStart, coordinates: Array, largest: float) -> bool:
-    """Whether the stress rises with the stretch in all deformations, up to the first invariant of the tests."""
+    """Return whether the stress rises with the stretch in all deformations, up to the first invariant of the tests."""
     for name, across in STRETCHES.items():
         top = equibiaxial_of(largest) if name == "equibiaxial" else np.sqrt(max(largest - 2.0, 1.0))
         along = np.linspace(1.0, max(top, 1.01), 60)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,8 @@ from scipy.optimize import least_squares, nnls
 from deatwin.ident.materials.energies import EnergyStart
 from deatwin.ident.materials.noise import Whitener
 from deatwin.ident.materials.observations import PER_DECADE, Observations
+from deatwin.plant.laws.energies import neo_hookean
+from deatwin.plant.parameters import Parameter
 
 Array = NDArray[np.float64]
 
@@ -63,11 +66,16 @@ def fit(data: Observations, start: EnergyStart, elastic: Array, branches: Array,
     times = data.relaxation or (1.0, 1.0)
     expected, deviations = _prior(start, number, times)
 
-    def model(x: Array) -> tuple[Array, Array]:
+    @lru_cache(maxsize=1)  # the search asks for the slopes where it has just asked for the stress
+    def at(key: bytes) -> tuple[Array, Array]:
+        x = np.frombuffer(key)
         stress, slopes = data.elastic(start, x[:count])
         parts, moved = data.branches(x[count + number :])
         moduli = np.exp(x[count : count + number])
         return stress + parts @ moduli, np.hstack([slopes, parts * moduli, moved * moduli])
+
+    def model(x: Array) -> tuple[Array, Array]:
+        return at(x.tobytes())
 
     low, high = (
         np.concatenate([ends, np.full(number, np.log(modulus)), np.full(number, np.log(time))])
@@ -103,30 +111,20 @@ def _prior(start: EnergyStart, number: int, times: tuple[float, float]) -> tuple
     all that the tests show.
     """
     expected, deviations = start.prior
-    stiff = max((abs(p.value) for p in start.parameters if p.unit == "Pa"), default=1.0)
     low, high = np.log(times)
     return (
-        np.concatenate([expected, np.full(number, np.log(stiff)), np.full(number, (low + high) / 2)]),
+        np.concatenate([expected, np.full(number, np.log(start.stiffest)), np.full(number, (low + high) / 2)]),
         np.concatenate([deviations, np.full(number, np.log(10.0)), np.full(number, max(high - low, 1.0))]),
     )
 
 
 def neo_hookean_modulus(data: Observations, white: Whitener) -> float:
     """Shear modulus from which all energies start, Pa: least squares beside branches of the coarse table."""
-    stress = np.concatenate([_neo_hookean(block.elastic) for block in data.blocks])
+    unit = Parameter(name="mu", value=1.0, unit="Pa", lower=0.0, upper=2.0)
+    stress, _ = data.elastic(EnergyStart(energy=neo_hookean, parameters=(unit,)), np.ones(1))
     columns = np.column_stack([stress, data.table[:, ::COARSE]]) if data.grid.size else stress[:, None]
     moduli, _ = nnls(white(columns), white(data.measured))
     return float(moduli[0]) or 0.01 * float(np.sum(moduli)) or 1.0
-
-
-def _neo_hookean(elastic: object) -> Array:
-    from deatwin.plant.laws.energies import neo_hookean
-    from deatwin.plant.parameters import Parameter
-
-    unit = EnergyStart(
-        energy=neo_hookean, parameters=(Parameter(name="mu", value=1.0, unit="Pa", lower=0.0, upper=2.0),)
-    )
-    return elastic(unit, np.ones(1))[0]  # type: ignore[operator]
 
 
 def richest(data: Observations, start: EnergyStart, white: Whitener) -> Fit:

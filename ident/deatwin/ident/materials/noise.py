@@ -49,7 +49,7 @@ class Noise:
         return found
 
     def whitener(self, data: Observations, modelled: Array) -> Whitener:
-        """What makes errors independent and of size 1, about what a model says. Shapes: (n,)."""
+        """Return the map that makes errors about a model independent and of size 1. Shapes: (n,)."""
         own = self.deviations(data, modelled)
         return Whitener(data=data, own=own, common=self.scatter * modelled / own)
 

@@ -1,4 +1,4 @@
-"""What tests do not tell of a material, in words."""
+"""Notes that say, in words, what tests leave open about a material."""
 
 from __future__ import annotations
 

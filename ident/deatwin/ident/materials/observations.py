@@ -48,7 +48,7 @@ class Block:
     times: Array | None  # (n,)
 
     def elastic(self, start: EnergyStart, coordinates: Array) -> tuple[Array, Array]:
-        """What the equilibrium network says of the samples. Shapes: returns (n,), (n, k)."""
+        """Return stresses of the equilibrium network and their derivatives. Shapes: returns (n,), (n, k)."""
         stress, slopes = start.stress(self.stretches, coordinates)
         if not self.test.is_dma:
             return stress, slopes
@@ -57,7 +57,7 @@ class Block:
         return share * (stress[1] - stress[0]) / pulled, share[:, None] * (slopes[1] - slopes[0]) / pulled
 
     def branches(self, relaxation: Array) -> Array:
-        """What branches with a modulus of 1 say. Shapes: (m,) in s; returns (n, m)."""
+        """Return stresses of branches with a modulus of 1. Shapes: (m,) in s; returns (n, m)."""
         if self.test.is_dma:
             shares = dynamic_shares(np.asarray(self.test.frequencies), relaxation)
             return 3.0 / float(np.asarray(self.test.stretch)) ** 2 / self._moduli * np.vstack(shares)
@@ -123,7 +123,7 @@ class Observations:
 
     @cached_property
     def table(self) -> Array:
-        """What each branch of the table says, shape (n, g)."""
+        """Stresses of each branch of the table, shape (n, g)."""
         return np.vstack([block.branches(self.grid) for block in self.blocks])
 
     @cached_property
@@ -131,12 +131,12 @@ class Observations:
         return CubicSpline(np.log(self.grid), self.table, axis=1)
 
     def elastic(self, start: EnergyStart, coordinates: Array) -> tuple[Array, Array]:
-        """What the equilibrium network says. Shapes: returns (n,), (n, k)."""
+        """Return stresses of the equilibrium network and their derivatives. Shapes: returns (n,), (n, k)."""
         parts = [block.elastic(start, coordinates) for block in self.blocks]
         return np.concatenate([part[0] for part in parts]), np.vstack([part[1] for part in parts])
 
     def branches(self, log_times: Array) -> tuple[Array, Array]:
-        """What branches with a modulus of 1 say, and its derivatives. Shapes: (m,); returns (n, m) each."""
+        """Return stresses of branches with a modulus of 1, and their derivatives. Shapes: (m,); returns (n, m) each."""
         if not log_times.size:
             empty = np.zeros((self.measured.size, 0))
             return empty, empty
@@ -144,7 +144,7 @@ class Observations:
 
 
 def shows_memory(tests: Sequence[MaterialTest]) -> bool:
-    """Whether tests hold more than pulls at one even rate: holds, returns, other rates, moduli over frequency."""
+    """Return whether tests hold more than pulls at one even rate: holds, returns, other rates, moduli over frequency."""
     rates = []
     for test in tests:
         if test.is_dma:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from deatwin.ident.materials.result import Quantity
 
 KEYS = ("name", "energy", "parameters", "permittivity", "breakdown", "density_kg_m3")
-"""What may be stated; branches are for the tests to tell."""
+"""Keys that may be stated; branches are for the tests to tell."""
 _BRANCH = {"modulus_Pa": (1.0, 1e9), "time_s": (1e-4, 1e7)}
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,15 +13,15 @@ from numpy.typing import NDArray
 
 from deatwin.ident.materials.section import stated_energy
 from deatwin.ident.materials.tests import KINDS, MaterialTest
-from deatwin.plant.errors import DataError, DeatwinError, RigError, nearest
+from deatwin.plant.errors import DataError, RigError, nearest
 from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.recordings import table_of_file
 from deatwin.plant.files.units import UNITS as KNOWN_UNITS
 from deatwin.plant.files.units import find_unit, same_kind
 from deatwin.plant.files.wanted import in_units, split_stated
 from deatwin.plant.rigs.rigkeys import Keys, NumberKey, TextKey, kind_of
-from deatwin.plant.rigs.toml_hints import slip_of
-from deatwin.plant.safe_read import RIG_BYTES, clipped, read_regular
+from deatwin.plant.rigs.tomlfile import TomlFile
+from deatwin.plant.safe_read import clipped
 
 Array = NDArray[np.float64]
 
@@ -110,7 +109,10 @@ def read_material_tests(path: str | Path) -> MaterialTests:
     DataError
         If a file is missing or cannot be read, or a key, column or value is wrong.
     """
-    data = _toml(path)
+    try:
+        data = TomlFile.read(path, "list of tests").data
+    except RigError as error:
+        raise DataError(str(error)) from None
     if mistakes := list(_mistakes(data)):
         more = f" and {len(mistakes) - 10} more" if len(mistakes) > 10 else ""
         raise DataError(f"{path}: {'; '.join(mistakes[:10])}{more}")
@@ -128,21 +130,6 @@ def read_material_tests(path: str | Path) -> MaterialTests:
     ]
     files = dict.fromkeys(folder / one["file"] for one in data["tests"])
     return MaterialTests(tests=tuple(tests), about=data.get("material", {}), files=tuple(files))
-
-
-def _toml(path: str | Path) -> dict[str, Any]:
-    text = ""
-    try:
-        text = read_regular(path, RIG_BYTES, lambda fault: DataError(f"{path}: {fault}")).decode("utf-8-sig")
-        return tomllib.loads(text)
-    except OSError as error:
-        raise DataError(f"{path}: the list of tests cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError as error:
-        raise DataError(f"{path}: not UTF-8 text at byte {error.start}; save the file as UTF-8") from None
-    except (ValueError, RecursionError) as error:
-        if isinstance(error, DeatwinError):
-            raise
-        raise DataError(f"{path}: not TOML: {slip_of(text) or clipped(error, 200)}") from None
 
 
 def _mistakes(data: Mapping[str, Any]) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""What the estimators of nonlinear state spaces share: scales, the linear start, the search, the model."""
+"""Share scales, the linear start, the search and the model among the estimators of nonlinear state spaces."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 USUAL, LONGEST = 0.1, 1.6
 """Upper end of the dead time, s: usual, and the longest one; a command that comes later has gone through a queue."""
 POLES = 8
-"""Of the approximant of a late reading."""
+"""Number of poles of the approximant of a late reading."""
 ROUNDING = 1e-10
 """Tolerance in samples: a shift this close to a whole sample counts as whole."""
 

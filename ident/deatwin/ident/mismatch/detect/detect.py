@@ -144,15 +144,14 @@ def _answering_late(base: Candidate, bench: Bench, size: float) -> Calibration |
     Triggers, filters and integrators of real rigs come a little late: that is no missing physics. Not tried where what is
     left, of this `size`, SI, is more than so little can do.
     """
-    names, delay = {effect.name for effect in bench.effects}, Delay.name
-    fit, step = base.calibration, bench.nominal.rig.sample_time
-    longest = SURELY_LATE * TIMING * step
-    steps = np.concatenate([np.diff(readings) for readings in _simulated(base, bench)])
-    most = np.hypot(
-        longest / step * float(np.sqrt(np.mean(steps**2))), practical_size(base.noise, fit.plant.rig.model_error)
-    )
-    if delay not in names or delay in fit.plant.effect_names or size > most:
+    fit, share = base.calibration, SURELY_LATE * TIMING  # of a sample
+    if Delay.name in fit.plant.effect_names or Delay.name not in {effect.name for effect in bench.effects}:
         return None
+    steps = np.concatenate([np.diff(readings) for readings in _simulated(base, bench)])
+    moved = share * float(np.sqrt(np.mean(steps**2)))
+    if size > np.hypot(moved, practical_size(base.noise, fit.plant.rig.model_error)):
+        return None
+    longest = share * bench.nominal.rig.sample_time
     late = finish(roughly(fit.plant.with_effects(Delay(time=longest / 2)), bench.everything), bench.everything)
     short = late.status.ok and late.plant.parameters["delay.time"].value <= longest
     return late if short and _leaves_nothing(late, base, bench) else None

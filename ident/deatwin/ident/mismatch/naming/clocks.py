@@ -9,10 +9,11 @@ import numpy as np
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.likelihood.beforehand import RATE
 from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.plant.calibrated import TWO_SIDED_95
 
 DRIFTS = frozenset({"permittivity_drift", "prestretch_relaxation", "sensor_drift"})
 """They follow the clock by the same law, an exponential."""
-INTERVAL = 3.92
+INTERVAL = 2.0 * TWO_SIDED_95
 """Deviations from one end of a 95 % interval to the other."""
 
 
