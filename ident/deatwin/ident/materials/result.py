@@ -15,6 +15,7 @@ from deatwin.ident.materials.noise import Noise
 from deatwin.ident.materials.observations import Block, Observations
 from deatwin.ident.materials.section import toml_of
 from deatwin.ident.materials.tests import MaterialTest
+from deatwin.ident.narx.panels import panels_or_new
 from deatwin.plant.prefixes import with_unit
 from deatwin.plant.rigs.rigmaterial import read_material
 from deatwin.plant.substance import Material
@@ -156,12 +157,7 @@ class CalibratedMaterial:
         -------
         sequence of matplotlib Axes
         """
-        shown = list(axes or [])
-        if axes is None:
-            from matplotlib import pyplot
-
-            figure = pyplot.figure(layout="constrained")
-            shown = list(np.ravel(figure.subplots(len(self.panels), 1, squeeze=False)))
+        shown = panels_or_new(axes, len(self.panels), height=2.6)
         for name, panel in zip(self.panels, shown, strict=True):
             self.draw_panel(name, panel)
         return shown
