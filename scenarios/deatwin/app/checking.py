@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from deatwin.app.check_report import View, write_check_report
+from deatwin.app.check_report.page import write_check_report
+from deatwin.app.check_report.view import View
 from deatwin.control import Check, ControlError, Specification
 from deatwin.control import check as check_design
 from deatwin.control.design.named import Wanted, design_named
@@ -24,7 +25,7 @@ from deatwin.plant.sources import load_plant
 from deatwin.studies.diagnosing import RIVALS
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord, hashes
-from deatwin.studies.report import Origin
+from deatwin.studies.report.origin import Origin
 from deatwin.studies.voice import Progress
 
 CALIBRATED = "the calibrated plant"

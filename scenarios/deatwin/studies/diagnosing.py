@@ -15,7 +15,8 @@ from deatwin.plant.recording import Experiment
 from deatwin.studies.folder import ResultFolder, require_unread
 from deatwin.studies.partial import FinishedSteps, remove_partial
 from deatwin.studies.provenance import RunRecord, hashes
-from deatwin.studies.report import Origin, write_report
+from deatwin.studies.report.origin import Origin
+from deatwin.studies.report.page import write_report
 from deatwin.studies.voice import Progress
 
 RIVALS = "rivals"

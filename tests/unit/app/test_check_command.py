@@ -13,7 +13,8 @@ from pages import report_alone
 from strips import COLUMNS, MODULE, pulled, record, strip, write
 
 from deatwin.app import checking
-from deatwin.app.check_report import View, write_check_report
+from deatwin.app.check_report.page import write_check_report
+from deatwin.app.check_report.view import View
 from deatwin.app.cli import main
 from deatwin.control import Check, Specification, linearise
 from deatwin.control.controllers.scheduled import ScheduledController
@@ -26,7 +27,7 @@ from deatwin.plant.files import read_csv, read_recordings
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.studies.diagnosing import DiagnosisTask
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.report import Origin
+from deatwin.studies.report.origin import Origin
 
 PLANT = ["--plant", "strip_of_mine:strip"]
 FURTHER = """

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.app.check_report import View
 from deatwin.app.check_report.findings import groups
+from deatwin.app.check_report.view import View
 from deatwin.control import Finding, Limit, Specification, Verdict
 
 

@@ -38,7 +38,7 @@ def test_ctrl_c_leaves_the_best_model(folder, monkeypatch, capsys):
 
     recorded(0.8)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    monkeypatch.setattr("deatwin.ident.nss.search.triangle", interrupted)
+    monkeypatch.setattr(search, "triangle", interrupted)
     try:
         assert main(ARGUMENTS) == 130
     finally:

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from deatwin.ident.materials.energies import EnergyStart, is_stable, known_energies
-from deatwin.ident.materials.fit import Fit, fewer_and_fewer, fit, neo_hookean_modulus, richest
+from deatwin.ident.materials.fit import Fit, Quantity, fewer_and_fewer, fit, neo_hookean_modulus, richest
 from deatwin.ident.materials.noise import Noise, estimate_noise
 from deatwin.ident.materials.notes import ODDS, notes_of, on_permittivity
 from deatwin.ident.materials.observations import Observations
-from deatwin.ident.materials.result import CalibratedMaterial, Choice, Quantity
+from deatwin.ident.materials.result import CalibratedMaterial, Choice
 from deatwin.ident.materials.section import section_of, stated_energy
 from deatwin.ident.materials.tests import MaterialTest
 from deatwin.plant.errors import DataError

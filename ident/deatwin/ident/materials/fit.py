@@ -15,6 +15,7 @@ from deatwin.ident.materials.noise import Whitener
 from deatwin.ident.materials.observations import PER_DECADE, Observations
 from deatwin.plant.laws.energies import neo_hookean
 from deatwin.plant.parameters import Parameter
+from deatwin.plant.prefixes import with_unit
 
 Array = NDArray[np.float64]
 
@@ -26,6 +27,23 @@ CLOSE, LONGEST = 1e-7, 100
 """End of a fit: relative change of its loss, which no choice between models sees, and evaluations."""
 BRANCHES = 8
 """Most branches: more than published spectra of elastomers have within the times of one machine."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quantity:
+    """A parameter with its interval of 95 %, SI."""
+
+    name: str
+    value: float
+    low: float
+    high: float
+    unit: str
+
+    def __str__(self) -> str:
+        return (
+            f"{self.name}: {with_unit(self.value, self.unit)}, from {with_unit(self.low, self.unit)} to "
+            f"{with_unit(self.high, self.unit)}"
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -12,10 +12,10 @@ from deatwin.ident.materials.energies import equibiaxial_of
 from deatwin.plant.laws.energies import first_invariant
 
 if TYPE_CHECKING:
-    from deatwin.ident.materials.fit import Fit
+    from deatwin.ident.materials.fit import Fit, Quantity
     from deatwin.ident.materials.noise import Noise
     from deatwin.ident.materials.observations import Observations
-    from deatwin.ident.materials.result import Choice, Quantity
+    from deatwin.ident.materials.result import Choice
     from deatwin.plant.substance import Material
 
 Array = NDArray[np.float64]

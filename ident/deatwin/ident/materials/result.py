@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.materials.fit import Fit
+from deatwin.ident.materials.fit import Fit, Quantity
 from deatwin.ident.materials.noise import Noise
 from deatwin.ident.materials.observations import Block, Observations
 from deatwin.ident.materials.section import toml_of
 from deatwin.ident.materials.tests import MaterialTest
 from deatwin.ident.narx.panels import panels_or_new
-from deatwin.plant.prefixes import with_unit
 from deatwin.plant.rigs.rigmaterial import read_material
 from deatwin.plant.substance import Material
 
@@ -24,23 +23,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Quantity:
-    """A parameter with its interval of 95 %, SI."""
-
-    name: str
-    value: float
-    low: float
-    high: float
-    unit: str
-
-    def __str__(self) -> str:
-        return (
-            f"{self.name}: {with_unit(self.value, self.unit)}, from {with_unit(self.low, self.unit)} to "
-            f"{with_unit(self.high, self.unit)}"
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

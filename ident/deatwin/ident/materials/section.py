@@ -14,8 +14,7 @@ from deatwin.plant.rigs.rigmaterial import read_material
 from deatwin.plant.substance import energy_named
 
 if TYPE_CHECKING:
-    from deatwin.ident.materials.fit import Fit
-    from deatwin.ident.materials.result import Quantity
+    from deatwin.ident.materials.fit import Fit, Quantity
 
 KEYS = ("name", "energy", "parameters", "permittivity", "breakdown", "density_kg_m3")
 """Keys that may be stated; branches are for the tests to tell."""

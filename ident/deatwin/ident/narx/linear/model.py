@@ -7,14 +7,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.narx.covariance import covariance_of
 from deatwin.ident.narx.drive import Drive, require_suits
-from deatwin.ident.narx.linear.document import SCHEMA, by_power, fields_of, length, to_document
+from deatwin.ident.narx.linear.document import SCHEMA, fields_of
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials
 from deatwin.ident.narx.linear.run import free_run, measured_limit, some_steps
 from deatwin.ident.narx.model import NarxModel
@@ -43,8 +43,31 @@ Array = NDArray[np.float64]
 _WARMUP_PER_STATE = 10  # noise on the state at the start of a free run falls with its square root
 
 
+def _document(model: LinearModel) -> dict[str, Any]:
+    """Return a model as plain data."""
+
+    def signals(names: tuple[str, ...], units: tuple[str, ...]) -> list[dict[str, str]]:
+        return [{"name": name, "unit": unit} for name, unit in zip(names, units, strict=True)]
+
+    return {
+        "schema": SCHEMA,
+        "sample_time_s": float(model.sample_time),
+        "inputs": signals(model.input_names, model.input_units),
+        "outputs": signals(model.output_names, model.output_units),
+        "a": model.a.tolist(),
+        "b": [b.tolist() for b in model.b],
+        "c": model.c.tolist(),
+        "d": model.d.tolist(),
+        "f": [f.tolist() for f in model.f],
+        "offset": float(model.offset),
+        "theta_cov": model.theta_cov.tolist(),
+        "noise_variance": float(model.noise_variance),
+        "provenance": dict(model.provenance),
+    }
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LinearModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fields_of):
+class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fields_of):
     """Linear model with one output, A y(k) = sum_i (B_i/F_i) u_i(k) + (C/D) e(k) + offset.
 
     Polynomials are in the backward shift q^-1, starting with q^0. ARX has C = D = F = 1, ARMAX D = F = 1, output error
@@ -106,12 +129,12 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=to_document, fields=
     provenance: Mapping[str, str] = field(default_factory=dict)
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
-        "polynomials_by_power": several(by_power),
+        "polynomials_by_power": several(lambda model: model.polynomials.by_power()),
         "theta": variable("coefficient"),
         "output_name": attribute(of=lambda model: model.output_names[0]),
         "output_unit": attribute(of=lambda model: model.output_units[0]),
-        "power": coordinate("power", of=lambda model: np.arange(length(model))),
-        "document": document(to_document),
+        "power": coordinate("power", of=lambda model: np.arange(model.polynomials.longest)),
+        "document": document(_document),
     }
 
     def __post_init__(self) -> None:
@@ -124,7 +147,12 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=to_document, fields=
         object.__setattr__(self, "input_names", tuple(self.input_names) or names)
         object.__setattr__(self, "input_units", tuple(self.input_units) or ("",) * m)
         object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
-        self._require_polynomials()
+        if m == 0 or not len(self.f) == len(self.input_names) == len(self.input_units) == m:
+            raise ModelError(
+                f"{m} polynomials b need as many f, input names and units; got {len(self.f)}, "
+                f"{len(self.input_names)} and {len(self.input_units)}"
+            )
+        self.polynomials.require()
         n = self.theta.size
         cov = np.asarray(self.theta_cov, dtype=np.float64)
         object.__setattr__(self, "theta_cov", read_only(cov if cov.size else np.zeros((n, n))))
@@ -136,24 +164,6 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=to_document, fields=
                 f"sample_time = {self.sample_time} must be positive and finite, "
                 f"noise_variance = {self.noise_variance} finite and not negative"
             )
-
-    def _require_polynomials(self) -> None:
-        """Raise ModelError unless the polynomials are some."""
-        m = len(self.b)
-        if m == 0 or not len(self.f) == len(self.input_names) == len(self.input_units) == m:
-            raise ModelError(
-                f"{m} polynomials b need as many f, input names and units; got {len(self.f)}, "
-                f"{len(self.input_names)} and {len(self.input_units)}"
-            )
-        monic = {"a": self.a, "c": self.c, "d": self.d} | {f"f[{i}]": f for i, f in enumerate(self.f)}
-        for name, polynomial in monic.items():
-            if polynomial.ndim != 1 or polynomial.size == 0 or polynomial[0] != 1.0:
-                raise ModelError(f"the polynomial {name} = {polynomial} must begin with 1")
-        for i, b in enumerate(self.b):
-            if b.ndim != 1 or not np.any(b):
-                raise ModelError(f"the polynomial b[{i}] = {b} needs a coefficient that is not zero")
-        if not all(np.all(np.isfinite(p)) for p in (*monic.values(), *self.b, np.array(self.offset))):
-            raise ModelError("all coefficients must be finite")
 
     @property
     def polynomials(self) -> Polynomials:

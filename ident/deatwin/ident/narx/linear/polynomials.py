@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.plant.datasets import Variables
 from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
@@ -33,6 +34,34 @@ class Polynomials(NamedTuple):
     d: Array
     f: tuple[Array, ...]
     offset: float
+
+    def require(self) -> None:
+        """Raise ModelError unless A, C, D and each F begin with 1, each B has a coefficient, and all are finite."""
+        monic = {"a": self.a, "c": self.c, "d": self.d} | {f"f[{i}]": f for i, f in enumerate(self.f)}
+        for name, polynomial in monic.items():
+            if polynomial.ndim != 1 or polynomial.size == 0 or polynomial[0] != 1.0:
+                raise ModelError(f"the polynomial {name} = {polynomial} must begin with 1")
+        for i, b in enumerate(self.b):
+            if b.ndim != 1 or not np.any(b):
+                raise ModelError(f"the polynomial b[{i}] = {b} needs a coefficient that is not zero")
+        if not all(np.all(np.isfinite(p)) for p in (*monic.values(), *self.b, np.array(self.offset))):
+            raise ModelError("all coefficients must be finite")
+
+    @property
+    def longest(self) -> int:
+        """Coefficients of the longest polynomial."""
+        return max(p.size for p in (self.a, self.c, self.d, *self.b, *self.f))
+
+    def by_power(self) -> Variables:
+        """Return all polynomials over the same powers."""
+
+        def whole(polynomial: Array) -> Array:
+            return np.pad(polynomial, (0, self.longest - polynomial.size))
+
+        return {
+            **{name: ("power", whole(getattr(self, name))) for name in ("a", "c", "d")},
+            **{name: (("input", "power"), np.array([whole(p) for p in getattr(self, name)])) for name in ("b", "f")},
+        }
 
 
 @dataclass(frozen=True, kw_only=True)
