@@ -338,7 +338,7 @@ def test_the_page_is_whole(setting: Setting, tmp_path: Path, monkeypatch: pytest
     result = control_check.run(replace(setting, seed=3))
     assert asked == [("short", 3, 1)]
     written = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file()}
-    names = ("tracking", "fleet", "concealed", "models", "trials")
+    names = ("tracking", "concealed", "trials")
     assert written == {"report.html", "control-check.json", "run.json", *(f"figures/{n}.csv" for n in names)}
     text = (tmp_path / "control-check.json").read_text()
     saved = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
@@ -348,7 +348,7 @@ def test_the_page_is_whole(setting: Setting, tmp_path: Path, monkeypatch: pytest
     assert saved["rates"]["unsound_not_passed"]["hits"] == 2
     assert [trial["number"] for trial in saved["trials"]] == list(range(10))
     page = (tmp_path / "report.html").read_text()
-    assert page.count("<svg") == 5
+    assert page.count("<svg") == 3
     assert ">nan<" not in page and ">inf<" not in page
 
 

@@ -104,12 +104,12 @@ PAGES = {
     "semp-fleet": (
         semp_fleet,
         ("table B.1", "table 4.1", "table 4.2", "table 4.3"),
-        ("orders", "semp", "free_runs", "drift", "tests_dea5", "tests_dea6"),
+        ("orders", "semp", "tests_dea5", "tests_dea6"),
     ),
     "svb-fleet": (
         svb_fleet,
         ("table 6.4", "table D.1", "table D.2"),
-        ("pruning", "posterior", "free_runs", "tests_dea5", "tests_dea6", "choice"),
+        ("pruning", "posterior", "tests_dea5", "tests_dea6", "choice"),
     ),
 }
 

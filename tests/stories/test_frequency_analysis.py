@@ -56,7 +56,7 @@ def test_the_page_and_what_fails_on_it(
     result = frequency_analysis.run(setting)
     page = story_page(
         tmp_path,
-        "ranges benchmark_gfrfs benchmark_nofrfs identified removal gfrf1 gfrf2 test_signal nofrfs series sampled anchor".split(),
+        "ranges benchmark_gfrfs benchmark_nofrfs identified removal gfrf1 gfrf2 test_signal nofrfs sampled".split(),
     )
     for number in (1, 2, 3):
         loaded = NarxModel.load(tmp_path / f"models/dea{number}.json")

@@ -157,7 +157,7 @@ def test_the_page_says_who_differs_and_who_drifts(setting: Setting, tmp_path: Pa
     result = frequency_uncertainty.run(setting)
     page = story_page(
         tmp_path,
-        "complex plane gain_phase higher_orders spectra law fleet pairs spread truth p_values".split(),
+        "complex plane gain_phase higher_orders spectra fleet spread".split(),
     )
     assert json.loads((tmp_path / "frequency-uncertainty.json").read_text(encoding="utf-8")) == result
     rows = {row["measure"]: row["passed"] for row in result["measures"]}

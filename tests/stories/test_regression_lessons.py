@@ -72,9 +72,7 @@ def test_the_page(setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     missed = [row for row in result["measures"] if not row["passed"]]
     assert len(result["measures"]) == 21 and not missed, missed
     assert shares == sorted(shares)
-    story_page(
-        tmp_path, ("constraint", "paths", "shrinking", "overfitting", "bias_and_variance", "razor", "two_models")
-    )
+    story_page(tmp_path, ("constraint", "bias_and_variance", "razor"))
     assert (tmp_path / "regression-lessons.json").is_file()
 
 

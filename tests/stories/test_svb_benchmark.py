@@ -91,7 +91,7 @@ def test_the_page_is_whole(setting: Setting, tmp_path: Path, monkeypatch: pytest
     shares: list[float] = []
     result = svb_benchmark.run(replace(setting, progress=lambda share, text: shares.append(share)))
     assert shares == sorted(shares) and shares[-1] == pytest.approx(1.0)
-    story_page(tmp_path, ("rates", "outcomes", "coverage", "sweep", "sampler"))
+    story_page(tmp_path, ("rates", "outcomes", "sweep"))
     assert set(result["methods"]) == {"fro", "svb"} and set(result["oracles"]) == {"S2", "E1"}
     lines = (tmp_path / "trials.csv").read_text(encoding="utf-8").splitlines()
     assert len(lines) == 1 + 2 * 2

@@ -73,8 +73,8 @@ def test_the_page_says_what_was_demanded_and_what_not_reached(
     monkeypatch.setattr(thesis_data, "carry_out", lambda *_, **__: straight)
     monkeypatch.setattr(thesis_data, "small_voltages", lambda *_: rest)
     result = story("thesis-data").run(setting)
-    names = ("excitation", "curve", "recordings", "drifts", "spectra", "loops", "small", "side_bands")
-    page = story_page(tmp_path, names, drawn=10)
+    names = ("excitation", "curve", "recordings", "drifts", "spectra", "small", "side_bands")
+    page = story_page(tmp_path, names, drawn=8)
     assert f'<span class="verdict bad">{sum(m["passed"] for m in result["measures"])} of' in page
     for number in range(1, 7):
         assert (tmp_path / f"recordings/dea{number}.csv").is_file()

@@ -287,7 +287,7 @@ def test_the_page_is_whole(setting: Setting, tmp_path: Path, monkeypatch: pytest
     written = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file()}
     assert {"seal.json", "key.json", "report.html", "unexplained-drift.json", "figures/repeats.csv"} <= written
     page = (tmp_path / "report.html").read_text()
-    assert page.count("<svg") == 3
+    assert page.count("<svg") == 2
     assert not re.search(r"\bnan\b", page)
 
 

@@ -65,7 +65,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
 
 def _notes(study: Opened, sealed: Seal, now: Seal) -> list[Note]:
     seconds = np.array(study.seconds or (0.0,))
-    advised = [case for case in study.of("tie") if "verdict" in (case.result.get("advised") or {})]
+    advised = [case for case in study.of("tie") if case.again]
     return notes(
         __package__,
         sealed=sealed,

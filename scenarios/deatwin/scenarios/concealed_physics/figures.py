@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from deatwin.plant.effects.base import Family
-from deatwin.plant.effects.catalogue import effect_named
 from deatwin.scenarios.concealed_physics.results import Case, Opened
 from deatwin.scenarios.concealed_physics.tables import MADE_BY, Confusion, by_effect, by_family
 from deatwin.studies.calibration import brier_score, expected_calibration_error, reliability
@@ -22,6 +20,7 @@ from deatwin.studies.report.words import Words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 WORDS = Words(__package__)
 RUNGS = (0.0, 0.15, 0.39, 0.67, 1.2, 2.1, 3.7, np.inf)
@@ -32,43 +31,43 @@ ANSWERS: dict[str, tuple[Callable[[Case], bool], str, str]] = {
     "first cause right": (lambda c: c.first_right, Hue.AFTER, "o"),
     "confident wrong name": (lambda c: c.confidently_wrong, Hue.BEFORE, "X"),
 }
-FAMILY_STYLES = ((Hue.AFTER, "o"), (Hue.BEFORE, "s"), (Hue.MEASURED, "D"), (Hue.MARK, "^"), (Hue.INK, "v"))
-SHARES = ("cases", "share_percent", "low_percent", "high_percent")
+
+
 Cells = list[tuple[object, ...]]
+SIZE = (10.4, 8.6)
 
 
 def drawings(study: Opened) -> list[Drawing]:
-    """Draw all figures of the page."""
-    return [_families(study), _mechanisms(study), _power(study), _reliability(study), _errors(study)]
+    """Draw the figures of the page."""
+    with draw(SIZE) as figure:
+        whole = WORDS.drawing(figure, "summary", _whole(figure, study))
+    return [whole, _mechanisms(study)]
 
 
 def summary(study: Opened) -> str:
-    """Draw the study in one figure: confusion of families, power, reliability, errors on held-out data."""
-    with draw((10.4, 8.6)) as figure:
-        (first, second), (third, fourth) = figure.subplots(2, 2)
-        _draw_confusion(first, by_family(study), "small")
-        _draw_power(second, study)
-        _draw_reliability(third, study)
-        _draw_errors(fourth, study)
-        titles = {
-            first: "what is concealed (rows), what is found",
-            second: "one effect, by its strength",
-            third: "stated probability of a cause",
-            fourth: "free run on held-out data",
-        }
-        for axes, title in titles.items():
-            titled(axes, title)
+    """Draw the study in one figure that stands alone."""
+    with draw(SIZE) as figure:
+        _whole(figure, study)
         return standalone(figure)
 
 
+def _whole(figure: Figure, study: Opened) -> str:
+    """Draw confusion of families, power, reliability, and errors on held-out data; return the last three as CSV."""
+    (first, second), (third, fourth) = figure.subplots(2, 2)
+    _draw_confusion(first, by_family(study), "small")
+    rows = [*_draw_power(second, study), *_draw_reliability(third, study), *_draw_errors(fourth, study)]
+    titles = {
+        first: "what is concealed (rows), what is found",
+        second: "one effect, by its strength",
+        third: "stated probability of a cause",
+        fourth: "free run on held-out data",
+    }
+    for axes, title in titles.items():
+        titled(axes, title)
+    return csv_text(("panel", "what", "place", "cases", "value", "low", "high"), rows)
+
+
 # --- confusion ------------------------------------------------------------------------------------------------------
-
-
-def _families(study: Opened) -> Drawing:
-    table = by_family(study)
-    with draw((6.4, 4.6)) as figure:
-        _draw_confusion(figure.add_subplot(), table, "medium")
-        return WORDS.drawing(figure, "confusion_family", table.csv())
 
 
 def _mechanisms(study: Opened) -> Drawing:
@@ -104,23 +103,6 @@ def _draw_confusion(axes: Axes, table: Confusion, size: str) -> None:
 # --- power ----------------------------------------------------------------------------------------------------------
 
 
-def _power(study: Opened) -> Drawing:
-    with draw((9.6, 4.6)) as figure:
-        left, right = figure.subplots(1, 2, sharey=True)
-        rows = _draw_power(left, study)
-        for family, (colour, marker) in zip(Family, FAMILY_STYLES, strict=True):
-            cases = [c for c in study.of("effect") if effect_named(c.truth[0]).family is family]
-            points = _classes(cases, lambda c: c.inside)
-            places, shares = [x for x, _ in points], [100 * r.share for _, r in points]
-            right.plot(places, shares, f"{marker}-", color=colour, label=family.value, markersize=4.5)
-            rows += [(f"truth in the answer, {family.value}", f"{x:.3g}", *_cells(r)) for x, r in points]
-        right.set(xscale="log", xlabel="structural residual over noise")
-        _plain_ratios(right, 3)
-        titled(left, "all effects")
-        titled(right, "truth in the answer, by family")
-        return WORDS.drawing(figure, "power", csv_text(("what", "ratio", *SHARES), rows))
-
-
 def _draw_power(axes: Axes, study: Opened) -> Cells:
     rows: Cells = []
     for place, (words, (flag, colour, marker)) in enumerate(ANSWERS.items()):
@@ -138,9 +120,9 @@ def _draw_power(axes: Axes, study: Opened) -> Cells:
             capsize=2,
             elinewidth=0.8,
         )
-        rows += [(words, f"{x:.3g}", *_cells(r)) for x, r in points]
+        rows += [("power", words, f"{x:.3g}", *_cells(r)) for x, r in points]
     axes.set(xscale="log", xlabel="structural residual over noise", ylabel="cases (%)", ylim=(-4, 104))
-    _plain_ratios(axes, 2)
+    _plain_ratios(axes)
     return rows
 
 
@@ -159,21 +141,15 @@ def _cells(rate: Rate) -> tuple[object, ...]:
     return (rate.count, *(f"{100 * share:.1f}" for share in (rate.share, *rate.interval)))
 
 
-def _plain_ratios(axes: Axes, columns: int) -> None:
-    """Label the ratios, and put the legend below in so many columns."""
+def _plain_ratios(axes: Axes) -> None:
+    """Label the ratios, and put the legend below."""
     ticks = [t for t in (0.03, 0.1, 0.3, 0.5, 1, 2, 5) if axes.get_xlim()[0] <= t <= axes.get_xlim()[1]]
     axes.set_xticks(ticks, [f"{t:g}" for t in ticks])
     axes.minorticks_off()
-    axes.legend(loc="upper left", bbox_to_anchor=(-0.02, -0.14), ncols=columns, markerscale=1, fontsize="small")
+    axes.legend(loc="upper left", bbox_to_anchor=(-0.02, -0.14), ncols=2, markerscale=1, fontsize="small")
 
 
 # --- reliability ----------------------------------------------------------------------------------------------------
-
-
-def _reliability(study: Opened) -> Drawing:
-    with draw((4.8, 4.2)) as figure:
-        rows = _draw_reliability(figure.add_subplot(), study)
-        return WORDS.drawing(figure, "reliability", csv_text(("stated", "causes", "right_percent", *SHARES[2:]), rows))
 
 
 def _draw_reliability(axes: Axes, study: Opened) -> Cells:
@@ -191,16 +167,10 @@ def _draw_reliability(axes: Axes, study: Opened) -> Cells:
         error, brier = expected_calibration_error(bins), brier_score(stated)
         label += f"\ncalibration error {error:.3f}, Brier score {brier:.3f}"
     axes.set(xlabel=label, ylabel="right (%)", xlim=(-3, 103), ylim=(-3, 103))
-    return [(f"{b.stated:.3f}", *_cells(b.came_true)) for b in bins]
+    return [("reliability", "right", f"{b.stated:.3f}", *_cells(b.came_true)) for b in bins]
 
 
 # --- errors on held-out data ------------------------------------------------------------------------------------------
-
-
-def _errors(study: Opened) -> Drawing:
-    with draw((7.2, 3.4)) as figure:
-        rows = _draw_errors(figure.add_subplot(), study)
-        return WORDS.drawing(figure, "errors", csv_text(("case", "who", "error_over_oracle"), rows))
 
 
 def _draw_errors(axes: Axes, study: Opened) -> Cells:
@@ -209,12 +179,12 @@ def _draw_errors(axes: Axes, study: Opened) -> Cells:
     bottom, top = 1.0, 2.0
     shown = [name for name in MADE_BY if name != "oracle"]
     for place, name in enumerate(shown):
-        found = [(c.name, c.errors[name] / c.errors["oracle"]) for c in cases if name in c.errors]
-        rows += [(case, name, f"{ratio:.4g}") for case, ratio in found]
+        found = [c.errors[name] / c.errors["oracle"] for c in cases if name in c.errors]
         if not found:
             continue
-        ratios = np.array([ratio for _, ratio in found])
+        ratios = np.array(found)
         low, middle, high = np.quantile(ratios, (0.05, 0.5, 0.95))
+        rows.append(("error over the oracle's", name, "", ratios.size, *(f"{r:.4g}" for r in (middle, low, high))))
         bottom, top = min(bottom, float(ratios.min())), max(top, float(ratios.max()))
         colour = Hue.AFTER if name == "diagnosis" else Hue.BEFORE if name == "base" else Hue.MEASURED
         axes.plot([low, high], [place, place], color=colour, linewidth=5, alpha=0.3, solid_capstyle="butt")

@@ -20,6 +20,21 @@ FAR = 16.0
 CLEAN_VERDICTS = frozenset({"none", "parameters"})
 
 
+@dataclass(frozen=True, kw_only=True)
+class Held:
+    """A fitted parameter beside the true one."""
+
+    name: str
+    true: float
+    low: float  # End of its 95 % interval
+    high: float
+
+    @property
+    def covered(self) -> bool:
+        """True if the interval holds the true value."""
+        return self.low <= self.true <= self.high
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Case:
     """A case with its truth; a case that failed has no causes, and its ratio is the one that was aimed at."""
@@ -29,10 +44,8 @@ class Case:
     mechanisms: tuple[str, ...]  # Concealed mechanisms
     truth: tuple[str, ...]  # The name under which each mechanism of the catalogue is counted
     rich: bool  # True if the input distinguishes mechanisms
-    result: Mapping[str, Any]  # As it was written
     failed: bool
     ratio: float  # Structural residual over noise
-    diagnosis: Mapping[str, Any]  # Empty if the case failed
     verdict: str  # ``error`` if the case failed
     causes: tuple[str, ...]  # Effects that are built in, the one that explains most first
     answer: frozenset[str]  # Causes and set together
@@ -51,24 +64,15 @@ class Case:
     sparse_right: bool  # The strongest term of the sparse dynamics may stand for what is right
     errors: Mapping[str, float]  # Rms errors on the check record by who made them, SI; of those that could follow
     stated: tuple[tuple[float, bool], ...]  # Probability of each cause, and whether it is right
+    held: tuple[Held, ...]  # Parameters that have a true value
+    advised: str  # What the advised experiment came to; empty where none was run
+    again: bool  # It was diagnosed
+    sparse_term: str  # The strongest term of the sparse dynamics
+    lost: frozenset[str]  # Models of the residual that diverged or failed
+    seconds: float | None  # Processor time
 
 
-@dataclass(frozen=True, kw_only=True)
-class Held:
-    """A fitted parameter beside the true one."""
-
-    name: str
-    true: float
-    low: float  # End of its 95 % interval
-    high: float
-
-    @property
-    def covered(self) -> bool:
-        """True if the interval holds the true value."""
-        return self.low <= self.true <= self.high
-
-
-def held_of(result: Mapping[str, Any]) -> Iterator[Held]:
+def _held(result: Mapping[str, Any]) -> Iterator[Held]:
     """Yield the parameters of a result that have a true value."""
     for row in result.get("parameters", ()):
         yield Held(**{name: row[name] for name in ("name", "true", "low", "high")})
@@ -111,7 +115,7 @@ def open_part(store: Store, key: Mapping[str, Any]) -> Opened:
     fits = [result for spec, result in results if spec["kind"] == "interval"]
     return Opened(
         cases=tuple(_case(spec, result, key["names"]["key"]) for spec, result in cases),
-        intervals=tuple(held for result in fits for held in held_of(result)),
+        intervals=tuple(held for result in fits for held in _held(result)),
         failures={spec["name"]: result["message"] for spec, result in results if result["status"] != "done"},
         seconds=tuple(float(result.get("seconds_in_all", 0.0)) for _, result in cases),
         planned=len(key["cases"]),
@@ -149,10 +153,8 @@ def _case(spec: Mapping[str, Any], result: Mapping[str, Any], names: Mapping[str
         mechanisms=tuple(spec["effects"]),
         truth=tuple(spec["truth"]),
         rich=bool(spec["rich"]),
-        result=result,
         failed=failed,
         ratio=float(result.get("ratio", spec["target_ratio"])),
-        diagnosis=diagnosis,
         verdict=verdict,
         causes=causes,
         answer=answer,
@@ -171,7 +173,20 @@ def _case(spec: Mapping[str, Any], result: Mapping[str, Any], names: Mapping[str
         sparse_right=bool(TERM_NAMES.get(baselines.get("pysindy", {}).get("term", ""), frozenset()) & right),
         errors={name: float(rms) for name, rms in errors.items() if rms is not None},
         stated=tuple((float(cause["probability"]), cause["effect"] in right) for cause in stated),
+        held=tuple(_held(result)),
+        advised=_advised(again),
+        again="verdict" in again,
+        sparse_term=baselines.get("pysindy", {}).get("term", ""),
+        lost=frozenset(name for name, made in baselines.items() if made["failure"]),
+        seconds=result.get("seconds_in_all"),
     )
+
+
+def _advised(again: Mapping[str, Any]) -> str:
+    if not again:
+        return ""
+    causes = " + ".join(cause["effect"] for cause in again.get("causes", ()))
+    return again.get("failure") or f"{again['verdict']}: {causes}"
 
 
 def _family(effect: str) -> str:

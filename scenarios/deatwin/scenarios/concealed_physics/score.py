@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deatwin.scenarios.concealed_physics.results import FAR, Case, Opened, held_of
+from deatwin.scenarios.concealed_physics.results import FAR, Case, Opened
 from deatwin.studies.calibration import brier_score, expected_calibration_error, median_interval, reliability
 from deatwin.studies.rates import Rate
 from deatwin.studies.report.story import Measure
@@ -54,7 +54,7 @@ def score(study: Opened) -> list[Goal]:
     named = [case for case in study.of("effect", "pair") if case.verdict == "named"]
     tied = [case for case in study.of("tie") if case.verdict == "ambiguous"]
     strong, distant = f"ratio {STRONG} or more", f"d² to the nearest rival {FAR:g} or more"
-    fine = (held.covered for case in study.cases for held in held_of(case.result))
+    fine = (held.covered for case in study.cases for held in case.held)
     return [
         _at_most(
             "false alarm: a cause named on clean data", [bool(c.causes) for c in clean], 1 / 150, "0 of 150, at most 1"

@@ -202,13 +202,6 @@ def _pairs(study: Opened) -> Table:
 
 
 def _ties(study: Opened) -> Table:
-    def after(case: Case) -> str:
-        again = case.result.get("advised")
-        if not again:
-            return "–"
-        causes = " + ".join(cause["effect"] for cause in again.get("causes", ()))
-        return again.get("failure") or f"{again['verdict']}: {causes}{'†' if case.heavier else ''}"
-
     mass = "† a mass was added: the further record was diagnosed alone, with the tied effects as the whole catalogue"
     return Table.of(
         f"Ties ({mass})",
@@ -219,7 +212,7 @@ def _ties(study: Opened) -> Table:
             "ratio": lambda case: three_digits(case.ratio),
             "verdict": lambda case: case.verdict,
             "answer": lambda case: ", ".join(sorted(case.answer)),
-            "with the advised experiment": after,
+            "with the advised experiment": lambda case: (case.advised or "–") + "†" * case.heavier,
             "resolved": lambda case: "yes" if case.resolved else "at once" if case.named_right else "no",
         },
     )
@@ -233,7 +226,7 @@ def _predictions(study: Opened) -> Table:
         ratios = [c.errors[name] / c.errors["oracle"] for c in cases if name in c.errors]
         if ratios:
             low, middle, high = np.quantile(ratios, (0.05, 0.5, 0.95))
-            lost = sum(bool(c.result.get("baselines", {}).get(name, {}).get("failure")) for c in cases)
+            lost = sum(name in c.lost for c in cases)
             rows.append([words, str(len(ratios)), *(f"{r:.3f}" for r in (middle, low, high)), str(lost)])
     columns = ["plant", "cases", "median", "5 %", "95 %", "runs that diverged or failed"]
     return Table(title="Error on the check record over the oracle's, ratio 1 or more", columns=columns, rows=rows)
@@ -297,8 +290,8 @@ _COLUMNS: dict[str, Callable[[Case], object]] = {
     "nearest_d2": lambda case: f"{case.nearest:.4g}",
     "probability": lambda case: f"{case.stated[0][0]:.4g}" if case.stated else "",
     **{f"{name}_rms": _rms(name) for name in ("nominal", *MADE_BY)},
-    "sparse_term": lambda case: case.result.get("baselines", {}).get("pysindy", {}).get("term", ""),
+    "sparse_term": lambda case: case.sparse_term,
     "resolved": lambda case: int(case.resolved),
-    "processor_s": lambda case: case.result.get("seconds_in_all", ""),
+    "processor_s": lambda case: "" if case.seconds is None else case.seconds,
 }
 """Columns of ``cases.csv``."""

@@ -2,40 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.drifts import moving_mean
 from deatwin.ident.narx.fleet.orders import DEGREES, LAGS, Plan
-from deatwin.ident.narx.fleet.records import RECORDED, STEADY, thinned
-from deatwin.ident.narx.predictive import PredictiveBand
+from deatwin.ident.narx.fleet.records import RECORDED, STEADY
 from deatwin.scenarios.fleet_models import WORDS
 from deatwin.scenarios.fleet_models.study import SEMP, SHOWN, SVB, THRESHOLDS, Bench, Study
 from deatwin.scenarios.fleet_models.tables import TESTS
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import Hue, complete, draw_between, filled, key_of, panels_of, plain_numbers, titled
+from deatwin.studies.report.panels import Hue, filled, key_of, panels_of, plain_numbers, titled
 from deatwin.studies.report.svg import draw, legend_above
 from deatwin.studies.report.words import Each
 
 Array = NDArray[np.float64]
 OF_METHOD = {SEMP: Hue.BEFORE, SVB: Hue.AFTER}
-ZOOM, WINDOW = 20.0, 20.0
-"""Length of the free runs that are drawn, and of the moving means, s."""
 STEADIEST = 6
 """Number of the actuator that does not drift within its sections."""
 
 
 def semp_drawings(study: Study) -> list[Drawing]:
     """Draw the figures of chapter 4."""
-    return [
-        _orders(study.plan),
-        _semp(study.recorded),
-        free_runs(study.recorded, (SEMP,)),
-        _drift(study),
-        *correlation_tests(study, "thesis figure 4.9"),
-    ]
+    return [_orders(study.plan), _semp(study.recorded), *correlation_tests(study, "thesis figure 4.9")]
 
 
 def _orders(plan: Plan) -> Drawing:
@@ -99,58 +89,6 @@ def _semp(benches: Iterable[Bench]) -> Drawing:
         return WORDS.drawing(figure, "semp", filled(columns), thresholds=Each(THRESHOLDS[1:]))
 
 
-def free_runs(
-    benches: Sequence[Bench], methods: Sequence[str], bands: Mapping[str, PredictiveBand] | None = None
-) -> Drawing:
-    """Draw around the largest reading of each held-out section."""
-    columns: dict[str, Array] = {}
-    with draw((9.6, 7.0)) as figure:
-        panels = panels_of(figure, 3, 2, "time (s)", "displacement (mm)")
-        for axes, bench in zip(panels.T.ravel(), benches, strict=True):
-            section, key = bench.sections[1], key_of(bench.name)
-            part = _around(section.outputs[0], round(ZOOM / section.sample_time))
-            timepts, measured = section.timepts[part], 1e3 * section.outputs[0, part]
-            columns |= {f"{key}_time_s": timepts, f"{key}_mm": measured}
-            if bands is not None:
-                low, high = (1e3 * end[0, part] for end in (bands[bench.name].lower, bands[bench.name].upper))
-                draw_between(axes, timepts, low, high, Hue.AFTER, "95 % band of SVB")
-                columns |= {f"{key}_low_mm": low, f"{key}_high_mm": high}
-            axes.plot(timepts, measured, ".", color=Hue.MEASURED, markersize=5, label="measured")
-            for method in methods:
-                run = 1e3 * bench.models[method].model.simulate(section).outputs[0, part]
-                axes.plot(timepts, run, color=OF_METHOD[method], linewidth=1.0, label=method)
-                columns[f"{key}_{method}_mm"] = run
-            titled(axes, bench.name)
-            axes.set_ylim(0.0, 1.1 * measured.max())
-        legend_above(figure, panels[0, 0], 4)
-        also = "" if bands is None else WORDS.text("figure.free_runs.also")
-        return WORDS.drawing(figure, "free_runs", columns, ZOOM=ZOOM, also=f" {also}".rstrip())
-
-
-def _drift(study: Study) -> Drawing:
-    """Error of the free run of a model over the whole recording."""
-    columns: dict[str, Array] = {}
-    with draw((9.6, 7.0)) as figure:
-        error_label = f"free-run error of SEMP, mean over {WINDOW:.0f} s (µm)"
-        panels = panels_of(figure, 3, 2, "time (s)", error_label, sharex=True, sharey=True)
-        for number, axes in enumerate(panels.T.ravel()):
-            bench = study.recorded[number]
-            for section, label, alpha in zip(bench.sections, ("training", "held out"), (0.15, 0.4), strict=True):
-                axes.axvspan(section.start, section.end, color=Hue.MARK, alpha=alpha, linewidth=0, label=label)
-            for variant, colour in ((STEADY, Hue.MEASURED), (RECORDED, Hue.BEFORE)):
-                record = thinned(study.prepared[number].recordings[variant], study.plan.factor)
-                run = study.benches[variant][number].models[SEMP].model.simulate(record)
-                error = 1e6 * (record.outputs - run.outputs)[0]
-                mean = moving_mean(error, round(WINDOW / record.sample_time))[::20]
-                axes.plot(record.timepts[::20], mean, color=colour, linewidth=1.2, label=variant)
-                name = f"{key_of(bench.name)}_{variant.replace(' ', '_')}_um"
-                columns |= {"time_s": record.timepts[::20], name: mean}
-            titled(axes, bench.name)
-        figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=4)
-        stories = " ".join(f"{one.name}: {one.actuator.story}" for one in study.prepared)
-        return WORDS.drawing(figure, "drift", complete(columns), stories=stories)
-
-
 def correlation_tests(study: Study, counterpart: str) -> list[Drawing]:
     """Draw the five tests of two actuators, one method beside the other, and of the same without their history."""
     return [_tests(study, number, counterpart) for number in (SHOWN, STEADIEST)]
@@ -180,9 +118,3 @@ def _tests(study: Study, number: int, counterpart: str) -> Drawing:
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=2, markerscale=3)
         words = {"name": bench.name, "methods": " beside ".join(study.methods), "counterpart": counterpart}
         return WORDS.drawing(figure, "tests", filled(columns), f"tests_dea{number}", **words)
-
-
-def _around(values: Array, length: int) -> slice:
-    """A part of some length around the largest value."""
-    first = int(np.clip(np.argmax(values) - length // 2, 0, max(values.size - length, 0)))
-    return slice(first, first + length)

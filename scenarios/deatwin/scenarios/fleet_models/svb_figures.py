@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from deatwin.ident.narx import Frols, NarxModel, SvbNarx
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.posterior import ThetaPosterior, regressors
-from deatwin.ident.narx.predictive import free_run_band
 from deatwin.ident.narx.terms import Term
 from deatwin.plant.recording import Recording
 from deatwin.scenarios.fleet_models import WORDS
-from deatwin.scenarios.fleet_models.figures import correlation_tests, free_runs
+from deatwin.scenarios.fleet_models.figures import correlation_tests
 from deatwin.scenarios.fleet_models.study import SEMP, SVB, THRESHOLDS, Bench, Study
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import Hue, filled, key_of, panels_of, plain_numbers, titled
@@ -23,21 +22,13 @@ from deatwin.studies.report.svg import draw, legend_above
 from deatwin.studies.report.words import Each
 
 Array = NDArray[np.float64]
-DRAWS = 200
-"""Draws of the posterior for the band of free runs."""
 
 
-def svb_drawings(study: Study, choice: Choice, seed: int) -> list[Drawing]:
+def svb_drawings(study: Study, choice: Choice) -> list[Drawing]:
     """Draw the figures of chapter 6."""
-    rng = np.random.default_rng(seed)
-    bands = {
-        bench.name: free_run_band(bench.models[SVB].model, bench.sections[1], rng, n_draws=DRAWS)
-        for bench in study.recorded
-    }
     return [
         _pruning(study.recorded),
         _posterior(study.shown),
-        free_runs(study.recorded, study.methods, bands),
         *correlation_tests(study, "thesis figure 6.11"),
         _choice(choice, study.shown.name),
     ]

@@ -42,7 +42,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
         ),
         rows=rows,
         notes=notes(__package__, method=SVB, **failures(study), **_kept(study)),
-        figures=svb_drawings(study, _choice(study), setting.seed),
+        figures=svb_drawings(study, _choice(study)),
         tables=svb_tables(study),
     )
     return save(setting, record, page, study, SVB)

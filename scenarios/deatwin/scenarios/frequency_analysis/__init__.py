@@ -52,7 +52,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
         ),
         rows=rows,
         notes=notes(__package__, **_numbers(found, truth)),
-        figures=[*known_drawings(known), *fleet_drawings(found, truth)],
+        figures=[*known_drawings(known), *fleet_drawings(found)],
         tables=tables(known, found),
     )
     return finish(setting.folder, record, page)

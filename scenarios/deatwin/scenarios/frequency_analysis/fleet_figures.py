@@ -12,13 +12,9 @@ from deatwin.ident.narx.fleet.alike import BAND, OPERATING_INPUT
 from deatwin.scenarios.frequency_analysis.actuators import (
     FREQUENCIES,
     GRID,
-    LARGE,
-    MOST_ORDERS,
     ORDERS,
-    SMALL,
     Actuators,
     Analysed,
-    Anchor,
 )
 from deatwin.scenarios.frequency_analysis.known_figures import map_of
 from deatwin.studies.report.drawing import Drawing
@@ -39,14 +35,12 @@ from deatwin.studies.report.words import Words
 Array = NDArray[np.float64]
 WORDS = Words(__package__)
 MICRO = 1e6
-NOTHING = 1e-14
-"""Share of a free run below which what is left of it is rounding."""
 ZOOM = 20.0
 """Length of the free runs that are drawn, s."""
 UNITS = ("µm/V", "µm/V²", "µm/V³")
 
 
-def fleet_drawings(found: Actuators, truth: Anchor) -> list[Drawing]:
+def fleet_drawings(found: Actuators) -> list[Drawing]:
     """Draw what was done with the fleet."""
     return [
         _removal(found.shown),
@@ -54,9 +48,7 @@ def fleet_drawings(found: Actuators, truth: Anchor) -> list[Drawing]:
         _second(found.each),
         _test_signal(found),
         _nofrfs(found),
-        _series(found),
         _sampled(found),
-        _anchor(truth),
     ]
 
 
@@ -189,25 +181,6 @@ def _nofrfs(found: Actuators) -> Drawing:
         return WORDS.drawing(figure, "nofrfs", filled(columns), **numbers)
 
 
-def _series(found: Actuators) -> Drawing:
-    """Share of the free run that more and more orders leave, for two common structures."""
-    orders = np.arange(1.0, MOST_ORDERS + 1)
-    columns: dict[str, Array] = {"orders": orders}
-    every = {"linear in the output": [one.left for one in found.each], "with products": list(found.alternative.left)}
-    with draw((9.6, 3.6)) as figure:
-        panels = panels_of(figure, 1, 2, "orders summed", sharey=True)[0]
-        for axes, (label, left) in zip(panels, every.items(), strict=True):
-            for one, values, (colour, line) in zip(found.each, left, STYLES, strict=False):
-                shown = 100 * np.maximum(values, NOTHING)
-                axes.plot(orders, shown, line, color=colour, marker="o", markersize=3, label=one.name)
-                columns[f"{key_of(one.name)}_{label.replace(' ', '_')}_percent"] = 100 * values
-            axes.set(yscale="log", xticks=orders)
-            titled(axes, label)
-        panels[0].set_ylabel("left of the free run (%)")
-        legend_above(figure, panels[0], 6)
-        return WORDS.drawing(figure, "series", columns, nothing=100 * NOTHING)
-
-
 def _sampled(found: Actuators) -> Drawing:
     """Orders of the output with propagated bands, and those of drawn parameters."""
     one = found.sampled
@@ -239,35 +212,3 @@ def _sampled(found: Actuators) -> Drawing:
         legend_above(figure, panels[0], 3)
         counts = {"terms": len(one.model.terms), "draws": len(one.draws)}
         return WORDS.drawing(figure, "sampled", columns, name=found.shown.name, **counts)
-
-
-def _anchor(one: Anchor) -> Drawing:
-    f = one.frequency_Hz
-    known = {
-        f"bare film, {1e3 * SMALL:.0f} mV": (one.film, Hue.INK, "o-"),
-        f"with hysteresis, {1e3 * SMALL:.0f} mV": (one.small, Hue.MEASURED, "s--"),
-        f"with hysteresis, {1e3 * LARGE:.0f} mV": (one.large, Hue.MEASURED, "o-"),
-    }
-    models = {
-        "model of the bare film, least squares": (one.least_squares, Hue.MARK),
-        "model of the bare film, least free-run error": (one.refined, Hue.AFTER),
-        "model of the actuator": (one.recorded, Hue.BEFORE),
-    }
-    columns: dict[str, Array] = {"frequency_Hz": f}
-    with draw((9.6, 4.2)) as figure:
-        axes = figure.add_subplot()
-        for label, (values, colour, style) in known.items():
-            gain = MICRO * np.abs(values)
-            axes.plot(f, gain, style, color=colour, markersize=4, label=f"{label} (the actuator itself)")
-            columns[label.replace(" ", "_").replace(",", "")] = gain
-        for label, (response, colour) in models.items():
-            gain, band = MICRO * response.gain, response.band()
-            axes.plot(f, gain, color=colour, linewidth=1.6, label=label)
-            if response is not one.refined:  # least free-run error gives no covariance
-                draw_between(axes, f, MICRO * band.low, MICRO * band.high, colour, alpha=0.15)
-            columns[label.replace(" ", "_").replace(",", "")] = gain
-        axes.set(xscale="log", xlabel="frequency (Hz)", ylabel="|H₁| (µm/V)")
-        axes.set_ylim(0, 1.35 * MICRO * float(np.abs(one.film).max()))
-        plain_numbers(axes.xaxis)
-        legend_above(figure, axes, 2)
-        return WORDS.drawing(figure, "anchor", columns, name=one.name, OPERATING_INPUT=OPERATING_INPUT)

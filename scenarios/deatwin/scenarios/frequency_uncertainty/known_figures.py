@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency import FrequencyResponse
-from deatwin.ident.frequency.uncertainty.beside_draws import Spread, Sweep, columns_of
+from deatwin.ident.frequency.uncertainty.beside_draws import Spread, columns_of
 from deatwin.scenarios.frequency_uncertainty.known import BILINEAR, LINEAR, NOTCH, Known
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import Hue, draw_between, panels_of, titled
@@ -34,7 +34,6 @@ def known_drawings(known: Known) -> list[Drawing]:
         _gain_and_phase(linear, notch),
         _higher(known.cases[BILINEAR][1:], known.surface),
         _spectra(known.spectra),
-        _law(known.sweeps),
     ]
 
 
@@ -159,32 +158,6 @@ def _spectra(spectra: Sequence[Spread]) -> Drawing:
         panels[1, 0].set_ylabel("band, about the amplitude (%)")
         legend_above(figure, panels[1, 0], 2)
         return WORDS.drawing(figure, "spectra", columns_of(spectra), case=spectra[0].case)
-
-
-def _law(sweeps: Sequence[Sweep]) -> Drawing:
-    """How far the law of propagation is off, over how uncertain the parameters are."""
-    columns: dict[str, Array] = {}
-    with draw((9.6, 4.0)) as figure:
-        left, right = panels_of(figure, 1, 2, "nonlinearity")[0]
-        for sweep, colour in zip(sweeps, (Hue.AFTER, Hue.BEFORE, Hue.MARK), strict=True):
-            for axes, values in ((left, 100 * sweep.held), (right, np.sqrt(sweep.ratios))):
-                axes.plot(sweep.indices, values, "-", color=colour, linewidth=1.0, label=sweep.label)
-                axes.plot(sweep.indices[sweep.holds], values[sweep.holds], "o", color=colour, markersize=5)
-                axes.plot(sweep.indices[~sweep.holds], values[~sweep.holds], "x", color=colour, markersize=7)
-            key = sweep.label.replace(" ", "_")
-            columns |= {
-                f"{key}_scale": sweep.scales,
-                f"{key}_nonlinearity": sweep.indices,
-                f"{key}_held": sweep.held,
-                f"{key}_variance_ratio": sweep.ratios,
-            }
-        for axes, level in ((left, 95), (right, 1)):
-            axes.axhline(level, color=Hue.INK, linewidth=0.7, linestyle=":")
-            axes.set_xscale("log")
-        left.set_ylabel("draws in the 95 % region (%)")
-        right.set(ylabel="deviation of the draws over that propagated", yscale="log")
-        legend_above(figure, left, len(sweeps))
-        return WORDS.drawing(figure, "law", columns)
 
 
 def _regions(axes: Axes, spread: Spread, shown: Sequence[int], cloud: int) -> None:

@@ -60,7 +60,6 @@ def run(setting: Setting) -> Mapping[str, Any]:
         figures=[
             figures.comparison(sets, every),
             figures.arrow_head(data, outcomes["silverbox"]),
-            figures.arrow_head_spectra(data, outcomes["silverbox"]),
             figures.converter(sets[1], outcomes["buck"]),
             *(figures.free_runs(d, outcomes[d.name], (LINEAR, REFINED, GROWN)) for d in sets[2:]),
         ],

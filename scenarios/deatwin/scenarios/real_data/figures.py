@@ -70,25 +70,6 @@ def _said(outcome: Outcome) -> str:
     return f"{outcome.method}, {outcome.terms} parameters"
 
 
-def arrow_head_spectra(data: DataSet, outcomes: Mapping[str, Outcome]) -> Drawing:
-    """Spectra of the Silverbox's output and of the errors."""
-    from scipy.signal import welch
-
-    measured, rate = data.test.outputs[0] / data.scale, 1 / data.test.sample_time
-    frequencies, power = welch(measured, rate, nperseg=2048)
-    columns: dict[str, Array] = {"frequency_Hz": frequencies, "output_mV2_per_Hz": power}
-    with draw((9.6, 3.6)) as figure:
-        axes = figure.add_subplot()
-        axes.semilogy(frequencies, power, "--", color=Hue.MEASURED, label="output")
-        for method, colour in _SHOWN:
-            _, density = welch(measured - outcomes[method].outputs / data.scale, rate, nperseg=2048)
-            axes.semilogy(frequencies, density, color=colour, label=method)
-            columns[f"{_key(method)}_mV2_per_Hz"] = density
-        axes.set(xlabel="frequency (Hz)", ylabel="density (mV²/Hz)", xlim=(0, rate / 2))
-        legend_above(figure, axes, 4)
-        return WORDS.drawing(figure, "arrow_head_spectra", columns)
-
-
 def converter(data: DataSet, outcomes: Mapping[str, Outcome]) -> Drawing:
     """The buck converter's free run beside that of the documented model."""
     name, terms = next(iter(DOCUMENTED.items()))

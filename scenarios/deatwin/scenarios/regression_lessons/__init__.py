@@ -45,12 +45,8 @@ def run(setting: Setting) -> Mapping[str, Any]:
         notes=notes(__package__),
         figures=[
             figures.constraint(plane),
-            figures.paths(plane, structure),
-            figures.shrinking(orthogonal, risks),
-            figures.overfitting(degrees),
             figures.bias_and_variance(degrees, penalties),
             figures.razor(found),
-            figures.two_models(spread),
         ],
     )
     return finish(setting.folder, record, page)

@@ -12,7 +12,7 @@ from deatwin.ident.narx.criteria import split
 from deatwin.ident.narx.lasso import Lasso, LassoPath, lasso_path
 from deatwin.ident.narx.shrinkage import Ridge
 from deatwin.ident.narx.systems import SYSTEMS
-from deatwin.ident.narx.terms import Term, TermTable
+from deatwin.ident.narx.terms import TermTable
 
 Array = NDArray[np.float64]
 
@@ -120,10 +120,7 @@ class Structure:
     """The LASSO's path among the candidates of a NARX system."""
 
     path: LassoPath
-    true: tuple[Term, ...]  # True terms of the system
     violation: float  # Largest departure from the optimality conditions over all knots, over the first penalty
-    complete: int | None  # First knot at which all true terms have entered; None if they never do
-    false_terms: int  # False terms that have entered by then
 
 
 def structure(rng: np.random.Generator) -> Structure:
@@ -136,17 +133,7 @@ def structure(rng: np.random.Generator) -> Structure:
     path, first = found.path_, max(system.output_lags, system.input_lags)
     (beginning,), _ = split((recording,), HELD_OUT, first)
     rows = TermTable(path.terms).rows(beginning.inputs, beginning.outputs, first, beginning.n_samples)
-    true = tuple(term for term in path.terms if term in system.terms)
-    entered = np.array([path.coefficients[path.terms.index(term)] != 0 for term in true]).all(axis=0)
-    complete = int(np.argmax(entered)) if entered.any() else None
-    active = path.coefficients[:, -1 if complete is None else complete] != 0
-    return Structure(
-        path=path,
-        true=true,
-        complete=complete,
-        violation=_violation(path, rows, beginning.outputs[0, first:]),
-        false_terms=int(active.sum()) - len(true) if complete is not None else int(active.sum()),
-    )
+    return Structure(path=path, violation=_violation(path, rows, beginning.outputs[0, first:]))
 
 
 def _violation(path: LassoPath, rows: Array, target: Array) -> float:

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.scenarios.regression_lessons import shrinkage, variance
-from deatwin.scenarios.regression_lessons.constraint import Constrained, Plane, Structure
-from deatwin.scenarios.regression_lessons.occam import TRUE_DEGREE, Occam, Spread
-from deatwin.scenarios.regression_lessons.shrinkage import RULES, Orthogonal, Risks
+from deatwin.scenarios.regression_lessons import variance
+from deatwin.scenarios.regression_lessons.constraint import Constrained, Plane
+from deatwin.scenarios.regression_lessons.occam import TRUE_DEGREE, Occam
 from deatwin.scenarios.regression_lessons.variance import Decomposition
 from deatwin.scenarios.regression_lessons.verdicts import WORDS
 from deatwin.studies.report.drawing import Drawing
@@ -24,8 +23,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 HEIGHTS = (0.15, 0.5, 1.5)
 """Heights of further ellipses, as multiples of that of the ellipse that touches."""
-SHOWN = (1, 5, 12)
-"""Degrees whose fits are drawn."""
 
 
 def constraint(plane: Plane) -> Drawing:
@@ -71,90 +68,6 @@ def _ellipses(axes: Axes, plane: Plane, found: Constrained) -> None:
     height = np.einsum("iab,ij,jab->ab", apart, plane.gram, apart)
     axes.contour(*grid, height, [touching * share for share in HEIGHTS], colors=[Hue.AFTER], linewidths=0.7)
     axes.contour(*grid, height, [touching], colors=[Hue.AFTER], linewidths=1.6)
-
-
-def paths(plane: Plane, structure: Structure) -> Drawing:
-    """Parameters as the constraint widens."""
-    path = structure.path
-    extent = np.abs(path.coefficients).sum(axis=0)
-    shown = extent <= 1.25 * extent[structure.complete if structure.complete is not None else -1]
-    lasso = np.abs(plane.lasso_path).sum(axis=0) / np.abs(plane.least).sum()
-    with draw((9.6, 3.8)) as figure:
-        left, right = figure.subplots(1, 2)
-        for i, colour in enumerate((Hue.AFTER, Hue.BEFORE)):
-            left.plot(plane.shares, plane.ridge_path[i], color=colour, label=f"ridge, parameter {i + 1}")
-            left.plot(lasso, plane.lasso_path[i], "--", color=colour, label=f"LASSO, parameter {i + 1}")
-        left.axvline(0.6, color=Hue.INK, linestyle=":", linewidth=0.9)
-        left.set(xlabel="norm over that of least squares", ylabel="parameter")
-        left.legend(fontsize="small")
-        for i, term in enumerate(path.terms):
-            if term not in structure.true and path.coefficients[i][shown].any():
-                right.plot(extent[shown], path.coefficients[i][shown], color=Hue.MEASURED, linewidth=0.8)
-        for term, colour in zip(structure.true, (Hue.AFTER, Hue.BEFORE, Hue.MARK, Hue.INK), strict=False):
-            right.plot(extent[shown], path.coefficients[path.terms.index(term)][shown], color=colour, label=str(term))
-        if structure.complete is not None:
-            right.axvline(extent[structure.complete], color=Hue.INK, linestyle=":", linewidth=0.9)
-        right.set(xlabel="sum of magnitudes, standardised", ylabel="coefficient")
-        right.legend(fontsize="small")
-        told = f"Where the last of them enters (dotted), {structure.false_terms} false terms are in."
-        told = told if structure.complete is not None else "They never are all in."
-        columns = {str(term): path.coefficients[path.terms.index(term)] for term in structure.true}
-        return WORDS.drawing(
-            figure,
-            "paths",
-            {"penalty": path.penalties, "sum_of_magnitudes": extent, **columns},
-            count=len(path.terms),
-            told=told,
-        )
-
-
-def shrinking(orthogonal: Orthogonal, risks: Risks) -> Drawing:
-    """Estimates and risks of each rule."""
-    least = np.linspace(-2.6, 2.6, 401)
-    styles = dict(zip(RULES, ((Hue.AFTER, "o"), (Hue.BEFORE, "s"), (Hue.MARK, "^")), strict=True))
-    levels = {"ridge": shrinkage.PENALTY, "LASSO": shrinkage.PENALTY, "subset": shrinkage.THRESHOLD}
-    with draw((9.6, 4.0)) as figure:
-        left, right = figure.subplots(1, 2)
-        left.plot(least, least, ":", color=Hue.INK, linewidth=0.9)
-        right.axhline(1.0, color=Hue.INK, linestyle=":", linewidth=0.9)
-        for name, (colour, marker) in styles.items():
-            left.plot(least, shrinkage.rule(name, least, levels[name]), color=colour)
-            left.plot(orthogonal.least, orthogonal.found[name], marker, color=colour, markersize=5)
-            right.plot(risks.sizes, risks.expected[name], color=colour, label=name)
-            right.plot(risks.sizes, risks.drawn[name], marker, color=colour, markersize=4)
-        left.set(xlabel="least-squares parameter", ylabel="estimate")
-        right.set(xlabel="true parameter (standard errors)", ylabel="expected squared error")
-        legend_above(figure, right, 3)
-        return WORDS.drawing(
-            figure,
-            "shrinking",
-            {
-                "size": risks.sizes,
-                **{f"{n}_expected": risks.expected[n] for n in RULES},
-                **{f"{n}_drawn": risks.drawn[n] for n in RULES},
-            },
-        )
-
-
-def overfitting(degrees: Decomposition) -> Drawing:
-    """Fits of low, middling and high degree to the same readings."""
-    points, truth = variance.POINTS, variance.curve(variance.POINTS)
-    columns = {"point": points, "truth": truth, "readings": degrees.example}
-    with draw((9.6, 3.4)) as figure:
-        for axes, degree in zip(figure.subplots(1, 3, sharey=True), SHOWN, strict=True):
-            row = int(np.argmax(degrees.complexity == degree))
-            axes.plot(points, degrees.example, "o", color=Hue.MEASURED, markersize=3.5, label="readings")
-            axes.plot(points, truth, "--", color=Hue.INK, linewidth=0.9, label="truth")
-            axes.plot(points, degrees.fits[row], color=Hue.BEFORE, linewidth=1.6, label="least squares")
-            axes.set_title(f"degree {degree}", loc="left", fontsize="medium")
-            axes.set_xlabel("point")
-            columns[f"degree_{degree}"] = degrees.fits[row]
-        legend_above(figure, axes, 3)
-        return WORDS.drawing(
-            figure,
-            "overfitting",
-            columns,
-        )
 
 
 def bias_and_variance(degrees: Decomposition, penalties: Decomposition) -> Drawing:
@@ -233,22 +146,4 @@ def razor(found: Occam) -> Drawing:
                 "share_of_peaks": counts,
             },
             price=np.diff(found.occam_factor)[TRUE_DEGREE:].mean(),
-        )
-
-
-def two_models(found: Spread) -> Drawing:
-    """Prior predictive densities of a line and of a parabola."""
-    with draw((6.4, 3.4)) as figure:
-        axes = figure.add_subplot()
-        axes.plot(found.bends, found.line, color=Hue.AFTER, label="line")
-        axes.plot(found.bends, found.parabola, color=Hue.BEFORE, label="parabola")
-        for side in (-1, 1):
-            axes.axvline(side * found.crossing, color=Hue.INK, linestyle=":", linewidth=0.9)
-        axes.set(xlabel="curvature of the readings (standard errors)", ylabel="density", yscale="log", ylim=(1e-4, 1))
-        legend_above(figure, axes, 2)
-        return WORDS.drawing(
-            figure,
-            "two_models",
-            {"curvature": found.bends, "line": found.line, "parabola": found.parabola},
-            crossing=found.crossing,
         )

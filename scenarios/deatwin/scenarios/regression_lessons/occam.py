@@ -39,7 +39,6 @@ class Occam:
     peaks: NDArray[np.int64]
     largest_fit: NDArray[np.int64]  # shape (n_experiments,): Degree of the least training error
     agreement: float
-    example: Array  # shape (N,): Readings of the first experiment
 
 
 def occam(rng: np.random.Generator) -> Occam:
@@ -70,7 +69,6 @@ def occam(rng: np.random.Generator) -> Occam:
         peaks=DEGREES[np.argmax(unknown, axis=0)],
         largest_fit=DEGREES[np.argmin(training, axis=0)],
         agreement=_agreement(designs, readings[0]),
-        example=readings[0],
     )
 
 
@@ -101,15 +99,11 @@ def _agreement(designs: list[Array], y: Array) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Spread:
-    """Evidence of a line and of a parabola by how curved the readings are."""
+    """Evidence of a line beside that of a parabola, where the line is true."""
 
-    bends: Array  # shape (n,): Least-squares curvature, in standard errors
-    line: Array  # shape (n,): Densities of that curvature under each; both have area 1
-    parabola: Array
-    crossing: float  # Curvature at which they are equal, in closed form
-    drawn: float
+    drawn: float  # Share of draws in which the parabola has the larger evidence, and its standard error
     drawn_error: float
-    expected: float
+    expected: float  # That share in closed form
 
 
 def spread(rng: np.random.Generator) -> Spread:
@@ -127,12 +121,7 @@ def spread(rng: np.random.Generator) -> Spread:
     sizes = [np.linalg.slogdet(law)[1] for law in laws]
     wins = -0.5 * (sizes[1] + squares[1]) > -0.5 * (sizes[0] + squares[0])
     expected = float(2 * norm.sf(crossing))
-    bends = np.linspace(-12.0, 12.0, 481)
     return Spread(
-        bends=bends,
-        line=norm.pdf(bends),
-        parabola=norm.pdf(bends, scale=np.sqrt(variance)),
-        crossing=crossing,
         drawn=float(wins.mean()),
         drawn_error=float(np.sqrt(expected * (1 - expected) / draws)),
         expected=expected,

@@ -46,8 +46,6 @@ class Decomposition:
     training: Array  # shape (n,): Mean squared error on the readings that were fitted, over the same experiments
     covariance: Array
     covariance_error: Array
-    example: Array  # shape (n_points,): Readings of the first experiment
-    fits: Array  # shape (n, n_points): What was fitted to them
 
     @property
     def expected(self) -> Array:
@@ -101,13 +99,10 @@ def _decomposition(
     truth = curve(POINTS)
     noises, new = NOISE * rng.standard_normal((2, DRAWS, N))
     test, training, along = (np.empty((complexity.size, DRAWS)) for _ in range(3))
-    fits = np.empty((complexity.size, N))
     for i, value in enumerate(complexity):
         fit = fitter(float(value))
         for j in range(DRAWS):
             fitted = fit(truth + noises[j])
-            if j == 0:
-                fits[i] = fitted
             test[i, j] = np.mean((truth + new[j] - fitted) ** 2)
             training[i, j] = np.mean((truth + noises[j] - fitted) ** 2)
             along[i, j] = fitted @ noises[j] / NOISE**2
@@ -122,6 +117,4 @@ def _decomposition(
         training=training.mean(axis=1),
         covariance=along.mean(axis=1),
         covariance_error=along.std(axis=1) / np.sqrt(DRAWS),
-        example=truth + noises[0],
-        fits=fits,
     )

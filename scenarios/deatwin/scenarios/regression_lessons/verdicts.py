@@ -91,7 +91,6 @@ def occam_rows(found: Occam, spread: Spread) -> list[Measure]:
             expected=100 * spread.expected,
             drawn=100 * spread.drawn,
             off=off,
-            area=float(np.trapezoid(spread.line, spread.bends)),
             SURE=SURE,
         ),
     ]

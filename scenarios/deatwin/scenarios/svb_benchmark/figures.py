@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from deatwin.scenarios.svb_benchmark.draws import Trial, system_of
-from deatwin.scenarios.svb_benchmark.methods import ESTIMATORS, METHODS, VARIATIONAL
-from deatwin.scenarios.svb_benchmark.study import SWEPT, WHITE, Study
+from deatwin.scenarios.svb_benchmark.draws import Trial
+from deatwin.scenarios.svb_benchmark.methods import METHODS, VARIATIONAL
+from deatwin.scenarios.svb_benchmark.study import SWEPT, Study
 from deatwin.scenarios.svb_benchmark.tables import COVERAGE, exact, kept, oracles
 from deatwin.studies.rates import Rate
 from deatwin.studies.report.drawing import Drawing
@@ -30,19 +30,13 @@ STYLES = {
     "svb": (Hue.AFTER, "o"),
     "svb-clean": (Hue.AFTER, "*"),
 }
-COVER_STYLES = ((Hue.MEASURED, "v"), (Hue.AFTER, "o"), (Hue.BEFORE, "s"), (Hue.MARK, "D"))
-"""Colours and markers of the estimators, in their order."""
-COLOURED = ["S5"]
-MOST_SHOWN = 12
-"""Terms of the sampler that are drawn."""
 SHARES = ("share_percent", "low_percent", "high_percent")
 Cells = list[tuple[object, ...]]
 
 
 def drawings(study: Study) -> list[Drawing]:
     """Draw all figures."""
-    made = [_rates(study), _outcomes(study), _coverage(study), _sweep(study)]
-    return [*made, _sampler(study)] if study.comparisons else made
+    return [_rates(study), _outcomes(study), _sweep(study)]
 
 
 def _percent(rate: Rate) -> tuple[float, ...]:
@@ -125,38 +119,6 @@ def _outcomes(study: Study) -> Drawing:
         )
 
 
-def _coverage(study: Study) -> Drawing:
-    rows: Cells = []
-    white = [system for system in WHITE if (system, VARIATIONAL) in study.covered]
-    with draw((9.6, 5.0)) as figure:
-        panels = figure.subplots(1, 2, sharex=True)
-        for axes, systems in zip(panels, (white, COLOURED), strict=True):
-            estimators = [VARIATIONAL] if systems is white else list(ESTIMATORS)
-            labels = [f"{system} {term}" for system in systems for term in system_of(system).terms]
-            for place, estimator in enumerate(estimators):
-                colour, marker = (Hue.AFTER, "o") if systems is white else COVER_STYLES[place]
-                flags = [f for system in systems for f in study.covered.get((system, estimator), np.zeros((0, 0))).T]
-                offset = (place + 0.5) / len(estimators) - 0.5
-                for number, (label, inside) in enumerate(zip(labels, flags, strict=False)):
-                    rate = Rate.of(inside.tolist())
-                    _dot(axes, rate, number + 0.8 * offset, colour, marker)
-                    rows.append((label, estimator, *_percent(rate)))
-                axes.plot([], [], marker, color=colour, label=estimator, markersize=5)
-            axes.axvspan(*(100 * end for end in COVERAGE), color=Hue.MARK, alpha=0.25, linewidth=0)
-            axes.axvline(95, color=Hue.INK, linestyle=":", linewidth=0.9)
-            axes.set_yticks(range(len(labels)), labels, fontsize="small")
-            axes.set(xlabel="intervals that hold the true parameter (%)", ylim=(len(labels) - 0.4, -0.6))
-            axes.legend(loc="lower left", bbox_to_anchor=(0, 1.0), markerscale=1, fontsize="small")
-        return WORDS.drawing(
-            figure,
-            "coverage",
-            csv_text(("system and term", "estimator", *SHARES), rows),
-            draws=study.plan.draws,
-            low=100 * COVERAGE[0],
-            high=100 * COVERAGE[1],
-        )
-
-
 def _sweep(study: Study) -> Drawing:
     rows: Cells = []
     variances = [level.variance for level in study.levels]
@@ -195,37 +157,3 @@ def _line(axes: Axes, places: Sequence[float], rates: Sequence[Rate], label: str
     shares, *ends = np.array([_percent(rate) for rate in rates]).T
     style: dict[str, Any] = {"color": colour, "label": label, "fmt": f"{marker}-", "capsize": 2, "elinewidth": 0.9}
     axes.errorbar(places, shares, np.abs(np.array(ends) - shares), markersize=_size(marker), **style)
-
-
-def _sampler(study: Study) -> Drawing:
-    first = study.comparisons[0]
-    shown = np.argsort(-first.inclusion)[:MOST_SHOWN]
-    true = dict(zip(map(str, system_of("S4").terms), system_of("S4").theta, strict=True))
-    with draw((9.6, 4.0)) as figure:
-        left, right = figure.subplots(1, 2)
-        for place, i in enumerate(shown):
-            colour, marker = (Hue.AFTER, "o") if first.terms[i] in first.chosen else (Hue.MEASURED, "D")
-            left.plot(first.inclusion[i], place, marker, color=colour, markersize=6)
-        left.axvline(0.5, color=Hue.INK, linestyle=":", linewidth=0.9)
-        left.set(xlabel="probability that the term is in", xscale="log", xlim=(None, 1.5))
-        _names(left, [first.terms[i] for i in shown], fontsize="small")
-        ends = {
-            "SVB": (-0.13, Hue.AFTER, first.low, first.high),
-            "sampler, over all structures": (0.13, Hue.BEFORE, first.sampled_low, first.sampled_high),
-        }
-        for place, term in enumerate(first.common):
-            for label, (offset, colour, low, high) in ends.items():
-                shift = np.array((low[place], high[place])) - true.get(term, 0.0)
-                right.plot(shift, [place + offset] * 2, color=colour, linewidth=3, label=None if place else label)
-        right.axvline(0, color=Hue.INK, linestyle=":", linewidth=0.9)
-        right.set_xlabel("95 % interval less the true parameter")
-        _names(right, first.common, fontsize="small")
-        figure.legend(*right.get_legend_handles_labels(), loc="outside upper right", ncols=2)
-        rows = [(first.terms[i], first.inclusion[i], int(first.terms[i] in first.chosen)) for i in shown]
-        return WORDS.drawing(
-            figure,
-            "sampler",
-            csv_text(("term", "probability", "kept_by_svb"), rows),
-            shown=len(shown),
-            terms=len(first.terms),
-        )

@@ -13,7 +13,7 @@ from deatwin.ident.drifts import at_same_input, fast_part, moving_mean
 from deatwin.plant.drawing import envelope
 from deatwin.scenarios.thesis_data.counterevidence import SideBands, SmallVoltages
 from deatwin.scenarios.thesis_data.measures import RIDGE
-from deatwin.scenarios.thesis_data.study import LOOP_RATE, Bench, Study
+from deatwin.scenarios.thesis_data.study import Bench, Study
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import Hue, complete, key_of, panels_of, plain_numbers, titled
 from deatwin.studies.report.svg import draw
@@ -41,8 +41,6 @@ def drawings(study: Study, rests: Mapping[str, SmallVoltages], bands: SideBands,
         _drifts(study.benches),
         _ridge(study.benches[0]),
         _spectra(study.benches),
-        _loops(study.benches),
-        _areas(study),
         _small(rests, step),
         _side_bands(bands),
     ]
@@ -165,33 +163,6 @@ def _spectra(benches: Sequence[Bench]) -> Drawing:
         panels[0, 0].set(xscale="log", yscale="log", xlim=(0.02, 25), ylim=(1e-3, 1e5))
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
         return WORDS.drawing(figure, "spectra", columns)
-
-
-def _loops(benches: Sequence[Bench]) -> Drawing:
-    columns: dict[str, Array] = {}
-    with draw((9.6, 5.2)) as figure:
-        panels = panels_of(figure, 2, 3, COMMAND, DISPLACEMENT, sharex=True, sharey=True)
-        for axes, bench in zip(panels.ravel(), benches, strict=True):
-            loop = bench.loop
-            axes.plot(loop.commands, 1e3 * loop.displacements, linewidth=1.1)
-            titled(axes, f"{bench.actuator.name}: {100 * loop.area:.1f} %")
-            columns |= {"command_V": loop.commands, f"{_key(bench)}_mm": 1e3 * loop.displacements}
-        return WORDS.drawing(figure, "loops", columns)
-
-
-def _areas(study: Study) -> Drawing:
-    rates = np.array([1e3 * loop.rate for loop in study.loops])
-    columns: dict[str, Array] = {"rate_mHz": rates}
-    with draw((6.4, 3.6)) as figure:
-        axes = figure.add_subplot()
-        for loops, label, style in ((study.loops, SPECIFIED, "o-"), (study.elastic_loops, ELASTIC, "s--")):
-            areas = np.array([100 * loop.area for loop in loops])
-            columns[f"{label.replace(' ', '_')}_percent"] = areas
-            axes.plot(rates, areas, style, markersize=5, label=label)
-        six = [100 * bench.loop.area for bench in study.benches]
-        axes.plot(np.full(len(six), 1e3 * LOOP_RATE), six, "_", color=Hue.INK, markersize=12, label="the six")
-        _logarithmic(axes, "rate (mHz)", "area over rectangle (%)")
-        return WORDS.drawing(figure, "areas", columns)
 
 
 def _small(rests: Mapping[str, SmallVoltages], step: float) -> Drawing:

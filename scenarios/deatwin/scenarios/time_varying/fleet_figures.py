@@ -7,20 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.drifts import moving_mean
 from deatwin.ident.frequency import remove_dc
 from deatwin.ident.frequency.varying.short_time import BANDS
 from deatwin.ident.narx import Term
 from deatwin.ident.narx.fleet.alike import OPERATING_INPUT
-from deatwin.ident.narx.wander import CONSTANT, LIKELIEST, REFINED, SHARES, VARYING
+from deatwin.ident.narx.wander import CONSTANT, LIKELIEST, REFINED, VARYING
 from deatwin.scenarios.time_varying.known import LINES, ORDERS
 from deatwin.scenarios.time_varying.known_figures import QUANTILE, map_columns, plain_name, symbol_of
 from deatwin.scenarios.time_varying.study import LEVEL, Driven, Study
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import (
-    STYLES,
     Hue,
-    complete,
     draw_between,
     draw_map,
     filled,
@@ -35,8 +32,6 @@ from deatwin.studies.report.words import Words
 Array = NDArray[np.float64]
 WORDS = Words(__package__)
 OF_WAY = {CONSTANT: Hue.BEFORE, REFINED: Hue.MARK, VARYING: Hue.AFTER, LIKELIEST: Hue.MEASURED}
-SPREAD = 20.0
-"""Window of the moving mean of free-run errors, s."""
 PARAMETER_COLUMNS = 4
 DRAWN_DEGREE = 3
 """Largest degree of the terms whose parameters are drawn."""
@@ -52,10 +47,8 @@ def fleet_drawings(study: Study) -> list[Drawing]:
     """Draw the figures of the fleet."""
     return [
         _sliding(study),
-        _wander(study.driven),
         _parameters(study.shown),
         _equilibria(study.driven),
-        _free_runs(study.driven),
         _bands(study.driven),
         _changes(study.shown, list(LINES), "tv_gfrf"),
         _changes(study.shown, [f"G{n}" for n in ORDERS], "tv_nofrf"),
@@ -83,35 +76,6 @@ def _sliding(study: Study) -> Drawing:
         stories = " ".join(f"{one.name}: {story}" for one, story in zip(study.driven, study.stories, strict=True))
         window = study.driven[0].sliding.window_s
         return WORDS.drawing(figure, "sliding", filled(columns), window=window, stories=stories)
-
-
-def _wander(driven: Sequence[Driven]) -> Drawing:
-    columns: dict[str, Array] = {"share": np.array(SHARES)}
-    with draw((9.6, 4.2)) as figure:
-        left, right = figure.subplots(1, 2, width_ratios=(2, 3))
-        for one, (colour, line) in zip(driven, STYLES, strict=True):
-            choosing, place = 100 * one.track.choosing, SHARES.index(one.track.share)
-            left.plot(SHARES, choosing, f"o{line}", color=colour, markersize=3, linewidth=1.0, label=one.name)
-            left.plot(SHARES[place], choosing[place], "o", markersize=10, fillstyle="none", color=colour)
-            columns[f"{key_of(one.name)}_choosing_percent"] = choosing
-        left.set(xscale="log", xlabel="share by which a term may wander", ylabel="free-run error, choosing blocks (%)")
-        left.set_xticks(SHARES, [f"{share:g}" for share in SHARES])
-        left.set_xticks([], minor=True)
-        left.legend(fontsize="x-small", ncols=2, markerscale=1, handlelength=3)
-        bars = [("unseen", way, "blocks left out", "") for way in (CONSTANT, REFINED, VARYING, LIKELIEST)]
-        bars += [("ahead", way, "blocks ahead", "///") for way in (CONSTANT, VARYING)]
-        places, width = np.arange(len(driven)), 0.15
-        for number, (kind, way, where, hatch) in enumerate(bars):
-            values, label = 100 * np.array([getattr(one.track, kind)[way] for one in driven]), f"{way}, {where}"
-            how = {"color": OF_WAY[way], "hatch": hatch, "edgecolor": Hue.INK, "linewidth": 0.4, "label": label}
-            right.bar(places + (number - 2.5) * width, np.minimum(values, 100.0), width, **how)
-            columns[label.replace(", ", "_").replace(" ", "_") + "_percent"] = values
-        right.set_axisbelow(True)
-        right.set_xticks(places, [one.name for one in driven])
-        right.set_ylabel("free-run error over the reading's deviation (%)")
-        right.set_ylim(0, 1.55 * right.get_ylim()[1])
-        right.legend(fontsize="x-small", ncols=2, loc="upper left")
-        return WORDS.drawing(figure, "wander", filled(columns))
 
 
 def _parameters(shown: Sequence[Driven]) -> Drawing:
@@ -162,25 +126,6 @@ def _equilibria(driven: Sequence[Driven]) -> Drawing:
             titled(axes, one.name)
             columns |= {"time_s": found.timepts, f"{key}_um": middle, f"{key}_half_um": half}
         return WORDS.drawing(figure, "equilibria", columns)
-
-
-def _free_runs(driven: Sequence[Driven]) -> Drawing:
-    columns: dict[str, Array] = {}
-    with draw((9.6, 6.4)) as figure:
-        panels = panels_of(figure, 3, 2, "time (s)", f"free-run error, mean over {SPREAD:.0f} s (µm)", sharex=True)
-        for axes, one in zip(panels.T.ravel(), driven, strict=True):
-            record = one.track.recording
-            step = max(1, round(2.0 / record.sample_time))
-            for way in (CONSTANT, VARYING):
-                error = MICRO * (record.outputs[0] - one.track.runs[way])
-                mean = moving_mean(error, round(SPREAD / record.sample_time))[::step]
-                axes.plot(record.timepts[::step], mean, color=OF_WAY[way], linewidth=1.1, label=f"{way} parameters")
-                columns |= {"time_s": record.timepts[::step], f"{key_of(one.name)}_{way}_um": mean}
-            axes.axhline(0, color=Hue.INK, linewidth=0.6)
-            fits = ", ".join(f"{100 * (1 - one.track.seen[way]):.1f} % {way}" for way in (CONSTANT, VARYING))
-            titled(axes, f"{one.name}: fit {fits}", "small")
-        legend_above(figure, panels[0, 0], 2)
-        return WORDS.drawing(figure, "free_runs", complete(columns))
 
 
 def _bands(driven: Sequence[Driven]) -> Drawing:

@@ -51,7 +51,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
             marks=[mark for mark in Mark if any(score.mark is mark for score in scores)],
             **numbers(groups),
         ),
-        figures=[figures.drifts(study.findings, scores), figures.verdicts(scores), figures.repeats(groups)],
+        figures=[figures.drifts(study.findings, scores), figures.repeats(groups)],
         tables=[_answers(scores), _estimates(scores), table_of(groups)],
     )
     write_story(folder, page, record)

@@ -52,28 +52,6 @@ def drifts(findings: Sequence[Finding], scores: Sequence[Judged]) -> Drawing:
         )
 
 
-def verdicts(scores: Sequence[Judged]) -> Drawing:
-    """Draw the rms residual of each actuator on held-out data, before and after, with the mark of the answer."""
-    before, after, floor = (np.array(values) for values in zip(*(_errors(s) for s in scores), strict=True))
-    at = np.arange(len(scores), dtype=float)
-    with draw((9.6, 3.6)) as figure:
-        axes = figure.add_subplot()
-        axes.bar(at - 0.2, before, 0.36, color=Hue.BEFORE, label="calibrated base plant")
-        axes.bar(at + 0.2, after, 0.36, color=Hue.AFTER, label="answer")
-        axes.hlines(floor, at - 0.4, at + 0.4, color=Hue.INK, linewidth=1.2, label="noise and model error")
-        top = float(before.max())
-        for place, score in zip(at, scores, strict=True):
-            height = np.nanmax(_errors(score)[:2])
-            axes.text(place, height + 0.03 * top, score.mark.value, ha="center", color=Hue.INK)
-        axes.set(ylabel="rms residual on held-out data (µm)", ylim=(0, 1.15 * top))
-        axes.set_xticks(at, [s.name for s in scores])
-        axes.grid(axis="x", visible=False)
-        legend_above(figure, axes, 3)
-        return WORDS.drawing(
-            figure, "verdicts", {"actuator": at + 1, "before_um": before, "after_um": after, "floor_um": floor}
-        )
-
-
 def repeats(groups: Sequence[Group]) -> Drawing:
     """Draw shifts of the mean between two runs of the same noise, by mechanism and history."""
     columns: dict[str, list[float]] = {"group": [], "actuator": [], "shift_um": [], "error_um": [], "gain_percent": []}
@@ -120,10 +98,3 @@ def _title(score: Judged) -> str:
     causes = " and ".join(c.effect for c in score.diagnosis.causes).replace("_", " ")
     answer = f"{score.diagnosis.verdict.value.replace('_', ' ')}{': ' if causes else ''}{causes}"
     return f"{score.name}, with {truth}. Answer: {answer} ({score.mark.value})"
-
-
-def _errors(score: Judged) -> tuple[float, float, float]:
-    """Rms errors before, after (NaN where nothing is built in), and of noise and model error, µm."""
-    unseen = score.diagnosis.fit.unseen
-    after = np.nan if unseen.after is None else unseen.after
-    return unseen.before, after, float(np.hypot(score.diagnosis.noise, score.diagnosis.model_error))
