@@ -142,7 +142,6 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     for module, name, less in (
         (beside_draws, "DRAWS", 500),
         (beside_draws, "CHUNKS", 3),
-        (beside_draws, "LOOP", 3),
         (known, "SURFACE", 9),
         (fleet, "ORDERS", (1, 2)),
         (fleet, "BANDS", ((0.0, 0.2), (0.2, 1.0))),

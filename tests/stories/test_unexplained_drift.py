@@ -18,7 +18,7 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.fleet import fleet, specification
 from deatwin.plant.model import Plant
 from deatwin.scenarios import unexplained_drift
-from deatwin.scenarios.unexplained_drift import argument, figures, repeatability, sealed, study
+from deatwin.scenarios.unexplained_drift import argument, repeatability, sealed, study
 from deatwin.scenarios.unexplained_drift.repeatability import FRESH, Drift, Group, History, between, drift_of
 from deatwin.scenarios.unexplained_drift.score import Mark, judged, measures
 from deatwin.scenarios.unexplained_drift.sealed import Key, concealed_in, opened
@@ -349,13 +349,6 @@ def test_a_malformed_case_is_one_clear_error(tmp_path: Path) -> None:
     answers.put("argument-03", {"drift": {"shift": 1.0}})
     with pytest.raises(DataError, match=r"argument-03\.\w+: it must hold a case .*; delete it, and it is run again"):
         carry_out(answers, 0, (), 1, lambda *_: pytest.fail("cases are run"))
-
-
-def test_a_figure_of_answers_without_one() -> None:
-    scores = judged([finding(diagnosis(Verdict.UNKNOWN, {}))], Key.of(fleet(5)))
-    drawing = figures.verdicts(scores)
-    assert "left open" in drawing.svg
-    assert np.isnan(drawing.columns["after_um"]).all()
 
 
 @pytest.mark.study

@@ -43,11 +43,9 @@ class Track:
     name: str
     recording: Recording  # Whole, thinned
     share: float  # One of `SHARES`
-    choosing: Array  # shape (n_shares,): Errors on the blocks for choosing, of each of `SHARES`
     seen: Mapping[str, float]  # Errors on the record that was fitted, by way
     unseen: Mapping[str, float]  # Errors on the blocks for judging, with parameters of all others
     ahead: Mapping[str, float]  # Errors of `CONSTANT` and `VARYING` on each block, parameters of what came before it
-    runs: Mapping[str, Array]  # shape (n,): Free runs of `CONSTANT` and `VARYING` over the whole record, m
     trajectory: ThetaTrajectory  # Fitted to the whole record, every second
     held: ThetaTrajectory  # Fitted without the blocks for judging
     held_constant: NarxModel  # Least squares without the blocks for judging
@@ -62,8 +60,7 @@ def follow_actuator(name: str, recording: Recording, structure: Structure) -> Tr
 
     without = stretches(recording, (JUDGING,))
     judged = _within(blocks_of(recording, JUDGING), without)
-    choosing = _choice_errors(structure, recording)
-    share = chosen_share(choosing)
+    share = chosen_share(_choice_errors(structure, recording))
     smoother = walked(structure, [recording], share, recording)
     constants, held_constants = _constants(structure, [recording]), _constants(structure, without)
     held, likeliest = walked(structure, without, share, recording).trajectory_, _likeliest(structure, without)
@@ -75,14 +72,12 @@ def follow_actuator(name: str, recording: Recording, structure: Structure) -> Tr
         name=name,
         recording=recording,
         share=share,
-        choosing=choosing / float(recording.outputs.std()),
         seen={key: error(model, [recording]) for key, model in seen.items()} | {LIKELIEST: error(likeliest, without)},
         unseen={key: error(model, judged) for key, model in unseen.items()},
         ahead={
             CONSTANT: _ahead(standing.filtered_, recording) / float(recording.outputs.std()),
             VARYING: _ahead(smoother.filtered_, recording) / float(recording.outputs.std()),
         },
-        runs={key: seen[key].simulate(recording).outputs[0] for key in (CONSTANT, VARYING)},
         trajectory=smoother.trajectory_.thinned(step),
         held=held.thinned(step),
         held_constant=held_constants[CONSTANT],

@@ -37,7 +37,7 @@ SHOWN = 5
 """Number of the actuator that the thesis shows in full."""
 ORDERS = 3
 TABLED = (0.01, 0.1, 0.3, 1.0, 3.0)
-"""Frequencies of H_1 in the table and in the measures, Hz; the noise ends at 1 Hz."""
+"""Frequencies of H_1 in the measures, Hz; the noise ends at 1 Hz."""
 FREQUENCIES = np.unique(np.concatenate([np.geomspace(0.01, 4.0, 160), TABLED]))
 """Frequencies of H_1, Hz."""
 GRID = np.linspace(-1.0, 1.0, 61)

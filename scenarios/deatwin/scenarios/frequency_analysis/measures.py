@@ -9,7 +9,7 @@ import numpy as np
 from deatwin.ident.frequency.closed_forms import SYSTEMS
 from deatwin.ident.frequency.output_responses.powers import AMPLIFICATION
 from deatwin.ident.narx.fleet.alike import BAND
-from deatwin.scenarios.frequency_analysis.actuators import FREQUENCIES, ORDERS, TABLED, Actuators, Analysed, Anchor
+from deatwin.scenarios.frequency_analysis.actuators import FREQUENCIES, ORDERS, Actuators, Analysed, Anchor
 from deatwin.scenarios.frequency_analysis.known import Known
 from deatwin.studies.report.story import Measure, Table
 from deatwin.studies.report.tables import parameters_by_term
@@ -117,8 +117,6 @@ def tables(known: Known, found: Actuators) -> list[Table]:
         WORDS.table("closed", closed),
         _removal(found.shown),
         WORDS.table("deviations", [_deviations(one) for one in found.each]),
-        WORDS.table("gains", [_gains(one) for one in found.each], *(f"{f:g} Hz" for f in TABLED)),
-        WORDS.table("posed", [_posed(one) for one in found.each]),
     ]
 
 
@@ -143,22 +141,4 @@ def _deviations(one: Analysed) -> list[str]:
         f"{removal.error:.0e}",
         f"{removal.deleted_error:.2f}",
         f"{one.alike.fit_percent:.1f} %",
-    ]
-
-
-def _gains(one: Analysed) -> list[str]:
-    places = [int(np.argmin(np.abs(FREQUENCIES - f))) for f in TABLED]
-    gain, deviation = 1e6 * one.first.gain, 1e6 * one.first.gain_deviation
-    return [one.name, *(f"{gain[i]:.1f} ± {1.96 * deviation[i]:.1f}" for i in places)]
-
-
-def _posed(one: Analysed) -> list[str]:
-    fitted = one.nofrfs.fitted
-    return [
-        one.name,
-        f"{fitted.highest} at {fitted.levels.size} levels",
-        f"{fitted.condition:.0f}",
-        f"{fitted.residual[:, -1].max():.0e}",
-        f"{Each(one.nofrfs.errors):.0e}",
-        fitted.status.value,
     ]

@@ -130,7 +130,6 @@ def tables(study: Study) -> list[Table]:
         WORDS.table("drifts", drifts, *columns),
         WORDS.table("tolerances", list(_tolerances(fleet)), *columns),
         WORDS.table("systems", list(_systems(study.known))),
-        WORDS.table("speeds", list(_speeds(study.known))),
     ]
 
 
@@ -188,20 +187,6 @@ def _systems(known: Known) -> Iterator[list[str]]:
             f"{np.sqrt(spread.ratio):.3g}",
             f"{100 * spread.held:.1f} %",
             _SAYS[spread.propagated.status],
-        ]
-
-
-def _speeds(known: Known) -> Iterator[list[str]]:
-    for one in known.speeds:
-        yield [
-            one.label,
-            f"{1e3 * one.propagated:.1f} ms",
-            f"{1e3 * one.drawn:.0f} ms",
-            f"{one.alone:.0f} s",
-            f"{100 * one.error:.1f} %",
-            f"{100 * one.drawn_error:.1f} %",
-            f"{one.equal:,.0f}",
-            f"{one.ratio:.0f}",
         ]
 
 

@@ -170,36 +170,16 @@ def consult(margins: Sequence[Margin]) -> Oracle:
 class Comparison:
     """A draw by a sampler of structures and by variational Bayes."""
 
-    number: int  # Number of the draw
-    terms: tuple[str, ...]  # All candidates
-    inclusion: Array  # shape (candidates,): Probability of each by the first chain
-    other_inclusion: Array  # shape (candidates,): The same by the second
-    sampled: tuple[str, ...]  # Terms that the first chain finds more likely in than out
+    sampled: tuple[str, ...]  # Terms that a chain finds more likely in than out
     chosen: tuple[str, ...]  # Terms that variational Bayes keeps
-    theta: Array  # shape (common,): Its parameters of the terms that both keep
-    low: Array  # shape (common,): Ends of its 95 % intervals
-    high: Array
-    sampled_low: Array  # shape (common,): Ends of the sampler's intervals, over all structures
-    sampled_high: Array
-    mass: Array  # shape (common,): Sampler's probability of the first intervals, over all structures
+    mass: Array  # shape (common,): Sampler's probability of its 95 % intervals of the terms that both keep
     mass_given: Array  # shape (common,): The same given the chosen structure
-    seconds: float  # Processor time of variational Bayes
-    sampled_seconds: float  # Processor time of one chain
-
-    @property
-    def common(self) -> tuple[str, ...]:
-        """Terms that both keep."""
-        return tuple(term for term in self.chosen if term in self.sampled)
+    unsettled: float  # Largest difference of a term's probability between two chains with other starts
 
     @property
     def agrees(self) -> bool:
         """True if both keep the same terms."""
         return set(self.sampled) == set(self.chosen)
-
-    @property
-    def unsettled(self) -> float:
-        """Largest difference of a term's probability between the two chains."""
-        return float(np.abs(self.inclusion - self.other_inclusion).max())
 
 
 def compare(name: str, method: str, seed: int, number: int) -> Comparison:
@@ -208,12 +188,10 @@ def compare(name: str, method: str, seed: int, number: int) -> Comparison:
     trial = try_out(name, method, seed, number)
     rng = np.random.default_rng([seed, number])
     draw = draw_of(system, seed, number)
-    begin = time.process_time()
     data = _candidates(system, draw)
     gram, moment, power = data.gram()
     posterior = SpikeSlab(data=Statistics(gram=gram, moment=moment, power=power, n_samples=data.n_samples))
     found = sample_structures(posterior, rng, flips=FLIPS, burn_in=BURN_IN)
-    seconds = time.process_time() - begin
     crowd = frozenset(rng.choice(posterior.n_terms, 20, replace=False).tolist())
     other = sample_structures(posterior, rng, flips=FLIPS, burn_in=BURN_IN, start=crowd)
     terms = tuple(map(str, data.table.terms))
@@ -226,21 +204,11 @@ def compare(name: str, method: str, seed: int, number: int) -> Comparison:
     alone = Structures(inclusion=found.inclusion, weights={frozenset(terms.index(t) for t in trial.terms): 1.0})
     given = _present(alone.parameters(posterior, DRAWS, rng)[:, places] * scales)
     return Comparison(
-        number=number,
-        terms=terms,
-        inclusion=found.inclusion,
-        other_inclusion=other.inclusion,
         sampled=sampled,
         chosen=trial.terms,
-        theta=np.array(trial.theta)[kept],
-        low=low,
-        high=high,
-        sampled_low=np.nanquantile(averaged, 0.5 * (1 - LEVEL), axis=0),
-        sampled_high=np.nanquantile(averaged, 0.5 * (1 + LEVEL), axis=0),
         mass=_mass(averaged, low, high),
         mass_given=_mass(given, low, high),
-        seconds=trial.seconds,
-        sampled_seconds=seconds,
+        unsettled=float(np.abs(found.inclusion - other.inclusion).max()),
     )
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from deatwin.scenarios.svb_benchmark.draws import Comparison, Oracle, Trial, consult, system_of
+from deatwin.scenarios.svb_benchmark.draws import Oracle, Trial, consult, system_of
 from deatwin.scenarios.svb_benchmark.methods import METHODS
-from deatwin.scenarios.svb_benchmark.study import SWEPT, WHITE, Level, Study
+from deatwin.scenarios.svb_benchmark.study import SWEPT, WHITE, Study
 from deatwin.studies.rates import Rate
 from deatwin.studies.report.quantities import three_digits
 from deatwin.studies.report.story import Measure, Table
@@ -102,7 +102,8 @@ def _sampler_agrees(study: Study) -> Iterator[Measure]:
     yield Measure(
         "spike-and-slab sampler on S4: the terms it holds for more likely in than out",
         "the same as those of SVB in every draw",
-        f"in {same.hits} of {same.count} draws",
+        f"in {same.hits} of {same.count} draws; two chains differ by at most "
+        f"{max(draw.unsettled for draw in study.comparisons):.4f}",
         same.hits == same.count,
     )
     for name, words in (("mass_given", "of the same structure"), ("mass", "averaged over structures")):
@@ -128,10 +129,7 @@ def tables(study: Study) -> list[Table]:
     made.append(_oracles(study))
     if SWEPT in study.plan.systems:
         made += [_chosen(study), _intervals(study)]
-    made += [_coverage(study), _sweep(study)]
-    if study.comparisons:
-        made.append(_sampler(study))
-    return [*made, _systems(study)]
+    return [*made, _coverage(study), _systems(study)]
 
 
 def _method(study: Study, method: str) -> Table:
@@ -215,46 +213,6 @@ def _coverage(study: Study) -> Table:
     rows = [[system, estimator, str(rate.count), str(rate)] for system, estimator, rate in rates]
     columns = ["system", "estimator", "parameters", "covered"]
     return Table(title="95 % intervals, given the right structure", columns=columns, rows=rows)
-
-
-def _sweep(study: Study) -> Table:
-    def rate(level: Level, method: str, flag: Callable[[Trial], bool]) -> str:
-        return str(Rate.of(flag(trial) for trial in level.trials if trial.method == method))
-
-    rows, columns = [], ["variance"]
-    for level in study.levels:
-        cells = [f"{level.variance:g}"]
-        for method in study.plan.bayesian:
-            cells += [rate(level, method, lambda t: t.kept), rate(level, method, lambda t: t.exact)]
-        trials = [trial for trial in level.trials if trial.method == study.plan.bayesian[-1]]
-        redraws = sum(trial.redraws for trial in trials)
-        covers = str(Rate.of(level.covered.ravel().tolist()))
-        rows.append([*cells, covers, f"{redraws} of {redraws + len(trials)}"])
-    for method in study.plan.bayesian:
-        columns += [f"{METHODS[method].label}: every true term kept", "exact structure"]
-    columns += ["intervals that cover", "diverged"]
-    return Table(title=f"{SWEPT} at five noise levels", columns=columns, rows=rows)
-
-
-def _sampler(study: Study) -> Table:
-    def ranked(draw: Comparison, rank: int) -> str:
-        return f"{np.sort(draw.inclusion)[-rank]:.3f}"
-
-    return Table.of(
-        "S4: a spike-and-slab sampler beside SVB",
-        study.comparisons,
-        {
-            "draw": lambda draw: draw.number + 1,
-            "same terms": lambda draw: "yes" if draw.agrees else "no",
-            "least likely kept": lambda draw: ranked(draw, len(draw.sampled)),
-            "most likely other": lambda draw: ranked(draw, len(draw.sampled) + 1),
-            "two chains differ by": lambda draw: f"{draw.unsettled:.4f}",
-            "mass of SVB's intervals, same structure": lambda draw: f"{100 * draw.mass_given.mean():.1f} %",
-            "over all structures": lambda draw: f"{100 * draw.mass.mean():.1f} %",
-            "SVB, processor time (s)": lambda draw: three_digits(draw.seconds),
-            "one chain, processor time (s)": lambda draw: three_digits(draw.sampled_seconds),
-        },
-    )
 
 
 def _systems(study: Study) -> Table:

@@ -30,8 +30,6 @@ CHUNKS = 40
 """Sets of `DRAWS` draws each, against which the error of the law is measured."""
 CALLS = 7
 """Calls of propagation, of which the shortest counts."""
-LOOP = 100
-"""Draws that are computed one by one."""
 _FLAT = 1e-9  # of the larger variance
 _DIGITS = "₀₁₂₃₄₅₆₇₈"
 
@@ -131,11 +129,7 @@ def spread_of(
 class Sweep:
     """Propagation beside draws, with the parameters known better and worse."""
 
-    label: str
-    scales: Array  # shape (n,): of the parameters' deviations
-    ratios: Array  # shape (n,): the draws' variance over the propagated one, furthest from one
     held: Array  # shape (n,): share of the draws in the 95 % region, furthest from 95 %
-    indices: Array  # shape (n,): the largest nonlinearity over the frequencies
     holds: NDArray[np.bool_]  # shape (n,): whether propagation says that its law holds at all frequencies
 
 
@@ -144,11 +138,8 @@ class Speed:
     """Cost of propagation to one response, beside draws of equal accuracy."""
 
     label: str
-    propagated: float  # Processor time of propagation, of 20,000 draws all at once, and of as many one by one, s
+    propagated: float  # Processor time of propagation, and of 20,000 draws all at once, s
     drawn: float
-    alone: float
-    error: float  # Largest relative error of propagation, and of 20,000 draws
-    drawn_error: float
     equal: float  # Number of draws as accurate as propagation
 
     @property
@@ -185,11 +176,7 @@ def sweep_of(
     """Propagate and draw with the deviations of the parameters scaled."""
     rows = [spread_of(name, replace(model, theta_cov=scale**2 * model.theta_cov), quantity, rng) for scale in scales]
     return Sweep(
-        label=f"{rows[0].symbol} of {name}",
-        scales=np.array(scales),
-        ratios=np.array([row.ratio for row in rows]),
         held=np.array([row.held for row in rows]),
-        indices=np.array([row.propagated.nonlinearity.max() for row in rows]),
         holds=np.array([bool(row.propagated.linear_law.all()) and row.propagated.lost == 0 for row in rows]),
     )
 
@@ -208,14 +195,10 @@ def speed_of(name: str, model: NarxModel, quantity: Quantity, rng: np.random.Gen
     drawn_error = float(np.mean([departure(pooled, one) for one in drawn]))
     least = drawn_error / np.sqrt(CHUNKS)  # the departure of all draws together
     equal = DRAWS * (drawn_error / np.sqrt(max(error**2 - least**2, least**2))) ** 2
-    thetas = rng.multivariate_normal(model.theta, model.theta_cov, LOOP)
     return Speed(
         label=f"{symbol_of(quantity(model))} of {name}",
         propagated=own,
         drawn=together,
-        alone=_timed(lambda: [quantity(replace(model, theta=theta)) for theta in thetas]) / LOOP * DRAWS,
-        error=error,
-        drawn_error=drawn_error,
         equal=float(equal),
     )
 

@@ -100,11 +100,6 @@ class _Waves:
     def both_polarities(self) -> np.ndarray:
         return with_alternating_polarity(self.noise(), self.step, self.rng.uniform(8.0, 15.0))
 
-    def slow_sine(self) -> np.ndarray:
-        """A single slow sine over half the range."""
-        angle = 2 * np.pi * self.rng.uniform(0.15, 0.35) * self._times + self.rng.uniform(0, 2 * np.pi)
-        return (self.lower + self.upper) / 2 + 0.25 * (self.upper - self.lower) * np.sin(angle)
-
     def one_level(self) -> np.ndarray:
         """One level that is held, with a sine of a few hundredths of the range on it."""
         angle, span = 2 * np.pi * self.rng.uniform(0.3, 0.6) * self._times, self.upper - self.lower
