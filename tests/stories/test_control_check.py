@@ -21,7 +21,7 @@ from deatwin.scenarios.control_check import study as running
 from deatwin.scenarios.control_check import trials
 from deatwin.scenarios.control_check.matters import QUANTITIES, Interval, Matter, Matters, Promise
 from deatwin.scenarios.control_check.study import Study
-from deatwin.scenarios.control_check.tables import judge, trials_csv, verdicts_seen
+from deatwin.scenarios.control_check.tables import judge, verdicts_seen
 from deatwin.scenarios.control_check.tracking import FleetRun, Tracked, Tracking
 from deatwin.scenarios.control_check.trials import (
     NO_MODEL,
@@ -160,12 +160,7 @@ def test_rates_are_written_with_their_exact_bound() -> None:
     assert in_words(Rate(hits=0, count=0)) == "no trial"
 
 
-def test_the_file_of_trials_has_a_line_each_and_no_stray_comma() -> None:
-    lines = trials_csv(MIXED).splitlines()
-    assert len(lines) == 11
-    assert {line.count(",") for line in lines} == {7}
-    assert lines[3] == "2,none,LQG,0.2,2,pass,0.9990,1"
-    assert lines[10] == "9,none,LQG,0.2,2,no model,,"
+def test_verdicts_are_listed_from_good_to_bad() -> None:
     assert verdicts_seen(MIXED) == ("pass", "marginal", "fail", "no model")
     assert verdicts_seen(MIXED[:4]) == ("pass", "marginal", "fail")
 
@@ -338,7 +333,7 @@ def test_the_page_is_whole(setting: Setting, tmp_path: Path, monkeypatch: pytest
     result = control_check.run(replace(setting, seed=3))
     assert asked == [("short", 3, 1)]
     written = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file()}
-    names = ("tracking", "concealed", "trials")
+    names = ("tracking", "concealed")
     assert written == {"report.html", "control-check.json", "run.json", *(f"figures/{n}.csv" for n in names)}
     text = (tmp_path / "control-check.json").read_text()
     saved = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
@@ -348,7 +343,7 @@ def test_the_page_is_whole(setting: Setting, tmp_path: Path, monkeypatch: pytest
     assert saved["rates"]["unsound_not_passed"]["hits"] == 2
     assert [trial["number"] for trial in saved["trials"]] == list(range(10))
     page = (tmp_path / "report.html").read_text()
-    assert page.count("<svg") == 3
+    assert page.count("<svg") == 2
     assert ">nan<" not in page and ">inf<" not in page
 
 

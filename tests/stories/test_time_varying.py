@@ -123,7 +123,7 @@ def test_the_page_shows_all_of_it(
     result = time_varying.run(setting)
     page = story_page(
         tmp_path,
-        "parameters resonance moving_gfrf moving_nofrf moving_dc frozen coverage sliding theta equilibria bands tv_gfrf tv_nofrf short_time".split(),
+        "parameters moving_dc frozen coverage sliding theta equilibria bands tv_gfrf tv_nofrf short_time".split(),
     )
     reached = sum(row["passed"] for row in result["measures"])
     assert f'<span class="verdict bad">{reached} of {len(result["measures"])}' in page

@@ -43,4 +43,4 @@ def test_the_story_with_few_trials(setting: Setting, tmp_path: Path, monkeypatch
     assert told == sorted(told) and told[-1] == 1.0
     written = json.loads((tmp_path / "run.json").read_text())["outputs"]
     assert all((tmp_path / name).exists() for name in written)
-    assert {"trials", "control-check.json", "report.html", "figures/trials.csv"} <= set(written)
+    assert {"trials", "control-check.json", "report.html", "figures/tracking.csv"} <= set(written)

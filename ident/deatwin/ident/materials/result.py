@@ -16,6 +16,7 @@ from deatwin.ident.materials.observations import Block, Observations
 from deatwin.ident.materials.section import toml_of
 from deatwin.ident.materials.tests import MaterialTest
 from deatwin.ident.narx.panels import panels_or_new
+from deatwin.plant.records import Json
 from deatwin.plant.rigs.rigmaterial import read_material
 from deatwin.plant.substance import Material
 
@@ -63,7 +64,7 @@ class CalibratedMaterial:
         What the material says of these samples, Pa.
     """
 
-    section: Mapping[str, Any]
+    section: Mapping[str, Json]
     quantities: tuple[Quantity, ...]
     covariance: Array
     noise: Noise
@@ -84,7 +85,7 @@ class CalibratedMaterial:
     @property
     def sentence(self) -> str:
         """The result in one sentence."""
-        energy, number = self.section["energy"], len(self.section["branches"])
+        energy, number = self.section["energy"], len(self.material.branches)
         branches = f"{number} branch{'' if number == 1 else 'es'}" if number else "no branches"
         return (
             f"{self.section['name']}: {energy} with {branches}, from {len(self.tests)} test{'s'[: len(self.tests) > 1]}"

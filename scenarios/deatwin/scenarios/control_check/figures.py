@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.scenarios.control_check.concealed import Concealed
 from deatwin.scenarios.control_check.study import Study
-from deatwin.scenarios.control_check.tables import MICRO, trials_csv, verdicts_seen
+from deatwin.scenarios.control_check.tables import MICRO
 from deatwin.scenarios.control_check.tracking import SETTLED, Tracking
-from deatwin.scenarios.control_check.trials import Outcome
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import Hue, filled, numbers_of_decades, titled
-from deatwin.studies.report.svg import COLOURS, draw, legend_above
+from deatwin.studies.report.panels import Hue, filled, titled
+from deatwin.studies.report.svg import draw, legend_above
 from deatwin.studies.report.words import Words
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    pass
 
 WORDS = Words(__package__)
 Array = NDArray[np.float64]
@@ -31,20 +30,11 @@ SHOWN = {
     "inverse with dynamics": (Hue.MARK, "-", "the same, with dynamics"),
     "oracle: inverse with dynamics": (Hue.INK, ":", "oracle, with dynamics"),
 }
-TRUTHS: dict[bool | None, str] = {True: "sound", False: "not sound", None: "no controller"}
-"""Verdicts of the true rig."""
-MARKS: dict[bool | None, tuple[str, str]] = {
-    True: (Hue.AFTER, "o"),
-    False: (Hue.BEFORE, "X"),
-    None: (Hue.MEASURED, "s"),
-}
-JITTER = 0.28
-"""Scatter within a row of the verdicts, so that trials do not lie upon each other."""
 
 
 def drawings(study: Study) -> list[Drawing]:
     """Draw all figures."""
-    return [_tracking(study.tracking), _concealed(study.concealed), _trials(study.outcomes)]
+    return [_tracking(study.tracking), _concealed(study.concealed)]
 
 
 # --- closed loops ---------------------------------------------------------------------------------------------------
@@ -107,36 +97,3 @@ def _concealed(every: Sequence[Concealed]) -> Drawing:
 
 
 # --- predictions ----------------------------------------------------------------------------------------------------
-
-
-def _trials(outcomes: Sequence[Outcome]) -> Drawing:
-    verdicts = verdicts_seen(outcomes)
-    with draw((9.6, 3.8)) as figure:
-        axes = figure.add_subplot()
-        _draw_times(axes, outcomes, verdicts)
-        legend_above(figure, axes, 4)
-        return WORDS.drawing(figure, "trials", trials_csv(outcomes))
-
-
-def _draw_times(axes: Axes, outcomes: Sequence[Outcome], verdicts: Sequence[str]) -> None:
-    places = np.random.default_rng(0).uniform(-JITTER, JITTER, len(outcomes))
-    for outcome, place in zip(outcomes, places, strict=True):
-        colour, marker = MARKS[outcome.sound]
-        hollow = outcome.inside is not None and outcome.inside < 1.0
-        style: dict[str, Any] = {
-            "color": colour,
-            "markersize": 6,
-            "markerfacecolor": "none" if hollow else colour,
-            "linestyle": "",
-        }
-        axes.plot(outcome.closed_loop_time, verdicts.index(outcome.verdict) + place, marker, label="_", **style)
-    for truth, words in TRUTHS.items():
-        if any(outcome.sound is truth for outcome in outcomes):
-            colour, marker = MARKS[truth]
-            axes.plot([], [], marker, color=colour, markersize=6, linestyle="", label=words)
-    axes.set(xscale="log", xlabel="closed-loop time asked for (s)", ylim=(len(verdicts) - 0.5, -0.5))
-    axes.set_yticks(range(len(verdicts)), verdicts)
-    numbers_of_decades(axes.xaxis, 50.0)
-    axes.grid(axis="y", visible=False)
-    for edge in range(1, len(verdicts)):
-        axes.axhline(edge - 0.5, color=COLOURS["grid"][0], linewidth=0.8)

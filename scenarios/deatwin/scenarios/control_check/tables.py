@@ -16,7 +16,6 @@ from deatwin.scenarios.control_check.trials import NO_MODEL, Outcome, broken, ca
 from deatwin.studies.rates import Rate
 from deatwin.studies.report.quantities import in_interval
 from deatwin.studies.report.story import Measure, Table
-from deatwin.studies.report.tables import csv_text
 from deatwin.studies.report.words import Words
 
 WORDS = Words(__package__)
@@ -115,25 +114,6 @@ def tables(study: Study) -> list[Table]:
         _rates(study.outcomes),
     ]
     return [*always, _broken(study.outcomes)] if broken(study.outcomes) else always
-
-
-def trials_csv(outcomes: Sequence[Outcome]) -> str:
-    """Write a line for each trial."""
-    header = ("trial", "concealed", "design", "closed_loop_time_s", "band_Hz", "verdict", "inside", "sound")
-    rows = (
-        (
-            o.number,
-            o.concealed or NOTHING,
-            o.design,
-            f"{o.closed_loop_time:.4g}",
-            f"{o.band_Hz:.4g}",
-            o.verdict,
-            "" if o.inside is None else f"{o.inside:.4f}",
-            "" if o.sound is None else int(o.sound),
-        )
-        for o in outcomes
-    )
-    return csv_text(header, rows)
 
 
 def verdicts_seen(outcomes: Sequence[Outcome]) -> tuple[str, ...]:

@@ -58,7 +58,6 @@ def run(setting: Setting) -> Mapping[str, Any]:
         rows=rows,
         notes=notes(__package__, sets=sets, refined=REFINED, semp=SEMP, grown=GROWN),
         figures=[
-            figures.comparison(sets, every),
             figures.arrow_head(data, outcomes["silverbox"]),
             figures.converter(sets[1], outcomes["buck"]),
             *(figures.free_runs(d, outcomes[d.name], (LINEAR, REFINED, GROWN)) for d in sets[2:]),

@@ -99,28 +99,3 @@ def _runs(shown: DataSet, runs: Mapping[str, Array], name: str, called: str = ""
         bottom.set(ylabel=f"error ({shown.unit})", xlabel=f"time ({unit})")
         legend_above(figure, top, 4)
         return WORDS.drawing(figure, name, columns, called, **said)
-
-
-def comparison(sets: Sequence[DataSet], outcomes: Sequence[Outcome]) -> Drawing:
-    """Free-run errors of all methods on all data sets, over the standard deviation of the output."""
-    methods = list(dict.fromkeys(outcome.method for outcome in outcomes))
-    columns: dict[str, Array] = {"method_number": np.arange(1.0, len(methods) + 1)}
-    with draw((9.6, 4.0)) as figure:
-        panels = figure.subplots(1, len(sets), sharey=True)
-        for axes, data in zip(np.atleast_1d(panels), sets, strict=True):
-            spread = float(data.test.outputs.std())
-            own = {o.method: o for o in outcomes if o.data == data.name}
-            for kind, colour, marker in (("one_step", Hue.MEASURED, "o"), ("free_run", Hue.AFTER, "s")):
-                values = np.array([getattr(own[m], kind) / spread if m in own else np.nan for m in methods])
-                axes.plot(values, range(len(methods)), marker, color=colour, markersize=6, label=kind.replace("_", " "))
-                columns[f"{data.name}_{kind}"] = values
-            for i, method in enumerate(methods):
-                if own[method].failure:
-                    how = {"ha": "right", "va": "center", "color": Hue.BEFORE, "fontsize": "small"}
-                    axes.text(0.97, i, "diverges", transform=axes.get_yaxis_transform(), **how)
-            axes.set(xscale="log", xlabel="error / spread", xlim=(1e-3, 3), xticks=[1e-3, 1e-2, 1e-1, 1])
-            axes.set_title(data.title, loc="left", fontsize="medium")
-            axes.set_yticks(range(len(methods)), methods)
-        np.atleast_1d(panels)[0].invert_yaxis()
-        legend_above(figure, axes, 2)
-        return WORDS.drawing(figure, "comparison", columns)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx import Term
-from deatwin.scenarios.time_varying.known import LINES, ORDERS, Followed, FrozenRun, Known
+from deatwin.scenarios.time_varying.known import ORDERS, Followed, FrozenRun, Known
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import Hue, draw_between, draw_map, filled, ink_on, panels_of, share_bar, titled
 from deatwin.studies.report.svg import draw, legend_above
@@ -25,16 +25,7 @@ OF_ORDER = {1: Hue.AFTER, 2: Hue.BEFORE, 3: Hue.MARK}
 
 def known_drawings(known: Known) -> list[Drawing]:
     """Draw all figures of the benchmark systems."""
-    linear, quadratic = known.followed
-    return [
-        _parameters(known.followed),
-        _maps(linear, ["H1"], "resonance"),
-        _maps(quadratic, list(LINES), "moving_gfrf"),
-        _maps(quadratic, [f"G{n}" for n in ORDERS], "moving_nofrf"),
-        _dc(known),
-        _frozen(known.frozen),
-        _coverage(known),
-    ]
+    return [_parameters(known.followed), _dc(known), _frozen(known.frozen), _coverage(known)]
 
 
 def map_columns(prefix: str, timepts: Array, frequencies: Array, **values: Array) -> dict[str, Array]:
@@ -86,27 +77,6 @@ def _parameters(followed: Sequence[Followed]) -> Drawing:
             column[len(found.terms) - 1].tick_params(labelbottom=True)
         legend_above(figure, panels[0, 0], 2)
         return WORDS.drawing(figure, "parameters", filled(columns))
-
-
-def _maps(one: Followed, names: Sequence[str], key: str) -> Drawing:
-    from matplotlib.colors import LogNorm
-
-    columns: dict[str, Array] = {}
-    with draw((9.6 if len(names) > 1 else 6.4, 5.0)) as figure:
-        panels = panels_of(figure, 2, len(names), "time (s)", sharex=True, sharey="col")
-        for column, name in zip(panels.T, names, strict=True):
-            true, found = one.true[name], one.found[name]
-            gains = np.concatenate([true.gain.ravel(), found.gain.ravel()])
-            norm = LogNorm(float(np.quantile(gains, 0.001)), float(gains.max()))
-            for axes, side, word in zip(column, (true, found), ("true", "found"), strict=True):
-                mesh = draw_map(axes, side.timepts, side.frequencies, side.gain, norm=norm)
-                titled(axes, f"{symbol_of(name)}, {word}")
-            share_bar(figure, mesh, column, "gain")
-            gains_of = {"true_gain": true.gain, "found_gain": found.gain}
-            columns |= map_columns(plain_name(name), true.timepts, true.frequencies, **gains_of)
-        for axes in panels[:, 0]:
-            axes.set_ylabel("f₁ (Hz)" if "H2, f2 = f1" in names else "frequency (Hz)")
-        return WORDS.drawing(figure, key, filled(columns))
 
 
 def _dc(known: Known) -> Drawing:

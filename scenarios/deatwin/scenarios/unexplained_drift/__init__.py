@@ -13,8 +13,8 @@ from dataclasses import asdict
 from typing import Any
 
 from deatwin.plant.fleet import fleet
-from deatwin.scenarios.unexplained_drift import figures
 from deatwin.scenarios.unexplained_drift.argument import numbers, rows_of, sentence_of, table_of
+from deatwin.scenarios.unexplained_drift.figures import drifts
 from deatwin.scenarios.unexplained_drift.score import Estimate, Judged, Mark, judged, measures
 from deatwin.scenarios.unexplained_drift.sealed import Key, opened
 from deatwin.scenarios.unexplained_drift.study import CASES, VISITS, Answers, carry_out
@@ -51,7 +51,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
             marks=[mark for mark in Mark if any(score.mark is mark for score in scores)],
             **numbers(groups),
         ),
-        figures=[figures.drifts(study.findings, scores), figures.repeats(groups)],
+        figures=[drifts(study.findings, scores)],
         tables=[_answers(scores), _estimates(scores), table_of(groups)],
     )
     write_story(folder, page, record)

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.drifts import moving_mean
-from deatwin.scenarios.unexplained_drift.repeatability import Group
 from deatwin.scenarios.unexplained_drift.score import Judged
 from deatwin.scenarios.unexplained_drift.study import Finding, Track
 from deatwin.studies.report.drawing import Drawing
@@ -50,32 +49,6 @@ def drifts(findings: Sequence[Finding], scores: Sequence[Judged]) -> Drawing:
         return WORDS.drawing(
             figure, "drifts", {name: np.concatenate(values) for name, values in columns.items()}, window=WINDOW
         )
-
-
-def repeats(groups: Sequence[Group]) -> Drawing:
-    """Draw shifts of the mean between two runs of the same noise, by mechanism and history."""
-    columns: dict[str, list[float]] = {"group": [], "actuator": [], "shift_um": [], "error_um": [], "gain_percent": []}
-    with draw((9.6, 4.6)) as figure:
-        left, right = figure.subplots(1, 2, sharey=True)
-        for place, group in enumerate(groups):
-            colour = Hue.INK if place == 0 else Hue.AFTER
-            spread = np.linspace(-0.2, 0.2, group.sizes.size)
-            if place:
-                left.barh(
-                    place, 1e6 * np.diff(group.next_one)[0], 0.66, 1e6 * group.next_one[0], color=Hue.MARK, alpha=0.3
-                )
-            left.plot(1e6 * group.sizes, place + spread, "o", color=colour, markersize=4)
-            right.plot([100 * d.gain for d in group.drifts], place + spread, "o", color=colour, markersize=4)
-            for number, d in enumerate(group.drifts, start=1):
-                found = (place, number, 1e6 * d.shift, 1e6 * d.shift_error, 100 * d.gain)
-                for column, value in zip(columns.values(), found, strict=True):
-                    column.append(float(value))
-        left.set_yticks(range(len(groups)), [f"{g.name}:\n{g.assumption}" for g in groups])
-        left.invert_yaxis()
-        for axes, label in ((left, "shift of the mean (µm)"), (right, "change of the gain (%)")):
-            axes.axvline(0.0, color=Hue.INK, linewidth=0.8)
-            axes.set_xlabel(label)
-        return WORDS.drawing(figure, "repeats", columns)
 
 
 def _departures(track: Track) -> tuple[Array, Array, Array, Array]:
