@@ -16,11 +16,11 @@ from readers import SEEDS, Kind
 from deatwin.app.live.verdicts import Verdict
 from deatwin.plant.recording import Experiment
 from deatwin.scenarios import vhb4910
-from deatwin.scenarios.concealed_physics.page import page_data
 from deatwin.scenarios.concealed_physics.results import opened_study
 from deatwin.scenarios.concealed_physics.score import score
 from deatwin.scenarios.concealed_physics.seal import Seal
 from deatwin.scenarios.concealed_physics.study import key_of
+from deatwin.scenarios.concealed_physics.tables import page_data
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.public.columns import csv_columns, hdf5_vectors, matlab_vectors
 from deatwin.studies.sweep.seal import SweepSeal

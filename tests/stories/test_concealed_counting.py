@@ -11,11 +11,10 @@ import pytest
 from deatwin.plant.errors import DataError
 from deatwin.scenarios.concealed_physics import study as running
 from deatwin.scenarios.concealed_physics.figures import drawings, summary
-from deatwin.scenarios.concealed_physics.page import results_page
 from deatwin.scenarios.concealed_physics.results import Opened, open_key, opened_study
 from deatwin.scenarios.concealed_physics.score import Goal, gaps_closed, score, sentence
 from deatwin.scenarios.concealed_physics.seal import Seal, Store, digest
-from deatwin.scenarios.concealed_physics.tables import by_effect, by_family, csv_files, reported, tables
+from deatwin.scenarios.concealed_physics.tables import by_effect, by_family, csv_files, reported, results_page, tables
 
 # --- counting of hand-made cases ------------------------------------------------------------------------------------
 

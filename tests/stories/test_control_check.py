@@ -20,8 +20,8 @@ from deatwin.scenarios import control_check
 from deatwin.scenarios.control_check import study as running
 from deatwin.scenarios.control_check import trials
 from deatwin.scenarios.control_check.matters import QUANTITIES, Interval, Matter, Matters, Promise
+from deatwin.scenarios.control_check.page import judge, verdicts_seen
 from deatwin.scenarios.control_check.study import Study
-from deatwin.scenarios.control_check.tables import judge, verdicts_seen
 from deatwin.scenarios.control_check.tracking import FleetRun, Tracked, Tracking
 from deatwin.scenarios.control_check.trials import (
     NO_MODEL,

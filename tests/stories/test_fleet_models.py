@@ -14,9 +14,9 @@ from deatwin.ident.narx.fleet.records import FILM, RECORDED, STEADY, VARIANTS, P
 from deatwin.ident.narx.preprocess import choose_sampling, choose_sections, inspect_recordings
 from deatwin.plant.fleet import fleet
 from deatwin.scenarios.fleet_models import semp_fleet, svb_fleet
+from deatwin.scenarios.fleet_models.figures import Choice, shares
 from deatwin.scenarios.fleet_models.measures import judge_semp, judge_svb
 from deatwin.scenarios.fleet_models.study import FREE, FRO, LINEAR, SEMP, SVB, Bench, Programme, Study, identify
-from deatwin.scenarios.fleet_models.svb_figures import Choice, shares
 from deatwin.scenarios.fleet_models.tables import estimate_all
 from deatwin.studies.stories import Setting
 

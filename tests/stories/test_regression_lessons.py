@@ -11,7 +11,7 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from deatwin.scenarios import regression_lessons
-from deatwin.scenarios.regression_lessons import constraint, occam, shrinkage, variance, verdicts
+from deatwin.scenarios.regression_lessons import constraint, occam, page, shrinkage, variance
 from deatwin.studies.stories import Setting
 
 
@@ -84,8 +84,8 @@ def test_a_wrong_closed_form_does_not_pass(monkeypatch: pytest.MonkeyPatch) -> N
     object.__setattr__(right, "expected", wrong)
     orthogonal = shrinkage.orthogonal(generators[1])
     object.__setattr__(orthogonal, "found", {n: found + 1e-6 for n, found in orthogonal.found.items()})
-    passed = [row.passed for row in verdicts.shrinkage_rows(orthogonal, right)]
+    passed = [row.passed for row in page.shrinkage_rows(orthogonal, right)]
     assert passed == [False, False, True, True]
     degrees = variance.by_degree(generators[2])
     object.__setattr__(degrees, "bias", np.zeros_like(degrees.bias))
-    assert not verdicts.bias_rows(degrees, degrees)[0].passed
+    assert not page.bias_rows(degrees, degrees)[0].passed

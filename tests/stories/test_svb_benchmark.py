@@ -24,9 +24,9 @@ from deatwin.scenarios.svb_benchmark.draws import (
     system_of,
     try_out,
 )
+from deatwin.scenarios.svb_benchmark.page import judge
 from deatwin.scenarios.svb_benchmark.study import CASES as CASES_FOLDER
 from deatwin.scenarios.svb_benchmark.study import WHITE, Answer, Case, Draws, Plan, Study, carry_out
-from deatwin.scenarios.svb_benchmark.tables import judge
 from deatwin.studies.stories import Setting
 
 SMALL = Plan(systems=("S2", "E1"), methods=("fro", "svb"), draws=1, swept_draws=1, sampled_draws=1, levels=(0.004,))

@@ -12,7 +12,7 @@ from deatwin.plant.fleet import fleet
 from deatwin.plant.recording import Recording
 from deatwin.scenarios import thesis_data
 from deatwin.scenarios.thesis_data.counterevidence import SmallVoltages, side_bands
-from deatwin.scenarios.thesis_data.measures import judge
+from deatwin.scenarios.thesis_data.page import judge
 from deatwin.scenarios.thesis_data.study import RATES, Bench, Loop, Study, cycle
 from deatwin.studies.stories import Setting
 

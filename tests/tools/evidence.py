@@ -31,10 +31,10 @@ from measured import MEASURED, measured_blocks, measured_data
 from deatwin.plant.errors import DataError, DeatwinError
 from deatwin.plant.safe_read import clipped
 from deatwin.scenarios.concealed_physics.figures import summary
-from deatwin.scenarios.concealed_physics.page import DATA as CONCEALED
-from deatwin.scenarios.concealed_physics.page import TITLES, page_data, page_of
 from deatwin.scenarios.concealed_physics.results import opened_study
 from deatwin.scenarios.concealed_physics.score import NO_CASE, score
+from deatwin.scenarios.concealed_physics.tables import DATA as CONCEALED
+from deatwin.scenarios.concealed_physics.tables import TITLES, page_data, page_of
 from deatwin.scenarios.control_check.trials import Outcome, caught, inside, sound
 from deatwin.studies.rates import Rate
 from deatwin.studies.report.tables import markdown_table

@@ -22,11 +22,10 @@ from deatwin.scenarios.control_check.concealed import (
     SLOW,
     Concealed,
 )
-from deatwin.scenarios.control_check.figures import drawings
 from deatwin.scenarios.control_check.matters import QUANTITIES, Promise
+from deatwin.scenarios.control_check.page import INVERSES, drawings, judge, tables
 from deatwin.scenarios.control_check.rigs import CALIBRATED, CONCEALED
 from deatwin.scenarios.control_check.study import Study, carry_out
-from deatwin.scenarios.control_check.tables import INVERSES, judge, tables
 from deatwin.scenarios.control_check.tracking import Tracking
 from deatwin.scenarios.control_check.trials import NO_MODEL, PASS, broken, caught, in_words, inside, sound
 from deatwin.studies.rates import Rate

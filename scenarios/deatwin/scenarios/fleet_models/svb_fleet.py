@@ -12,9 +12,9 @@ from typing import Any
 
 from deatwin.ident.narx import Frols
 from deatwin.ident.narx.fleet.records import RECORDED
+from deatwin.scenarios.fleet_models.figures import Choice, compare, svb_drawings
 from deatwin.scenarios.fleet_models.measures import judge_svb
 from deatwin.scenarios.fleet_models.study import FREE, SEMP, SVB, Programme, Study, candidates, carry_out, save
-from deatwin.scenarios.fleet_models.svb_figures import Choice, compare, svb_drawings
 from deatwin.scenarios.fleet_models.tables import candidates_in_words, failures, svb_tables
 from deatwin.studies.report.prose import notes
 from deatwin.studies.report.quantities import quantity

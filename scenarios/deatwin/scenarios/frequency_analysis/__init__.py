@@ -15,9 +15,8 @@ import numpy as np
 
 from deatwin.ident.narx.fleet.alike import OPERATING_INPUT, identify_fleet
 from deatwin.scenarios.frequency_analysis.actuators import LARGE, ORDERS, SMALL, Actuators, Anchor, actuators, anchor
-from deatwin.scenarios.frequency_analysis.fleet_figures import fleet_drawings
+from deatwin.scenarios.frequency_analysis.figures import fleet_drawings, known_drawings
 from deatwin.scenarios.frequency_analysis.known import known_systems
-from deatwin.scenarios.frequency_analysis.known_figures import known_drawings
 from deatwin.scenarios.frequency_analysis.measures import HALF, HIGH, LOW, judge, spread, tables
 from deatwin.studies.parallel import between
 from deatwin.studies.report.panels import key_of

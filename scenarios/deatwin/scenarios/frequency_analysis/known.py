@@ -19,7 +19,7 @@ from deatwin.ident.narx.systems import SYSTEMS as RANDOM_SYSTEMS
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-BAND, NARROW = (0.0, 0.1), (0.06, 0.09)
+SIGNAL_BAND, NARROW = (0.0, 0.1), (0.06, 0.09)
 """Bands of the test signals, Hz, at 1 s: for the NOFRFs, and for the ranges, which then have gaps."""
 PERIOD, PEAK = 200.0, 0.5
 ORDERS = 3
@@ -64,13 +64,13 @@ def _signal(system: ClosedForm, band_Hz: tuple[float, float]) -> TestSignal:
 
 
 def _evaluated(system: ClosedForm) -> Evaluated:
-    signal = _signal(system, BAND)
+    signal = _signal(system, SIGNAL_BAND)
     return evaluate(system.model, signal, nofrf(system.model, signal, ORDERS), ORDERS)
 
 
 def _identified(rng: np.random.Generator, recordings: int) -> Identified:
     system = RANDOM_SYSTEMS[NAME]
-    signal = design_excitation(BAND, system.sample_time, amplitude=PEAK, period=PERIOD)
+    signal = design_excitation(SIGNAL_BAND, system.sample_time, amplitude=PEAK, period=PERIOD)
     found = SvbNarx(output_lags=2, input_lags=2, degree=3).fit(system.draw(rng, IDENTIFIED_ON).recording).model_
     true_orders = output_orders(system.model, signal.values, ORDERS, operating_input=0.0)
     models = (Fixed(terms=system.terms).fit(system.draw(rng).recording).model_ for _ in range(recordings))

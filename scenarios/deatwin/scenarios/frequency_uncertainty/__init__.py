@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from deatwin.ident.frequency.comparison.compare import Agreement, Comparison
 from deatwin.ident.narx.fleet.records import DRIFTING
+from deatwin.scenarios.frequency_uncertainty.figures import fleet_drawings, known_drawings
 from deatwin.scenarios.frequency_uncertainty.fleet import FACTOR, REPEATS, SLOW, STRUCTURE, Consistency
-from deatwin.scenarios.frequency_uncertainty.fleet_figures import fleet_drawings
-from deatwin.scenarios.frequency_uncertainty.known_figures import known_drawings
 from deatwin.scenarios.frequency_uncertainty.measures import FASTER, column_of, counted, judge, tables
 from deatwin.scenarios.frequency_uncertainty.study import Plan, Study, carry_out
 from deatwin.studies.report.panels import SUBSCRIPTS

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from deatwin.ident.parallel import spawn_generators
-from deatwin.scenarios.regression_lessons import constraint, figures, occam, shrinkage, variance, verdicts
+from deatwin.scenarios.regression_lessons import constraint, occam, page, shrinkage, variance
 from deatwin.studies.report.prose import notes
 from deatwin.studies.report.story import StoryPage, finish, reached
 from deatwin.studies.stories import Setting
@@ -32,21 +32,17 @@ def run(setting: Setting) -> Mapping[str, Any]:
     spread = occam.spread(generators[6])
     setting.progress(0.9, "drawing")
     rows = [
-        *verdicts.constraint_rows(plane, structure),
-        *verdicts.shrinkage_rows(orthogonal, risks),
-        *verdicts.bias_rows(degrees, penalties),
-        *verdicts.occam_rows(found, spread),
+        *page.constraint_rows(plane, structure),
+        *page.shrinkage_rows(orthogonal, risks),
+        *page.bias_rows(degrees, penalties),
+        *page.occam_rows(found, spread),
     ]
-    page = StoryPage(
+    told = StoryPage(
         title="regression-lessons",
         sentence=f"What ridge, LASSO and the evidence do, and why: {reached(rows)} stated measures agree with their "
         "closed forms.",
         rows=rows,
         notes=notes(__package__),
-        figures=[
-            figures.constraint(plane),
-            figures.bias_and_variance(degrees, penalties),
-            figures.razor(found),
-        ],
+        figures=[page.constraint(plane), page.bias_and_variance(degrees, penalties), page.razor(found)],
     )
-    return finish(setting.folder, record, page)
+    return finish(setting.folder, record, told)

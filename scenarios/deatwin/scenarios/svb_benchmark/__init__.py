@@ -12,10 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.scenarios.svb_benchmark.figures import drawings
 from deatwin.scenarios.svb_benchmark.methods import METHODS
+from deatwin.scenarios.svb_benchmark.page import drawings, exact, judge, kept, oracles, tables
 from deatwin.scenarios.svb_benchmark.study import CASES, SWEPT, Plan, Study, carry_out
-from deatwin.scenarios.svb_benchmark.tables import exact, judge, kept, oracles, tables
 from deatwin.studies.rates import Rate
 from deatwin.studies.report.prose import notes
 from deatwin.studies.report.story import StoryPage, finish, reached

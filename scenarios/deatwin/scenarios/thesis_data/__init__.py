@@ -16,8 +16,7 @@ from deatwin.ident.curves import mean_curve, straight_line
 from deatwin.plant.files import write_recording
 from deatwin.plant.fleet import TOLERANCES, specification
 from deatwin.scenarios.thesis_data.counterevidence import SmallVoltages, side_bands, small_voltages
-from deatwin.scenarios.thesis_data.figures import ELASTIC, SPECIFIED, drawings
-from deatwin.scenarios.thesis_data.measures import judge
+from deatwin.scenarios.thesis_data.page import ELASTIC, SPECIFIED, drawings, judge
 from deatwin.scenarios.thesis_data.study import Bench, Study, carry_out
 from deatwin.studies.parallel import between
 from deatwin.studies.report.panels import key_of

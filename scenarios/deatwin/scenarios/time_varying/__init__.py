@@ -14,8 +14,7 @@ from typing import Any
 
 from deatwin.ident.narx.fleet.records import DRIFTING
 from deatwin.ident.narx.wander import BLOCK, CONSTANT, LIKELIEST, REFINED, SHARES, VARYING
-from deatwin.scenarios.time_varying.fleet_figures import fleet_drawings
-from deatwin.scenarios.time_varying.known_figures import known_drawings
+from deatwin.scenarios.time_varying.figures import fleet_drawings, known_drawings
 from deatwin.scenarios.time_varying.measures import CHANCE, HELD, judge
 from deatwin.scenarios.time_varying.study import FACTOR, STRUCTURE, Study, carry_out
 from deatwin.studies.report.panels import key_of
