@@ -18,7 +18,7 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.fleet import fleet, specification
 from deatwin.plant.model import Plant
 from deatwin.scenarios import unexplained_drift
-from deatwin.scenarios.unexplained_drift import argument, repeatability, sealed, study
+from deatwin.scenarios.unexplained_drift import repeatability, sealed, study
 from deatwin.scenarios.unexplained_drift.repeatability import FRESH, Drift, Group, History, between, drift_of
 from deatwin.scenarios.unexplained_drift.score import Mark, judged, measures
 from deatwin.scenarios.unexplained_drift.sealed import Key, concealed_in, opened
@@ -268,10 +268,10 @@ def five(unlike: float) -> tuple[Group, ...]:
 
 
 def test_the_argument_holds_or_fails_with_the_histories() -> None:
-    assert [row.passed for row in argument.rows_of(five(unlike=20e-6))] == [True] * 4
-    assert [row.passed for row in argument.rows_of(five(unlike=2e-6))] == [True, False] * 2
-    assert "creep of a known size in 6 and relaxation in 5 of the six" in argument.sentence_of(five(unlike=20e-6))
-    excluded = [row[-1] for row in argument.table_of(five(unlike=2e-6)).rows]
+    assert [row.passed for row in repeatability.rows_of(five(unlike=20e-6))] == [True] * 4
+    assert [row.passed for row in repeatability.rows_of(five(unlike=2e-6))] == [True, False] * 2
+    assert "creep of a known size in 6 and relaxation in 5 of the six" in repeatability.sentence_of(five(unlike=20e-6))
+    excluded = [row[-1] for row in repeatability.table_of(five(unlike=2e-6)).rows]
     # 95 % of further actuators lie within 20 ± 5 µm and 70 ± 11 µm.
     assert excluded[1] == "DEA 1, DEA 2, DEA 3, DEA 4, DEA 5, DEA 6"
     assert excluded[3] == "DEA 1, DEA 3, DEA 4, DEA 5, DEA 6"

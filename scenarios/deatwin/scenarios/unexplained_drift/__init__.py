@@ -13,8 +13,8 @@ from dataclasses import asdict
 from typing import Any
 
 from deatwin.plant.fleet import fleet
-from deatwin.scenarios.unexplained_drift.argument import numbers, rows_of, sentence_of, table_of
 from deatwin.scenarios.unexplained_drift.figures import drifts
+from deatwin.scenarios.unexplained_drift.repeatability import numbers, rows_of, sentence_of, table_of
 from deatwin.scenarios.unexplained_drift.score import Estimate, Judged, Mark, judged, measures
 from deatwin.scenarios.unexplained_drift.sealed import Key, opened
 from deatwin.scenarios.unexplained_drift.study import CASES, VISITS, Answers, carry_out

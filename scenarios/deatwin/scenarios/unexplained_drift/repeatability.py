@@ -21,8 +21,11 @@ from deatwin.plant.fleet import Actuator, fleet
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.scenarios.unexplained_drift.sealed import concealed_in
+from deatwin.studies.report.story import Measure, Table
+from deatwin.studies.report.words import Words
 
 Array = NDArray[np.float64]
+WORDS = Words(__package__)
 SECTION, SETTLING = 20.0, 5.0
 """Length of the section of noise that is repeated, and of what is not counted of it, s: after 5 s the specification,
 which does not drift, gives the second time what it gave the first, to a nanometre."""
@@ -196,3 +199,112 @@ def _before(history: History, step: float) -> tuple[Recording, ...]:
     command = np.full(round(history.hold / step), HELD)
     command[-1] = 0.0
     return (Recording.from_arrays(command, np.zeros_like(command), step),)
+
+
+def sentence_of(groups: Sequence[Group]) -> str:
+    """Say the outcome in a sentence."""
+    six, alike, unlike = _sorted(groups)
+    before, after = ([sum(g.rules_out(d) for d in six.drifts) for g in several] for several in (alike, unlike))
+    return (
+        f"Repeatability excludes creep of a known size in {before[0]} and relaxation in {before[1]} of the six while "
+        f"all histories are the same; once histories differ it is {after[0]} and {after[1]}."
+    )
+
+
+def rows_of(groups: Sequence[Group]) -> list[Measure]:
+    """Take the claim apart."""
+    _, alike, unlike = _sorted(groups)
+    rows = []
+    for same, other in zip(alike, unlike, strict=True):
+        spread, mean = same.spread[0], abs(same.sizes.mean())
+        one_sign = bool(np.all(same.sizes > 0) or np.all(same.sizes < 0))
+        ratio, limit = (other.spread[0] / spread) ** 2, _limit(same.sizes.size)
+        rows += [
+            WORDS.measure(
+                "repeats",
+                one_sign and bool(spread < mean / 2),
+                name=same.name.capitalize(),
+                shifts=_range(same),
+                share=100 * spread / mean,
+            ),
+            WORDS.measure("differs", ratio > limit, name=same.name, limit=limit, shifts=_range(other), ratio=ratio),
+        ]
+    return rows
+
+
+def numbers(groups: Sequence[Group]) -> dict[str, Any]:
+    """Numbers of the note: what the argument is, how it was tried out, and when it holds."""
+    six, (creep, relaxation), (strained, aged) = _sorted(groups)
+    return {
+        "creep_law": CREEP,
+        "relaxation_law": RELAXATION,
+        "span": SPAN,
+        "error": 1e6 * max(d.shift_error for g in groups for d in g.drifts),
+        "creep": _range(creep),
+        "relaxation": _range(relaxation),
+        "next_creep": _interval(creep),
+        "next_relaxation": _interval(relaxation),
+        "held": HELD,
+        "strained": _range(strained),
+        "rested": RESTS[-1] / CREEP.time,
+        "back": 100 * strained.sizes[-1] / creep.sizes[-1],
+        "aged": _range(aged),
+        "kept": _shares(aged.sizes / relaxation.sizes),
+        "alone": _shares(np.exp(-np.array(AGES) / RELAXATION.time)),
+        "falls": int(np.sum(six.sizes < 0)),
+    }
+
+
+def table_of(groups: Sequence[Group]) -> Table:
+    """Show shifts, their spread and what is ruled out."""
+
+    def spread(group: Group) -> str:
+        s, low, high = (1e6 * v for v in group.spread)
+        return f"{s:.1f} ({low:.1f} to {high:.1f})"
+
+    def gains(group: Group) -> str:
+        several = [100 * d.gain for d in group.drifts]
+        return f"{min(several):.1f} to {max(several):.1f}"
+
+    def excluded(group: Group) -> str:
+        several = [f"DEA {k}" for k, d in enumerate(groups[0].drifts, start=1) if group.rules_out(d)]
+        return "–" if group is groups[0] else ", ".join(several) or "none"
+
+    return Table.of(
+        "Shift of the mean between two runs of the same noise",
+        groups,
+        {
+            "mechanism and history": lambda group: f"{group.name}, {group.assumption}",
+            "shifts": _range,
+            "standard deviation (95 %) (µm)": spread,
+            "95 % of further actuators": _interval,
+            "change of gain (%)": gains,
+            "ruled out for": excluded,
+        },
+    )
+
+
+def _sorted(groups: Sequence[Group]) -> tuple[Group, tuple[Group, Group], tuple[Group, Group]]:
+    """Return the six as they are; creep and relaxation with histories alike, and unlike."""
+    six, creep, strained, relaxation, aged = groups
+    return six, (creep, relaxation), (strained, aged)
+
+
+def _limit(n: int) -> float:
+    """Ratio of the variances of two sets of n normal values that chance exceeds in 2.5 % of all cases."""
+    from scipy.stats import f
+
+    return float(f.ppf(0.975, n - 1, n - 1))
+
+
+def _range(group: Group) -> str:
+    return f"{1e6 * group.sizes.min():.1f} to {1e6 * group.sizes.max():.1f} µm"
+
+
+def _interval(group: Group) -> str:
+    low, high = (1e6 * v for v in group.next_one)
+    return f"{low:.1f} to {high:.1f} µm"
+
+
+def _shares(values: NDArray[np.float64]) -> str:
+    return ", ".join(f"{100 * v:.0f}" for v in values)
