@@ -106,12 +106,12 @@ class Responses:
             yield (
                 "the operating input lies outside the training inputs, "
                 + amount(f"{low:.4g} to {high:.4g}", unit)
-                + ": the responses are the model's extrapolation, and their bands do not tell of that"
+                + ": the responses are extrapolation, and their bands do not cover that error"
             )
         if self.extrapolated:
             yield (
-                f"99 % of the power of the training input lies below {self.excited_Hz:.3g} Hz: what H₁ does beyond is "
-                "the model's extrapolation, and its band does not tell of that"
+                f"99 % of the power of the training input lies below {self.excited_Hz:.3g} Hz: above it, H₁ is "
+                "extrapolation, and its band does not cover that error"
             )
         for order, bands in enumerate(self.ranges_Hz[1:], start=2):
             yield f"the output of order {order} can have energy at {written(bands)} Hz"
