@@ -71,11 +71,11 @@ def _beside_oracles(study: Study, method: str, what: str, share: float) -> Itera
         return
     rate = _rate(study, WEAK, method, what)
     of = f"{share:g} of " if share < 1 else ""
-    names = ("the oracle on all candidates", "the oracle from the true terms (stricter)")
+    names = ("an oracle on all candidates", "a stricter oracle that starts from the true terms")
     for name, oracle in zip(names, oracles(study, WEAK), strict=True):
         reference = (oracle.exact if what.startswith("exact") else oracle.kept).share
         yield Measure(
-            f"{METHODS[method].label}, {WEAK}: {what}, beside {name}",
+            f"{METHODS[method].label}, {WEAK}: {what}, relative to {name}",
             f"at least {of}{100 * reference:g} %",
             str(rate),
             rate.share >= share * reference,
@@ -100,8 +100,8 @@ def _sampler_agrees(study: Study) -> Iterator[Measure]:
         return
     same = Rate.of(draw.agrees for draw in study.comparisons)
     yield Measure(
-        "spike-and-slab sampler on S4: the terms it holds for more likely in than out",
-        "the same as those of SVB in every draw",
+        "spike-and-slab sampler on S4: terms with a probability above one half",
+        "the same terms as SVB, in every draw",
         f"in {same.hits} of {same.count} draws",
         same.hits == same.count,
     )
