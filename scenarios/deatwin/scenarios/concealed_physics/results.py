@@ -94,7 +94,7 @@ def open_key(store: Store, key: Mapping[str, Any]) -> Opened:
     """Put the truth beside the results of a study that is through."""
     study = open_part(store, key)
     if study.missing:
-        raise DataError(f"{len(study.missing)} cases have not been run, {study.missing[0]} first: go on with the study")
+        raise DataError(f"{len(study.missing)} cases have not been run, {study.missing[0]} first: continue the study")
     return study
 
 

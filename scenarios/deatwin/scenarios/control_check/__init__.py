@@ -63,8 +63,8 @@ def _answer(study: Study, rows: Sequence[Measure]) -> str:
     factor = study.tracking[0].ratio("PI", "inverse")
     passed, unsound = inside(study.outcomes), caught(study.outcomes)
     return (
-        f"PI behind the inverse of the static curve tracks with an error {factor:.1f} times below that of PI alone, at "
-        f"equal margins. Of {len(study.outcomes)} random rigs and designs the check passes {passed.count}, of which "
+        f"With the inverse of the static curve, the tracking error of PI is {factor:.1f} times smaller, at equal "
+        f"margins. Of {len(study.outcomes)} random rigs and designs the check passes {passed.count}, of which "
         f"{passed.hits} keep inside the predicted band; {unsound.count} break a limit on the true rig, of which it "
         f"passes {unsound.count - unsound.hits}. {reached(rows)} stated measures are reached."
     )

@@ -52,7 +52,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
     result = {
         "claims": [{**asdict(claim), "verdict": claim.verdict.value} for claim in judged],
         "sentence": (
-            f"Of {len(judged)} claims for prestretch {true} hold, {conditional} under a condition, {false} not. "
+            f"Of {len(judged)} claims about prestretch, {true} are true, {conditional} are true under a condition, and {false} are false. "
             f"{judged[0].finding}"
         ),
     }

@@ -45,8 +45,8 @@ def run(setting: Setting) -> Mapping[str, Any]:
     page = StoryPage(
         title="thesis-data",
         sentence=(
-            f"Six actuators of one specification, each with drifts of its own that are named physics: {reached(rows)} "
-            "stated measures of what the thesis saw are reached."
+            f"Six actuators of one specification, each with its own drifts of known physics, reproduce {reached(rows)} "
+            f"observations of the thesis."
         ),
         rows=rows,
         notes=notes(__package__, bands=bands, **_thresholds(study.benches[-1], rests)),

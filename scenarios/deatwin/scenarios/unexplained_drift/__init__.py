@@ -108,7 +108,7 @@ def _estimates(scores: Sequence[Judged]) -> Table:
         "covered": lambda row: "yes" if row[1].covered else "no",
     }
     rows = [(score, estimate) for score in scores for estimate in score.estimates]
-    return Table.of("Parameters of the causes that are there", rows, columns)
+    return Table.of("Parameters of the causes that are present", rows, columns)
 
 
 def _words(names: Iterable[str]) -> str:

@@ -20,8 +20,8 @@ def sentence_of(groups: Sequence[Group]) -> str:
     six, alike, unlike = _sorted(groups)
     before, after = ([sum(g.rules_out(d) for d in six.drifts) for g in several] for several in (alike, unlike))
     return (
-        f"Repeatability excludes creep of a known size in {before[0]} and relaxation in {before[1]} of the six while "
-        f"all histories are the same; once histories differ it is {after[0]} and {after[1]}."
+        f"With equal histories, repeatability excludes creep of a known size in {before[0]} and relaxation in "
+        f"{before[1]} of the six actuators; with different histories, in {after[0]} and {after[1]}."
     )
 
 

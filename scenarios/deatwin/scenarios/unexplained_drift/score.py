@@ -22,11 +22,11 @@ OUTSIDE = frozenset({"grease_ridge"})
 class Mark(Enum):
     """Relation of an answer to the truth."""
 
-    RIGHT = "right", "all that drifts is named, and nothing else"
-    PARTLY = "partly", "some of what drifts is named, and nothing else"
-    IN_THE_SET = "in the set", "the diagnosis says that it cannot decide, and all that drifts is among what it lists"
+    RIGHT = "right", "all drifts are named, and nothing else"
+    PARTLY = "partly", "some drifts are named, and nothing else"
+    IN_THE_SET = "in the set", "the diagnosis cannot decide, and all drifts are among its alternatives"
     OPEN = "left open", "nothing is claimed with confidence"
-    WRONG = "wrong", "named with confidence what is not there"
+    WRONG = "wrong", "an absent effect is named"
 
     advice: str
 

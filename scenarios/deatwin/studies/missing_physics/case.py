@@ -178,7 +178,7 @@ def measures(case: Case, diagnosis: Diagnosis, trials: Sequence[Trial]) -> list[
     causes = [cause.effect for cause in diagnosis.causes]
     rows = [
         Measure(
-            "The physics that is documented is named, and no other",
+            "The documented physics is named, and no other",
             f"named: {' or '.join(case.documented)}",
             f"{diagnosis.verdict.value}: {', '.join(causes) or 'no cause'}",
             bool(causes) and set(causes) <= set(case.documented) and diagnosis.verdict.value == "named",
@@ -186,7 +186,7 @@ def measures(case: Case, diagnosis: Diagnosis, trials: Sequence[Trial]) -> list[
     ]
     for trial in trials:
         base, after = trial.base_error / case.scale, trial.amended_error / case.scale
-        name = f"{trial.held_out.name}: free run, rms error, against the base plant's"
+        name = f"{trial.held_out.name}: rms error of the free run, relative to the base plant"
         rows.append(Measure(name, f"below {base:.4g} {case.unit}", f"{after:.4g} {case.unit}", after < base))
     return rows
 

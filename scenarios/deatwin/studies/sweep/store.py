@@ -82,7 +82,7 @@ class CaseStore(Generic[S]):
             If the folder holds cases.
         """
         if self.names():
-            raise DataError(f"{self.folder} holds cases but no {SEAL_FILE}: what they were run under cannot be known")
+            raise DataError(f"{self.folder} holds cases but no {SEAL_FILE}, so their conditions are unknown")
 
     def put(self, name: str, result: Mapping[str, Any]) -> None:
         """Write the result of a case, unless it has one.
