@@ -92,7 +92,8 @@ class BestLinearApproximation(Frozen):
 
     @property
     def even_rms(self) -> float:
-        """Root mean square of the even distortion over time, output unit; NaN where it cannot be told from the odd."""
+        """Root mean square of the even distortion over time, output unit; NaN if it cannot be distinguished from the
+        odd ones."""
         return self._rms(~self.odd) if self.separates else float("nan")
 
     @property

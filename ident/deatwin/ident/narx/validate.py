@@ -128,7 +128,7 @@ class Validation(
         Relative error of the free run's gain, positive if the recorded output swings more, and half of its 95 %
         interval; None if the free run rests or runs away, or there are several outputs.
     notes : tuple of str
-        What else the recordings say of the model, one sentence each; usually empty: an input acts only after its last
+        Further remarks on the model, one sentence each; usually empty. Reasons are: an input acts only after its last
         lag in the model, or the plant has an unstable pole that the model lacks.
     """
 

@@ -46,7 +46,7 @@ class Goal:
 
 
 def score(study: Opened) -> list[Goal]:
-    """Hold the study against its goals."""
+    """Compare the study with its goals."""
     clean, pairs, outside = study.of("clean"), study.of("pair"), study.of("outside", ratio=STRONG)
     inside, ties = study.of("effect", ratio=STRONG), study.of("tie", ratio=STRONG)
     far = [case for case in inside if case.nearest >= FAR]
@@ -106,7 +106,7 @@ def score(study: Opened) -> list[Goal]:
 
 
 def sentence(study: Opened, goals: Sequence[Goal]) -> str:
-    """Say in a line what came out."""
+    """Summarise the results in one sentence."""
     clean, concealed = study.of("clean"), study.of("effect", ratio=STRONG)
     demanding = [goal for goal in goals if goal.met is not None]
     return (

@@ -109,7 +109,7 @@ def tables(study: Opened, seal: Seal) -> list[Table]:
 
 
 def reported(goals: Sequence[Goal]) -> Table:
-    """List what is measured without anything being demanded."""
+    """List the results for which no goal is set."""
     columns: dict[str, Callable[[Goal], str]] = {"measure": lambda g: g.measure, "reached": lambda g: g.reached}
     return Table.of("Reported, nothing is demanded", [goal for goal in goals if goal.met is None], columns)
 

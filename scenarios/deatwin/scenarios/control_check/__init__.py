@@ -38,7 +38,7 @@ SIZE = "short"
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Design, check, try on the truth, draw and judge."""
+    """Design controllers, check them, run them on the true rigs, and write the report."""
     record, folder = setting.record(), setting.folder
     folder.written.extend(("seal.json", "trials"))  # trials are there as soon as they are through
     study = carry_out(folder.path, setting.size or SIZE, setting.seed, setting.jobs, setting.progress)

@@ -40,7 +40,7 @@ NOTHING = "none"
 
 
 def judge(study: Study) -> list[Measure]:
-    """Hold the study against what is demanded."""
+    """Compare the study with its goals."""
     nominal = study.tracking[0]
     base, amended = next(one for one in study.concealed if one.effect == "electrode_rc").designs
     kept, unsound = inside(study.outcomes), caught(study.outcomes)

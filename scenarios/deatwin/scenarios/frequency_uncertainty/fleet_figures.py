@@ -32,7 +32,7 @@ MILLI = 1e3
 
 
 def fleet_drawings(found: Consistency) -> list[Drawing]:
-    """Draw what is said of the fleet."""
+    """Draw the figures of the six actuators."""
     return [_responses(found), _pairs(found), _spread(found), _truth(found), _p_values(found)]
 
 

@@ -26,7 +26,7 @@ CLOUD = 400
 
 
 def known_drawings(known: Known) -> list[Drawing]:
-    """Draw what was done with the benchmark systems."""
+    """Draw the figures of the benchmark systems."""
     linear, notch = known.cases[LINEAR][0], known.fragile[NOTCH.name][0]
     return [
         _complex(linear),

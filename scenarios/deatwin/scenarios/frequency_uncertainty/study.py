@@ -26,7 +26,7 @@ SWEPT = ((known.LINEAR, 1), (known.BILINEAR, 3), (known.PRODUCT, 2))
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """How much is done."""
+    """Size of the study."""
 
     repeats: int = fleet.REPEATS
     duration: float = DURATION
@@ -35,14 +35,14 @@ class Plan:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
-    """All of it."""
+    """All results of the study."""
 
     known: Known
     consistency: Consistency
 
 
 def carry_out(seed: int, plan: Plan, *, jobs: int, progress: Progress) -> Study:
-    """Record, draw and compare."""
+    """Record the actuators, draw parameters, and compare responses."""
     wanted = fleet.actuators(seed, plan.repeats)
     text = f"recording the fleet, its repeats and its tolerances, {len(wanted)} records"
     tasks = [(one, plan.duration) for one in wanted.values()]

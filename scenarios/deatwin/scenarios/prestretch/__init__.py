@@ -39,7 +39,7 @@ STRAIN = 0.05
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Sweep the prestretch, judge the claims, and write page, figure and table."""
+    """Simulate films over the prestretch, judge the claims, and write page, figure and table."""
     record = setting.record()
     columns = sweep(setting.progress)
     setting.progress(0.8, "unequal prestretch")

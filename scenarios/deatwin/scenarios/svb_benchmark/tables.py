@@ -31,7 +31,7 @@ def kept(study: Study, system: str, method: str) -> Rate:
 
 
 def oracles(study: Study, system: str) -> tuple[Oracle, Oracle]:
-    """Ask those who know the truth: on all candidates, and from the true terms."""
+    """Evaluate the two oracles, which know the truth: on all candidates, and from the true terms."""
     draws = study.contrasts[system]
     return consult([draw.full for draw in draws]), consult([draw.near for draw in draws])
 
@@ -40,7 +40,7 @@ def oracles(study: Study, system: str) -> tuple[Oracle, Oracle]:
 
 
 def judge(study: Study) -> list[Measure]:
-    """Hold the study against what is demanded."""
+    """Compare the study with its goals."""
     rows: list[Measure] = []
     if "semp" in study.plan.methods:
         rows += _shares(study, "semp", "exact structure", ("S2", "S3", "S4"), 0.95)

@@ -31,7 +31,7 @@ WORDS = Words(__package__)
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Record the fleet, measure, draw."""
+    """Record the six actuators, evaluate the recordings, and draw the figures."""
     record = setting.record()
     study = carry_out(setting.seed, jobs=setting.jobs, progress=between(setting.progress, 0.0, 0.9))
     setting.progress(0.9, "measuring and drawing")

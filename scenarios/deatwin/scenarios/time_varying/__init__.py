@@ -29,7 +29,7 @@ SAVED_EVERY = 20
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Follow known systems and the fleet along time."""
+    """Estimate time-varying parameters and responses of known systems and of the six actuators."""
     record = setting.record()
     study = carry_out(setting.seed, jobs=setting.jobs, progress=setting.progress)
     setting.progress(0.92, "judging and drawing")

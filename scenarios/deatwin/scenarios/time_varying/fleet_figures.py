@@ -49,7 +49,7 @@ HIGHEST_HZ = 3.0
 
 
 def fleet_drawings(study: Study) -> list[Drawing]:
-    """Draw the figures of the fleet."""
+    """Draw the figures of the six actuators."""
     return [
         _sliding(study),
         _wander(study.driven),

@@ -35,7 +35,7 @@ BAND_DB = (1.0, 1.0, 1.0, 3.0)
 
 
 def judge(study: Study) -> list[Measure]:
-    """Hold the study against what is demanded."""
+    """Compare the study with its goals."""
     return [
         *_known(study.known),
         *_frozen(study.known.frozen),

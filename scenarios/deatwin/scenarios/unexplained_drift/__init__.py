@@ -26,7 +26,7 @@ from deatwin.studies.stories import Setting
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Seal, record, diagnose and try out the argument; then open and count."""
+    """Seal the key, record and diagnose the actuators, test the argument, then open the key and count."""
     record, folder = setting.record(), setting.folder
     folder.written.extend(("seal.json", CASES))  # cases are there as soon as they are through
     answers = Answers(folder.path, Key.of(fleet(setting.seed)).seal(setting.seed))

@@ -16,7 +16,7 @@ WORDS = Words(__package__)
 
 
 def sentence_of(groups: Sequence[Group]) -> str:
-    """Say the outcome in a sentence."""
+    """Summarise the outcome in one sentence."""
     six, alike, unlike = _sorted(groups)
     before, after = ([sum(g.rules_out(d) for d in six.drifts) for g in several] for several in (alike, unlike))
     return (
@@ -26,7 +26,7 @@ def sentence_of(groups: Sequence[Group]) -> str:
 
 
 def rows_of(groups: Sequence[Group]) -> list[Measure]:
-    """Take the claim apart."""
+    """Run the cases of the argument and summarise each."""
     _, alike, unlike = _sorted(groups)
     rows = []
     for same, other in zip(alike, unlike, strict=True):
@@ -47,7 +47,7 @@ def rows_of(groups: Sequence[Group]) -> list[Measure]:
 
 
 def numbers(groups: Sequence[Group]) -> dict[str, Any]:
-    """Numbers of the note: what the argument is, how it was tried out, and when it holds."""
+    """Return the numbers for the note on the argument."""
     six, (creep, relaxation), (strained, aged) = _sorted(groups)
     return {
         "creep_law": CREEP,
@@ -70,7 +70,7 @@ def numbers(groups: Sequence[Group]) -> dict[str, Any]:
 
 
 def table_of(groups: Sequence[Group]) -> Table:
-    """Show shifts, their spread and what is ruled out."""
+    """Make the table of shifts, their spread, and the sizes that they rule out."""
 
     def spread(group: Group) -> str:
         s, low, high = (1e6 * v for v in group.spread)

@@ -39,7 +39,7 @@ class Mark(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """A parameter of a cause that is there, beside its true value."""
+    """An estimated parameter of a true cause, and its true value."""
 
     effect: str
     name: str
@@ -80,7 +80,7 @@ class Judged:
 
 
 def judged(findings: Sequence[Finding], key: Key) -> tuple[Judged, ...]:
-    """Hold answers against the opened key."""
+    """Compare answers with the opened key."""
     return tuple(_judge(f.name, f.diagnosis, key.drifts[f.name]) for f in findings)
 
 
@@ -106,7 +106,7 @@ def _mark(diagnosis: Diagnosis, truth: Mapping[str, Any]) -> Mark:
 
 
 def measures(scores: Sequence[Judged]) -> list[Measure]:
-    """Hold the answers against what is demanded."""
+    """Compare the answers with their goals."""
     from scipy.stats import binom
 
     count = len(scores)

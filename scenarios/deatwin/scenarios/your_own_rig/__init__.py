@@ -52,7 +52,7 @@ Told = tuple[Case, Diagnosis, Trial]
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Drive, diagnose, and judge on the bumps."""
+    """Simulate the drives, diagnose the plant, and test it on the bumps."""
     rng = np.random.default_rng(setting.seed)
     setting.progress(0.0, "driving")
     setting.folder.text(FILE, _source())
@@ -72,7 +72,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
 
 
 def case(name: str, driven: Drives) -> Case:
-    """Build the case: the recording to diagnose and the one that judges."""
+    """Make the case, with the recording to diagnose and the one for the test."""
     fitted, held_out = (Experiment(recordings=(recording,)) for recording in (driven.rough, driven.over_bumps))
     return Case(
         name=name,

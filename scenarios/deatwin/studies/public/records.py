@@ -88,7 +88,7 @@ def buck(folder: Path) -> DataSet:
 
 
 def silverbox(folder: Path) -> DataSet:
-    """The oscillator, learned from the multisine alone."""
+    """Return the oscillator's recordings, with the multisine for training."""
     table, file = silverbox_table(folder)
     require_samples(file, len(table), MULTISINE.stop)
     whole = _recording(table[:, 0], table[:, 1], 1 / SILVERBOX_RATE, ("V", "V"), file)

@@ -133,7 +133,7 @@ class CaseStore(Generic[S]):
         return found
 
     def read(self, name: str, build: Callable[[dict[str, Any]], Content], noun: str = "case") -> Content:
-        """Read a case, and make of it what it describes.
+        """Read a case and convert it to its object.
 
         Parameters
         ----------

@@ -194,10 +194,10 @@ def estimate_dead_time(
     zero (robust Wald tests) bound the dead time from above. First- and second-order plants fitted to the whitened
     signals then give the likelihood of each shorter dead time, and Schwarz's criterion turns it into a probability.
     Neither held, slow or autocorrelated inputs nor coloured noise bias the estimate: of 240 simulated recordings at 10
-    to 40 dB, with dead times of 0 to 60 samples, all 240 intervals at 95 % contained the true value. Of inputs that
-    largely follow each other the intervals are too narrow by a sample or two, and noise on a measured input makes its
-    effect seem a sample or two earlier. For a plant of higher
-    order the estimate is the dead time of its low-order approximation, within the bound of the tests.
+    to 40 dB, with dead times of 0 to 60 samples, all 240 intervals at 95 % contained the true value. If inputs are
+    strongly correlated, the intervals are too narrow by a sample or two. Noise on a measured input makes its effect
+    seem a sample or two earlier. For a plant of higher order the estimate is the dead time of its low-order
+    approximation, within the bound of the tests.
 
     If the input repeats itself, as a triangle does, several dead times far apart may fit equally well (`ALIKE`); the
     interval then covers all of them. An input of a few sines may not determine the dead time at all (`POOR`).
