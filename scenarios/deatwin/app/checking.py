@@ -67,7 +67,7 @@ class CheckTask:
             theirs = rival.plant.rig
             if abs(theirs.sample_time / rig.sample_time - 1.0) > 1e-6:
                 raise ModelError(
-                    f"the rival {name} is sampled every {theirs.sample_time:g} s, the plant every {rig.sample_time:g} s"
+                    f"the alternative {name} is sampled every {theirs.sample_time:g} s, the plant every {rig.sample_time:g} s"
                 )
 
     def run(self, folder: ResultFolder, progress: Progress) -> Check:

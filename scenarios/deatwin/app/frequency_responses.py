@@ -100,7 +100,7 @@ class Responses:
                 f"{y:.4g} ({'stable' if stable else 'unstable'})"
                 for y, stable in zip(point.outputs, point.stable, strict=True)
             )
-            yield f"equilibria {amount(others, self.model.output_units[0])}; {point.output:.4g} is taken"
+            yield f"equilibria {amount(others, self.model.output_units[0])}; {point.output:.4g} is used"
         if self.beyond_training is not None:
             low, high = self.beyond_training
             yield (

@@ -112,8 +112,8 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
     rows = _rows(found, runs)
     worst = max(runs, key=lambda run: run.rms_error)
     sentence = (
-        f"A NARX model of {len(found.model.terms)} terms ({found.method}): on held-out data its "
-        f"{found.judged} is off by {found.amount(worst.rms_error)} rms{' at most' if len(runs) > 1 else ''}"
+        f"A NARX model of {len(found.model.terms)} terms ({found.method}): on held-out data its {found.judged} has an "
+        f"error of {found.amount(worst.rms_error)} rms{' at most' if len(runs) > 1 else ''}"
         f"{_beside(found)}. {reached(rows)} measures reached."
     )
     said = (
@@ -230,7 +230,7 @@ def _rows(found: Identified, runs: Sequence[NarxResponse]) -> list[Measure]:
     for part, run, linear in zip(found.unseen, runs, found.linear, strict=bool(found.linear)):
         rows.append(
             Measure(
-                f"{found.judged} beside a linear model, {label(part)}",
+                f"{found.judged} compared with a linear model, {label(part)}",
                 f"below {found.amount(linear)} rms, the error of a linear output-error model with the same lags",
                 f"{found.amount(run.rms_error)} rms",
                 run.status.ok and run.rms_error < linear,

@@ -54,7 +54,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
         "verdict_with_stretch_3": wider.verdict.value,
         "sentence_with_stretch_3": wider.sentence,
         "sentence": (
-            f"{told['sentence']} With a pull to 3 at 0.05 1/s added the verdict is {wider.verdict.value}"
+            f"{told['sentence']} If a pull to 3 at 0.05 1/s is added, the verdict is {wider.verdict.value}"
             f"{f' ({found})' if found else ''}."
         ),
     }

@@ -79,7 +79,9 @@ class FinishedSteps:
         written = [*([BASE_MODEL] if models else []), STEPS]
         document = self._document(plant, record.finished([f"{FOLDER}/{name}" for name in written]))
         folder.text(f"{FOLDER}/{STEPS}", json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
-        former = "; diagnosis.json beside it is of a former run" if (folder.path / "diagnosis.json").exists() else ""
+        former = (
+            "; the diagnosis.json there is from an earlier run" if (folder.path / "diagnosis.json").exists() else ""
+        )
         return (
             f"interrupted while {self.doing}; there is no verdict, but {folder.path / FOLDER} keeps the finished steps: "
             f"{self._listed()} ({', '.join(written)}){former}"

@@ -219,7 +219,7 @@ def test_fits_are_kept_and_the_next_run_starts_anew(
     ends_after("detect", 1)
     before = (on_bench / "again" / "diagnosis.json").read_bytes()
     assert main([*DIAGNOSE, "again"]) == 130
-    assert "diagnosis.json beside it is of a former run" in capsys.readouterr().err
+    assert "the diagnosis.json there is from an earlier run" in capsys.readouterr().err
     assert (on_bench / "again" / "diagnosis.json").read_bytes() == before
 
 

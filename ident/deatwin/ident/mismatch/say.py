@@ -136,7 +136,7 @@ def _absent(known: Sequence[str], rivals: Sequence[Sequence[str]]) -> list[tuple
 def _partly(diagnosis: Diagnosis) -> str:
     left = diagnosis.unexplained
     if left is None:
-        raise ModelError("a diagnosis of a part of the mismatch needs what is left of it")
+        raise ModelError("a diagnosis of a part of the mismatch needs the unexplained remainder")
     parts = [
         f"{_physics(cause, diagnosis)}, which explains {_share(cause)} of the mismatch" for cause in diagnosis.causes
     ]
@@ -187,7 +187,7 @@ def _when(diagnosis: Diagnosis) -> str:
 
 def _disturbance(diagnosis: Diagnosis) -> str:
     origin = diagnosis.detection.origin
-    back = "" if origin is None else f"; {_part(origin.share)} it comes back with the command"
+    back = "" if origin is None else f"; {_part(origin.share)} it repeats with the command"
     return (
         "The mismatch does not repeat when command and state do, so it is a disturbance rather than missing physics: "
         f"the calibrated plant leaves {_left(diagnosis)}, with {_noise(diagnosis)}{back}."

@@ -35,8 +35,8 @@ class FitStatus(Enum):
         "input alone, because the plant is unstable or the recording was made in a loop; use Armax"
     )
     LOOP_SUSPECTED = (
-        "the past of the output foretells an input, so a loop is suspected, and a model of the output error is biased by it: use "
-        "Armax or BoxJenkins, which model the noise"
+        "the past of the output predicts an input, so a closed loop is suspected, which biases an output-error model: "
+        "use Armax or BoxJenkins, which model the noise"
     )
 
     @property

@@ -48,7 +48,7 @@ def carry_out(seed: int, plan: Plan, *, jobs: int, progress: Progress) -> Study:
     tasks = [(one, plan.duration) for one in wanted.values()]
     found = run_told(fleet.recorded, tasks, jobs, between(progress, 0.0, 0.5), text)
     work = _work(seed, plan, dict(zip(wanted, found, strict=True)))
-    text = "propagating beside draws, and comparing the actuators"
+    text = "propagating uncertainty, drawing samples, and comparing the actuators"
     results = run_told(call, work.values(), jobs, between(progress, 0.5, 0.95), text)
     done = dict(zip(work, results, strict=True))
     return Study(known=_known(done), consistency=_consistency(done))

@@ -241,7 +241,7 @@ def _sampler(study: Study) -> Table:
         return f"{np.sort(draw.inclusion)[-rank]:.3f}"
 
     return Table.of(
-        "S4: a spike-and-slab sampler beside SVB",
+        "S4: a spike-and-slab sampler compared with SVB",
         study.comparisons,
         {
             "draw": lambda draw: draw.number + 1,

@@ -71,7 +71,7 @@ def residuals(case: Case, trial: Trial) -> Drawing:
         return Drawing.of(
             figure,
             "residuals",
-            f"{case.title}: what is left of {trial.held_out.name}",
+            f"{case.title}: residual of {trial.held_out.name}",
             "Measured minus simulated (free run), without and with the effect that was found.",
             columns,
         )

@@ -45,24 +45,24 @@ class DeadTimeStatus(Enum):
         "the sample looks the same"
     )
     LOOP = (
-        "the past of the output foretells this input, so a loop is suspected, unless the input is itself a reading with "
-        "noise or follows a cause that is not recorded, which the recordings cannot tell: its dead time is looked for from "
-        "one sample on, and may be that of what both follow"
+        "the past of the output predicts this input, so a closed loop is suspected; but the input may also be a noisy "
+        "reading, or share an unrecorded cause with the output, which recordings cannot distinguish. Dead times are "
+        "searched from one sample on, and may be those of the common cause"
     )
     ALIKE = (
-        "dead times far apart fit equally well, because the input repeats itself, so none is told: record with an input "
-        "that does not repeat, such as steps of random height"
+        "very different dead times fit equally well, because the input repeats itself, so none is stated: record with "
+        "an input that does not repeat, such as steps of random height"
     )
     POOR = (
-        "the input acts, but has too few frequencies for its dead time to be told: record with an input of more "
+        "the input has an effect, but too few frequencies to determine its dead time: record with an input of more "
         "frequencies, such as steps of random height"
     )
     UNSEEN = (
-        "no linear effect of the input is seen, so its dead time cannot be told: allow longer dead times, give the "
-        "square of the input instead where the effect is even, or record with a stronger input of more frequencies"
+        "no linear effect of the input was detected, so its dead time is unknown: allow longer dead times, use the "
+        "square of the input if its effect is even, or record with a stronger input of more frequencies"
     )
-    CONSTANT = "the input is constant, so its dead time cannot be told: record with an input that moves"
-    SHORT = "the recordings are too short for their dead time to be told: record longer"
+    CONSTANT = "the input is constant, so its dead time is unknown: record with a changing input"
+    SHORT = "the recordings are too short to determine the dead time: record longer"
 
     @property
     def ok(self) -> bool:
