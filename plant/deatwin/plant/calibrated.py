@@ -227,7 +227,9 @@ def _require_calibration(plant: Plant, names: tuple[str, ...], covariance: np.nd
     # Between parameters of any size; a fit leaves rounding errors of about 1e-12 of this.
     scaled = covariance / np.sqrt(np.outer(variances, variances)) if (variances > 0.0).all() else covariance
     if not np.allclose(scaled, scaled.T, atol=1e-6) or (variances < 0.0).any() or _least(scaled) < -1e-6:
-        raise ModelError("calibration.covariance is none: it must be symmetric, without a negative eigenvalue")
+        raise ModelError(
+            "calibration.covariance is not a covariance: it must be symmetric, without a negative eigenvalue"
+        )
 
 
 def _least(matrix: np.ndarray) -> float:

@@ -101,7 +101,7 @@ def direction_notes(plant: GivenPlant, records: Sequence[Recording]) -> list[str
         return []
     return [
         f"the {plant.model.plant.rig.output_name} falls where the voltage rises, and that of a {plant.described.kind} rises: "
-        f'if the sensor looks from the other side, write direction = "{AGAINST}" under [sensor] of {plant.source}'
+        f'if the sensor is mounted on the other side, write direction = "{AGAINST}" under [sensor] of {plant.source}'
     ]
 
 

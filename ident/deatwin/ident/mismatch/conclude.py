@@ -161,7 +161,7 @@ def _left_over(findings: Findings) -> list[str]:
         return []
     unit, size = findings.unit
     left = max(findings.answer.fitted_test.size, findings.answer.unseen_test.size) / size
-    return [f"what is left ({left:.3g} {unit}) is more than the plant's own model error"]
+    return [f"the remaining error ({left:.3g} {unit}) exceeds the plant's own model error"]
 
 
 def _widened(plant: Plant) -> Iterator[str]:
@@ -177,7 +177,7 @@ def _placed_unseen(findings: Findings) -> Iterator[str]:
     bench, plant = findings.bench, findings.answer.calibration.plant
     for name in plant.event_times if findings.named else ():
         if gap_around(plant, name, bench.fitted, bench.everything) is not None:
-            yield f"{name} lies among held-out data, which alone could tell it: the error there saw this one number"
+            yield f"{name} lies among held-out data, so it was fitted to them; the error there is not quite independent"
 
 
 def _form(findings: Findings) -> list[str]:

@@ -99,7 +99,7 @@ def _parameters(diagnosis: Diagnosis) -> str:
         f"; fitted to all recordings{timing}, it leaves no more than that" if diagnosis.detection.taken_up else ""
     )
     return (
-        "No physics is missing, only parameters were off: the calibrated plant leaves "
+        "No physics is missing; only parameters were wrong: the calibrated plant leaves "
         f"{_left(diagnosis)}, {_within(diagnosis)}{taken_up}."
     )
 
@@ -122,7 +122,7 @@ def _ambiguous(diagnosis: Diagnosis) -> str:
     rivals = "".join(f", or {other}" for other in (*without, *others))
     which = "the first" if len(known) == 1 else f"the first {COUNTED[len(known)].lower()}"
     return (
-        f"Something is missing, and these recordings cannot tell what: {'either' if rivals else 'perhaps'} {guess}{rivals}; "
+        f"Something is missing, and these recordings cannot decide what: {'either' if rivals else 'perhaps'} {guess}{rivals}; "
         f"with {which} {_gain(diagnosis)}{_next(diagnosis)}."
     )
 
@@ -136,7 +136,7 @@ def _absent(known: Sequence[str], rivals: Sequence[Sequence[str]]) -> list[tuple
 def _partly(diagnosis: Diagnosis) -> str:
     left = diagnosis.unexplained
     if left is None:
-        raise ModelError("a diagnosis of a part of the mismatch needs what is left of it")
+        raise ModelError("a diagnosis of a part of the mismatch needs the unexplained remainder")
     parts = [
         f"{_physics(cause, diagnosis)}, which explains {_share(cause)} of the mismatch" for cause in diagnosis.causes
     ]
@@ -187,7 +187,7 @@ def _when(diagnosis: Diagnosis) -> str:
 
 def _disturbance(diagnosis: Diagnosis) -> str:
     origin = diagnosis.detection.origin
-    back = "" if origin is None else f"; {_part(origin.share)} it comes back with the command"
+    back = "" if origin is None else f"; {_part(origin.share)} it repeats with the command"
     return (
         "The mismatch does not repeat when command and state do, so it is a disturbance rather than missing physics: "
         f"the calibrated plant leaves {_left(diagnosis)}, with {_noise(diagnosis)}{back}."
@@ -275,7 +275,7 @@ def _physics(cause: Cause, diagnosis: Diagnosis) -> str:
     effect = next((e for e in own if e.cause == cause.effect), None) or effect_named(cause.effect)
     text = effect.wording.format(**{name: _with_interval(p) for name, p in cause.parameters.items()})
     others = [f"the {_plain(place)}" for place in (cause.places or ())[1:]]
-    elsewhere = f" (or the same happens at {' or '.join(others)}: these recordings cannot tell)" if others else ""
+    elsewhere = f" (or at {' or '.join(others)}: these recordings cannot decide)" if others else ""
     return text[0].lower() + text[1:] + elsewhere
 
 
@@ -297,7 +297,9 @@ def _next(diagnosis: Diagnosis) -> str:
     if seconds is None:
         measure = advised.measure
         return (
-            "" if measure is None else f"; no input that the rig can bear would distinguish them, so measure {measure}"
+            ""
+            if measure is None
+            else f"; no input within the rig's limits would distinguish them, so measure {measure}"
         )
     mass = advised.added_mass_g
     load = "" if mass is None else f" with {number(mass)} g added"

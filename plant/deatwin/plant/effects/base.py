@@ -38,7 +38,7 @@ class Place(Enum):
 
 
 class Alone(Enum):
-    """Whether one reading alone tells a further place of an effect."""
+    """Condition under which one reading alone can distinguish a further place of an effect."""
 
     TOLD = "told"
     """It may, so that the place is tried in every diagnosis."""

@@ -21,7 +21,9 @@ OperatingInput = Annotated[
 ]
 Band = Annotated[
     tuple[float, float] | None,
-    typer.Option(metavar="LOW HIGH", help="Of the input, Hz; by default from 0 to what the training data excited."),
+    typer.Option(
+        metavar="LOW HIGH", help="Frequencies of the input, Hz; by default from 0 to the end of the excited band."
+    ),
 ]
 Level = Annotated[float, typer.Option(help="Probability of the bands that are written; 0.95 is drawn.")]
 Amplitude = Annotated[
@@ -55,7 +57,7 @@ def frequency(
     """
     if amplitude is not None and order == 1:
         raise typer.BadParameter(
-            "it is of the NOFRFs' test signal, which order 1 does not need: give --order 2 or more",
+            "it belongs to the test signal of NOFRFs, which order 1 does not need: give --order 2 or more",
             param_hint="--amplitude",
         )
     from deatwin.app.frequency_report import write_responses

@@ -88,7 +88,7 @@ def simulate(
     also = "".join(f", and {reading.name}" for reading in further)
     voice.say(f"{out}: {wanted.n_samples} samples of {name} with a 95 % predictive band{also}")
     for event in simulation.events:
-        voice.say(f"{'' if event.time < simulation.sound_until else 'not to be believed from here on: '}{event}")
+        voice.say(f"{'' if event.time < simulation.sound_until else 'unreliable from here on: '}{event}")
     voice.result(
         {
             "out": str(out),

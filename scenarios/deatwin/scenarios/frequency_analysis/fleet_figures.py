@@ -47,7 +47,7 @@ UNITS = ("µm/V", "µm/V²", "µm/V³")
 
 
 def fleet_drawings(found: Actuators, truth: Anchor) -> list[Drawing]:
-    """Draw what was done with the fleet."""
+    """Draw the figures of the six actuators."""
     return [
         _removal(found.shown),
         _first(found.each),

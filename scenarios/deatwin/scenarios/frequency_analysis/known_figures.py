@@ -30,7 +30,7 @@ HELD = 0.1
 
 
 def known_drawings(known: Known) -> list[Drawing]:
-    """Draw what was done with the benchmark systems."""
+    """Draw the figures of the benchmark systems."""
     return [_ranges(known.ranges), _gfrfs(), _nofrfs(known.evaluated), _identified(known.identified)]
 
 

@@ -24,7 +24,7 @@ STYLES = ((Hue.AFTER, "-"), (Hue.BEFORE, "-"), (Hue.MARK, "-"), (Hue.MEASURED, "
 """Colour and line of each of the six."""
 KINDS = {
     Agreement.DIFFERENT: (Hue.BEFORE, 0.55, "differ by more than drift explains"),
-    Agreement.DRIFT: (Hue.MARK, 0.3, "differ, and drift within the records reaches that far"),
+    Agreement.DRIFT: (Hue.MARK, 0.3, "differ by no more than drift within the recordings"),
     Agreement.ALIKE: (Hue.MEASURED, 0.08, "no significant difference"),
 }
 MILLI = 1e3
@@ -32,7 +32,7 @@ MILLI = 1e3
 
 
 def fleet_drawings(found: Consistency) -> list[Drawing]:
-    """Draw what is said of the fleet."""
+    """Draw the figures of the six actuators."""
     return [_responses(found), _pairs(found), _spread(found), _truth(found), _p_values(found)]
 
 

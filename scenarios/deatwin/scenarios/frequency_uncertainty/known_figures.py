@@ -26,7 +26,7 @@ CLOUD = 400
 
 
 def known_drawings(known: Known) -> list[Drawing]:
-    """Draw what was done with the benchmark systems."""
+    """Draw the figures of the benchmark systems."""
     linear, notch = known.cases[LINEAR][0], known.fragile[NOTCH.name][0]
     return [
         _complex(linear),
@@ -82,7 +82,7 @@ def _plane(spread: Spread) -> Drawing:
         _regions(left, spread, range(count), 0)
         _regions(right, spread, near, CLOUD)
         titled(left, "all frequencies")
-        titled(right, "about the frequency that is known worst")
+        titled(right, "near the most uncertain frequency")
         points = spread.sampled.draws[:CLOUD, near.start : near.stop]
         right.set(xlim=_padded(points.real), ylim=_padded(points.imag))
         legend_above(figure, right, 3)
@@ -182,7 +182,7 @@ def _law(sweeps: Sequence[Sweep]) -> Drawing:
             axes.axhline(level, color=Hue.INK, linewidth=0.7, linestyle=":")
             axes.set_xscale("log")
         left.set_ylabel("draws in the 95 % region (%)")
-        right.set(ylabel="deviation of the draws over that propagated", yscale="log")
+        right.set(ylabel="deviation of the draws over the propagated one", yscale="log")
         legend_above(figure, left, len(sweeps))
         return WORDS.drawing(figure, "law", columns)
 

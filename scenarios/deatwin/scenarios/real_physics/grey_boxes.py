@@ -192,7 +192,7 @@ def calibrated(data: Path | None, jobs: int) -> list[Judged]:
 
 
 def _row(one: Judged) -> Measure:
-    name, unit = f"{one.task.name}: free run over the test part", one.task.unit
+    name, unit = f"{one.task.name}: free-run error on the test part", one.task.unit
     return Measure(name, f"at most {one.task.goal:g} {unit} rms", f"{one.error:.3g} {unit}", one.error <= one.task.goal)
 
 

@@ -49,7 +49,7 @@ HIGHEST_HZ = 3.0
 
 
 def fleet_drawings(study: Study) -> list[Drawing]:
-    """Draw the figures of the fleet."""
+    """Draw the figures of the six actuators."""
     return [
         _sliding(study),
         _wander(study.driven),
@@ -94,7 +94,7 @@ def _wander(driven: Sequence[Driven]) -> Drawing:
             left.plot(SHARES, choosing, f"o{line}", color=colour, markersize=3, linewidth=1.0, label=one.name)
             left.plot(SHARES[place], choosing[place], "o", markersize=10, fillstyle="none", color=colour)
             columns[f"{key_of(one.name)}_choosing_percent"] = choosing
-        left.set(xscale="log", xlabel="share by which a term may wander", ylabel="free-run error, choosing blocks (%)")
+        left.set(xscale="log", xlabel="share by which a term may vary", ylabel="free-run error, choosing blocks (%)")
         left.set_xticks(SHARES, [f"{share:g}" for share in SHARES])
         left.set_xticks([], minor=True)
         left.legend(fontsize="x-small", ncols=2, markerscale=1, handlelength=3)

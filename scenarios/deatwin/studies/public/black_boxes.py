@@ -100,7 +100,7 @@ class Outcome:
 
 
 def attempt(method: str, data: DataSet) -> Outcome:
-    """Let a method, or an estimator that the data bring along, learn, and judge it."""
+    """Identify a data set by a method, or by an estimator of its own, and compute the errors."""
     begun = time.perf_counter()
     try:
         further = data.further.get(method)

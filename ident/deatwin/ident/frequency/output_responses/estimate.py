@@ -92,7 +92,7 @@ def nofrf(
     period = one_period(excitation, model.sample_time)
     factors = chebyshev_levels(2 * max(wanted[-1], 2)) if levels is None else checked_levels(levels)
     if factors.size < wanted[0]:
-        raise ModelError(f"{factors.size} level(s) cannot tell {wanted[0]} orders apart; give at least {wanted[0]}")
+        raise ModelError(f"{factors.size} level(s) cannot separate {wanted[0]} orders; give at least {wanted[0]}")
     powers = _powers(model, period, wanted[-1] + 2)
     runs = _run(deviations(model, operating_input), period, factors, wanted[0])
     fit = fit_orders(runs.levels, runs.spectra, [u.in_range for u in powers], wanted)
@@ -183,8 +183,8 @@ def _wanted_orders(order: int, highest: int | None) -> range:
     fewest = order if highest is None else whole_number(highest, "highest", order)
     if fewest > _HIGHEST:
         raise ModelError(
-            f"{fewest} orders; beyond {_HIGHEST} the powers of the levels are hardly told apart in double precision: "
-            "fit fewer, or take `nofrf_exact`"
+            f"{fewest} orders; beyond {_HIGHEST} the powers of the levels can hardly be distinguished in double "
+            "precision: fit fewer, or use `nofrf_exact`"
         )
     return range(fewest, min(order + _MORE, _HIGHEST) + 1 if highest is None else fewest + 1)
 
@@ -211,8 +211,8 @@ def _run(about: Deviations, period: Array, levels: Array, needed: int) -> _Runs:
     if kept.sum() < needed:
         advice = "lower the amplitude of the excitation" if about.point.is_stable else NofrfStatus.UNSTABLE.value
         raise ModelError(
-            f"the model diverges at {_written(levels[~kept])} times the excitation; {kept.sum()} level(s) left cannot "
-            f"tell {needed} orders apart: {advice}"
+            f"the model diverges at {_written(levels[~kept])} times the excitation; {kept.sum()} remaining level(s) "
+            f"cannot separate {needed} orders: {advice}"
         )
     return _Runs(
         levels=levels[kept],

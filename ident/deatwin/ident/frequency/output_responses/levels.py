@@ -70,7 +70,7 @@ def checked_levels(levels: ArrayLike) -> Array:
     if np.any(np.abs(values) > _SPREAD) or np.any(np.abs(values) < 1 / _SPREAD):
         raise ModelError(f"the levels must lie between {1 / _SPREAD:g} and {_SPREAD:g} in magnitude; best near 1")
     if np.unique(values).size < values.size:
-        raise ModelError("the levels must be distinct: one twice tells nothing new")
+        raise ModelError("the levels must be distinct, because a repeated one adds nothing")
     return values
 
 

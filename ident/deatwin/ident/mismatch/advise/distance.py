@@ -218,7 +218,7 @@ def difference(
     """
     readings = simulated(truth, parts)
     if readings is None:
-        raise SimulationError("the plant that is to be imitated cannot be simulated on these inputs")
+        raise SimulationError("the plant to be imitated cannot be simulated on these inputs")
     start = Difference.between(truth, rival.plant, readings, readings, parts)
     whole = start if memory is None else start.beside(memory.known)
     measured = np.concatenate([part.measured for part in parts])

@@ -41,7 +41,7 @@ class Soundness(Enum):
     """State of the recordings; the text is the advice."""
 
     SOUND = "the recordings are sound"
-    FAULTY = "part of the recordings is at fault and left out"
+    FAULTY = "faulty parts of the recordings are left out"
 
 
 def _joined(name: str) -> Callable[[Gate], np.ndarray]:
@@ -121,8 +121,8 @@ class Gate(Described):
             for before, after in pairwise(experiment.recordings):
                 if after.start - before.end > before.sample_time:
                     found.append(
-                        f"no readings between {before.end:.2f} and {after.start:.2f} s: "
-                        "the last command is taken to have been held"
+                        f"no readings between {before.end:.2f} and {after.start:.2f} s: the last command is assumed to "
+                        "have been held"
                     )
         return tuple(found)
 

@@ -318,7 +318,7 @@ def test_a_motor_that_friction_holds_is_not_stuck():
 
 
 def test_a_counter_that_stands_still_where_the_motor_turns_is_stuck():
-    """Without friction, though it comes back with the command; with friction, though at no leap of the command."""
+    """Without friction, though it repeats with the command; with friction, though at no leap of the command."""
     free = turning(STAIRS, 0.0)
     free[120:300] = free[119]
     assert gate(PLANT, [Experiment(recordings=(Recording.from_arrays(STAIRS, free, 0.05),))]).stuck[0][0][120:300].all()

@@ -77,7 +77,7 @@ def test_what_a_linear_plant_reads_the_same_from_two_places_is_one_cause_whose_p
     assert set(cause.places) == {"reading", "command", "force"}
     assert found.rivals == ()
     assert found.names == ("periodic_disturbance",)
-    assert "these recordings cannot tell" in found.sentence
+    assert "these recordings cannot decide" in found.sentence
 
 
 @pytest.mark.usefixtures("uncompiled")
