@@ -14,8 +14,10 @@ from deatwin.ident.mismatch.naming.candidate import Candidate, judge
 from deatwin.ident.mismatch.naming.screen import Lead
 from deatwin.ident.mismatch.refit.search import (
     ROUGH,
+    ROUGHLY,
     at_its_time,
     finish,
+    further,
     in_a_wider_range,
     in_its_gap,
     is_promising,
@@ -226,12 +228,12 @@ def _tried(bench: Bench, trial: Trial, hopeless: float) -> Calibration:
     """
     found = search(trial.start, bench.fitted, hopeless)
     if found.given_up and found.rms**2 < MOSTLY * trial.without.rms**2:
-        found = _better(found, roughly(found.plant, bench.fitted))  # from afar the linearised minimum errs most
+        found = _better(found, further(found, bench.fitted, **ROUGHLY))  # from afar the linearised minimum errs most
     # The plant without the effect is a special case of the one with it: a worse fit is a failed search.
     if not found.status.ok or found.rms > FAILED_SEARCH * trial.promised:
         again = descend(trial.bent, bench.fitted, evaluations=FEW, tolerance=ROUGH, hopeless=hopeless)
         if again.status is FitStatus.STOPPED and _better(found, again) is again:
-            again = _better(again, roughly(again.plant, bench.fitted, hopeless))
+            again = _better(again, further(again, bench.fitted, **ROUGHLY, hopeless=hopeless))
         found = _better(found, again)
     if found.status.ok and not found.given_up and found.rms > FAILED_SEARCH * trial.without.rms:
         found = _better(found, roughly(_with_little(trial), bench.fitted, hopeless))

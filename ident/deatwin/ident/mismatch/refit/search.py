@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +17,7 @@ OPENING_SAMPLES = 2000
 OPENING_EVALUATIONS = 8
 ROUGH = 3e-3
 """A form that leaves a large residual need not be fitted better than to 0.15 % of it,"""
-ROUGH_EVALUATIONS = 10
+ROUGHLY: Mapping[str, Any] = {"evaluations": 10, "tolerance": ROUGH}
 """nor with more simulations than these."""
 DECIDING = 1e-3
 """Relative change of the squared residual that no decision sees: a tenth of a nat in a hundred blocks."""
@@ -73,7 +74,7 @@ def roughly(near: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Cal
     Calibration
         On all of `parts`.
     """
-    return descend(near, parts, evaluations=ROUGH_EVALUATIONS, tolerance=ROUGH, hopeless=hopeless)
+    return descend(near, parts, **ROUGHLY, hopeless=hopeless)
 
 
 def is_promising(rough: Calibration, noise: float) -> bool:
@@ -134,13 +135,18 @@ def finish(rough: Calibration, parts: Sequence[Part]) -> Calibration:
     """
     found = rough
     for _ in range(ROUNDS):
-        again = descend(found.plant, parts, tolerance=DECIDING)
+        again = further(found, parts, tolerance=DECIDING)
         if not again.status.ok:
             break
         gained, found = 1.0 - (again.rms / found.rms) ** 2, again
         if gained < DECIDING:
             break
     return found
+
+
+def further(fit: Calibration, parts: Sequence[Part], **options: Any) -> Calibration:
+    """Go on from where a fit of the same `parts` has ended, whose last simulation need not be made again."""
+    return descend(fit.plant, parts, response=(fit.residuals, fit.jacobian), **options)
 
 
 def search(start: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Calibration:
@@ -246,9 +252,8 @@ def in_its_gap(fit: Calibration, fitted: Sequence[Part], everything: Sequence[Pa
             plant = _moved(plant, name, everything, gap)
     if plant is fit.plant:
         return fit
-    moved = replace(fit, plant=plant)
-    found = finish(moved, fitted)
-    return fit if found is moved else found
+    moved = descend(plant, fitted, tolerance=DECIDING)
+    return finish(moved, fitted) if moved.status.ok else fit
 
 
 def gap_around(
