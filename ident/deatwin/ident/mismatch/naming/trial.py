@@ -13,6 +13,7 @@ from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
 from deatwin.ident.mismatch.naming.screen import Lead
 from deatwin.ident.mismatch.refit.search import (
+    DECIDING,
     ROUGH,
     ROUGHLY,
     at_its_time,
@@ -243,19 +244,21 @@ def _tried(bench: Bench, trial: Trial, hopeless: float) -> Calibration:
         found = search(start, bench.fitted, hopeless)
     if not found.status.ok:
         return found
-    return in_a_wider_range(at_its_time(found, bench.fitted, hopeless), trial.start, bench.fitted, hopeless)
+    placed = at_its_time(found, bench.fitted, hopeless, ROUGH)
+    return in_a_wider_range(placed, trial.start, bench.fitted, hopeless)
 
 
 def _from_there(bench: Bench, plant: Plant) -> Calibration:
     """A plant fitted from its values; from far away where these cannot be simulated without what else was there."""
     found = roughly(plant, bench.fitted)
     found = found if found.status.ok else search(plant, bench.fitted)
-    return _finished(bench, at_its_time(found, bench.fitted)) if found.status.ok else found
+    return _finished(bench, found) if found.status.ok else found
 
 
 def _finished(bench: Bench, fit: Calibration) -> Calibration:
     """The fit carried to the end, with an event that it cannot place where the held-out part has it."""
-    return in_its_gap(finish(fit, bench.fitted), bench.fitted, bench.everything)
+    placed = at_its_time(fit, bench.fitted, enough=DECIDING)
+    return in_its_gap(finish(placed, bench.fitted), bench.fitted, bench.everything)
 
 
 def _better(one: Calibration, other: Calibration) -> Calibration:

@@ -171,7 +171,7 @@ def search(start: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Cal
     return found if found.status.ok or not near.status.ok else roughly(start, parts, hopeless)
 
 
-def at_its_time(fit: Calibration, parts: Sequence[Part], hopeless: float = np.inf) -> Calibration:
+def at_its_time(fit: Calibration, parts: Sequence[Part], hopeless: float = np.inf, enough: float = 0.0) -> Calibration:
     """Move the events in a fitted plant to where they explain most, and fit it anew, roughly.
 
     Only a sample or two know of the time of an event, so no fit moves it; it is searched for.
@@ -184,6 +184,8 @@ def at_its_time(fit: Calibration, parts: Sequence[Part], hopeless: float = np.in
         Samples that count.
     hopeless : float
         As for `calibrate`.
+    enough : float
+        Share of the squared residual for which an event is moved no more.
 
     Returns
     -------
@@ -194,7 +196,7 @@ def at_its_time(fit: Calibration, parts: Sequence[Part], hopeless: float = np.in
         return fit
     plant = fit.plant
     for name in plant.event_times:
-        plant = _moved(plant, name, parts)
+        plant = _moved(plant, name, parts, enough=enough)
     return fit if plant is fit.plant else roughly(plant, parts, hopeless)
 
 
@@ -304,8 +306,17 @@ def refit(found: Calibration, everything: Sequence[Part]) -> Calibration:
     return final if final.status.ok else found
 
 
-def _moved(plant: Plant, name: str, parts: Sequence[Part], within: tuple[float, float] = (-np.inf, np.inf)) -> Plant:
-    """The plant with one event where the squared residual is least, found by steps that are halved."""
+def _moved(
+    plant: Plant,
+    name: str,
+    parts: Sequence[Part],
+    within: tuple[float, float] = (-np.inf, np.inf),
+    enough: float = 0.0,
+) -> Plant:
+    """The plant with one event where the squared residual is least, found by steps that are halved.
+
+    Until a step either way changes that by less than a share which is `enough`.
+    """
     times, sample = reading_times(plant, parts), plant.rig.sample_time
     known = plant.parameters[name]
     first, last = max(times.min(), known.lower, within[0]), min(times.max(), known.upper, within[1])
@@ -323,6 +334,8 @@ def _moved(plant: Plant, name: str, parts: Sequence[Part], within: tuple[float, 
             least, best = min(losses), tried[int(np.argmin(losses))]
             step = sample / 2 if offsets is around else step
         elif offsets is around:
+            return best
+        elif len(losses) == len(places) and max(losses) <= (1.0 + enough) * least:
             return best
         else:
             step /= 2
