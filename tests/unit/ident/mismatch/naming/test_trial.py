@@ -60,7 +60,7 @@ def test_a_fit_that_already_takes_most_of_the_mismatch_is_not_given_up(monkeypat
     """As that of a lag whose size is off by a factor of twenty, and whose linearised minimum says little."""
     given_up = SimpleNamespace(status=FitStatus.GIVEN_UP, rms=rms, given_up=True, plant=None, at_bound=())
     monkeypatch.setattr(trial, "search", lambda *_: given_up)
-    monkeypatch.setattr(trial, "roughly", lambda *_: fit_of(2.1))
+    monkeypatch.setattr(trial, "further", lambda *_, **__: fit_of(2.1))
     monkeypatch.setattr(trial, "at_its_time", lambda fit, *_, **__: fit)
     monkeypatch.setattr(trial, "descend", lambda *_, **__: fit_of(9.0))  # from the bent plant
     task = Trial(start=PLANT, bent=PLANT, without=fit_of(6.4), share=0.1)
