@@ -21,6 +21,7 @@ from functools import cached_property
 import numpy as np
 from scipy.special import log_ndtr
 
+from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.likelihood import structured
@@ -50,7 +51,7 @@ class Scale:
     bench: Bench
     base: Candidate
     noise: float
-    _weights: dict[tuple[str, ...], tuple[Candidate, float]] = field(default_factory=dict, init=False, repr=False)
+    _weights: dict[tuple[str, ...], tuple[Calibration, float]] = field(default_factory=dict, init=False, repr=False)
 
     def of_two(self, pair: Candidate, alone: Candidate) -> float:
         """Log odds of a pair over one effect, whose law is as likely exact as not."""
@@ -65,8 +66,8 @@ class Scale:
     def weight(self, candidate: Candidate) -> float:
         """Log evidence of a candidate's fit."""
         known = self._weights.get(candidate.effects)
-        if known is None or known[0] is not candidate:  # fitted anew; each is asked for beside many others
-            known = self._weights[candidate.effects] = (candidate, self._evidence(candidate))
+        if known is None or known[0] is not candidate.calibration:  # fitted anew; each is asked for beside many others
+            known = self._weights[candidate.effects] = (candidate.calibration, self._evidence(candidate))
         return known[1]
 
     def _evidence(self, candidate: Candidate, law: np.ndarray | None = None) -> float:
