@@ -12,7 +12,7 @@ import numpy as np
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-from deatwin.studies.public.records import Candidates
+from deatwin.studies.public.records import Candidates, Learner
 
 SYSIDENTPY, FASTCAN = "SysIdentPy, FROLS", "fastcan, multi-step"
 
@@ -77,7 +77,7 @@ class Fastcan:
         return self
 
 
-def like_ours(candidates: Candidates) -> dict[str, SysIdentPy | Fastcan]:
+def like_ours(candidates: Candidates) -> dict[str, Learner]:
     """Estimators of the others with as many lags, terms and degrees as ours take."""
     like = {"lags": candidates.output_lags, "degree": candidates.degree, "terms": candidates.max_terms}
     return {SYSIDENTPY: SysIdentPy(**like), FASTCAN: Fastcan(**like)}
