@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deatwin.ident.frequency import gfrf, nofrf_exact, output_orders, output_spectrum, remove_dc
+from deatwin.ident.frequency import gfrf, nofrf, nofrf_exact, output_orders, output_spectrum, remove_dc
 from deatwin.ident.narx import NarxModel
 from deatwin.plant import ModelError, Recording
 
@@ -150,6 +150,8 @@ def test_inputs_are_named_as_in_the_model() -> None:
         gfrf(named, 1, [0.1], inputs=["volt"])
     with pytest.raises(ModelError, match="needs the names of 2 input"):
         gfrf(named, 2, W, inputs=["volts"])
+    with pytest.raises(ModelError, match="for several take nofrf_exact, with the power of each input"):
+        nofrf(named, np.ones((2, 8)), 1)
     with pytest.raises(ModelError, match="give the power of each by its name"):
         nofrf_exact(named, np.ones((2, 8)), 2)
     with pytest.raises(ModelError, match=r"of shape \(2, n_samples\)"):

@@ -88,7 +88,7 @@ def nofrf(
     """
     order = whole_order(order)
     wanted = _wanted_orders(order, highest)
-    require_one_input(model)
+    require_one_input(model, "nofrf_exact, with the power of each input by its name")
     period = one_period(excitation, model.sample_time)
     factors = chebyshev_levels(2 * max(wanted[-1], 2)) if levels is None else checked_levels(levels)
     if factors.size < wanted[0]:
