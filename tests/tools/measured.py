@@ -19,7 +19,7 @@ MEASURED = "deatwin/story-measures/1"
 OTHERWISE = ("concealed-physics", "control-check", "prestretch-sweep")
 """Scenarios that are not read here: two have pages and data of their own, the third judges claims."""
 READ = tuple(story.name for story in STORIES if story.name not in OTHERWISE)
-NARX = ("real-data", "semp-fleet", "svb-fleet", "svb-benchmark")
+NARX = ("real-data", "standard-tasks", "semp-fleet", "svb-fleet", "svb-benchmark")
 FREQUENCY = ("frequency-analysis", "time-varying", "frequency-uncertainty")
 UNKNOWN = "–"
 Rows = Sequence[Mapping[str, Any]]

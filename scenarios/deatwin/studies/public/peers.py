@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -41,7 +42,9 @@ class SysIdentPy:
             basis_function=basis.Polynomial(degree=self.degree),
             estimator=estimation.LeastSquares(),
         )
-        peer.fit(X=recordings.inputs[0][:, None].copy(), y=recordings.outputs[0][:, None].copy())
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of regressors that depend on each other: the error tells
+            peer.fit(X=recordings.inputs[0][:, None].copy(), y=recordings.outputs[0][:, None].copy())
         self.model_ = _model(recordings, map(_product, peer.final_model), peer.theta.ravel())
         return self
 
