@@ -6,8 +6,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from deatwin.ident.narx import NarxModel
+from deatwin.ident.nss.document import SCHEMA as STATES
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.checks import check_command_range, check_motion, falls_with_voltage
+from deatwin.plant.documents import read_json
+from deatwin.plant.errors import ModelError
 from deatwin.plant.files import read_commands, read_experiment
 from deatwin.plant.files.headers import split_unit
 from deatwin.plant.files.units import UNITS
@@ -93,6 +97,17 @@ class GivenPlant:
             input_unit=rig.input_unit,
             rig=self.described,
         )
+
+
+def narx_model(file: str | Path) -> NarxModel:
+    """Read a NARX model, or say of a nonlinear state space what works instead."""
+    document = read_json(file)
+    if isinstance(document, dict) and document.get("schema") == STATES:
+        raise ModelError(
+            f"{file}: this command takes NARX models, and a nonlinear state space is none: identify the same recordings "
+            "with --method frols or grow; the state space runs in Python (deatwin.ident.nss.NonlinearStateSpace.load)"
+        )
+    return NarxModel.load(file)
 
 
 def direction_notes(plant: GivenPlant, records: Sequence[Recording]) -> list[str]:

@@ -134,11 +134,10 @@ def check(
     """
     from deatwin.app.check_report.gains import written_gains
     from deatwin.app.checking import CheckTask, load_rivals, rival_files
-    from deatwin.app.given import GivenPlant, clock_notes
-    from deatwin.ident.narx import NarxModel
+    from deatwin.app.given import GivenPlant, clock_notes, narx_model
 
     voice = Voice(as_json=as_json, quiet=quiet)
-    narx = NarxModel.load(model).deterministic
+    narx = narx_model(model).deterministic
     given = GivenPlant.load(
         plant, input_column=input_column, output_column=output_column, time_column=time_column, dt=dt, resample=resample
     )

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 
 PLANT, NARX, CHECK = "deatwin/plant/1", "deatwin/narx/1", "deatwin/check/1"
+STATES = "deatwin/nonlinear-states/1"
 
 
 class Form(StrEnum):
@@ -100,7 +101,7 @@ class _Given:
         from deatwin.plant.sources import load_plant
 
         schema = _schema(source) if source.endswith(".json") else None
-        if schema == NARX:
+        if schema in (NARX, STATES):
             return _narx(source)
         if schema == CHECK:
             return _controller(source)
@@ -119,19 +120,19 @@ def _schema(source: str) -> str | None:
     except ModelError:
         return None
     schema = document.get("schema") if isinstance(document, dict) else None
-    if schema not in (PLANT, NARX, CHECK):
+    if schema not in (PLANT, NARX, CHECK, STATES):
         raise ModelError(f"{source}: schema is {clipped(repr(schema))}; {PLANT}, {NARX} and {CHECK} can be exported")
     return str(schema)
 
 
 def _narx(source: str) -> _Given:
     """A model that starts at rest under the centre of its training inputs, at zero where it has no such rest."""
+    from deatwin.app.given import narx_model
     from deatwin.ident.frequency import equilibrium
-    from deatwin.ident.narx import NarxModel
     from deatwin.ident.narx.export import narx_source
     from deatwin.plant.errors import ModelError
 
-    model = NarxModel.load(source)
+    model = narx_model(source)
     try:
         found = equilibrium(model.deterministic)
     except ModelError:

@@ -62,12 +62,12 @@ def frequency(
         )
     from deatwin.app.frequency_report import write_responses
     from deatwin.app.frequency_responses import respond
-    from deatwin.ident.narx import NarxModel
+    from deatwin.app.given import narx_model
     from deatwin.studies.folder import ResultFolder
     from deatwin.studies.provenance import RunRecord, hashes
 
     voice = Voice(as_json=as_json, quiet=quiet)
-    narx = NarxModel.load(model).deterministic
+    narx = narx_model(model).deterministic
     record = RunRecord(command=context.obj or [], inputs=hashes([model]), seed=0, jobs=1)
     with ResultFolder(out) as folder, voice.progress("computing frequency responses"):
         found = respond(narx, order, operating_input=operating_input, band_Hz=band, level=level, amplitude=amplitude)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.terms import Rule
-from deatwin.ident.nss import StateSpaceIdentifier
 from deatwin.plant.recording import Recording
 from deatwin.studies.public.columns import csv_columns, matlab_vectors, require_samples
 
@@ -52,6 +52,16 @@ class Candidates:
         }
 
 
+class Learner(Protocol):
+    """An estimator."""
+
+    model_: Any
+
+    def fit(self, recordings: Recording, /) -> Learner:
+        """Learn, and keep the model."""
+        ...
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DataSet:
     """A public data set."""
@@ -66,7 +76,7 @@ class DataSet:
     files: tuple[Path, ...] = ()  # Read from
     note: str = ""  # On its preparation
     parts: int = 1  # Into so many a long training recording is cut where structures are grown
-    further: Mapping[str, StateSpaceIdentifier] = field(default_factory=dict)  # Estimators made for it, by name
+    further: Mapping[str, Learner] = field(default_factory=dict)  # Estimators made for it, by name
 
 
 def buck(folder: Path) -> DataSet:
