@@ -87,13 +87,15 @@ def _bench(plant: Plant, checked: Gate, effects: Sequence[Effect], jobs: int, on
     weights = _weights(rig, checked)
     fitted, unseen, everything = split(checked, onset, weights)
     known = tuple(e for e in effects if plant.accepts(e))
-    beside_others = (Alone.AS_FIRST, Alone.AS_ANOTHER) if weights else ()
+    beside_others, in_place = (Alone.AS_FIRST, Alone.AS_ANOTHER), (Alone.TOLD,)
+    if not weights:
+        beside_others, in_place = (), (Alone.TOLD, Alone.AS_ANOTHER)
     return Bench(
         nominal=plant.with_rig(rig),
         stated_error=plant.rig.model_error,
         expected_error=rig.model_error,
         effects=(*known, *_elsewhere(plant, known, beside_others)),
-        elsewhere=_elsewhere(plant, known, (Alone.TOLD,)),
+        elsewhere=_elsewhere(plant, known, in_place),
         fitted=fitted,
         unseen=unseen,
         everything=everything,

@@ -118,13 +118,20 @@ def _ambiguous(diagnosis: Diagnosis) -> str:
     guess = ", and ".join(_physics(cause, diagnosis) for cause in diagnosis.causes)
     known = [cause.effect for cause in diagnosis.causes]
     without = [f"the same without {' and '.join(map(_plain, absent))}" for absent in _absent(known, diagnosis.rivals)]
-    others = [_plain(name) for name in diagnosis.names if name not in known]
+    others = [_plain(name) + _elsewhere(name, diagnosis) for name in diagnosis.names if name not in known]
     rivals = "".join(f", or {other}" for other in (*without, *others))
     which = "the first" if len(known) == 1 else f"the first {COUNTED[len(known)].lower()}"
     return (
         f"Something is missing, and these recordings cannot decide what: {'either' if rivals else 'perhaps'} {guess}{rivals}; "
         f"with {which} {_gain(diagnosis)}{_next(diagnosis)}."
     )
+
+
+def _elsewhere(cause: str, diagnosis: Diagnosis) -> str:
+    """Where a rival's effect acts, if that is at a further place only."""
+    effects = (effect for rival in diagnosis.rival_models.values() for effect in rival.plant.effects)
+    places = dict.fromkeys(effect.placed_at for effect in effects if effect.cause == cause)
+    return f" (of the {' or the '.join(map(_plain, places))})" if places and "" not in places else ""
 
 
 def _absent(known: Sequence[str], rivals: Sequence[Sequence[str]]) -> list[tuple[str, ...]]:

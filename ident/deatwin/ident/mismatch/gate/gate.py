@@ -235,6 +235,8 @@ def _listed(experiments: Experiment | Sequence[Experiment]) -> tuple[Experiment,
 def confirm(checked: Gate, readings: Sequence[Sequence[np.ndarray]]) -> Gate:
     """Keep the outliers and jumps that also stand out of the residual: fast motion of the plant itself is neither.
 
+    A reading that was held until such a jump, with its noise, is stuck.
+
     Parameters
     ----------
     checked : Gate
@@ -246,12 +248,14 @@ def confirm(checked: Gate, readings: Sequence[Sequence[np.ndarray]]) -> Gate:
     -------
     Gate
     """
-    outliers, jumps = [], []
+    stuck, outliers, jumps = [], [], []
     for k, (experiment, simulated) in enumerate(zip(checked.experiments, readings, strict=True)):
         residuals = [r.outputs[0] - y for r, y in zip(experiment.recordings, simulated, strict=True)]
         outliers.append(tuple(m & suspects.spikes(e) for m, e in zip(checked.outliers[k], residuals, strict=True)))
         jumps.append(tuple(m & suspects.jumps(e) for m, e in zip(checked.jumps[k], residuals, strict=True)))
-    return replace(checked, outliers=tuple(outliers), jumps=tuple(jumps))
+        held = map(suspects.frozen, experiment.recordings, simulated, jumps[-1])
+        stuck.append(tuple(known | more for known, more in zip(checked.stuck[k], held, strict=True)))
+    return replace(checked, stuck=tuple(stuck), outliers=tuple(outliers), jumps=tuple(jumps))
 
 
 def split(

@@ -177,9 +177,8 @@ class Search(Tried):
             return timed and least + floor < CLEARLY_BETTER * (self.missing([tried]) + floor)
 
         rest, full = self.tried[names].calibration.plant, self.tried[best].calibration.plant
-        others = [effect for effect in self.bench.effects if rest.lacks(effect)]
-        # What the set has at one place may be at another one.
-        others += [effect for effect in self.bench.elsewhere if rest.lacks(effect) and not full.lacks(effect)]
+        # What the set has at one place may be at another one, or may be what another effect does at a further place.
+        others = [effect for effect in self.bench.everywhere if rest.lacks(effect)]
         return [effect for effect in others if effect.name not in full.effect_names and is_open(effect)]
 
     def _new(self, trials: Sequence[Trial], finished: Finished | None = None) -> list[Names]:
