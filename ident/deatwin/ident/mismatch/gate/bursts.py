@@ -20,6 +20,8 @@ TWICE = 2.0
 WHITE = 2.5
 """How much larger, or smaller, the variance of a burst may be than its bends say of white noise: that of a window of
 white noise is so once in 1000. What is smooth, as the motion that a plant lacks, or correlated by a half, lies beyond."""
+MOSTLY = 0.5
+"""Share of the windows with a command as brisk that are noisy: above it the noise goes with the command."""
 TRIMMED = 0.66
 """Mean square of white noise of unit variance without the largest `LONE` bends of a window."""
 BEND = 35.0 / 18.0
@@ -32,6 +34,7 @@ def without_bursts(checked: Gate, plant: Plant) -> Gate:
     The same object where there are none.
     """
     outputs = [plant.simulate(experiment).require().outputs for experiment in checked.experiments]
+    commands = [record.inputs[0] for experiment in checked.experiments for record in experiment.recordings]
     found = {}
     for row, reading in enumerate(plant.rig.readings):
         name = reading.name if row else ""
@@ -42,29 +45,38 @@ def without_bursts(checked: Gate, plant: Plant) -> Gate:
                 residuals.append(measured - rows[row])
                 known = measured[np.isfinite(measured)]
                 floor = max(floor, resolution(known) / float(np.sqrt(12.0)) if known.size else 0.0)
-        masks = iter(noisier(residuals, floor))
+        masks = iter(noisier(residuals, commands, floor))
         marked = tuple(tuple(next(masks) for _ in experiment.recordings) for experiment in checked.experiments)
         if any(mask.any() for each in marked for mask in each):
             found[name] = marked
     return replace(checked, bursts=found) if found else checked
 
 
-def noisier(residuals: Sequence[np.ndarray], floor: float) -> list[np.ndarray]:
-    """Samples at which residuals are much noisier than elsewhere, and white. `residuals` one array (n,) for each record,
-    nan where unknown; `floor` noise below which none counts.
+def noisier(residuals: Sequence[np.ndarray], commands: Sequence[np.ndarray], floor: float) -> list[np.ndarray]:
+    """Samples at which residuals are much noisier than elsewhere, and white, and are not so under commands as brisk.
+
+    `residuals` one array (n,) for each record, nan where unknown; `commands` likewise; `floor` noise below which none
+    counts.
     """
     windows = [_windows(residual) for residual in residuals]
     powers = [np.sort(bends, axis=1)[:, :-LONE].mean(axis=1) for bends, _ in windows]
     usual = _usual(powers)
     if usual is None:
         return [np.zeros(residual.size, dtype=bool) for residual in residuals]
-    level, variance = _usual([bends.mean(axis=1) for bends, _ in windows]), _usual([v.var(axis=1) for _, v in windows])
+    level = _usual([bends.mean(axis=1) for bends, _ in windows])
+    variance = _usual([values.var(axis=1) for _, values in windows])
+    loud = [power > TWICE**2 * max(usual, TRIMMED * floor**2) for power in powers]
+    briskness = [_windows(command)[0].mean(axis=1) for command in commands]
+    every, noisy = np.concatenate(briskness), np.concatenate(loud)
     found = []
-    for residual, (bends, values), power in zip(residuals, windows, powers, strict=True):
+    for residual, (bends, values), high, brisk in zip(residuals, windows, loud, briskness, strict=True):
         mask = np.zeros(residual.size, dtype=bool)
-        for run in runs(power > TWICE**2 * max(usual, TRIMMED * floor**2)):
-            white, more = float(bends[run].mean()) - level, float(values[run].var(axis=1).mean()) - variance
-            if white / WHITE < more < WHITE * white:
+        for run in runs(high):
+            if run.size * STRIDE < WINDOW:  # a burst is in as many windows; fewer are chance, or ring after a step
+                continue
+            white, more = bends[run].mean() - level, values[run].var(axis=1).mean() - variance
+            with_it = float(noisy[every >= np.median(brisk[run])].mean())
+            if white / WHITE < more < WHITE * white and with_it < MOSTLY:
                 mask[STRIDE * run[0] : STRIDE * run[-1] + WINDOW] = True
         found.append(mask)
     return found
@@ -82,6 +94,5 @@ def _windows(residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if residual.size < WINDOW:
         return np.empty((0, WINDOW)), np.empty((0, WINDOW))
     bends = neighbours_deviation(residual) ** 2 / BEND
-    pair = (np.lib.stride_tricks.sliding_window_view(signal, WINDOW)[::STRIDE] for signal in (bends, residual))
-    first, second = pair
+    first, second = (np.lib.stride_tricks.sliding_window_view(each, WINDOW)[::STRIDE] for each in (bends, residual))
     return first, second
