@@ -25,7 +25,7 @@ from deatwin.ident.mismatch.refit.search import gap_around
 from deatwin.ident.mismatch.result import Errors, FitSummary, IndistinguishablePair, Output, UnseenErrors
 from deatwin.ident.mismatch.say import say
 from deatwin.ident.mismatch.steps import forms_tried
-from deatwin.ident.mismatch.taught import taught
+from deatwin.ident.mismatch.taught import errors_in, taught
 from deatwin.ident.mismatch.verdict import CandidateSummary, Cause, Interval, Verdict
 from deatwin.ident.mismatch.verify.verify import shares_explained
 from deatwin.plant.calibrated import CalibratedPlant
@@ -238,12 +238,12 @@ def _places(effect: Effect, findings: Findings) -> tuple[str, ...]:
 
 
 def _fit_summary(findings: Findings) -> FitSummary:
-    checks, size = findings.verification, findings.unit[1]
-    after = (checks.fitted_after, checks.unseen_after, checks.gain_low) if findings.named else (None, None, None)
-    fitted, unseen, gain = (None if value is None else value / size for value in after)
+    size, pair = findings.unit[1], [errors_in(findings, held_out=held_out) for held_out in (False, True)]
+    fitted, unseen = ((one.before / size, None if one.after is None else one.after / size) for one in pair)
+    gain = findings.verification.gain_low / size if findings.named else None
     return FitSummary(
-        fitted=Errors(before=checks.fitted_before / size, after=fitted),
-        unseen=UnseenErrors(before=checks.unseen_before / size, after=unseen, gain_low=gain),
+        fitted=Errors(before=fitted[0], after=fitted[1]),
+        unseen=UnseenErrors(before=unseen[0], after=unseen[1], gain_low=gain),
     )
 
 

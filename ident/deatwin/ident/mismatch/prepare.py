@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.floor import floor_of, with_model_error
+from deatwin.ident.mismatch.floor import error_in, floor_of, with_model_error
 from deatwin.ident.mismatch.gate.gate import Gate, split
 from deatwin.ident.mismatch.gate.noise import noise_level
 from deatwin.ident.mismatch.locate.time import locate_time
@@ -129,10 +129,8 @@ def _weights(rig: Rig, checked: Gate) -> dict[str, float]:
     """
     weights = {}
     for reading in rig.further:
-        rows = [r.reading(reading.name) for e in checked.experiments for r in e.recordings]
-        known = np.concatenate([row[np.isfinite(row)] for row in rows])
-        if known.size:
-            error = max(reading.model_error, rig.share_of_motion * float(known.std()))
+        error = error_in(rig, reading, [r for e in checked.experiments for r in e.recordings])
+        if error is not None:
             floors = [(rig.noise, reading.noise), (rig.model_error, error)]
             weights[reading.name] = min((first / own for first, own in floors if first > 0.0 < own), default=0.0)
     return {name: weight for name, weight in weights.items() if weight}
