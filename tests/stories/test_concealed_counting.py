@@ -174,19 +174,19 @@ def test_every_goal_is_counted_as_a_person_would(opened: Opened) -> None:
         return round(found.value * found.count), found.count
 
     assert counted("false alarm") == (1, 4)  # ambiguous names a cause as well
-    assert counted("called none or parameters") == (2, 4)
+    assert counted("clean data: the verdict is none or parameters") == (2, 4)
     # detected and in the catalogue: e1 e2 e3 e5, p1 p2, t1 to t4; named wrong: e3, p2
     assert counted("confident wrong name") == (2, 10)
     # ratio 0.5 or more: e1 e2 e3 e4 e5 e7; e5 has a near rival
     assert counted("first cause right") == (2, 5)
     assert counted("family right") == (2, 5)
-    assert counted("truth inside the answer, ratio") == (3, 6)
+    assert counted("true effect in the answer, ratio") == (3, 6)
     assert counted("outside", "unknown") == (1, 2)
-    assert counted("a cause named", "same") == (1, 2)
+    assert counted("a cause is named", "outside") == (1, 2)
     assert counted("both named") == (1, 2)
     assert counted("no cause is wrong") == (1, 2)
     assert counted("called ambiguous", "resolved by the advised") == (2, 3)  # t1 t4, not t2
-    assert counted("all ties", "resolved so, or named rightly") == (2, 3)  # t1 t3, not t2; t4 is weak
+    assert counted("all ties", "resolved by the advised experiment or named") == (2, 3)  # t1 t3, not t2; t4 is weak
     assert counted("ties, ratio", "truth inside") == (3, 3)
     # named: e1 e2 e3, p1 p2, all with 2 µm against 3 and 5 µm
     assert counted("ahead of every baseline") == (5, 5)
@@ -275,7 +275,7 @@ def test_of_an_interrupted_study_the_results_of_what_has_run_are_written(tmp_pat
     study, seal = opened_study(tmp_path)
     page = results_page(study, score(study), seal)
     assert f"2 of {len(specs)} cases have run (the order is mixed" in page.splitlines()[2]
-    assert "| clean data called none or parameters | at least 95 % | 1 of 2, 50.0 %" in page
+    assert "| clean data: the verdict is none or parameters | at least 95 % | 1 of 2, 50.0 %" in page
     assert not (tmp_path / "key.json").exists()  # the key stays shut until the last case is through
     with pytest.raises(DataError, match=f"{len(specs) - 2} cases have not been run"):
         open_key(store, running.key_of(specs))

@@ -112,7 +112,7 @@ def test_a_sealed_key_says_nothing_and_is_opened_from_its_seed(tmp_path: Path) -
     with pytest.raises(DataError, match="line 1"):
         opened(tmp_path, 5)
     path.write_text('{"schema": "deatwin/drift-seal/2", "seed": 5}', encoding="utf-8")
-    with pytest.raises(DataError, match="no seal of a study that this version can go on with"):
+    with pytest.raises(DataError, match="this version cannot continue a study with this seal"):
         opened(tmp_path, 5)
     path.unlink()
     with pytest.raises(DataError, match="seal"):

@@ -59,33 +59,31 @@ def story_blocks(data: Mapping[str, Any]) -> dict[str, list[str]]:
     whence = f"{run} {data['remark']}".strip()
     return {
         "tracking": [
-            f"{whence} Each row is a measure of the story, what it demands, what was reached, and whether that is met:",
+            f"{whence} Each row is a measure with its required and its achieved value:",
             "",
             *_measures(data["measures"]),
             "",
-            "Each row is a controller on a plant (an oracle is designed on the true plant): the rms of its tracking "
-            "error on the tones, how many times larger that of PI is, and the margins of its loop with the identified "
-            "model:",
+            "Each row is a controller on a plant: its rms tracking error on the tones, the ratio of PI's error to it, "
+            "and the margins of its loop with the identified model (an oracle is designed on the true plant):",
             "",
             *_tracking(data["tracking"]),
             "",
-            "Each row is an actuator under the one scheduled design: the overshoot of its steps and what still moves "
-            "late after one, as shares of the step, its rms error on the tones, and whether both runs are stable:",
+            "Each row is an actuator under the same scheduled design: overshoot and late motion after a step as shares "
+            "of the step, the rms error on the tones, and whether both runs are stable:",
             "",
             *_fleet(data["fleet"]),
         ],
         "models": [
-            f"{whence} Each row is a model of one and the same actuator with the controller that one rule designed on "
-            "it; each cell has what the model predicted with its 95 % band, then what the true actuator did, and "
-            "whether that lies inside the band (✓) or not (✗):",
+            f"{whence} Each row is a model of the same actuator, with the controller that one rule designed on it. "
+            "Each cell gives the predicted value with its 95 % band, then the value on the true actuator, and whether "
+            "it lies inside the band (✓) or not (✗):",
             "",
             *_models(data["models"]),
         ],
         "concealed-effects": [
-            f"{whence} Each row is a design on a rig with an effect that its base model lacks: what the diagnosis "
-            "named, the closed-loop time that was asked for, the model that was designed from, the verdict of the "
-            "check with the first of its reasons, and what the true rig did, judged by the whole limits, of which the "
-            "check keeps a part in reserve:",
+            f"{whence} Each row is a design for a rig with an effect that its base model lacks: the diagnosis, the "
+            "required closed-loop time, the model used for the design, the verdict of the check with its first "
+            "reason, and the result on the true rig, judged by the full limits (the check keeps a reserve):",
             "",
             *_concealed(data["concealed"]),
         ],

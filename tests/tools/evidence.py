@@ -84,7 +84,7 @@ def blocks(data: Data) -> dict[str, list[str]]:
     with _as_written(STUDY):
         missed, concealed = _of_concealed(STUDY, "concealed physics", data[STUDY])
     with _as_written(LONG_STUDY):
-        _, long = _of_concealed(LONG_STUDY, "the same in long recordings", data[LONG_STUDY])
+        _, long = _of_concealed(LONG_STUDY, "concealed physics in long recordings", data[LONG_STUDY])
     with _as_written("control-story"):
         story = story_blocks(data["control-story"])
     with _as_written("scenarios"):
@@ -231,9 +231,8 @@ def _run(trials: Mapping[str, Any], outcomes: Sequence[Outcome]) -> list[str]:
         f"{len(outcomes)} trials with seed {trials['seed']} (sources `{trials['code'][:12]}`).",
         trials["remark"],
         "Bounds are one-sided and exact, with 95 % (Clopper and Pearson).",
-        f"{without} of the trials had no controller: the specification could not be met on the model, and the "
-        f"check failed them with that reason. What {passed} passes and {broke} broken designs can show ends at "
-        "the bounds.",
+        f"{without} trials had no controller, because no design met the specification on the model; the check failed "
+        f"them for that reason. The bounds follow from {passed} passed and {broke} broken designs.",
     ]
     return [" ".join(word for word in words if word)]
 
@@ -241,15 +240,15 @@ def _run(trials: Mapping[str, Any], outcomes: Sequence[Outcome]) -> list[str]:
 def _promises(outcomes: Sequence[Outcome]) -> list[list[str]]:
     return [
         [
-            "passed designs whose true steps lie wholly inside the predicted simultaneous 95 % band: at least 90 %",
+            "passed designs whose true steps lie inside the predicted simultaneous 95 % band: at least 90 %",
             _cell(inside(outcomes)),
         ],
-        ["designs that break a limit on the true rig and were not passed: at least 90 %", _cell(caught(outcomes))],
+        ["designs that break a limit on the true rig and did not pass: at least 90 %", _cell(caught(outcomes))],
         ["passed designs that keep every limit on the true rig", _cell(sound(outcomes))],
-        ["sound designs that were not passed (the price of caution)", _cell(_cautious(outcomes), bound=False)],
+        ["sound designs that did not pass (the price of caution)", _cell(_cautious(outcomes), bound=False)],
         [
-            "designs that break a limit, whose steps lie inside the band all the same (it bounds what the model knows, "
-            "not what is wanted)",
+            "designs that break a limit although their steps lie inside the band (the band predicts steps; it is no "
+            "limit)",
             _cell(Rate.of(o.inside == 1.0 for o in outcomes if o.sound is False), bound=False),
         ],
     ]

@@ -21,8 +21,10 @@ OTHERWISE = ("concealed-physics", "control-check", "prestretch-sweep")
 READ = tuple(story.name for story in STORIES if story.name not in OTHERWISE)
 NARX = ("real-data", "semp-fleet", "svb-fleet", "svb-benchmark")
 FREQUENCY = ("frequency-analysis", "time-varying", "frequency-uncertainty")
+TASKS = "standard-tasks"
 UNKNOWN = "–"
 Rows = Sequence[Mapping[str, Any]]
+_TASK = ("task", "model", "unit", "error")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +88,7 @@ def measured_data(folder: Path | str, remark: str = "", before: Mapping[str, Any
         raise DataError(f"{folder}: it holds no scenario's results in a folder of its name ({READ[0]} and so on)")
     told = [_told(Path(folder) / name, name, remark) for name in found]
     merged: dict[str, Any] = {"schema": MEASURED}
-    for key in ("stories", "measures", "recordings"):
+    for key in ("stories", "measures", "recordings", "tasks"):
         kept = [row for row in (before or {}).get(key, ()) if row["story"] in READ and row["story"] not in found]
         rows = kept + [row for one in told for row in one[key]]
         merged[key] = sorted(rows, key=lambda row: READ.index(row["story"]))
@@ -100,6 +102,7 @@ def measured_blocks(data: Mapping[str, Any]) -> dict[str, list[str]]:
     return {
         "recordings-of-others": _recordings(data["recordings"]),
         "narx-measures": _measures(row for row in rows if row["story"] in NARX),
+        TASKS: _tasks(data.get("tasks", ())),
         "frequency-measures": _measures(row for row in rows if row["story"] in FREQUENCY),
         "scenarios": markdown_table(
             ["scenario", "measures reached", "run"],
@@ -139,6 +142,9 @@ def _told(folder: Path, name: str, remark: str) -> dict[str, list[dict[str, Any]
                 for recording, errors in result["held_out"].items()
             ]
             if name in SYSTEMS
+            else [],
+            "tasks": [{**story, **{key: row[key] for key in _TASK}} for row in result["errors"]]
+            if name == TASKS
             else [],
         }
     except (KeyError, TypeError, ValueError, AttributeError) as error:
@@ -185,6 +191,21 @@ def _recordings(rows: Rows) -> list[str]:
         "and corrects its errors: such an error must not be compared with an open-loop one, as most published errors "
         "of EMPS are, which are millimetres.",
     ]
+
+
+def _tasks(rows: Rows) -> list[str]:
+    """The errors of all models on the test parts of the standard tasks; a free run that left was written as null."""
+    errors = {(row["model"], row["task"]): row["error"] for row in rows}
+    units = {row["task"]: row["unit"] for row in rows}
+    cells = [
+        [model, *(_shown(errors[model, task]) if (model, task) in errors else "" for task in units)]
+        for model in dict.fromkeys(row["model"] for row in rows)
+    ]
+    return markdown_table(["free run of", *(f"{task} ({unit})" for task, unit in units.items())], cells)
+
+
+def _shown(error: float | None) -> str:
+    return UNKNOWN if error is None else f"{error:.3g}"
 
 
 def _best(errors: Mapping[str, float | None]) -> float | None:

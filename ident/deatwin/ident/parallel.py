@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import sys
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import closing
 from multiprocessing import active_children, current_process
 from typing import Any, TypeVar
 
@@ -70,32 +71,46 @@ def run_jobs(
     list
         Results in the order of `jobs`.
     """
-    results: list[Result] = []
-    for result in stream_jobs(function, jobs, workers=workers):
-        results.append(result)
+    results: dict[int, Result] = {}
+    for number, result in jobs_as_they_end(function, jobs, workers=workers):
+        results[number] = result
         if finished is not None:
             finished(len(results))
-    return results
+    return [results[number] for number in sorted(results)]
 
 
 def stream_jobs(
     function: Callable[..., Result], jobs: Iterable[tuple[Any, ...]], *, workers: int = 1
 ) -> Iterator[Result]:
     """Call a function once for each tuple of arguments, and give each result as soon as it and those before it exist."""
+    ended: dict[int, Result] = {}
+    following = 0
+    with closing(jobs_as_they_end(function, jobs, workers=workers)) as running:
+        for number, result in running:
+            ended[number] = result
+            while following in ended:
+                yield ended.pop(following)
+                following += 1
+
+
+def jobs_as_they_end(
+    function: Callable[..., Result], jobs: Iterable[tuple[Any, ...]], *, workers: int = 1
+) -> Generator[tuple[int, Result], None, None]:
+    """Call a function once for each tuple of arguments, and give the number and the result of each that has ended."""
     if workers < 1 and workers != -1:
         raise DataError(f"{workers} worker processes do nothing: give 1 or more, or -1 for all cores")
     tasks = list(jobs)
     if workers == 1:
-        for task in tasks:
-            yield _alone(function, task)
+        for number, task in enumerate(tasks):
+            yield number, _alone(function, task)
         return
     from joblib import Parallel, delayed
 
     results: Any = None
     try:
         with interrupts_held():
-            results = Parallel(n_jobs=workers, return_as="generator")(
-                delayed(_in_worker)(function, task) for task in tasks
+            results = Parallel(n_jobs=workers, return_as="generator_unordered")(
+                delayed(_in_worker)(number, function, task) for number, task in enumerate(tasks)
             )
         for result in results:  # noqa: UP028 - who closes this one must not hear of the jobs that were dropped
             yield result
@@ -116,13 +131,13 @@ def end_workers() -> None:
         pool.shutdown(wait=False)  # whoever goes on gets another one
 
 
-def _in_worker(function: Callable[..., Result], task: tuple[Any, ...]) -> Result:
+def _in_worker(number: int, function: Callable[..., Result], task: tuple[Any, ...]) -> tuple[int, Result]:
     """Run a job unless whoever wanted it was killed: jobs that wait would go on, against those of a new run."""
     if current_process().name != "MainProcess":
         if os.getppid() != PARENT:
             os._exit(1)
         ignore_interrupts()
-    return _alone(function, task)
+    return number, _alone(function, task)
 
 
 def _alone(function: Callable[..., Result], task: tuple[Any, ...]) -> Result:

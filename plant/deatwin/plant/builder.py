@@ -149,7 +149,7 @@ class Builder:
             If the sample is already divided.
         """
         if self.written.parts is not None:
-            raise RigError("two effects divide a sample, each elsewhere: leave one of them out")
+            raise RigError("two effects divide a sample at different times: leave one of them out")
         # Nobody but a step tells a middle: all else looks at a sample's end, which is in its second part.
         self.written.parts = Parts(
             first=number(first, "the first part of a sample"),
@@ -231,7 +231,7 @@ class Builder:
         if name is None:
             raise RigError(f"a rate is given for {clipped(state)}, which build.state did not return")
         if name in self.written.rates:
-            raise RigError(f"state {name} has two rates; give the sum of what moves it in one build.rate")
+            raise RigError(f"state {name} has two rates; give their sum in one build.rate")
         self.written.rates[name] = (
             number(value, f"the rate of state {name}"),
             number(mass, f"the mass of state {name}"),

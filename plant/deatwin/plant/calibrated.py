@@ -33,6 +33,14 @@ TWO_SIDED_95 = 1.959964
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Band:
+    """What is expected of a further reading: mean and standard deviation of each recording, (n,) each, SI."""
+
+    mean: tuple[np.ndarray, ...]
+    deviation: tuple[np.ndarray, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Prediction:
     """Readings that a calibrated plant expects, with their predictive band."""
 
@@ -42,6 +50,7 @@ class Prediction:
     failed_at: float | None  # Clock time of a failure, s
     failed_command: float | None  # Command at that time, in its unit
     advice: str  # Text of the status; for a plant without a state of rest, the equation at fault
+    further: Mapping[str, Band] = field(default_factory=dict)  # Of each further reading, by its name
 
     def to_xarray(self, experiment: Experiment) -> Any:
         """Return the readings and their standard deviation as an `xarray.Dataset` over all samples. returns Along
@@ -52,6 +61,8 @@ class Prediction:
             {
                 "mean": ("sample", np.concatenate(self.mean), unit),
                 "deviation": ("sample", np.concatenate(self.deviation), unit),
+                **{f"{name}_mean": ("sample", np.concatenate(band.mean)) for name, band in self.further.items()},
+                **{f"{name}_deviation": ("sample", np.concatenate(b.deviation)) for name, b in self.further.items()},
             },
             clock(experiment.recordings),
             {
@@ -150,28 +161,39 @@ class CalibratedPlant(
         plant = self.plant
         timeline = plant.timeline(experiment)
         run = plant.runner.run_with_sensitivities(**plant.given(timeline))
-        n_rows = timeline.commands.size + 1
-        mean, variance = np.full(n_rows, np.nan), np.full(n_rows, np.nan)
-        mean[: run.outputs.size] = run.outputs
-        if run.sensitivities is not None:
-            variance[: run.outputs.size] = self._variance(run.sensitivities)
-        failed = run.failed_at
+        rows = [r + 1 for r in timeline.readings]
+
+        def band(values: np.ndarray, slopes: np.ndarray | None, noise: float, model_error: float) -> Band:
+            """Of one reading; what was not reached is not a number."""
+            whole = np.full((2, timeline.commands.size + 1), np.nan)
+            whole[0, : values.size] = values
+            if slopes is not None:
+                whole[1, : values.size] = np.sqrt(self._spread(slopes) + noise**2 + model_error**2)
+            return Band(mean=tuple(whole[0, r] for r in rows), deviation=tuple(whole[1, r] for r in rows))
+
+        failed, first = run.failed_at, band(run.outputs, run.sensitivities, self.noise, self.model_error)
         return Prediction(
-            mean=tuple(mean[r + 1] for r in timeline.readings),
-            deviation=tuple(np.sqrt(variance[r + 1]) for r in timeline.readings),
+            mean=first.mean,
+            deviation=first.deviation,
+            further={
+                one.name: band(run.further[:, k], run.further_slopes[:, k], one.noise, one.model_error)
+                for k, one in enumerate(plant.rig.further)
+                if run.sensitivities is not None
+            },
             status=run.status,
             advice=run.advice,
             failed_at=None if failed is None else timeline.start + failed * timeline.sample_time,
             failed_command=None if failed is None else float(timeline.commands[failed]),
         )
 
-    def _variance(self, sensitivities: np.ndarray) -> np.ndarray:
+    def _spread(self, sensitivities: np.ndarray) -> np.ndarray:
+        """Variance of a reading by the uncertainty of the parameters; `sensitivities` (n, p), returns (n,)."""
         parameters = self.plant.parameters
         columns = [parameters.free.index(n) for n in self.names]
         slopes = np.array([parameters[n].scale.slope(parameters[n].value) for n in self.names])
         jacobian = sensitivities[:, columns] * slopes
         spread = np.einsum("ij,jk,ik->i", jacobian, self.covariance, jacobian)
-        return np.maximum(spread, 0.0) + self.noise**2 + self.model_error**2
+        return np.maximum(spread, 0.0)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of ``model.json``, which carries no code."""
@@ -227,7 +249,9 @@ def _require_calibration(plant: Plant, names: tuple[str, ...], covariance: np.nd
     # Between parameters of any size; a fit leaves rounding errors of about 1e-12 of this.
     scaled = covariance / np.sqrt(np.outer(variances, variances)) if (variances > 0.0).all() else covariance
     if not np.allclose(scaled, scaled.T, atol=1e-6) or (variances < 0.0).any() or _least(scaled) < -1e-6:
-        raise ModelError("calibration.covariance is none: it must be symmetric, without a negative eigenvalue")
+        raise ModelError(
+            "calibration.covariance is not a covariance: it must be symmetric, without a negative eigenvalue"
+        )
 
 
 def _least(matrix: np.ndarray) -> float:

@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Self, TypeVar
 from deatwin.plant.errors import DeatwinError, ModelError
 from deatwin.plant.files import write_text_atomic
 from deatwin.plant.safe_read import DOCUMENT_BYTES, DOCUMENT_VALUES, clipped, read_regular
-from deatwin.plant.schemacheck import shape_fault
+from deatwin.plant.schemacheck import shape_fault, shipped_schema
 
 # A number that may be too large for a float: only then are numbers read the slow way.
 _PERHAPS_HUGE = re.compile(rb"[0-9.][eE]\+?[0-9]{3}|[0-9]{309}")
@@ -34,8 +34,8 @@ def read_document(path: str | os.PathLike[str], schema: str, build: Callable[[Ma
     if found is None:
         raise ModelError(f"{path}: it names no schema; {schema!r} is needed")
     if found != schema:
-        shown = repr(clipped(found)) if isinstance(found, str) else "no text"
-        raise ModelError(f"{path}: schema is {shown}; {schema!r} is needed")
+        shown = f"{clipped(found)!r}{_in_words(found)}" if isinstance(found, str) else "no text"
+        raise ModelError(f"{path}: schema is {shown}; {schema!r}{_in_words(schema)} is needed")
     try:
         content = build(document)
     except KeyError as error:
@@ -48,6 +48,12 @@ def read_document(path: str | os.PathLike[str], schema: str, build: Callable[[Ma
     if fault := shape_fault(document, schema):  # what was made of it would not show it at once
         raise ModelError(f"{path}: not a valid {schema} file: {fault}")
     return content
+
+
+def _in_words(schema: str) -> str:
+    """Say what such a document holds, in brackets; empty for one that no package ships."""
+    shipped = shipped_schema(schema) if re.fullmatch(r"deatwin/[a-z-]+/[0-9]+", schema) else None
+    return "" if shipped is None else f" ({shipped['title'][0].lower()}{shipped['title'][1:]})"
 
 
 class Saved:

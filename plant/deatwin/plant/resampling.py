@@ -133,7 +133,7 @@ def plan_resampling(
     if usual > _FINEST * (1.0 + _SAME) * sample_time:
         options = resampling_options(timepts)
         raise DataError(
-            f"{where(0)}: rows every {usual:g} s cannot tell a clock of {sample_time:g} s: "
+            f"{where(0)}: rows every {usual:g} s cannot support a clock of {sample_time:g} s: "
             f"{round(usual / sample_time) - 1} of {round(usual / sample_time)} new rows would be invented; take one of {usual / _FINEST:.6g} s or more, such as "
             f"{options or ''}",
             options or NO_OPTIONS,

@@ -36,7 +36,7 @@ class RunStatus(Enum):
 
     DONE = "the simulation reached its end"
     TENSION_LOST = "the film lost tension and would wrinkle, what follows is not sound: lower the voltage, stretch more"
-    BREAKDOWN = "the field went beyond what the film bears, what follows is not sound: lower the voltage"
+    BREAKDOWN = "the field exceeded the film's dielectric strength, so later results are invalid: lower the voltage"
     SNAP_THROUGH = "the film snapped to another equilibrium: a lower voltage, or a stiffer film, keeps it on the first"
     NO_REST = NO_REST
     PULL_IN = "no equilibrium is in reach (pull-in or loss of tension): lower the voltage or stiffen the film"

@@ -56,19 +56,19 @@ class CheckTask:
             low, high = self.operating_range
             if not -math.inf < low < high < math.inf:
                 raise ControlError(
-                    f"the operating range {low:g} to {high:g} holds no input: its ends must be finite and rise"
+                    f"the operating range {low:g} to {high:g} is empty: its ends must be finite and rise"
                 )
             if self.operating_input is not None and not low <= self.operating_input <= high:
                 raise ControlError(
                     f"the operating input {self.operating_input:g} lies outside of the operating range, {low:g} to "
-                    f"{high:g}: give one inside, or a range that holds it"
+                    f"{high:g}: give one inside, or a range that contains it"
                 )
         rig = self.plant.plant.rig
         for name, rival in self.rivals.items():
             theirs = rival.plant.rig
             if abs(theirs.sample_time / rig.sample_time - 1.0) > 1e-6:
                 raise ModelError(
-                    f"the rival {name} is sampled every {theirs.sample_time:g} s, the plant every {rig.sample_time:g} s"
+                    f"the alternative {name} is sampled every {theirs.sample_time:g} s, the plant every {rig.sample_time:g} s"
                 )
 
     def run(self, folder: ResultFolder, progress: Progress) -> Check:

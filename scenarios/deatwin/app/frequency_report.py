@@ -126,8 +126,8 @@ def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
             data, *further = [_table(f"nofrf{response.order}") for response, _ in _fitted(found.nofrfs)]
             caption = (
                 f"For the test signal of {written(found.ranges_Hz[0])} Hz. {at}, with 95 % bands."
-                f"{_hatching(*found.nofrfs.orders[: found.nofrfs.order])} The truncation error, dotted where it shows, "
-                "is what orders beyond those fitted may make; where it comes near the gain, Gₙ is not known."
+                f"{_hatching(*found.nofrfs.orders[: found.nofrfs.order])} The dotted truncation error is the possible "
+                "contribution of orders beyond those fitted; where it comes near the gain, Gₙ is unknown."
             )
             drawing = _drawn(figure, folder, "nofrf", "NOFRFs", caption)
             yield replace(drawing, data=data, further=tuple(further))
@@ -146,7 +146,7 @@ def _drawn(figure: Figure, folder: ResultFolder, name: str, title: str, caption:
 def _hatching(*responses: FrequencyResponse) -> str:
     """Explain the hatches, if there are any."""
     known = all(response.band().linear_law.all() for response in responses)
-    return "" if known else " Hatched: the gain is below four standard deviations, and its band not to be relied upon."
+    return "" if known else " Hatched: the gain is below four standard deviations, so its band is unreliable."
 
 
 def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
@@ -204,13 +204,13 @@ def _rows(found: Responses) -> list[Measure]:
         left = float(fitted.residual[:, -1].max())
         rows += [
             Measure(
-                "test signal: by what an error of an order grows in its NOFRF",
+                "test signal: factor by which an error of an order grows in its NOFRF",
                 f"at most {AMPLIFICATION:g}",
                 f"{grown:.3g}",
                 grown <= AMPLIFICATION,
             ),
             Measure(
-                f"{fitted.highest} orders at {fitted.levels.size} levels: largest share of an output that they leave",
+                f"{fitted.highest} orders at {fitted.levels.size} levels: largest share of an output not explained",
                 "below 1 %",
                 f"{100 * left:.2g} %",
                 left < 0.01,

@@ -100,18 +100,18 @@ class Responses:
                 f"{y:.4g} ({'stable' if stable else 'unstable'})"
                 for y, stable in zip(point.outputs, point.stable, strict=True)
             )
-            yield f"equilibria {amount(others, self.model.output_units[0])}; {point.output:.4g} is taken"
+            yield f"equilibria {amount(others, self.model.output_units[0])}; {point.output:.4g} is used"
         if self.beyond_training is not None:
             low, high = self.beyond_training
             yield (
                 "the operating input lies outside the training inputs, "
                 + amount(f"{low:.4g} to {high:.4g}", unit)
-                + ": the responses are the model's extrapolation, and their bands do not tell of that"
+                + ": the responses are extrapolation, and their bands do not cover that error"
             )
         if self.extrapolated:
             yield (
-                f"99 % of the power of the training input lies below {self.excited_Hz:.3g} Hz: what H₁ does beyond is "
-                "the model's extrapolation, and its band does not tell of that"
+                f"99 % of the power of the training input lies below {self.excited_Hz:.3g} Hz: above it, H₁ is "
+                "extrapolation, and its band does not cover that error"
             )
         for order, bands in enumerate(self.ranges_Hz[1:], start=2):
             yield f"the output of order {order} can have energy at {written(bands)} Hz"
@@ -119,7 +119,7 @@ class Responses:
             share = float(np.mean(~response.band(self.level).linear_law))
             if share > 0:
                 yield (
-                    f"{symbol_of(response)}: the band is not to be relied upon at {100 * share:.0f} % of the "
+                    f"{symbol_of(response)}: the band is unreliable at {100 * share:.0f} % of the "
                     "frequencies, where the gain is below four standard deviations"
                 )
         for response, law in zip(self.gfrfs, self.laws, strict=True):
@@ -230,7 +230,7 @@ def _with_nofrfs(found: Responses, order: int, operating_input: float | None, am
     model = found.model
     size = _room(model, operating_input) if amplitude is None else amplitude
     if size is None:
-        return replace(found, missing="the model does not tell the range of its training inputs: give --amplitude")
+        return replace(found, missing="the model does not state the range of its training inputs: give --amplitude")
     for _ in range(1 if amplitude is not None else LOWERED):
         signal = design_excitation(found.band_Hz, model.sample_time, amplitude=size, unit=model.input_units[0])
         try:
@@ -252,8 +252,8 @@ def _room(model: NarxModel, operating_input: float | None) -> float | None:
         return None
     if not shifted.input_min[0] < 0 < shifted.input_max[0]:
         raise ModelError(
-            f"the operating input {operating_input:g} lies outside the training inputs, so that no test signal about "
-            "it stays inside: give --amplitude, or another operating input"
+            f"the operating input {operating_input:g} lies outside the training inputs, so no test signal around it "
+            "stays inside: give --amplitude, or another operating input"
         )
     return float(min(-shifted.input_min[0], shifted.input_max[0]))
 
@@ -295,7 +295,7 @@ def _truncated(found: Nofrf) -> Iterator[str]:
         share = float(np.mean(error > UNKNOWN * g.gain))
         if share > 0:
             yield (
-                f"{symbol_of(g)}: at {100 * share:.0f} % of the lines orders beyond those fitted may make more than "
+                f"{symbol_of(g)}: at {100 * share:.0f} % of the lines orders beyond those fitted may cause more than "
                 f"{100 * UNKNOWN:.0f} % of the gain"
             )
 

@@ -6,8 +6,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from deatwin.ident.narx import NarxModel
+from deatwin.ident.nss.document import SCHEMA as STATES
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.checks import check_command_range, check_motion, falls_with_voltage
+from deatwin.plant.documents import read_json
+from deatwin.plant.errors import ModelError
 from deatwin.plant.files import read_commands, read_experiment
 from deatwin.plant.files.headers import split_unit
 from deatwin.plant.files.units import UNITS
@@ -95,13 +99,24 @@ class GivenPlant:
         )
 
 
+def narx_model(file: str | Path) -> NarxModel:
+    """Read a NARX model, or say of a nonlinear state space what works instead."""
+    document = read_json(file)
+    if isinstance(document, dict) and document.get("schema") == STATES:
+        raise ModelError(
+            f"{file}: this command takes NARX models, and a nonlinear state space is none: identify the same recordings "
+            "with --method frols or grow; the state space runs in Python (deatwin.ident.nss.NonlinearStateSpace.load)"
+        )
+    return NarxModel.load(file)
+
+
 def direction_notes(plant: GivenPlant, records: Sequence[Recording]) -> list[str]:
     """Tell where the readings run against those of the rig file, in a sentence."""
     if plant.described is None or plant.described.sensor.direction == AGAINST or not falls_with_voltage(records):
         return []
     return [
         f"the {plant.model.plant.rig.output_name} falls where the voltage rises, and that of a {plant.described.kind} rises: "
-        f'if the sensor looks from the other side, write direction = "{AGAINST}" under [sensor] of {plant.source}'
+        f'if the sensor is mounted on the other side, write direction = "{AGAINST}" under [sensor] of {plant.source}'
     ]
 
 

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 FIRST, LAST = 0, 2
 """The first and last input lag without a dead time."""
 _WITHIN = (
-    "in a loop lag 0 would hold what the controller answers within the sample; where each reading ends its row and the "
-    "controller answers in the next, give --first-input-lag 0"
+    "in a closed loop, lag 0 would include the controller's reaction within the sample; if each reading is taken at "
+    "the end of its row and the controller reacts in the next, give --first-input-lag 0"
 )
 OUTPUT_LAGS = 2
 """Lags of the output, unless others are asked for."""
@@ -62,17 +62,17 @@ def choose_input_lags(recordings: Sequence[Recording], first: int | None, last: 
             none_at_once = all(one.status is DeadTimeStatus.FOUND and one.interval != (0, 1) for one in dead_times)
             lags = tuple(lag for lag in usual if lag or not (none_at_once or loop))
             if loop:
-                said.append(f"{_WITHIN}; the input lags that compete are {_written(lags)}")
+                said.append(f"{_WITHIN}; the candidate input lags are {_written(lags)}")
             return InputLags(lags=lags, dead_times=dead_times, sentences=tuple(said))
         shifted = set(lags_after(late, len(usual))) | (set(usual) if len(late) < len(dead_times) else set())
         lags = tuple(sorted(shifted))
-        said.append(f"the input lags that compete are therefore {_written(lags)}")
+        said.append(f"the candidate input lags are therefore {_written(lags)}")
         return InputLags(lags=lags, dead_times=dead_times, sentences=tuple(said))
     missed = [one.interval for one in late if one.interval is not None and one.interval[0] > usual[-1]]
     if missed:
         low, high = min(one[0] for one in missed), max(one[1] for one in missed)
         said.append(
-            f"the input lags that were asked for end at {usual[-1]}, before the input acts: take "
+            f"the given input lags end at {usual[-1]}, before the input acts: take "
             f"--first-input-lag {low} --input-lags {high + LAST}"
         )
     return InputLags(lags=usual, dead_times=dead_times, sentences=tuple(said))
@@ -93,13 +93,13 @@ def disagreements(model: NarxModel, found: InputLags, *, by_free_run: bool) -> l
                 "take --method frols, which chooses one step ahead" if by_free_run else "record with a stronger input"
             )
             said.append(
-                f"{one.input_name} is in no term of the model, although it acts and lags {_written(found.lags)} of it "
-                f"competed: {advice}"
+                f"{one.input_name} is in no term of the model, although it has an effect and its lags "
+                f"{_written(found.lags)} were candidates: {advice}"
             )
         elif not lags:
             said.append(
-                f"{one.input_name} is in no term of the model, which tells nothing of its effect: let later lags compete "
-                "(--input-lags), or record with a stronger input"
+                f"{one.input_name} is in no term of the model, so the model says nothing about its effect: allow later "
+                "lags (--input-lags), or record with a stronger input"
             )
         elif (
             one.status is not DeadTimeStatus.ALIKE
@@ -108,8 +108,8 @@ def disagreements(model: NarxModel, found: InputLags, *, by_free_run: bool) -> l
         ):
             said.append(
                 f"{one.input_name} begins to act after {one.samples} {'sample' if one.samples == 1 else 'samples'}, but "
-                f"its first lag in the model is {min(lags)}: noise hides single lags from the choice of terms, so trust "
-                "the former"
+                f"its first lag in the model is {min(lags)}: noise may hide single lags when terms are chosen, so "
+                "trust the former"
             )
     return said
 
@@ -140,11 +140,11 @@ def bounded(
         fit(tried)
         if not _diverges(tried.model_, training):
             return tried, (
-                f"with {OUTPUT_LAGS} lags of the output the model had an unstable pole at a negative z, "
-                f"which no sampled plant has; {fewer} competed instead",
+                f"with {OUTPUT_LAGS} lags of the output the model had an unstable pole at a negative z, which no "
+                f"sampled plant has; {fewer} were used instead",
             )
     return identifier, (
-        "the model's free run diverges on the very recordings it was learned from: do not simulate with it; unless the "
+        "the model's free run diverges on its own training recordings: do not simulate with it; unless the "
         "plant is unstable, take fewer --output-lags, a lower --degree, or --method semp",
     )
 

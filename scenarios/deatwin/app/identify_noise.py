@@ -31,7 +31,7 @@ def outlying(training: Sequence[Recording]) -> list[str]:
         squares = record.outputs[0].var() * record.n_samples
         for found in inspect_recordings(record):
             if found.kind is FindingKind.OUTLIERS and found.size**2 > _WORTH_SAYING * squares:
-                said.append(f"{found}: {found.kind.value}; the fit is bent towards them")
+                said.append(f"{found}: {found.kind.value}; they bias the fit")
     return said
 
 
@@ -60,7 +60,7 @@ def biased_by_noise(model: NarxModel, training: Sequence[Recording], unseen: Seq
         return []
     unit = f" {model.output_units[0]}" if model.output_units[0] not in ("", "1") else ""
     return [
-        f"fitted to the free run instead of one step ahead, the same terms are off by {after:.4g}{unit} rms in free run "
-        f"on the held-out part, not {before:.4g}{unit}: noise on the readings, or dynamics that the terms leave out, bias "
-        "a fit one step ahead; --method semp fits the free run"
+        f"on the held-out part, the free-run error of these terms is {before:.4g}{unit} rms, but {after:.4g}{unit} if "
+        f"they are fitted to the free run: noise on the readings, or missing dynamics, bias the one-step fit; "
+        f"--method semp fits the free run"
     ]

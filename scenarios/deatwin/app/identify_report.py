@@ -112,8 +112,8 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
     rows = _rows(found, runs)
     worst = max(runs, key=lambda run: run.rms_error)
     sentence = (
-        f"A NARX model of {len(found.model.terms)} terms ({found.method}): on held-out data its "
-        f"{found.judged} is off by {found.amount(worst.rms_error)} rms{' at most' if len(runs) > 1 else ''}"
+        f"A NARX model of {len(found.model.terms)} terms ({found.method}): on held-out data its {found.judged} has an "
+        f"error of {found.amount(worst.rms_error)} rms{' at most' if len(runs) > 1 else ''}"
         f"{_beside(found)}. {reached(rows)} measures reached."
     )
     said = (
@@ -181,7 +181,7 @@ def _free_run(found: Identified, number: int, part: Recording, run: NarxResponse
         figure.align_ylabels()
         figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=2)
         given = "the first outputs" if found.steps is None else f"the outputs until {found.steps} samples before"
-        caption = f"Only the input and {given} are given to it. None of this was fitted."
+        caption = f"The model receives only the input and {given}. None of this was fitted."
         outputs = {f"measured{found.column}": measured, f"model{found.column}": simulated}
         return Drawing.of(figure, name, title, caption, {"time_s": timepts, "input": command, **outputs})
 
@@ -222,7 +222,7 @@ def _rows(found: Identified, runs: Sequence[NarxResponse]) -> list[Measure]:
         rows.append(
             Measure(
                 f"{found.judged} on the held-out part of {label(part)}",
-                f"below {found.amount(moved)} rms, which the mean of the output leaves",
+                f"below {found.amount(moved)} rms, the error of a constant output",
                 f"{found.amount(run.rms_error)} rms{'' if run.status.ok else ' until it diverged'}",
                 run.status.ok and run.rms_error < moved,
             )
@@ -230,8 +230,8 @@ def _rows(found: Identified, runs: Sequence[NarxResponse]) -> list[Measure]:
     for part, run, linear in zip(found.unseen, runs, found.linear, strict=bool(found.linear)):
         rows.append(
             Measure(
-                f"{found.judged} beside a linear model, {label(part)}",
-                f"below {found.amount(linear)} rms, which a linear output-error model of the same lags leaves",
+                f"{found.judged} compared with a linear model, {label(part)}",
+                f"below {found.amount(linear)} rms, the error of a linear output-error model with the same lags",
                 f"{found.amount(run.rms_error)} rms",
                 run.status.ok and run.rms_error < linear,
             )

@@ -71,8 +71,8 @@ def _diagnosis(rig: str, alike: Sequence[tuple[Understood, Look]], left_out: str
             said = f"is in {units[0]}" if units[0] else "gives no unit"
             like = "mm" if wanted == "m" else wanted
             return Next(
-                sentence=f"the rig's {role} is in {wanted}, and {names[0]} {said}: name the column that is meant, with "
-                f"its unit: --{role}-column NAME={like}"
+                sentence=f"the rig's {role} is in {wanted}, and {names[0]} {said}: name the right column, with its "
+                f"unit: --{role}-column NAME={like}"
             )
     ordered = sorted((one for _, one in alike), key=lambda one: one.recordings[0].start)
     follow = all(

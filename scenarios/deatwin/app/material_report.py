@@ -30,7 +30,7 @@ def _drawings(found: CalibratedMaterial, folder: ResultFolder) -> Iterator[Drawi
         with draw((6.4, 4.2)) as figure:
             found.draw_panel(name, figure.add_subplot())
             folder.text(f"figures/{name}.svg", standalone(figure))
-            caption = "Dots: samples that were taken of the tests. Lines: the material on the same path."
+            caption = "Dots: samples of the tests. Lines: the material on the same path."
             yield Drawing.of(figure, name, _TITLES[name], caption, _data(found, name))
 
 
@@ -85,8 +85,8 @@ def _page(found: CalibratedMaterial, drawings: list[Drawing]) -> StoryPage:
 
 
 _USE = (
-    f"Put {MATERIAL_FILE} beside the rig file and name it. The ranges in it are the intervals: where the film of the rig may "
-    "be of another batch, or thickness, than the specimens, widen them."
+    f"Put {MATERIAL_FILE} next to the rig file and name it there. Its ranges are the 95 % intervals; widen them if the "
+    f"film of the rig may differ from the specimens in batch or thickness."
 )
 
 

@@ -20,16 +20,17 @@ OutFolder = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder fo
 InputColumn = Annotated[
     str | None,
     typer.Option(
-        metavar="NAME[=UNIT]", help="Header of the input column, or its place: #2 is the second; =mV states its unit."
+        metavar="NAME[=UNIT]",
+        help="Header of the input column, or its position: #2 is the second; =mV states its unit.",
     ),
 ]
 OutputColumn = Annotated[
     str | None,
-    typer.Option(metavar="NAME[=UNIT]", help="Header of the output column, or its place; =mm states its unit."),
+    typer.Option(metavar="NAME[=UNIT]", help="Header of the output column, or its position; =mm states its unit."),
 ]
 TimeColumn = Annotated[
     str | None,
-    typer.Option(metavar="NAME[=UNIT]", help="Header of the column of times, or its place; =ms states its unit."),
+    typer.Option(metavar="NAME[=UNIT]", help="Header of the time column, or its position; =ms states its unit."),
 ]
 AllowGaps = Annotated[bool, typer.Option("--allow-gaps", help="Split a record at its gaps and keep the clock.")]
 
@@ -47,7 +48,7 @@ def positive(complaint: str) -> Callable[[float | None], float | None]:
 
 def _some_files(values: list[str] | None) -> list[str] | None:
     if "" in (values or []):
-        raise typer.BadParameter("give the files of the experiment behind it")
+        raise typer.BadParameter("give the files of the experiment after it")
     return values
 
 
@@ -57,7 +58,7 @@ SampleTime = Annotated[
         "--dt",
         metavar="SECONDS",
         callback=positive("{:g} is not a positive number"),
-        help="Sample time of files that hold no times.",
+        help="Sample time of files without times.",
     ),
 ]
 Resample = Annotated[
@@ -65,7 +66,7 @@ Resample = Annotated[
     typer.Option(
         metavar="SECONDS",
         callback=positive("{:g} is not a positive number"),
-        help="Bring samples at uneven times, or too many, onto an even clock of this sample time.",
+        help="Resample uneven or too many samples to an even clock with this sample time.",
     ),
 ]
 Experiments = Annotated[

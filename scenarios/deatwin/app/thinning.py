@@ -94,8 +94,9 @@ def lost(model: NarxModel, unseen: Sequence[Recording], whole: Sequence[Recordin
     unit = f" {model.output_units[0]}" if model.output_units[0] not in ("", "1") else ""
     how = "diverges" if diverged else f"is off by {after:.4g}{unit} rms"
     return [
-        f"decimation lost what the model needs: on the held-out part its free run {how}, and that of a linear model of the "
-        f"recording as it came is off by {before:.4g}{unit} rms; leave --decimate out, or take a smaller factor"
+        f"decimation lost information: on the held-out part the model's free run {how}, but that of a linear model of "
+        f"the original recording has an error of {before:.4g}{unit} rms; leave --decimate out, or choose a smaller "
+        f"factor"
     ]
 
 
@@ -116,10 +117,11 @@ def _choice(records: Sequence[Recording]) -> SamplingChoice | None:
 
 def _reason(choice: SamplingChoice) -> str:
     return (
-        f"the output's correlation has its first minimum, or vanishes, at {choice.first_minimum} samples, where 10 to 20 "
-        f"suffice, and the output moves up to {choice.highest:.3g} Hz only, where 10 samples a period suffice"
+        f"the output's correlation has its first minimum, or vanishes, at {choice.first_minimum} samples, where 10 to "
+        f"20 suffice, and the output has frequencies up to {choice.highest:.3g} Hz only, where 10 samples per period "
+        f"suffice"
     )
 
 
 def _done(factor: int, made: Sequence[Recording]) -> str:
-    return f"decimated by {factor} to {made[0].sample_time:g} s, all signals behind one low-pass filter"
+    return f"decimated by {factor} to {made[0].sample_time:g} s; all signals passed the same low-pass filter"

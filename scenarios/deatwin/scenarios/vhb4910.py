@@ -54,7 +54,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
         "verdict_with_stretch_3": wider.verdict.value,
         "sentence_with_stretch_3": wider.sentence,
         "sentence": (
-            f"{told['sentence']} With a pull to 3 at 0.05 1/s added the verdict is {wider.verdict.value}"
+            f"{told['sentence']} If a pull to 3 at 0.05 1/s is added, the verdict is {wider.verdict.value}"
             f"{f' ({found})' if found else ''}."
         ),
     }
@@ -88,8 +88,9 @@ def case(folder: Path) -> Case:
         notes=(
             "Diagnosed: pulls to stretches of 1.5 and 2 and back at 0.01 and 0.05 1/s, each from rest. Judged: the "
             "same at 0.03 1/s, and a strip that is stretched to 2 within seconds and held for half an hour.",
-            "The plant is a hyperelastic strip without any relaxation. Its own error is what good phenomenological "
-            "models of VHB leave. A black box sees the fitted pulls one after another, 5 times a second.",
+            "The plant is a hyperelastic strip without relaxation. Its stated model error is that of good "
+            "phenomenological models of VHB. Black boxes receive the fitted pulls one after another, 5 times a "
+            "second.",
         ),
     )
 
@@ -133,8 +134,8 @@ def _law(amended: Plant, judged: Experiment) -> Law:
         force="force beyond the elastic one (N)",
         measured=(record.inputs[0], record.outputs[0] - elastic),
         modelled=(record.inputs[0], all_of_it - elastic),
-        caption="Held-out pull to 2 and back at 0.03 1/s, clockwise: what is measured, and what the amended plant has, "
-        "beyond the elastic force of the amended plant.",
+        caption="Held-out pull to 2 and back at 0.03 1/s, clockwise: measured and simulated force, both minus the "
+        "elastic force of the amended plant.",
     )
 
 

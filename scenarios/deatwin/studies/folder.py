@@ -87,7 +87,7 @@ def require_place(file: Path | str, inputs: Iterable[Path | str]) -> None:
     """Raise DataError unless a file can be written: before work begins, not after it."""
     path = place_of(file)
     if not path.parent.is_dir():
-        raise DataError(f"{path}: there is no folder {path.parent}; make it, or take another")
+        raise DataError(f"{path}: there is no folder {path.parent}; make it, or choose another")
     require_unread(path, inputs)
     _require_writable(path.parent)
 
@@ -95,9 +95,9 @@ def require_place(file: Path | str, inputs: Iterable[Path | str]) -> None:
 def require_unread(file: Path, inputs: Iterable[Path | str]) -> None:
     """Raise DataError if a file that will be written is one of those that are read."""
     if file.exists() and any(p.is_file() and file.samefile(p) for p in (Path(split_sheet(i)[0]) for i in inputs)):
-        raise DataError(f"{file}: this command reads the file, and would write over it; give another place or name")
+        raise DataError(f"{file}: this command reads this file and would overwrite it; give another place or name")
 
 
 def _require_writable(folder: Path) -> None:
     if not os.access(folder, os.W_OK | os.X_OK, effective_ids=os.access in os.supports_effective_ids):
-        raise DataError(f"{folder}: you may not write into this folder; take another, or change its rights")
+        raise DataError(f"{folder}: you may not write into this folder; choose another, or change its permissions")

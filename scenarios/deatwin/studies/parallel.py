@@ -12,7 +12,7 @@ Result = TypeVar("Result")
 
 
 def between(progress: Progress, first: float, last: float) -> Progress:
-    """The progress of a part of the work, from the share `first` of all of it to `last`."""
+    """Report the progress of a part of the work, which runs from the share `first` to `last` of the whole."""
 
     def tell(share: float, text: str = "") -> None:
         progress(first + (last - first) * share, text)

@@ -21,8 +21,8 @@ SCHEMA = "deatwin/partial/1"
 FOLDER = "partial"
 STEPS, BASE_MODEL = "steps.json", "base_model.json"
 NOTE = (
-    "This diagnosis was interrupted: it has no verdict, and what later steps would have found may overrule what stands "
-    "here. The same command runs it from the start."
+    "This diagnosis was interrupted, so it has no verdict; later steps could have changed these results. The same "
+    "command runs it again from the start."
 )
 
 
@@ -34,7 +34,7 @@ def first_words(step: Step, unit: str) -> str:
         return f"base plant: {left} rms is left after the fit; the noise is {noise}, the plant's own error {error}"
     if step.name == "detect" and found["excess"] is not None:
         size, least = (amount(f"{found[k]:.3g}", unit) for k in ("excess", "practical"))
-        return f"size: {size} more than the noise; {least} would count"
+        return f"size: {size} beyond the noise; {least} or more counts"
     if step.name == "locate":
         times = sorted(found["time"], key=lambda window: -window["score"])[:1]
         bands = sorted(found["frequency"], key=lambda band: -band["excess_dB"])[:1]
@@ -79,9 +79,11 @@ class FinishedSteps:
         written = [*([BASE_MODEL] if models else []), STEPS]
         document = self._document(plant, record.finished([f"{FOLDER}/{name}" for name in written]))
         folder.text(f"{FOLDER}/{STEPS}", json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
-        former = "; diagnosis.json beside it is of a former run" if (folder.path / "diagnosis.json").exists() else ""
+        former = (
+            "; the diagnosis.json there is from an earlier run" if (folder.path / "diagnosis.json").exists() else ""
+        )
         return (
-            f"interrupted while {self.doing}; there is no verdict, but {folder.path / FOLDER} keeps what was finished: "
+            f"interrupted while {self.doing}; there is no verdict, but {folder.path / FOLDER} keeps the finished steps: "
             f"{self._listed()} ({', '.join(written)}){former}"
         )
 

@@ -34,7 +34,7 @@ def versions(packages: Iterable[str] = PACKAGES) -> dict[str, str]:
 
 
 def hashes(files: Iterable[str | Path]) -> list[dict[str, str]]:
-    """Names and SHA-256 of the files that went into a run; what is no file is left out."""
+    """Return names and SHA-256 of a run's input files."""
     existing = [path for file in files if (path := Path(split_sheet(file)[0])).is_file()]
     return [{"file": str(f), "sha256": hashlib.sha256(f.read_bytes()).hexdigest()} for f in existing]
 
@@ -69,5 +69,5 @@ class RunRecord:
         }
 
     def save(self, folder: ResultFolder) -> None:
-        """Write ``run.json`` into a folder, with the names of all that it holds."""
+        """Write ``run.json`` into a folder, with the names of all files there."""
         folder.text("run.json", json.dumps(self.finished([*folder.written, "run.json"]), indent=1) + "\n")

@@ -13,14 +13,14 @@ LEVEL = 0.95
 
 @dataclass(frozen=True, kw_only=True)
 class Rate:
-    """How often something happened, with bounds after Clopper & Pearson, Biometrika 26 (1934) 404."""
+    """Share of cases in which something happened, with exact bounds (Clopper & Pearson, Biometrika 26 (1934) 404."""
 
     hits: int
     count: int
 
     @classmethod
     def of(cls, happened: Iterable[bool]) -> Rate:
-        """Count."""
+        """Count hits and cases."""
         flags = list(happened)
         return cls(hits=sum(map(bool, flags)), count=len(flags))
 
@@ -31,7 +31,7 @@ class Rate:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """The two-sided 95 % interval, which never covers less; 0 to 1 without a case."""
+        """Two-sided 95 % interval, with at least that coverage; 0 to 1 without a case."""
         return self._bounds("two-sided")
 
     @property
@@ -52,7 +52,7 @@ class Rate:
 
     @property
     def least_percent(self) -> int:
-        """The one-sided lower 95 % bound, rounded down: what is printed is never more than what was shown.
+        """One-sided lower 95 % bound, rounded down.
 
         Examples
         --------

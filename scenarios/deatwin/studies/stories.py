@@ -21,7 +21,7 @@ DATA_VARIABLE = "DEATWIN_DATA"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Setting:
-    """Everything that a story is given."""
+    """Settings of a run of a story."""
 
     folder: ResultFolder
     data: Path | None  # Folder of public recordings

@@ -45,9 +45,12 @@ def test_simulate_writes_further_readings_too(on_bench: Path, capsys: pytest.Cap
     sections = '\n[readings.current]\nunit = "nA"\nnoise = 5.0\n[readings.capacitance]\nunit = "pF"\nnoise = 1.5\n'
     Path("more.toml").write_text(Path("rig.toml").read_text(encoding="utf-8") + sections, encoding="utf-8")
     assert main(["simulate", "more.toml", "first.csv", "--out", "more.csv"]) == 0
-    assert "displacement with a 95 % predictive band, and current, and capacitance" in capsys.readouterr().out
+    assert "displacement and of current and of capacitance with a 95 % predictive band" in capsys.readouterr().out
     table = np.genfromtxt("more.csv", delimiter=",", names=True)
-    assert table.dtype.names[-2:] == ("current_uA", "capacitance_pF")
+    ends = ("current_uA", "capacitance_pF")
+    assert table.dtype.names[4:] == tuple(f"{end}{name}" for name in ends for end in ("", "low_", "high_"))
+    # A nominal plant: the band is that of the noise.
+    np.testing.assert_allclose(table["high_capacitance_pF"] - table["capacitance_pF"], 1.959964 * 1.5, rtol=1e-3)
     plant, commands = load_plant("more.toml").plant, read_commands("first.csv")
     rows = plant.simulate(Experiment(recordings=(commands,))).outputs[0]
     np.testing.assert_allclose(table["current_uA"], 1e6 * rows[1], atol=1e-5)

@@ -195,10 +195,10 @@ def test_what_fails_is_said_plainly() -> None:
     assert "the operating point is unstable" in said
     assert "equilibria -0.8165 (stable), 0 (unstable), 0.8165 (stable) m; 0 is taken" in said
     wild = replace(model_of(SQUARE), theta_cov=np.diag([0.0, 0.04, 0.0]))  # H_1 is known to 50 %
-    assert "H₁: the band is not to be relied upon at 100 % of the frequencies" in " / ".join(respond(wild, 1).lines)
+    assert "H₁: the band is unreliable at 100 % of the frequencies" in " / ".join(respond(wild, 1).lines)
     unknown = replace(model_of(SQUARE), operating=None)
     found = respond(unknown, 2)
-    assert found.nofrfs is None and "does not tell the range of its training inputs" in found.missing
+    assert found.nofrfs is None and "does not state the range of its training inputs" in found.missing
     assert found.band_Hz == (0.0, 1.25)  # a quarter of half the sampling rate
 
 

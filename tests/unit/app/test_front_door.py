@@ -246,6 +246,7 @@ FILES = {
     "list.json": "[1]",
     "run.json": '{"schema": "deatwin/run/1"}',
     "bare_narx.json": '{"schema": "deatwin/narx/1"}',
+    "states.json": '{"schema": "deatwin/nonlinear-states/1"}',
     "bare_plant.json": '{"schema": "deatwin/plant/1"}',
     "undesigned.json": '{"schema": "deatwin/check/1", "controller": null}',
     "file": "no folder\n",

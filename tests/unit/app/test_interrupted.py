@@ -123,7 +123,7 @@ def test_ctrl_c_keeps_the_calibrated_plant(recorded: Path, validate: Callable[[s
     assert files(recorded / "result") == {"partial/steps.json", "partial/base_model.json"}
     line = err.splitlines()[-1]
     assert "error: interrupted while looking for a mismatch; there is no verdict" in line
-    assert "result/partial keeps what was finished: gate, base" in line
+    assert "result/partial keeps the finished steps: gate, base" in line
     assert "Traceback" not in err
 
     steps = kept(recorded / "result")
@@ -219,7 +219,7 @@ def test_fits_are_kept_and_the_next_run_starts_anew(
     ends_after("detect", 1)
     before = (on_bench / "again" / "diagnosis.json").read_bytes()
     assert main([*DIAGNOSE, "again"]) == 130
-    assert "diagnosis.json beside it is of a former run" in capsys.readouterr().err
+    assert "the diagnosis.json there is from an earlier run" in capsys.readouterr().err
     assert (on_bench / "again" / "diagnosis.json").read_bytes() == before
 
 
@@ -281,7 +281,7 @@ def test_what_casadi_makes_of_an_interrupt_is_one(
 
     monkeypatch.setattr(partial.FinishedSteps, "take", taken_for_an_error)
     assert main([*DIAGNOSE, "mistaken"]) == 130
-    assert "mistaken/partial keeps what was finished: gate" in capsys.readouterr().err
+    assert "mistaken/partial keeps the finished steps: gate" in capsys.readouterr().err
     assert files(on_bench / "mistaken") == {"partial/steps.json"}
 
 

@@ -135,7 +135,7 @@ def test_the_name_of_a_cancelled_job_that_kept_steps_may_be_used_again(root: Pat
     jobs = board(root, KEEPS)
     first = jobs.start(order())
     until(lambda: first.share == 0.25)
-    with pytest.raises(DataError, match="found: a job that runs writes into it"):
+    with pytest.raises(DataError, match="found: a running job writes into it"):
         jobs.start(order())
     first.cancel()
     first.wait(30)
@@ -154,7 +154,7 @@ def test_what_holds_more_than_the_steps_of_a_cancelled_job_is_not_replaced(besid
     for name in ("partial/steps.json", "partial/base_model.json", beside):
         (root / "found" / name).parent.mkdir(parents=True, exist_ok=True)
         (root / "found" / name).write_text("{}", encoding="utf-8")
-    with pytest.raises(DataError, match="found: is there already; results are not replaced"):
+    with pytest.raises(DataError, match="found: exists already, and results are not replaced"):
         board(root, QUICK).start(order())
     (root / "found" / beside).unlink()
     if beside.startswith("figures"):
@@ -170,7 +170,7 @@ def test_a_link_to_the_steps_of_a_cancelled_job_is_not_written_through(root: Pat
     (root / "second").mkdir()
     (root / "second" / "partial").symlink_to(root.parent / "elsewhere" / "partial")
     for out in ("found", "second"):
-        with pytest.raises(DataError, match=f"{out}: is there already"):
+        with pytest.raises(DataError, match=f"{out}: exists already"):
             board(root, QUICK).start(order(out=out))
 
 
@@ -204,8 +204,8 @@ def ended(process: int) -> bool:
         ({"recordings": ("noise.csv", "/etc/hostname")}, "lies outside of"),
         ({"recordings": ("gone.csv",)}, "gone.csv: there is no such file in the folder"),
         ({"rig": "os:getcwd"}, "os:getcwd: there is no such file in the folder"),
-        ({"out": "../found"}, '../found: no name for a folder here; take for example "found"'),
-        ({"out": "rig.toml"}, "rig.toml: is there already; results are not replaced"),
+        ({"out": "../found"}, '../found: not a valid name for a folder here; use for example "found"'),
+        ({"out": "rig.toml"}, "rig.toml: exists already, and results are not replaced"),
     ],
 )
 def test_an_order_that_cannot_be_is_refused(changed: dict[str, Any], message: str, root: Path) -> None:

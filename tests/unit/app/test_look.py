@@ -66,8 +66,8 @@ def test_what_is_said_and_written(at_desk: Path, capsys: pytest.CaptureFixture[s
     assert main(["look", "a.csv", "--out", "looked"]) == 0
     said = capsys.readouterr().out
     assert 'column 2 "u": input, unit not given (guessed)' in said
-    assert 'other commands refuse it as it is: a.csv: no column "command_V"' in said
-    assert "these options read it, and were taken here: --input-column u --output-column y" in said
+    assert 'other commands refuse the file: a.csv: no column "command_V"' in said
+    assert "these options read it, and were used here: --input-column u --output-column y" in said
     assert "the output follows the input" in said
     assert "deatwin identify a.csv --input-column u --output-column y --out narx.json" in said
     picture = Path("looked/look.svg").read_text(encoding="utf-8")

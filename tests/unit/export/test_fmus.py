@@ -1,9 +1,11 @@
 """FMUs, run by fmpy."""
 
 import shutil
+import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from ctypes import c_double
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,7 @@ from numpy.typing import NDArray
 
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.export import narx_source
-from deatwin.plant import Coupon, Creep, Delay, Plant
+from deatwin.plant import Coupon, Creep, Delay, Experiment, Plant, Reading, Recording
 from deatwin.plant.effects import effect_named
 from deatwin.plant.effects.electrode_rc import ElectrodeRC
 from deatwin.plant.effects.sensor_jump import SensorJump
@@ -116,6 +118,23 @@ def test_a_smooth_plant_agrees_to_the_tolerance_of_the_integrator(tmp_path: Path
     expected = simulated(SHEET, held, finer=4)
     # 1e-9 a step in units of the states' sizes; at whole samples the collocation's own error is 2e-6 of the travel.
     assert played(fmu, 0.02, command=held)["displacement"] == pytest.approx(expected, abs=1e-7 * np.ptp(expected))
+
+
+def test_further_readings_are_outputs_unless_they_are_means_over_a_sample(tmp_path: Path) -> None:
+    fmpy()
+    seen = (Reading(name="current", noise=5e-9), Reading(name="capacitance", noise=1e-12))
+    plant = SHEET.with_rig(replace(SHEET.rig, further=seen))
+    fmu = export_model_exchange(plant, tmp_path / "seen.fmu")
+    assert problems(fmu) == []
+    with zipfile.ZipFile(fmu) as archive:
+        said = archive.read("modelDescription.xml").decode()
+    assert "without current: an FMU for model exchange has no samples" in said and 'name="current"' not in said
+    held = commands(60, 0.0, 3.0)
+    one = Recording.from_arrays(held, np.zeros((0, 60)), 0.02)
+    expected = plant.simulate(Experiment(recordings=(one,))).require().outputs[0][2]
+    found = played(fmu, 0.02, command=held)["capacitance"][1:]
+    # At whole samples the collocation's own error is 2e-6 of the travel.
+    assert found == pytest.approx(expected, abs=1e-5 * np.ptp(expected))
 
 
 def test_what_depends_on_time_alone_is_followed(tmp_path: Path) -> None:

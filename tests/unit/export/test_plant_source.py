@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deatwin.plant import Coupon, Creep, Delay, Diaphragm, Plant
+from deatwin.plant import Coupon, Creep, Delay, Diaphragm, Plant, Reading
 from deatwin.plant.effects import effect_named
 from deatwin.plant.errors import ModelError
 from deatwin.plant.export.plant_step import plant_source
@@ -15,6 +15,12 @@ LOOSE = ("-std=c99",)
 """CasADi's code has unused variables."""
 STRIP = Plant(rig=Coupon(sample_time=0.1)).with_effects(Creep(modulus=60e3, time=25.0))
 SHEET = Plant(rig=Planar(sample_time=0.02)).with_effects(Delay(time=0.03), effect_named("sensor_drift"))
+LEAK = Plant(
+    rig=Planar(
+        sample_time=0.02,
+        further=(Reading(name="current", noise=5e-9, series_resistance=1e8), Reading(name="capacitance", noise=1e-12)),
+    )
+).with_effects(effect_named("leakage"))
 WARM = Plant(rig=Planar(sample_time=0.02)).with_effects(effect_named("thermal_stiffness"))
 
 
@@ -40,6 +46,18 @@ def test_the_source_steps_as_the_simulation_does(plant: Plant, low: float, high:
     np.testing.assert_allclose(found[:, 0], expected.outputs[1:], rtol=0, atol=1e-9 * size)
     assert [s.name for s in source.outputs[1:]] == [f"signal.{s}" for s in plant.equations.signals]
     np.testing.assert_allclose(found[:, 1:], expected.watched.T, rtol=1e-8, atol=1e-12)
+
+
+def test_further_readings_are_outputs_behind_the_first(run_c: Any) -> None:
+    """The current is a mean over the sample, so the source remembers the charge."""
+    held = commands(LEAK, 0.0, 3.0)
+    expected = LEAK.simulator.run(held, start=0.0, sample_time=0.02, rest_command=0.0, values=LEAK.free_values)
+    source = plant_source(LEAK)
+    assert [(s.name, s.unit) for s in source.outputs[1:3]] == [("current", "A"), ("capacitance", "F")]
+    found, _ = run_c(source, held[:, None], *LOOSE)
+    further = expected.further[1:]
+    np.testing.assert_allclose(found[:, 1:3], further, rtol=0, atol=1e-8 * np.ptp(further, axis=0).min(initial=1e-4))
+    np.testing.assert_allclose(found[:, 3:], expected.watched.T, rtol=1e-8, atol=1e-12)
 
 
 def test_a_measured_channel_is_an_input(run_c: Any) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info
 
-from deatwin.ident.parallel import run_jobs, spawn_generators
+from deatwin.ident.parallel import jobs_as_they_end, run_jobs, spawn_generators, stream_jobs
 from deatwin.plant import DataError
 
 
@@ -56,6 +56,17 @@ def test_progress_counts_every_job():
     counts: list[int] = []
     run_jobs(abs, [(-1,), (-2,), (-3,)], finished=counts.append)
     assert counts == [1, 2, 3]
+
+
+def nap(seconds: float) -> float:
+    time.sleep(seconds)
+    return seconds
+
+
+def test_a_job_counts_as_soon_as_it_has_ended():
+    naps = [(1.0,), (0.0,), (0.0,)]
+    assert [number for number, _ in jobs_as_they_end(nap, naps, workers=2)][-1] == 0
+    assert list(stream_jobs(nap, naps, workers=2)) == [1.0, 0.0, 0.0]
 
 
 def test_a_failing_job_is_an_error():

@@ -174,7 +174,7 @@ def test_a_function_of_somebody_else_is_imported_by_no_file():
     ("text", "fault"),
     [
         ("mu/2*(I1-3", "not a formula"),
-        ("__import__('os').system('ls')", "none of the functions"),
+        ("__import__('os').system('ls')", "not one of the functions"),
         ("mu.real", "attribute is not allowed"),
         ("'mu'", "is not a number"),
         ("tanh(I1)", "tanh"),

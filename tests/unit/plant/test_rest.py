@@ -319,7 +319,7 @@ def guessed_from_itself(build: Builder) -> Any:
         (lambda b: 1 / 0, "the rig toy raised ZeroDivisionError: division by zero .*test_rest.py, line"),
         (unbalanced, "no balance depends on coordinate pressure"),
         (massive, "the mass of state level depends on level, which it must not: parameters and constants"),
-        (rated_twice, "state level has two rates; give the sum of what moves it in one build.rate"),
+        (rated_twice, "state level has two rates; give their sum in one build.rate"),
         (named_twice, "two unknowns are called level"),
         (guessed_from_itself, "the guess of level depends on level"),
     ],

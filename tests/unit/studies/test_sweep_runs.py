@@ -222,7 +222,7 @@ def test_control_c_leaves_usable_results_and_a_clear_line(tmp_path: Path) -> Non
     master.send_signal(signal.SIGINT)
     said = master.communicate(timeout=30)[1].splitlines()[-1]
     assert master.returncode != 0
-    line = re.fullmatch(r"KeyboardInterrupt: interrupted: (\d+) of 50 cases are through and stay in (\S+); .+", said)
+    line = re.fullmatch(r"KeyboardInterrupt: interrupted: (\d+) of 50 cases are finished and stay in (\S+); .+", said)
     assert line and Path(line[2]) == tmp_path / "cases"
     study = open_study(tmp_path)
     assert len(study) == int(line[1]) >= 4

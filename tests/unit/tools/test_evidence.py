@@ -91,9 +91,9 @@ def test_a_folder_of_trials_becomes_data_and_pages(results: Path, docs: Path) ->
     assert [Outcome(**row) for row in data["trials"]] == TRIALS
     page = (docs / "control-check.md").read_text(encoding="utf-8")
     assert "5 trials with seed 9 (sources `cccccccccccc`). Run on a Sunday." in page
-    assert "1 of the trials had no controller" in page
+    assert "1 trials had no controller" in page
     assert "at least 90 % | 1 of 2, 50 % (bound 2 %) |" in page  # 1 - 0.95^(1/2) = 2.53 %, rounded down
-    assert "were not passed: at least 90 % | 1 of 1, 100 % (bound 5 %) |" in page
+    assert "did not pass: at least 90 % | 1 of 1, 100 % (bound 5 %) |" in page
     assert "(the price of caution) | 1 of 3, 33 % |" in page
     assert "| nothing | 4 | 1 | 1 of 1 | 1 of 1 | 1 of 2 |\n| creep | 1 | 1 | 0 of 1 | – | 0 of 1 |" in page
     summary = (docs / "validation.md").read_text(encoding="utf-8")
@@ -116,7 +116,7 @@ def test_a_study_of_long_recordings_has_a_page_of_its_own(docs: Path, monkeypatc
     assert (docs / "concealed-physics-long.svg").read_text(encoding="utf-8") == "<svg>anywhere</svg>"
     assert (docs / "data" / "concealed-physics.json").read_bytes() == usual
     summary = (docs / "validation.md").read_text(encoding="utf-8")
-    assert "| [the same in long recordings](concealed-physics-long.md) | 33 of 102 |" in summary
+    assert "| [concealed physics in long recordings](concealed-physics-long.md) | 33 of 102 |" in summary
 
 
 TRACKED = {"gain_margin": 4.0, "phase_margin_deg": 61.0, "status": "done"}

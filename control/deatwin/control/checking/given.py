@@ -70,7 +70,9 @@ def require_others(value: Any, name: str) -> None:
     for key, plant in value.items():
         instance(str)(key, f"a name in {name}")
         if not key.strip() or key.split()[0] in _TAKEN:
-            raise ControlError(f"another plant cannot be called {key!r}: {', '.join(_TAKEN)} and nothing mean others")
+            raise ControlError(
+                f"another plant cannot be called {key!r}; an empty name and {', '.join(_TAKEN)} are reserved"
+            )
         instance(Plant, CalibratedPlant)(plant, f"{name}[{key!r}]")
 
 
@@ -185,7 +187,7 @@ def known_residual(model: NarxModel, recording: Recording | None) -> Residual | 
     found = free_run_residual(model, recording)
     if carried is not None and found.rms > _FOREIGN * carried.rms:
         raise ModelError(
-            f"the model's free run leaves {found.rms:.3g} {model.output_units[0]} of the recording, and left "
+            f"the model's free-run error is {found.rms:.3g} {model.output_units[0]} on this recording, but was "
             f"{carried.rms:.3g} where it was identified: give a recording of the same actuator, in the same units"
         )
     return found

@@ -29,16 +29,16 @@ def judge_band(crossovers_Hz: Sequence[float], excited: Excitation) -> Finding:
         text = (
             f"the highest crossover, {crossover:.2f} Hz, lies outside the band that the recording excited, up to "
             f"{band:.2f} Hz: the margins there are extrapolated; a recording excited up to {2 * crossover:.2g} Hz "
-            "would settle it"
+            "would decide"
         )
         return Finding(subject="excitation", value=crossover, verdict=Verdict.MARGINAL, text=text)
     for inside in sorted(crossovers_Hz, reverse=True):
         if (hole := excited.hole_at(inside)) is not None:
             low, high = hole
             text = (
-                f"a crossover, {inside:.2g} Hz, lies in a hole of what the recording excited, {low:.2g} to "
-                f"{high:.2g} Hz: nothing backs the margins there; a recording with power there, such as noise up to "
-                f"{max(2 * inside, band):.2g} Hz, would settle it"
+                f"a crossover, {inside:.2g} Hz, lies in a gap of the excited band, {low:.2g} to {high:.2g} Hz, where "
+                f"nothing supports the margins; a recording with power there, such as noise up to "
+                f"{max(2 * inside, band):.2g} Hz, would decide"
             )
             return Finding(subject="excitation", value=inside, verdict=Verdict.MARGINAL, text=text)
     text = (
@@ -62,8 +62,8 @@ def judge_rests(
     unit, size = written_amplitude(linear.output_unit)
     text = (
         f"at the input {linear.operating_input:.3g} the model rests at {centre / size:.3g} {unit} and the plant at "
-        f"{rests[1] / size:.3g} {unit}, {abs(centre - rests[1]) / size:.3g} {unit} apart: no controller takes the plant "
-        f"to the model's steps, for within the command's limits it rests from {rests.min() / size:.3g} to "
+        f"{rests[1] / size:.3g} {unit}, {abs(centre - rests[1]) / size:.3g} {unit} apart: no controller can move the "
+        "plant to the model's steps, because within the limits of the command it rests from {rests.min() / size:.3g} to "
         f"{rests.max() / size:.3g} {unit}"
     )
     return Finding(subject=runs.subject("operating point"), value=float(rests[1] - centre), verdict=verdict, text=text)
@@ -87,8 +87,8 @@ def judge_training(model: NarxModel, points: Sequence[float], commands: NDArray[
 def judge_unknown_band() -> Finding:
     """The finding where nobody knows what the recording excited."""
     text = (
-        "it is not known up to which frequency the recording excited the actuator: give the recording, or a model of "
-        "`deatwin identify`, which notes it"
+        "the frequencies that the recording excited are unknown: give the recording, or a model from `deatwin "
+        "identify`, which states them"
     )
     return Finding(subject="excitation", value=None, verdict=Verdict.MARGINAL, text=text)
 
@@ -114,7 +114,7 @@ def judge_film(source: str, plants: Sequence[Plant], commands: NDArray[np.float6
     if lost:
         text = f"{lost} {who} would pull in, break down or lose tension at the controller's own limits"
         return Finding(subject=subject, value=float(lost), verdict=Verdict.MARGINAL, text=text)
-    text = f"none {who} pulls in, breaks down or loses tension, at the controller's limits either"
+    text = f"none {who} pulls in, breaks down or loses tension, even at the controller's limits"
     return Finding(subject=subject, value=0.0, verdict=Verdict.PASS, text=text)
 
 

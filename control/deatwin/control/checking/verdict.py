@@ -108,7 +108,7 @@ def judge_runs(runs: Runs, sine_predicted: float, specification: Specification) 
     measured = (
         ("overshoot", steps.overshoot, spec.overshoot, f"steps overshoot by {over}"),
         ("steady error", steps.steady_error, spec.steady_error, f"steps end {off} off"),
-        ("ripple", steps.ripple, spec.ripple, f"late after a step, {moves} of it still moves"),
+        ("ripple", steps.ripple, spec.ripple, f"late after a step, the output still moves by {moves} of the step"),
         ("saturation", saturated, spec.saturated, f"{100 * saturated:.0f} % of the commands are at a limit"),
         ("tracking", ratio, spec.tracking, f"the error on a slow sine is {times} the predicted one"),
     )
@@ -126,7 +126,7 @@ def judge_draws(predicted: PredictedLoop, specification: Specification) -> Findi
 def judge_width(predicted: PredictedLoop, step: float, specification: Specification) -> Finding:
     """Judge whether the predicted band is narrow enough: anything lies inside a band that is wide enough."""
     share = float(np.median(predicted.half_width)) / abs(step)
-    text = f"the band that the model predicts reaches {amount(share, '.3g', ' steps')} to either side"
+    text = f"the predicted band reaches {amount(share, '.3g', ' steps')} to either side"
     return _finding("width of the prediction", share, specification.width, text)
 
 

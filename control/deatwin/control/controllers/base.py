@@ -174,4 +174,4 @@ class Controller(ABC):
 def require_factor(factor: float) -> None:
     """Raise ControlError unless a loop gain can be multiplied by a factor and divided by it again."""
     if not isfinite(factor) or factor == 0.0:
-        raise ControlError(f"a loop gain {factor:g} times as large is none: the factor must be finite, not 0")
+        raise ControlError(f"a loop gain cannot be multiplied by {factor:g}: the factor must be finite and not 0")

@@ -58,7 +58,7 @@ def static_curve(system: Any, command_range: Limits, *, count: int = 33) -> Stat
         If the range is empty, the system is neither a model nor a plant or does not come to rest at one of the
         commands, or the curve cannot be inverted; the text says where.
     """
-    raise ControlError(f"a static curve is that of a NarxModel or a Plant, not of a {type(system).__name__}")
+    raise ControlError(f"a static curve needs a NarxModel or a Plant, not a {type(system).__name__}")
 
 
 @static_curve.register
@@ -169,9 +169,7 @@ def with_inverse(
     demands = sorted(float(v) for v in curve.output([low, high]))
     found = design(_behind(linear, curve, slope), command_limits=(demands[0], demands[1]))
     if not isinstance(found, LinearController):
-        raise ControlError(
-            f"a {type(found).__name__} cannot be the feedback behind an inverse: design a LinearController"
-        )
+        raise ControlError(f"a {type(found).__name__} cannot be the feedback of an inverse: design a LinearController")
     law = Law.of_error(found.law.a, -found.law.b[:, READING], found.law.c, -float(found.law.d[READING]))
     feedback = replace(found, law=law.feedforward(1.0))
     return InverseController(

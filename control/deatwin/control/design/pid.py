@@ -46,7 +46,7 @@ class PidGains:
     def __post_init__(self) -> None:
         require_fields(self, proportional=finite, integral=finite, derivative=finite, filter_time=finite)
         if self.integral == 0.0:
-            raise ControlError("a controller of a drifting actuator needs integral action: integral must not be 0")
+            raise ControlError("a controller for a drifting actuator needs integral action: integral must not be 0")
         if self.filter_time < 0.0 or (self.derivative != 0.0 and self.filter_time == 0.0):
             raise ControlError(f"a derivative needs a positive filter_time; it is {self.filter_time:g} s")
 

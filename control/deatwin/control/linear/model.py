@@ -35,12 +35,12 @@ class LinearStatus(Enum):
     NO_EQUILIBRIUM = "the model does not settle at this input: choose another operating input or identify again"
     UNSTABLE = "the operating point of the model is unstable: choose another operating input or identify again"
     NO_GAIN = (
-        "the static gain cannot be told from zero, so that no integral action can be chosen: "
-        "record with a larger input about this operating point"
+        "the static gain cannot be distinguished from zero, so no integral action can be chosen: record with a larger "
+        "input at this operating point"
     )
     INACCURATE = (
-        "the static gain of the linear model is not the slope of the static curve: its digits are lost; take slow "
-        "effects out, or choose another operating input"
+        "the static gain of the linear model differs from the slope of the static curve, because digits are lost; "
+        "leave slow effects out, or choose another operating input"
     )
 
     @property
@@ -57,7 +57,7 @@ def _covariance(values: Array, n_b: int) -> Array:
     if not np.isfinite(values).all():
         raise ModelError("the covariance of a linear model must be finite")
     names = [f"b_{i}" if i < n_b else f"a_{i - n_b + 1}" for i in range(len(values))]
-    return covariance_of(values, names, "the covariance of a linear model is none")
+    return covariance_of(values, names, "this is not a covariance of a linear model")
 
 
 def _coefficients(model: LinearModel) -> list[str]:

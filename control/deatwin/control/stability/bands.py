@@ -51,9 +51,9 @@ class UncertainMargin:
         First-order standard deviation: of the logarithm for gain and disk margin, in the margin's unit for phase and
         delay; 0 if nothing bounds the margin.
     low : float
-        Lower limit, which the margin exceeds with 97.5 % at a level of 95 %: the least over the crossings, each to
-        first order (of the loop gain for the gain margin). It is at least the value at the edge of stability (1 for the
-        gain, 0 for the others).
+        Lower limit: at a level of 95 %, the margin exceeds it with a probability of 97.5 %. The smallest limit over the
+        crossings, each to first order (of the loop gain for the gain margin). It is at least the value at the edge of
+        stability (1 for the gain, 0 for the others).
     """
 
     value: float = field(metadata=variable(about="margin of the model itself"))

@@ -129,12 +129,12 @@ def frequency_grid(*axes: ArrayLike) -> Array:
     return np.stack([mesh.ravel() for mesh in np.meshgrid(*given, indexing="ij")], axis=-1)
 
 
-def require_one_input(model: NarxModel) -> None:
-    """Raise ModelError unless a model is polynomial and has one input."""
+def require_one_input(model: NarxModel, else_take: str) -> None:
+    """Raise ModelError unless a model is polynomial and has one input; `else_take` works for several."""
     polynomial_model(model)
     if len(model.input_names) != 1:
         raise ModelError(
-            f"the model has {len(model.input_names)} inputs; frequency responses are computed for one input"
+            f"the model has {len(model.input_names)} inputs; this is for one input: for several take {else_take}"
         )
 
 

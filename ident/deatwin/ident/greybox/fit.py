@@ -13,7 +13,7 @@ import numpy as np
 from deatwin.ident.greybox.covariance import RANK, covariance
 from deatwin.ident.greybox.minimum import EVALUATIONS, Interrupted, minimise, settled_at
 from deatwin.ident.greybox.parts import Records, parts_of
-from deatwin.ident.greybox.problem import Problem
+from deatwin.ident.greybox.problem import Problem, Response
 from deatwin.ident.greybox.starts import EXACT, STARTS, Search, least, with_better
 from deatwin.ident.greybox.status import FitStatus
 from deatwin.ident.greybox.survey import survey
@@ -278,9 +278,10 @@ def descend(
     evaluations: int = EVALUATIONS,
     tolerance: float | None = None,
     hopeless: float = np.inf,
+    response: Response | None = None,
 ) -> Calibration:
-    """Calibrate by one descent, as a step of longer work, which an interrupt ends."""
-    problem = _problem(plant, records, None, unwatched())
+    """Calibrate by one descent, as a step of longer work, which an interrupt ends; a known `response` at its start."""
+    problem = replace(_problem(plant, records, None, unwatched()), response=response)
     return _calibrated(problem, 1, evaluations=evaluations, tolerance=tolerance, hopeless=hopeless)
 
 

@@ -92,7 +92,8 @@ class BestLinearApproximation(Frozen):
 
     @property
     def even_rms(self) -> float:
-        """Root mean square of the even distortion over time, output unit; NaN where it cannot be told from the odd."""
+        """Root mean square of the even distortion over time, output unit; NaN if it cannot be distinguished from the
+        odd ones."""
         return self._rms(~self.odd) if self.separates else float("nan")
 
     @property
@@ -177,7 +178,7 @@ class BestLinearApproximation(Frozen):
         gain.plot(
             self.frequencies, np.abs(self.response), ".", color="C0", markersize=3, label="best linear approximation"
         )
-        named = "noise and distortion" if self.complete else "noise alone: distortion is not told"
+        named = "noise and distortion" if self.complete else "noise only; distortion unknown"
         gain.plot(
             self.frequencies, np.sqrt(self.variance), color="C3", linewidth=1.0, label=f"standard deviation, {named}"
         )

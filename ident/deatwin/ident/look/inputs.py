@@ -46,7 +46,7 @@ class InputShape(Enum):
     RAMPS = "straight ramps"
     TONES = "one tone or a few"
     NOISE = "many frequencies, as noise has"
-    SHORT = "too few samples for its shape to be told"
+    SHORT = "too few samples to recognise its shape"
 
 
 @dataclass(frozen=True, kw_only=True)

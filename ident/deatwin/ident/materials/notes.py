@@ -46,8 +46,8 @@ def on_permittivity(about: Mapping[str, Any], material: Material | None) -> Iter
     """Say which permittivity is taken where none is stated."""
     if "permittivity" not in about and material is not None:
         yield (
-            f"no permittivity is stated, and coupons show none: {material.permittivity.value:.3g} is taken, which sets "
-            "what voltage does; state it in [material]"
+            f"no permittivity is stated, and coupon tests do not show it: {material.permittivity.value:.3g} is "
+            f"assumed, which determines the effect of voltage; state it in [material]"
         )
 
 
@@ -87,9 +87,9 @@ def _on_times(data: Observations, fitted: Fit) -> Iterator[str]:
     yield f"the equilibrium is the stress after {shown:.3g} s, the longest time of a test: the tests show nothing slower"
     times = fitted.branches[1] if fitted.n_branches else np.empty(0)
     if np.any(times < 1.05 * shortest):
-        yield f"the fastest branch lies at the end of what the tests show, {shortest:.2g} s: it stands for all that is faster"
+        yield f"the fastest branch lies at the end of what the tests show, {shortest:.2g} s: it represents everything faster"
     if np.any(times > longest / 1.05):
-        yield "the slowest branch lies at the end of what the tests show: it stands for all that is slower"
+        yield "the slowest branch lies at the end of what the tests show: it represents everything slower"
 
 
 def _on_errors(data: Observations, noise: Noise) -> Iterator[str]:

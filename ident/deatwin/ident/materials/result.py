@@ -129,7 +129,7 @@ class CalibratedMaterial:
         }
 
     def plot(self, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
-        """Draw what was measured and what the material says: stress over stretch, stress over time, moduli.
+        """Draw measured and computed values: stress over stretch, stress over time, moduli.
 
         Parameters
         ----------

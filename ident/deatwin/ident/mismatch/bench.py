@@ -31,7 +31,7 @@ class Bench:
     expected_error : float
         What that is for the motion seen, SI.
     elsewhere : tuple of Effect
-        Effects at further places, to be tried in place of the same effects at other ones.
+        Effects at further places, to be tried in the place of what was found.
     """
 
     nominal: Plant

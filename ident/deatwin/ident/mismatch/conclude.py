@@ -25,7 +25,7 @@ from deatwin.ident.mismatch.refit.search import gap_around
 from deatwin.ident.mismatch.result import Errors, FitSummary, IndistinguishablePair, Output, UnseenErrors
 from deatwin.ident.mismatch.say import say
 from deatwin.ident.mismatch.steps import forms_tried
-from deatwin.ident.mismatch.taught import taught
+from deatwin.ident.mismatch.taught import errors_in, taught
 from deatwin.ident.mismatch.verdict import CandidateSummary, Cause, Interval, Verdict
 from deatwin.ident.mismatch.verify.verify import shares_explained
 from deatwin.plant.calibrated import CalibratedPlant
@@ -161,7 +161,7 @@ def _left_over(findings: Findings) -> list[str]:
         return []
     unit, size = findings.unit
     left = max(findings.answer.fitted_test.size, findings.answer.unseen_test.size) / size
-    return [f"what is left ({left:.3g} {unit}) is more than the plant's own model error"]
+    return [f"the remaining error ({left:.3g} {unit}) exceeds the plant's own model error"]
 
 
 def _widened(plant: Plant) -> Iterator[str]:
@@ -177,7 +177,7 @@ def _placed_unseen(findings: Findings) -> Iterator[str]:
     bench, plant = findings.bench, findings.answer.calibration.plant
     for name in plant.event_times if findings.named else ():
         if gap_around(plant, name, bench.fitted, bench.everything) is not None:
-            yield f"{name} lies among held-out data, which alone could tell it: the error there saw this one number"
+            yield f"{name} lies among held-out data, so it was fitted to them; the error there is not quite independent"
 
 
 def _form(findings: Findings) -> list[str]:
@@ -238,12 +238,12 @@ def _places(effect: Effect, findings: Findings) -> tuple[str, ...]:
 
 
 def _fit_summary(findings: Findings) -> FitSummary:
-    checks, size = findings.verification, findings.unit[1]
-    after = (checks.fitted_after, checks.unseen_after, checks.gain_low) if findings.named else (None, None, None)
-    fitted, unseen, gain = (None if value is None else value / size for value in after)
+    size, pair = findings.unit[1], [errors_in(findings, held_out=held_out) for held_out in (False, True)]
+    fitted, unseen = ((one.before / size, None if one.after is None else one.after / size) for one in pair)
+    gain = findings.verification.gain_low / size if findings.named else None
     return FitSummary(
-        fitted=Errors(before=checks.fitted_before / size, after=fitted),
-        unseen=UnseenErrors(before=checks.unseen_before / size, after=unseen, gain_low=gain),
+        fitted=Errors(before=fitted[0], after=fitted[1]),
+        unseen=UnseenErrors(before=unseen[0], after=unseen[1], gain_low=gain),
     )
 
 

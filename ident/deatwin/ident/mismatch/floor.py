@@ -12,7 +12,8 @@ from deatwin.ident.mismatch.bench import Bench
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 from deatwin.plant.model_error import Refinable
-from deatwin.plant.recording import Experiment
+from deatwin.plant.readings import Reading
+from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import Rig
 
 BENT = 1.5
@@ -53,6 +54,13 @@ def _not_followed(plant: Plant, experiment: Experiment) -> float:
         return plant.model_error(experiment).rms
     except SimulationError:
         return 0.0
+
+
+def error_in(rig: Rig, reading: Reading, records: Sequence[Recording]) -> float | None:
+    """Rms of a rig's own error in a further reading, SI; None where no recording has it."""
+    rows = [record.reading(reading.name) for record in records]
+    known = np.concatenate([row[np.isfinite(row)] for row in rows])
+    return max(reading.model_error, rig.share_of_motion * float(known.std())) if known.size else None
 
 
 def with_model_error(plant: Plant, error: float) -> Plant:

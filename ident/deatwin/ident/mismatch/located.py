@@ -127,6 +127,39 @@ class Unexplained:
 
 
 @dataclass(frozen=True, kw_only=True)
+class ReadingLocation:
+    """Where the mismatch is in a further reading, SI.
+
+    Parameters
+    ----------
+    reading : str
+        Name of the signal.
+    time : tuple of Window
+        When.
+    frequency : tuple of Band
+        At which frequencies.
+    region : tuple of Region
+        In which range of the operating signals.
+    """
+
+    reading: str
+    time: tuple[Window, ...]
+    frequency: tuple[Band, ...]
+    region: tuple[Region, ...]
+
+    @property
+    def sentence(self) -> str:
+        """Where most of it is, in words."""
+        if not self.time and not self.frequency:
+            return f"{self.reading.replace('_', ' ')}: nothing stands out of its noise"
+        window = max(self.time, key=lambda one: one.score, default=None)
+        band = max(self.frequency, key=lambda one: one.excess_dB, default=None)
+        when = "" if window is None else f"from {window.from_s:.2f} to {window.to_s:.2f} s"
+        where = "" if band is None else f"from {band.from_Hz:.3g} to {band.to_Hz:.3g} Hz"
+        return f"{self.reading.replace('_', ' ')}: most {' and '.join(filter(None, (when, where)))}"
+
+
+@dataclass(frozen=True, kw_only=True)
 class LocationSummary:
     """Where the mismatch is.
 
@@ -146,6 +179,8 @@ class LocationSummary:
         In which part of the plant, the best first.
     response : tuple of ResponseDifference, or None
         In which order and band of the response; None where that could not be tested.
+    readings : tuple of ReadingLocation or None
+        Where it is in each further reading; None where there is one reading, of which all else speaks.
     """
 
     time: tuple[Window, ...]
@@ -155,3 +190,4 @@ class LocationSummary:
     region: tuple[Region, ...]
     place: tuple[PlaceSummary, ...]
     response: tuple[ResponseDifference, ...] | None = None
+    readings: tuple[ReadingLocation, ...] | None = field(default=None, metadata=OPTIONAL)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.floor import floor_of, with_model_error
+from deatwin.ident.mismatch.floor import error_in, floor_of, with_model_error
 from deatwin.ident.mismatch.gate.gate import Gate, split
 from deatwin.ident.mismatch.gate.noise import noise_level
 from deatwin.ident.mismatch.locate.time import locate_time
@@ -87,13 +87,15 @@ def _bench(plant: Plant, checked: Gate, effects: Sequence[Effect], jobs: int, on
     weights = _weights(rig, checked)
     fitted, unseen, everything = split(checked, onset, weights)
     known = tuple(e for e in effects if plant.accepts(e))
-    beside_others = (Alone.AS_FIRST, Alone.AS_ANOTHER) if weights else ()
+    beside_others, in_place = (Alone.AS_FIRST, Alone.AS_ANOTHER), (Alone.TOLD,)
+    if not weights:
+        beside_others, in_place = (), (Alone.TOLD, Alone.AS_ANOTHER)
     return Bench(
         nominal=plant.with_rig(rig),
         stated_error=plant.rig.model_error,
         expected_error=rig.model_error,
         effects=(*known, *_elsewhere(plant, known, beside_others)),
-        elsewhere=_elsewhere(plant, known, (Alone.TOLD,)),
+        elsewhere=_elsewhere(plant, known, in_place),
         fitted=fitted,
         unseen=unseen,
         everything=everything,
@@ -127,10 +129,8 @@ def _weights(rig: Rig, checked: Gate) -> dict[str, float]:
     """
     weights = {}
     for reading in rig.further:
-        rows = [r.reading(reading.name) for e in checked.experiments for r in e.recordings]
-        known = np.concatenate([row[np.isfinite(row)] for row in rows])
-        if known.size:
-            error = max(reading.model_error, rig.share_of_motion * float(known.std()))
+        error = error_in(rig, reading, [r for e in checked.experiments for r in e.recordings])
+        if error is not None:
             floors = [(rig.noise, reading.noise), (rig.model_error, error)]
             weights[reading.name] = min((first / own for first, own in floors if first > 0.0 < own), default=0.0)
     return {name: weight for name, weight in weights.items() if weight}

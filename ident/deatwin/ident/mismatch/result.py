@@ -21,6 +21,18 @@ class Output:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Errors:
+    """Rms residuals on one part, before and after the causes were built in."""
+
+    before: float
+    after: float | None
+
+
+LEAST_TOLD = 0.01
+"""Probability of an explanation below which a sentence leaves it out: it would be shown as 0 %."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class ReadingSummary:
     """What one of several readings taught; SI.
 
@@ -30,8 +42,8 @@ class ReadingSummary:
         Name of the signal, and its SI unit.
     noise : float
         Standard deviation of its noise.
-    before, after : float or None
-        Rms residual of the calibrated plant, and of that with the causes; None where there is none.
+    fitted, unseen : Errors
+        Rms residuals on the fitted and on the held-out part, of the calibrated plant and of that with the causes.
     with_it, without_it : mapping of str to float, or None
         Probabilities of the explanations by all readings, and by all but this one; None where there are not two.
     """
@@ -39,24 +51,34 @@ class ReadingSummary:
     reading: str
     unit: str
     noise: float
-    before: float | None
-    after: float | None
+    fitted: Errors
+    unseen: Errors
     with_it: Mapping[str, float] | None
     without_it: Mapping[str, float] | None
 
     @property
     def sentence(self) -> str:
         """What the reading taught, in words."""
-        noise, before = with_unit(self.noise, self.unit), with_unit(self.before or 0.0, self.unit)
-        left = before if self.after is None else f"{before}, with the causes {with_unit(self.after, self.unit)}"
-        said = f"{self.reading.replace('_', ' ')} (noise {noise}): residual {left}"
+        before, after = with_unit(self.unseen.before, self.unit), self.unseen.after
+        left = f"leaves {before}" + ("" if after is None else f", with the causes {with_unit(after, self.unit)}")
+        said = f"{self.name} (noise {with_unit(self.noise, self.unit)}): on held-out data the calibrated plant {left}"
         if self.with_it is None or self.without_it is None:
             return said
-        return f"{said}; with it {_odds(self.with_it)}, without it {_odds(self.without_it)}"
+        whole, without = _likely(self.with_it), _likely(self.without_it)
+        if whole == without:
+            return f"{said}; the other readings say the same without it: {whole}"
+        return f"{said}; without this reading the explanation would be {without}, with it {whole}"
+
+    @property
+    def name(self) -> str:
+        """The signal as a sentence names it."""
+        return self.reading.replace("_", " ")
 
 
-def _odds(probabilities: Mapping[str, float]) -> str:
-    return ", ".join(f"{names.replace('_', ' ')} {share:.2f}" for names, share in probabilities.items())
+def _likely(probabilities: Mapping[str, float]) -> str:
+    """The explanations of at least a per cent with their probabilities, the likeliest first."""
+    worth = {names.replace("_", " "): share for names, share in probabilities.items() if share >= LEAST_TOLD}
+    return " or ".join(f"{names} ({100 * share:.0f} %)" for names, share in worth.items())
 
 
 # Detection
@@ -323,14 +345,6 @@ class FreeFormSummary:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Errors:
-    """Rms residuals on one part, before and after the causes were built in."""
-
-    before: float
-    after: float | None
-
-
-@dataclass(frozen=True, kw_only=True)
 class UnseenErrors(Errors):
     """The same on the held-out part, with the lower 95 % bound of the fall."""
 
@@ -339,14 +353,14 @@ class UnseenErrors(Errors):
 
 @dataclass(frozen=True, kw_only=True)
 class FitSummary:
-    """What the calibrated and the amended plant leave.
+    """What the calibrated and the amended plant leave of the first reading.
 
     Parameters
     ----------
     fitted : Errors
         Rms residuals on the fitted part.
     unseen : UnseenErrors
-        On the held-out part.
+        On the held-out part; the bound of its fall is that over all readings.
     """
 
     fitted: Errors

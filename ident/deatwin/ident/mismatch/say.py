@@ -1,6 +1,7 @@
 """The conclusion in one plain sentence; the verdict decides which words are allowed.
 
-Every number in it is a field of ``diagnosis.json``, rounded as it is shown; shares are shown in per cent. The one
+Every number in it is a field of ``diagnosis.json``, rounded as it is shown; shares are shown in per cent, and what is
+said of a further reading with a prefix to its unit. The one
 exception is a bound: a risk of less than a thousandth is said to be below 0.1 %, since a prediction that small is not
 worth its digits.
 """
@@ -8,6 +9,7 @@ worth its digits.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,9 +17,10 @@ from deatwin.ident.mismatch.diagnosis import Diagnosis
 from deatwin.ident.mismatch.located import Unexplained
 from deatwin.ident.mismatch.result import Fault
 from deatwin.ident.mismatch.verdict import Cause, Interval, Verdict
+from deatwin.plant.amplitudes import written_unit
 from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.errors import ModelError
-from deatwin.plant.prefixes import resolving
+from deatwin.plant.prefixes import prefixed, resolving
 
 SMALL_SHARE = 0.5
 """A single cause that explains less than this much of the mismatch is not the whole story."""
@@ -89,7 +92,7 @@ def say(diagnosis: Diagnosis) -> str:
 
 
 def _none(diagnosis: Diagnosis) -> str:
-    return f"Nothing is missing: the calibrated plant leaves {_left(diagnosis)}, {_within(diagnosis)}."
+    return f"Nothing is missing: the calibrated plant leaves {_left(_of_first(diagnosis))}, {_within(diagnosis)}."
 
 
 def _parameters(diagnosis: Diagnosis) -> str:
@@ -99,8 +102,8 @@ def _parameters(diagnosis: Diagnosis) -> str:
         f"; fitted to all recordings{timing}, it leaves no more than that" if diagnosis.detection.taken_up else ""
     )
     return (
-        "No physics is missing, only parameters were off: the calibrated plant leaves "
-        f"{_left(diagnosis)}, {_within(diagnosis)}{taken_up}."
+        "No physics is missing; only parameters were wrong: the calibrated plant leaves "
+        f"{_left(_of_first(diagnosis))}, {_within(diagnosis)}{taken_up}."
     )
 
 
@@ -118,13 +121,20 @@ def _ambiguous(diagnosis: Diagnosis) -> str:
     guess = ", and ".join(_physics(cause, diagnosis) for cause in diagnosis.causes)
     known = [cause.effect for cause in diagnosis.causes]
     without = [f"the same without {' and '.join(map(_plain, absent))}" for absent in _absent(known, diagnosis.rivals)]
-    others = [_plain(name) for name in diagnosis.names if name not in known]
+    others = [_plain(name) + _elsewhere(name, diagnosis) for name in diagnosis.names if name not in known]
     rivals = "".join(f", or {other}" for other in (*without, *others))
     which = "the first" if len(known) == 1 else f"the first {COUNTED[len(known)].lower()}"
     return (
-        f"Something is missing, and these recordings cannot tell what: {'either' if rivals else 'perhaps'} {guess}{rivals}; "
+        f"Something is missing, and these recordings cannot decide what: {'either' if rivals else 'perhaps'} {guess}{rivals}; "
         f"with {which} {_gain(diagnosis)}{_next(diagnosis)}."
     )
+
+
+def _elsewhere(cause: str, diagnosis: Diagnosis) -> str:
+    """Where a rival's effect acts, if that is at a further place only."""
+    effects = (effect for rival in diagnosis.rival_models.values() for effect in rival.plant.effects)
+    places = dict.fromkeys(effect.placed_at for effect in effects if effect.cause == cause)
+    return f" (of the {' or the '.join(map(_plain, places))})" if places and "" not in places else ""
 
 
 def _absent(known: Sequence[str], rivals: Sequence[Sequence[str]]) -> list[tuple[str, ...]]:
@@ -136,7 +146,7 @@ def _absent(known: Sequence[str], rivals: Sequence[Sequence[str]]) -> list[tuple
 def _partly(diagnosis: Diagnosis) -> str:
     left = diagnosis.unexplained
     if left is None:
-        raise ModelError("a diagnosis of a part of the mismatch needs what is left of it")
+        raise ModelError("a diagnosis of a part of the mismatch needs the unexplained remainder")
     parts = [
         f"{_physics(cause, diagnosis)}, which explains {_share(cause)} of the mismatch" for cause in diagnosis.causes
     ]
@@ -172,7 +182,7 @@ def _unknown(diagnosis: Diagnosis) -> str:
     )
     return (
         "Something is missing, and no effect of the catalogue explains it: the calibrated plant leaves "
-        f"{_left(diagnosis)}, with {_noise(diagnosis)}{_when(diagnosis)}{refuted}{shape}."
+        f"{_left(_shown(diagnosis))}, with {_noise(diagnosis)}{_when(diagnosis)}{refuted}{shape}."
     )
 
 
@@ -187,10 +197,10 @@ def _when(diagnosis: Diagnosis) -> str:
 
 def _disturbance(diagnosis: Diagnosis) -> str:
     origin = diagnosis.detection.origin
-    back = "" if origin is None else f"; {_part(origin.share)} it comes back with the command"
+    back = "" if origin is None else f"; {_part(origin.share)} it repeats with the command"
     return (
         "The mismatch does not repeat when command and state do, so it is a disturbance rather than missing physics: "
-        f"the calibrated plant leaves {_left(diagnosis)}, with {_noise(diagnosis)}{back}."
+        f"the calibrated plant leaves {_left(_shown(diagnosis))}, with {_noise(diagnosis)}{back}."
     )
 
 
@@ -206,7 +216,7 @@ def _data_fault(diagnosis: Diagnosis) -> str:
 def _not_testable(diagnosis: Diagnosis) -> str:
     return (
         "The input excites too little to test whether physics is missing: the calibrated plant leaves "
-        f"{_left(diagnosis)}, with {_noise(diagnosis)}."
+        f"{_left(_shown(diagnosis))}, with {_noise(diagnosis)}."
     )
 
 
@@ -223,10 +233,9 @@ _SENTENCES: Mapping[Verdict, Callable[[Diagnosis], str]] = {
 }
 
 
-def _left(diagnosis: Diagnosis) -> str:
+def _left(shown: _Shown) -> str:
     """What the calibrated plant leaves."""
-    fitted, unseen = (_amplitude(part.before, diagnosis) for part in (diagnosis.fit.fitted, diagnosis.fit.unseen))
-    return f"{fitted} on fitted data and {unseen} on held-out data"
+    return f"{shown.sized(shown.fitted)} on fitted data and {shown.sized(shown.unseen)} on held-out data{shown.of}"
 
 
 def _within(diagnosis: Diagnosis) -> str:
@@ -235,23 +244,68 @@ def _within(diagnosis: Diagnosis) -> str:
 
 
 def _gain(diagnosis: Diagnosis) -> str:
-    unseen = diagnosis.fit.unseen
-    if unseen.after is None or unseen.gain_low is None:
+    shown, gain = _shown(diagnosis), diagnosis.fit.unseen.gain_low
+    if shown.after is None or gain is None:
         raise ModelError("a diagnosis with causes needs the error that they leave on held-out data")
-    alone = "" if unseen.gain_low > 0 else ", which by itself could be chance"
+    alone = "" if gain > 0 else ", which by itself could be chance"
     return (
-        f"the error on held-out data falls from {_rounded(unseen.before)} to {_amplitude(unseen.after, diagnosis)}{alone} "
-        f"(sensor noise: {_amplitude(diagnosis.noise, diagnosis)})"
+        f"the error{shown.of} on held-out data falls from {_rounded(shown.unseen)} to {shown.sized(shown.after)}{alone} "
+        f"(sensor noise: {shown.sized(shown.noise)})"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Shown:
+    """The errors of one reading, in a unit, and how a sentence names it."""
+
+    fitted: float
+    unseen: float
+    after: float | None
+    noise: float
+    unit: str
+    of: str = ""
+
+    def sized(self, value: float) -> str:
+        return f"{_rounded(value)} {self.unit}".rstrip()
+
+
+def _of_first(diagnosis: Diagnosis) -> _Shown:
+    """The errors of the first reading, named where there are others."""
+    fit = diagnosis.fit
+    return _Shown(
+        fitted=fit.fitted.before,
+        unseen=fit.unseen.before,
+        after=fit.unseen.after,
+        noise=diagnosis.noise,
+        unit=written_unit(diagnosis.output.unit),
+        of=f" of the {_plain(diagnosis.output.name)}" if diagnosis.taught else "",
+    )
+
+
+def _shown(diagnosis: Diagnosis) -> _Shown:
+    """The errors of the reading in which the mismatch stands out most of its noise."""
+    several = diagnosis.taught or ()
+    most = max(several, key=lambda one: one.unseen.before / one.noise if one.noise else 0.0, default=None)
+    if most is None or most is several[0]:
+        return _of_first(diagnosis)
+    size, unit = prefixed(most.unseen.before, most.unit)
+    return _Shown(
+        fitted=most.fitted.before / size,
+        unseen=most.unseen.before / size,
+        after=None if most.unseen.after is None else most.unseen.after / size,
+        noise=most.noise / size,
+        unit=unit,
+        of=f" of the {most.name}",
     )
 
 
 def _noise(diagnosis: Diagnosis) -> str:
-    return f"{_amplitude(diagnosis.noise, diagnosis)} of sensor noise"
+    shown = _shown(diagnosis)
+    return f"{shown.sized(shown.noise)} of sensor noise"
 
 
 def _amplitude(value: float, diagnosis: Diagnosis) -> str:
-    unit = diagnosis.output.unit
-    return f"{_rounded(value)} {'µm' if unit == 'um' else unit}".rstrip()
+    return f"{_rounded(value)} {written_unit(diagnosis.output.unit)}".rstrip()
 
 
 def _rounded(value: float) -> str:
@@ -275,7 +329,7 @@ def _physics(cause: Cause, diagnosis: Diagnosis) -> str:
     effect = next((e for e in own if e.cause == cause.effect), None) or effect_named(cause.effect)
     text = effect.wording.format(**{name: _with_interval(p) for name, p in cause.parameters.items()})
     others = [f"the {_plain(place)}" for place in (cause.places or ())[1:]]
-    elsewhere = f" (or the same happens at {' or '.join(others)}: these recordings cannot tell)" if others else ""
+    elsewhere = f" (or at {' or '.join(others)}: these recordings cannot decide)" if others else ""
     return text[0].lower() + text[1:] + elsewhere
 
 
@@ -297,7 +351,9 @@ def _next(diagnosis: Diagnosis) -> str:
     if seconds is None:
         measure = advised.measure
         return (
-            "" if measure is None else f"; no input that the rig can bear would distinguish them, so measure {measure}"
+            ""
+            if measure is None
+            else f"; no input within the rig's limits would distinguish them, so measure {measure}"
         )
     mass = advised.added_mass_g
     load = "" if mass is None else f" with {number(mass)} g added"

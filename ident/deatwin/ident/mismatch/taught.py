@@ -6,13 +6,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from deatwin.ident.greybox.parts import free_run_residuals
 from deatwin.ident.mismatch.findings import Findings
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import normalised
 from deatwin.ident.mismatch.naming.versus import advantage, likeliest
 from deatwin.ident.mismatch.naming.whole import fitted_to_all
-from deatwin.ident.mismatch.result import ReadingSummary
+from deatwin.ident.mismatch.result import Errors, ReadingSummary
 from deatwin.ident.parallel import run_jobs
 
 COMPARED = 4
@@ -25,8 +24,6 @@ def taught(findings: Findings) -> tuple[ReadingSummary, ...] | None:
     known = {part.reading: part.weight for part in bench.everything}
     if len(known) < 2:
         return None
-    plants = (findings.calibrated.plant, findings.final.plant) if findings.named else (findings.calibrated.plant,)
-    before, after = (*(_rms(findings, free_run_residuals(plant, bench.everything)) for plant in plants), {})[:2]
     compared = _compared(findings)
     found = []
     for reading, name in zip(rig.readings, ("", *(one.name for one in rig.further)), strict=True):
@@ -37,8 +34,8 @@ def taught(findings: Findings) -> tuple[ReadingSummary, ...] | None:
                     reading=reading.name,
                     unit=reading.unit,
                     noise=reading.noise if name else findings.base.noise,
-                    before=before.get(name),
-                    after=after.get(name),
+                    fitted=errors_in(findings, name, held_out=False),
+                    unseen=errors_in(findings, name, held_out=True),
                     with_it=with_it,
                     without_it=without_it,
                 )
@@ -46,16 +43,18 @@ def taught(findings: Findings) -> tuple[ReadingSummary, ...] | None:
     return tuple(found)
 
 
-def _rms(findings: Findings, residuals: np.ndarray | None) -> dict[str, float]:
-    """Rms of residuals over all parts in each reading, SI."""
-    if residuals is None:
-        return {}
-    parts = findings.bench.everything
-    pieces = np.split(residuals, np.cumsum([part.size for part in parts])[:-1])
-    squares: dict[str, list[np.ndarray]] = {}
-    for part, piece in zip(parts, pieces, strict=True):
-        squares.setdefault(part.reading, []).append((piece / part.weight) ** 2)
-    return {name: float(np.sqrt(np.mean(np.concatenate(own)))) for name, own in squares.items()}
+def errors_in(findings: Findings, name: str = "", *, held_out: bool) -> Errors:
+    """Rms residuals of the calibrated plant and of the answer in one reading, the first if no name is given; SI."""
+    parts = findings.bench.unseen if held_out else findings.bench.fitted
+    edges = np.cumsum([part.size for part in parts])[:-1]
+
+    def rms(candidate: Candidate) -> float:
+        residuals = candidate.unseen if held_out else candidate.calibration.residuals
+        pieces = zip(parts, np.split(residuals, edges), strict=True)
+        own = np.concatenate([piece / part.weight for part, piece in pieces if part.reading == name])
+        return float(np.sqrt(np.mean(own**2)))
+
+    return Errors(before=rms(findings.base.chosen), after=rms(findings.answer) if findings.named else None)
 
 
 def _compared(findings: Findings) -> list[Candidate]:

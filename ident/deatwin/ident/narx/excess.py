@@ -59,9 +59,9 @@ def noisy_products(model: NarxModel, recordings: Sequence[Recording]) -> tuple[s
         return ()
     told = ", ".join(f"{100 * shares[row]:.2g} % of {model.output_names[row]}" for row in sorted(products))
     return (
-        f"one step ahead {told} is left: if that is noise on the readings, it is in the regressors of all equations, and "
-        "products of outputs may stand for its bias instead of for the plant, however small their intervals; average, "
-        "filter or measure again before reading physics into them",
+        f"the one-step residual is {told}: if that is noise on the readings, it also enters the regressors of all "
+        f"equations, and products of outputs may represent its bias rather than the plant, however small their "
+        f"intervals; average, filter or measure again before you interpret them",
     )
 
 

@@ -35,8 +35,8 @@ class FitStatus(Enum):
         "input alone, because the plant is unstable or the recording was made in a loop; use Armax"
     )
     LOOP_SUSPECTED = (
-        "the past of the output foretells an input, so a loop is suspected, and a model of the output error is biased by it: use "
-        "Armax or BoxJenkins, which model the noise"
+        "the past of the output predicts an input, so a closed loop is suspected, which biases an output-error model: "
+        "use Armax or BoxJenkins, which model the noise"
     )
 
     @property
@@ -172,9 +172,9 @@ class NarxIdentifier(Identifier, ABC):
     status_ : FitStatus
         Outcome of the search.
     notes_ : tuple of str
-        Remarks on the fit, one sentence each; usually empty: the one-step error on the training data is more than 1 %
-        above that of least squares on the same terms, an input acts only after its last lag in the model, or products of
-        several noisy outputs may stand for the noise.
+        Remarks on the fit, one sentence each; usually empty. Reasons are: the one-step error on the training data is
+        more than 1 % above that of least squares on the same terms, an input acts only after its last lag in the model,
+        or products of several noisy outputs may stand for the noise.
     equations_ : tuple of NarxIdentifier
         Fitted estimator of each output if there are several, otherwise empty. Further learned attributes of a class are
         then on these estimators.

@@ -76,7 +76,7 @@ def without_repeated_powers(terms: Sequence[Term], recordings: Sequence[Recordin
 def said_of_levels(name: str, count: int) -> str:
     """Return a sentence that says what an input with few levels cannot show."""
     if count == 1:
-        return f"{name} is constant: the recording does not show what it does"
+        return f"{name} is constant, so the recording does not show its effect"
     shown = "curvature" if count == 2 else f"power from the {count}th on" if count > 3 else "third power or higher one"
     return (
         f"{name} has {count} levels and shows no {shown}: let it take more levels, or keep its powers in the model "

@@ -54,7 +54,7 @@ class SignalNames:
         kind, channel = self._signals[name][0]
         if len(self._signals[name]) > 1:
             placed = ", ".join(f"{kind}{channel or ''}" for kind, channel in self._signals[name])
-            raise ModelError(f"{name!r} names several signals; give them different names, which {placed} bear now")
+            raise ModelError(f"{name!r} names several signals; give them different names, which {placed} have now")
         return kind, channel
 
     def unread(self, text: str, position: int) -> str:

@@ -30,9 +30,10 @@ class Narmax(NarxIdentifier):
     """Add a noise model to a process model: y(k) = f(y, u) + g(y, u, e) + e(k).
 
     Another identifier chooses the process terms. The noise terms, which contain e(k-l), are given, or chosen by their
-    error reduction ratio beside the process terms with the residual of a model of many more lags as e. All terms are
-    then estimated together by the smallest sum of squared prediction errors, and the choice is repeated once with the
-    resulting e. With coloured noise this removes the bias of the process parameters and corrects their intervals.
+    error reduction ratio in addition to the process terms; e is then estimated as the residual of a model with many
+    more lags. All terms are then estimated together by the smallest sum of squared prediction errors, and the choice is
+    repeated once with the resulting e. With coloured noise this removes the bias of the process parameters and corrects
+    their intervals.
 
     White noise on the readings of a plant ``A(q) y = f(u)`` gives a noise model with the coefficients of A: choose
     e(k-1) .. e(k-n) for outputs up to y(k-n).

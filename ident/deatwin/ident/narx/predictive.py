@@ -179,7 +179,8 @@ def free_run_band(
 
     Parameters and noise variance are drawn from the posterior once for each run, and noise is drawn at each sample. The
     noise enters the model's equation and so propagates through the past outputs; for a model of least free-run error
-    (`Grow`, `refine`) it is on the readings instead, and is to be given. The ends of the band are quantiles of the runs.
+    (`Grow`, `refine`) it is on the readings instead; then give it as `output_noise`. The ends of the band are quantiles
+    of the runs.
 
     Parameters
     ----------

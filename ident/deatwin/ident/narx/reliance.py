@@ -86,18 +86,18 @@ class Reliance:
         found = []
         if self.status is None:
             found.append(
-                "the held-out data were too short for the residual tests, so that nothing but its training data speaks "
-                "for the model"
+                "the held-out data were too short for the residual tests, so the model is supported by its training "
+                "data only"
             )
         elif self.status is ValidationStatus.DIVERGED:
             found.append("the model's free run diverged on held-out data")
         elif self.status is ValidationStatus.UNSTABLE:
-            found.append("the model is unstable, so that its free run on held-out data says nothing")
+            found.append("the model is unstable, so its free run on held-out data means nothing")
         elif not self.status.ok:
             tests = f" ({', '.join(self.failed)})" if self.failed else ""
             found.append(
-                f"the model failed its residual tests on held-out data{tests}: {_MEANING[self.status]}, and bands that "
-                "come from the model alone do not cover it"
+                f"the model failed its residual tests on held-out data{tests}: {_MEANING[self.status]}, and bands from "
+                "the model alone do not include this"
             )
         if self.biased and self.gain_error is not None and self.gain_error_half_width is not None:
             way = "more" if self.gain_error > 0 else "less"
@@ -123,9 +123,9 @@ class Reliance:
         if self.samples_per_parameter is None or self.samples_per_parameter >= _ENOUGH:
             return ""
         return (
-            f"the model was learned from only {self.samples_per_parameter:.2g} samples for each effective parameter, "
-            f"the choice among its candidates counted in, where {_ENOUGH:g} would do: terms may be there by chance, "
-            "and its intervals are too narrow; record longer, or take a lower degree"
+            f"the model was fitted to only {self.samples_per_parameter:.2g} samples per effective parameter, including "
+            f"the choice among candidates, where {_ENOUGH:g} would suffice: terms may be present by chance, and "
+            f"intervals are too narrow; record longer, or choose a lower degree"
         )
 
     @property

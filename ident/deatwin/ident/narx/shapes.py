@@ -101,7 +101,7 @@ SOURCES = tuple(_KINDS)
 
 
 def register_function(name: str, function: Function, slope: Function | None = None) -> None:
-    """Let terms hold a function of one's own, as ``name(u(k-1))``.
+    """Register your own function for use in terms, such as ``name(u(k-1))``.
 
     Parameters
     ----------

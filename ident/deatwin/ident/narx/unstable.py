@@ -89,7 +89,7 @@ class Unstable:
             return f"{told}: the plant is stable there, and the model is wrong"
         told += f", {_rate(self.recorded_pole, self.sample_time)}"
         if low <= 1.0:
-            return f"{told}: the recordings do not tell it from a stable one"
+            return f"{told}: the recordings cannot distinguish it from a stable one"
         rates = np.log([abs(self.pole), abs(self.recorded_pole)])
         apart = abs(rates[0] - rates[1]) > _WORTH_SAYING * rates[1] and not low <= abs(self.pole) <= high
         return f"{told}: trust that one" if apart else told

@@ -54,9 +54,8 @@ class ValidationStatus(Enum):
     )
     STRUCTURE = "the residual depends on the input: terms are missing, or the lags or the degree are too small"
     UNSTABLE = (
-        "the model is unstable and the recorded output is not: if the plant is unstable too, the recording was "
-        "evidently made in a closed loop, so that a free run must run away and says nothing; judge the prediction "
-        "several steps ahead"
+        "the model is unstable and the recorded output is not: if the plant is unstable too, the recording was made in "
+        "a closed loop, and a free run must diverge and means nothing; judge predictions several steps ahead"
     )
     DIVERGED = "the free run diverges: choose another structure, or stay within the operating range"
     EXACT = "the residual is rounding error: there is nothing to test"
@@ -128,7 +127,7 @@ class Validation(
         Relative error of the free run's gain, positive if the recorded output swings more, and half of its 95 %
         interval; None if the free run rests or runs away, or there are several outputs.
     notes : tuple of str
-        What else the recordings say of the model, one sentence each; usually empty: an input acts only after its last
+        Further remarks on the model, one sentence each; usually empty. Reasons are: an input acts only after its last
         lag in the model, or the plant has an unstable pole that the model lacks.
     """
 

@@ -63,6 +63,8 @@ class Cascade(StateSpaceIdentifier):
         Outcome of the search.
     linear_error_, error_, held_out_error_ : ndarray, shape (1,)
         As those of `Pnlss`.
+    first_states_ : ndarray, shape (n_recordings, n_states)
+        State of the model at the first sample of each recording, as `NonlinearStateSpace.simulate` takes it.
 
     References
     ----------

@@ -39,9 +39,12 @@ class StateSpaceIdentifier(Identifier):
     linear_error_, error_, held_out_error_ : ndarray, shape (n_outputs,)
         Root mean square of the free-run error of the linear start and of the model on all samples, and of the model at
         the end of the search on the held-out ones (NaN without), in the outputs' units.
+    first_states_ : ndarray, shape (n_recordings, n_states)
+        State of the model at the first sample of each recording, as `NonlinearStateSpace.simulate` takes it.
     """
 
     model_: NonlinearStateSpace
+    first_states_: Array
     status_: FitStatus
     feedthrough: bool
     held_out: float
@@ -109,6 +112,7 @@ class StateSpaceIdentifier(Identifier):
                 found = _on_all(found, start, whole, self.max_steps)
             point = found.point
             self.error_ = _errors(point, whole)[0] * sides["output"][1]
+            self.first_states_ = point.starts
             self.model_ = _model(self, point, whole, chosen, sides)
         self.status_ = FitStatus.INTERRUPTED if found.interrupted else FitStatus.DONE
         if not found.interrupted:  # a caller's progress may raise the interrupt again

@@ -38,14 +38,14 @@ class Place(Enum):
 
 
 class Alone(Enum):
-    """Whether one reading alone tells a further place of an effect."""
+    """Condition under which one reading alone can distinguish a further place of an effect."""
 
     TOLD = "told"
     """It may, so that the place is tried in every diagnosis."""
     AS_FIRST = "as first"
     """It reads the same as with the effect at its first place, whatever the plant, unless a clock moves that, too."""
     AS_ANOTHER = "as another"
-    """It takes the effect there for another one, so that the place is tried beside further readings only."""
+    """It hardly tells the effect there from another one, so that the place is tried in the place of what was found."""
 
 
 @dataclass(frozen=True, kw_only=True)

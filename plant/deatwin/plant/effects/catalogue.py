@@ -48,7 +48,7 @@ def _loaded(point: EntryPoint) -> type[Effect]:
     if missing := [
         name for name in ("name", "family", "place", "signal", "strength", "wording") if not hasattr(kind, name)
     ]:
-        raise RigError(f"the class does not say its {', '.join(missing)}")
+        raise RigError(f"the class lacks its {', '.join(missing)}")
     if kind.name != point.name:
         raise RigError(f"the class calls itself {kind.name!r}; entry point and class need the same name")
     typical = kind()

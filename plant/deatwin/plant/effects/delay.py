@@ -44,8 +44,8 @@ class Delay(Effect):
     :math:`\tau_d = 0`.
 
     Further place: the ``reading``, as of a camera. There the delay is the Padé approximant of :math:`e^{-\tau_d s}` with
-    7 zeros and 8 poles, which errs by less than 0.1 % up to :math:`1.3/\tau_d`, 13 Hz at 100 ms. One
-    reading alone cannot tell the two places apart: beside a delayed reading another one comes in time.
+    7 zeros and 8 poles, which errs by less than 0.1 % up to :math:`1.3/\tau_d`, 13 Hz at 100 ms. One reading alone
+    cannot distinguish the two places; a second reading that is not delayed can.
 
     Parameters
     ----------

@@ -45,7 +45,7 @@ class FreeForm(Effect):
     strength: ClassVar[str] = "size"
     order: ClassVar[int] = 100
     """Last: it is added to what physics makes of the signal."""
-    wording: ClassVar[str] = "A sum of functions of a size of {size} is added, which stands for no physics"
+    wording: ClassVar[str] = "A sum of functions with a size of {size} is added, which represents no physics"
 
     def __post_init__(self) -> None:
         if not self.terms or len(self.terms) != len(self.coefficients):

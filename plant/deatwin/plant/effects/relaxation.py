@@ -69,7 +69,7 @@ class Relaxation(Effect):
         return signal - self.own("stiffness", build) * (displacement - damper)
 
     def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
-        """Return this effect at times from that of a few samples to that of the record.
+        """Return copies of this effect with time constants from a few samples to the length of the recording.
 
         Parameters
         ----------

@@ -38,9 +38,9 @@ class SensorDrift(Effect):
 
     .. math:: y \to y + a\,(1 - e^{-t/\tau}), \qquad t \ge 0
 
-    Further places, beside a second reading: the offset of the amplifier's ``command``, and the gains of amplifier and
-    sensor, ``command_gain`` and ``reading_gain``, where :math:`s \to s\,[1 + a\,(1 - e^{-t/\tau})]`. One reading alone
-    takes a gain that drifts for a `permittivity_drift`.
+    Further places: the offset of the amplifier's ``command``, and the gains of amplifier and sensor, ``command_gain`` and
+    ``reading_gain``, where :math:`s \to s\,[1 + a\,(1 - e^{-t/\tau})]`. One reading alone cannot tell an amplifier's
+    gain that drifts from a `permittivity_drift`.
 
     No state: the clock is known. Typical: micrometres to a tenth of a millimetre per hour, while the sensor head warms
     up or its mount settles. Signature: the baseline moves without a change of gain, equally at 0 V and under drive;

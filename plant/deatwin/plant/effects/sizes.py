@@ -45,7 +45,7 @@ class Sizes:
     Parameters
     ----------
     motion : float
-        Typical displacement, or the quantity in its place, in the plant's unit.
+        Typical displacement, or the corresponding quantity, in the plant's unit.
     force : float
         Typical force that causes the motion, in the unit of the signal ``force``.
     period : float

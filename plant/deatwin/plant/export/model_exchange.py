@@ -4,6 +4,7 @@ The importing tool integrates the states. What an FMU for model exchange does no
 
 - algebraic coordinates, and states whose time constant is zero, are solved inside by Newton's method, from their
   values at rest, at each evaluation (index 1, so that there is nothing to integrate);
+- a reading that is a mean rate over a sample, such as a current, is left out: there are no samples;
 - parameters are numbers in the code, since the state of rest in which the FMU starts belongs to them;
 - states are in units of their typical sizes, because CasADi's exporter states a nominal value of 1 for all;
 - an effect that needs the commands of earlier samples, such as `delay`, is refused: the exporter knows no clock.
@@ -33,6 +34,7 @@ from deatwin.plant.export.description import Description
 from deatwin.plant.export.plant_step import describe, plant_signals, rest_of
 from deatwin.plant.export.sampled import Signal, require_identifier
 from deatwin.plant.model import Plant
+from deatwin.plant.readings import ROWS
 from deatwin.plant.rest import RestState
 
 _TOLERANCE = 1e-12
@@ -47,8 +49,9 @@ _FRESH = "  m->up_to_date = 0;\n"
 def export_model_exchange(plant: Plant, path: str | Path, *, name: str = "plant") -> Path:
     """Export a plant as an FMU for model exchange, with its source and a binary for this computer.
 
-    The importing tool holds the inputs: the command is a discrete input that changes at events. The reading and the
-    watched signals (``signal.film_voltage``) are outputs; the independent variable is the experiment's clock.
+    The importing tool holds the inputs: the command is a discrete input that changes at events. The readings and the
+    watched signals (``signal.film_voltage``) are outputs, but for readings that are means over a sample, such as a
+    current; the independent variable is the experiment's clock.
 
     Parameters
     ----------
@@ -76,6 +79,7 @@ def export_model_exchange(plant: Plant, path: str | Path, *, name: str = "plant"
     require_no_memory(plant)
     rest = rest_of(plant)
     inputs, outputs = plant_signals(plant, rest)
+    outputs = tuple(signal for signal in outputs if signal.name not in means_over_samples(plant))
     parts = _Parts(plant, rest)
     builder = _builder(parts, name, inputs, outputs)
     with TemporaryDirectory() as folder, contextlib.chdir(folder):  # CasADi writes into the working folder
@@ -83,17 +87,34 @@ def export_model_exchange(plant: Plant, path: str | Path, *, name: str = "plant"
         contents = {target.removeprefix("./"): Path(file).read_bytes() for file, target in files.items()}
         wrapper = f"sources/{name}_wrap.c"
         contents[wrapper] = _refreshed(contents[wrapper].decode()).encode()
-        described = Description(
+        description = Description(
             name=name,
             plain=contents["modelDescription.xml"],
             inputs=inputs,
             outputs=outputs,
             start=parts.start,
             sample_time=plant.rig.sample_time,
-            text=f"{describe(plant)}; {_UNITS}",
+            text=f"{described(plant)}; {_UNITS}",
         )
-        contents["modelDescription.xml"] = described.tidied()
+        contents["modelDescription.xml"] = description.tidied()
     return write_fmu(path, compiled(contents, name))
+
+
+def means_over_samples(plant: Plant) -> tuple[str, ...]:
+    """Further readings that are the mean rate of something over a sample, such as a current."""
+    further = plant.equations.further
+    if further is None:
+        return ()
+    stored = np.split(np.array(ca.vertsplit(further(*further.sx_in()))), ROWS)[1]
+    return tuple(one.name for one, rate in zip(plant.rig.further, stored, strict=True) if not rate.is_zero())
+
+
+def described(plant: Plant) -> str:
+    """Description of the plant as such an FMU in a few words."""
+    means = " and ".join(means_over_samples(plant))
+    return describe(plant) + (
+        f", without {means}: an FMU for model exchange has no samples to take a mean over" if means else ""
+    )
 
 
 def require_no_memory(plant: Plant) -> None:
@@ -155,7 +176,12 @@ class _Parts:
         point = (w[:n_x, :], w[n_x:, :], rest.d, *known[1:], values, equations.constants)
         residual = equations.dynamics(*point)
         rates = residual[moving.tolist()] / (mass * scale[:n_x])[moving]
-        readings = ca.vertcat(equations.output(*point), ca.densify(equations.watched(*point)))
+        levels = [
+            level
+            for level, one in zip(ca.vertsplit(equations.outputs(*point))[1:], plant.rig.further, strict=False)
+            if one.name not in means_over_samples(plant)
+        ]
+        readings = ca.vertcat(equations.output(*point), *levels, ca.densify(equations.watched(*point)))
         self._values = ca.Function("values", [unknown, *known], [ca.densify(rates), readings])
         problem = {"x": unknown, "p": ca.vertcat(*known), "g": ca.densify(residual[algebraic.tolist()])}
         options = {"abstol": _TOLERANCE, "max_iter": _UPDATES}

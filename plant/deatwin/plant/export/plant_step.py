@@ -6,8 +6,6 @@ commands, the clock, and the shorter steps that are taken where a sample is not 
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +16,7 @@ from deatwin.plant.export.sampled import SampledSource, Signal, comment, filled,
 from deatwin.plant.integrator.collocation import step_functions
 from deatwin.plant.integrator.newton import SETTLED
 from deatwin.plant.model import Plant
+from deatwin.plant.readings import ROWS
 from deatwin.plant.rest import RestState, rest_state
 from deatwin.plant.sample import SHORTER_STEPS
 
@@ -35,6 +34,7 @@ typedef struct {
     double z[$z]; /* algebraic coordinates: $coordinates */
     double past[$past]; /* commands of the samples before */
     double y[$outputs]; /* outputs after the last sample that was solved */
+    double stored[$stored]; /* what the further readings are rates of, after that sample */
     double start; /* clock time at which the first sample begins, s; set it after init where it is not 0 */
     long count; /* samples so far */
 } ${n}_state;
@@ -51,6 +51,7 @@ void ${n}_init(${n}_state *state)
     for (i = 0; i < $z; i++) state->z[i] = ${n}_z[i];
     for (i = 0; i < $past; i++) state->past[i] = $rest_command;
     for (i = 0; i < $outputs; i++) state->y[i] = ${n}_y[i];
+    for (i = 0; i < $further; i++) state->stored[i] = ${n}_stored[i];
     state->start = 0.0;
     state->count = 0;
 }
@@ -60,7 +61,7 @@ static int ${n}_in_steps(const ${n}_state *before, ${n}_state *after, const doub
 {
     const double width = ${N}_SAMPLE_TIME / number;
     const double begin = before->start + (double)before->count * ${N}_SAMPLE_TIME;
-    double x[$x], z[$z], error = 0.0, time;
+    double x[$x], z[$z], read[1 + 3 * $stored], error = 0.0, time; /* read: the reading, levels, stored, shares */
     const double *arg[$sz_arg];
     double *res[$sz_res];
     double w[$sz_w];
@@ -73,10 +74,16 @@ static int ${n}_in_steps(const ${n}_state *before, ${n}_state *after, const doub
         time = begin + width * k;
         arg[0] = x; arg[1] = z; arg[2] = ${n}_d; arg[3] = inputs; arg[4] = &time; arg[5] = &width;
         arg[6] = ${n}_p; arg[7] = ${n}_c;
-        res[0] = after->x; res[1] = after->z; res[2] = after->y; res[3] = after->y + 1; res[4] = &error;
+        res[0] = after->x; res[1] = after->z; res[2] = read; res[3] = after->y + 1 + $further; res[4] = &error;
         if (${n}_sample(arg, res, iw, w, 0)) return 1;
         /* Not a number fails too. */
-        if (!(error <= $settled) || !(after->y[0] - after->y[0] == 0.0)) return 1;
+        if (!(error <= $settled) || !(read[0] - read[0] == 0.0)) return 1;
+    }
+    after->y[0] = read[0];
+    for (i = 0; i < $further; i++) {
+        after->stored[i] = read[1 + $further + i];
+        after->y[1 + i] = read[1 + i]
+            + read[1 + 2 * $further + i] * (after->stored[i] - before->stored[i]) / ${N}_SAMPLE_TIME;
     }
     return 0;
 }
@@ -117,7 +124,7 @@ def plant_source(plant: Plant, *, name: str = "plant") -> SampledSource:
     -------
     SampledSource
         Source whose input ``u`` holds the command, then further measured channels, and whose output ``y`` holds the
-        noise-free reading at the end of the sample, then the watched signals. All are SI except the command.
+        noise-free readings at the end of the sample, then the watched signals. All are SI except the command.
 
     Raises
     ------
@@ -171,13 +178,25 @@ def plant_signals(plant: Plant, rest: RestState) -> tuple[Signals, Signals]:
     point = (rest.x, rest.z, rest.d, held, 0.0, plant.free_values, equations.constants)
     seen = np.asarray(ca.densify(equations.watched(*point))).ravel()
     outputs = [Signal(name=rig.output_name, unit=rig.output_unit, start=float(equations.output(*point)))]
+    levels = _further_at_rest(plant, rest)[0]
+    outputs += [Signal(name=one.name, unit=one.unit, start=v) for one, v in zip(rig.further, levels, strict=True)]
     outputs += [Signal(name=f"signal.{s}", start=float(v)) for s, v in zip(equations.signals, seen, strict=True)]
     return tuple(inputs), tuple(outputs)
 
 
+def _further_at_rest(plant: Plant, rest: RestState) -> np.ndarray:
+    """Levels, stored quantities and shares of the m further readings at rest, shape (3, m)."""
+    equations = plant.equations
+    if equations.further is None:
+        return np.empty((ROWS, 0))
+    held = equations.held_inputs(plant.rig.start.rest_command)
+    rows = equations.further(rest.x, rest.z, rest.d, held, 0.0, plant.free_values, equations.constants)
+    return np.asarray(ca.densify(rows)).reshape(ROWS, -1)
+
+
 def _sample_function(plant: Plant, name: str) -> ca.Function:
-    """Step function under its name in C, with the first reading only."""
-    plain = step_functions(replace(plant.equations, further=None)).plain
+    """Step function under its name in C."""
+    plain = step_functions(plant.equations).plain
     arguments = plain.mx_in()
     return ca.Function(f"{name}_sample", arguments, plain.call(arguments))
 
@@ -205,12 +224,15 @@ def _shim(plant: Plant, rest: RestState, step: ca.Function, name: str, inputs: S
         "p": plant.free_values,
         "c": equations.constants,
         "y": [signal.start for signal in outputs],
+        "stored": _further_at_rest(plant, rest)[1],
     }
     fields = {
         "n": name,
         "N": name.upper(),
         "inputs": len(inputs),
         "outputs": len(outputs),
+        "further": len(plant.rig.further),
+        "stored": max(len(plant.rig.further), 1),
         "x": max(rest.x.size, 1),
         "z": max(rest.z.size, 1),
         "past": max(equations.history, 1),

@@ -312,9 +312,9 @@ def _passed_over(table: Table, used: Sequence[int], dt: float) -> str:
         except DataError:
             unit = "" if table.units[column] else unit_of_steps(float(np.median(steps)), dt)
             return (
-                f'the stated sample time was taken; the column "{table.shown(column)}" was passed over, though '
-                f"it looks like times that are uneven, in steps of {steps.min():g} to {steps.max():g}: where it holds "
-                f"them, name it: {times_options(table, column, unit, dt)}"
+                f'the stated sample time was taken; the column "{table.shown(column)}" was ignored, although it '
+                f"looks like uneven times, in steps of {steps.min():g} to {steps.max():g}; if it holds the times, name it: "
+                f"{times_options(table, column, unit, dt)}"
             )
     return ""
 

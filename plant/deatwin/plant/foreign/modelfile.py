@@ -89,8 +89,8 @@ class ModelFile:
         path = fmu.with_suffix(".toml")
         if not path.is_file():
             raise RigError(
-                f"{fmu}: an FMU needs a file {path.name} beside it, which names input, output and parameters; "
-                "the page on models written elsewhere shows one"
+                f"{fmu}: an FMU needs a file {path.name} in the same folder, which names input, output and parameters; "
+                f"the page on models written elsewhere shows one"
             )
         return cls.of(TomlFile.read(path, "model file"))
 

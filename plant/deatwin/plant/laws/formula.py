@@ -104,7 +104,7 @@ class Formula:
     def _require_function(self, node: ast.Call) -> None:
         name = node.func.id if isinstance(node.func, ast.Name) else ""
         if name not in _FUNCTIONS or len(node.args) != 1 or node.keywords:
-            raise self._error(f"{clipped(ast.unparse(node), 40)} is none of the functions {', '.join(_FUNCTIONS)}")
+            raise self._error(f"{clipped(ast.unparse(node), 40)} is not one of the functions {', '.join(_FUNCTIONS)}")
 
     def _error(self, fault: str) -> RigError:
         return RigError(

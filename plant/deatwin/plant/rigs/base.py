@@ -85,7 +85,7 @@ class Rig(ABC):
     chain : MeasuringChain, or None
         Hardware of drive and sensor; None if readings have only white noise of size `noise`.
     further : tuple of Reading
-        Readings taken beside the first one, at the same instants.
+        Further readings, taken at the same instants as the first one.
     supply : Supply, optional
         Known limits of the voltage source, for rigs with electrodes; None for one that gives any current.
     """

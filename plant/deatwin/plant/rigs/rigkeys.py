@@ -114,7 +114,7 @@ DRIVE: Keys = {
         field="start",
         choices=("unknown",),
         required=False,
-        about="instead of the two below, where nobody knows what the film went through before the first sample",
+        about="instead of the two keys below, if the film's history before the first sample is unknown",
     ),
     "start_ramp_s": NumberKey(
         field="start_ramp",

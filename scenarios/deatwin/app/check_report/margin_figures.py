@@ -95,10 +95,10 @@ def _draw(
         columns = 3 if max(map(len, handles[1])) < _LONG else 2
         figure.legend(*handles, loc="outside upper left", ncols=columns, markerscale=1)
         samples = max((row.samples for found in rows.values() for row in found), default=1)
-        caption = "Lines: the margins of each source itself."
+        caption = "Lines: margins of each source itself."
         if samples > 1:
-            caption += " Shaded, down to the thin line: to the 2.5 % quantile of its draws, which is judged."
-        caption += " At the upper edge nothing bounds a margin; at zero, or the lower edge, the loop is unstable."
+            caption += " Shading: down to the 2.5 % quantile of the draws (thin line), which is judged."
+        caption += " At the upper edge a margin is unbounded; at zero, or at the lower edge, the loop is unstable."
         return Drawing.of(figure, name, title, caption, _columns(rows, place, column, measures))
 
 
@@ -177,12 +177,12 @@ def draw_nyquist(view: View, controller: Controller) -> Drawing:
         axes.set_aspect("equal")
         beside.legend(*axes.get_legend_handles_labels(), loc="upper left", markerscale=1)
         at_input = amount(f"{controller.operating_input:.4g}", view.check.operating.input_unit)
-        caption = f"The loop L = controller times model at {at_input}, as far as |L| is not large."
+        caption = f"Loop L = controller times model at {at_input}, where |L| is not large."
         if loops.band is not None:
             caption += " Ellipses: its simultaneous 95 % band, from the covariance of the model's parameters."
         caption += (
-            " A loop outside of a disk bears every change of gain and phase at once that the disk stands for; outside "
-            "of the larger one the margin is good, inside of the smaller one it fails."
+            " A loop that stays outside a disk tolerates the simultaneous changes of gain and phase that the disk "
+            "represents. Outside the larger disk the margin is good; inside the smaller one it fails."
         )
         columns: Columns = {"frequency_Hz": loops.frequency_Hz}
         for source, values in loops.values.items():

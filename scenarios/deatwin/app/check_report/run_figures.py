@@ -44,13 +44,13 @@ def draw_steps(view: View, steps: ClosedLoop) -> Drawing:
         caption = "Steps of the reference and the response of the physics plant; dotted: the limits of the command."
         if view.check.predicted is not None:
             caption += (
-                " The band holds 95 % of the loops that the model predicts, at all times at once: parameters drawn "
-                "from its posterior, with what its free run leaves of the recording and the sensor's noise."
+                " The band contains 95 % of the predicted loops at all times simultaneously. They have parameters "
+                "drawn from the posterior, the model's free-run residual as a disturbance, and sensor noise."
             )
         else:
             caption += (
-                " No band is predicted: every draw of the model diverged, or neither a recording nor the model's file "
-                "tells what its free run leaves."
+                " No band is predicted, because every draw of the model diverged, or because the model's free-run "
+                "error is unknown."
             )
         return Drawing.of(figure, "steps", "Steps on the physics plant", caption, _step_columns(view, steps))
 
@@ -76,7 +76,7 @@ def draw_others(view: View, others: Mapping[str, ClosedLoop]) -> Drawing:
             figure,
             "rivals",
             "The same steps on the alternatives",
-            "Other plants that the actuator may be. A line that ends early marks where the plant failed.",
+            "Alternative plants. A line ends early where its plant failed.",
             _other_columns(view, others, longest),
         )
 
@@ -90,7 +90,7 @@ def draw_sine(view: View, sine: ClosedLoop) -> Drawing:
         _draw(upper, view, sine, sine.output, color=Hue.BEFORE, label="on the physics plant")
         middle.plot(*envelope(sine.timepts, error), color=Hue.BEFORE, linewidth=0.9)
         middle.axhline(0, color=Hue.INK, linewidth=0.6)
-        caption = "A sine at a fifth of the bandwidth asked for, what the physics plant made of it, and the error."
+        caption = "A sine at a fifth of the required bandwidth, the response of the physics plant, and the error."
         if view.check.sine_predicted is not None and error.size:
             size = np.sqrt(2.0) * view.check.sine_predicted / view.size
             for sign in (1.0, -1.0):

@@ -31,7 +31,7 @@ class Look:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class View:
-    """Check with the model, the plants and the limits that its report shows."""
+    """A check, with the model, plants and limits that its report shows."""
 
     check: Check
     model: NarxModel

@@ -50,7 +50,7 @@ PlantSource = Annotated[
 DesignOption = Annotated[
     DesignName,
     typer.Option(
-        help="pi, pid: lambda tuning; inverse: pi behind the inverse of the static curve; lqg; hinf: mixed "
+        help="pi, pid: lambda tuning; inverse: pi with the inverse of the static curve; lqg; hinf: mixed "
         "sensitivity; shaped: pi by loop shaping; scheduled: pi for several operating points."
     ),
 ]
@@ -81,8 +81,8 @@ RecordingFile = Annotated[
     typer.Option(
         "--recording",
         metavar="REC.csv",
-        help="Recording of the actuator, best one that the model has not seen: tells what it excited and how far the "
-        "model's free run is off. By default what deatwin identify wrote into the model.",
+        help="Recording of the actuator, best one that the model was not fitted to: shows the excited band and the "
+        "model's free-run error. By default those that deatwin identify wrote into the model.",
     ),
 ]
 DiagnosisFolder = Annotated[
@@ -90,7 +90,7 @@ DiagnosisFolder = Annotated[
     typer.Option(
         "--diagnosis",
         metavar="DIR",
-        help="Of an earlier deatwin diagnose: its plant, and what it could not rule out, are judged too.",
+        help="Result of deatwin diagnose: its plant, and alternatives that it could not rule out, are judged too.",
     ),
 ]
 Rivals = Annotated[
@@ -134,11 +134,10 @@ def check(
     """
     from deatwin.app.check_report.gains import written_gains
     from deatwin.app.checking import CheckTask, load_rivals, rival_files
-    from deatwin.app.given import GivenPlant, clock_notes
-    from deatwin.ident.narx import NarxModel
+    from deatwin.app.given import GivenPlant, clock_notes, narx_model
 
     voice = Voice(as_json=as_json, quiet=quiet)
-    narx = NarxModel.load(model).deterministic
+    narx = narx_model(model).deterministic
     given = GivenPlant.load(
         plant, input_column=input_column, output_column=output_column, time_column=time_column, dt=dt, resample=resample
     )

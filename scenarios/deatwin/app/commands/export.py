@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 
 PLANT, NARX, CHECK = "deatwin/plant/1", "deatwin/narx/1", "deatwin/check/1"
+STATES = "deatwin/nonlinear-states/1"
 
 
 class Form(StrEnum):
@@ -66,8 +67,15 @@ def export(model: Source, to: To, out: OutFile, name: Name = None, as_json: Json
     voice = Voice(as_json=as_json, quiet=quiet)
     _require_ending(out, to)
     require_place(out, [model])
-    said = _written(_Given.load(model), to, out, name or _identifier(out.stem))
+    given = _Given.load(model)
+    said = _written(given, to, out, name or _identifier(out.stem))
     voice.say(f"{out}: {said['description']}")
+    start = None if given.plant is None else given.plant.rig.start
+    if start is not None and start.ramp + start.hold > 0.0:
+        voice.say(
+            f"it begins at rest; deatwin simulate first ramps the first command on in {start.ramp:g} s and holds it "
+            f"for {start.hold:g} s: play these samples first"
+        )
     voice.result({"out": str(out), "form": to.value, **said})
 
 
@@ -100,7 +108,7 @@ class _Given:
         from deatwin.plant.sources import load_plant
 
         schema = _schema(source) if source.endswith(".json") else None
-        if schema == NARX:
+        if schema in (NARX, STATES):
             return _narx(source)
         if schema == CHECK:
             return _controller(source)
@@ -119,19 +127,19 @@ def _schema(source: str) -> str | None:
     except ModelError:
         return None
     schema = document.get("schema") if isinstance(document, dict) else None
-    if schema not in (PLANT, NARX, CHECK):
+    if schema not in (PLANT, NARX, CHECK, STATES):
         raise ModelError(f"{source}: schema is {clipped(repr(schema))}; {PLANT}, {NARX} and {CHECK} can be exported")
     return str(schema)
 
 
 def _narx(source: str) -> _Given:
     """A model that starts at rest under the centre of its training inputs, at zero where it has no such rest."""
+    from deatwin.app.given import narx_model
     from deatwin.ident.frequency import equilibrium
-    from deatwin.ident.narx import NarxModel
     from deatwin.ident.narx.export import narx_source
     from deatwin.plant.errors import ModelError
 
-    model = NarxModel.load(source)
+    model = narx_model(source)
     try:
         found = equilibrium(model.deterministic)
     except ModelError:
@@ -159,15 +167,14 @@ def _written(given: _Given, to: Form, out: Path, name: str) -> dict[str, Any]:
     """Write the file, and say what it is."""
     from deatwin.plant.errors import ModelError
     from deatwin.plant.export.cosimulation import export_cosimulation
-    from deatwin.plant.export.model_exchange import export_model_exchange
-    from deatwin.plant.export.plant_step import describe
+    from deatwin.plant.export.model_exchange import described, export_model_exchange
     from deatwin.plant.files import write_text_atomic
 
     if given.is_controller and to is not Form.C:
         raise ModelError("a controller is exported as C source: give --to c")
     if given.plant is not None and to is Form.FMU:
         export_model_exchange(given.plant, out, name=name)
-        return {"name": name, "description": f"FMU 3.0 for model exchange, {describe(given.plant)}"}
+        return {"name": name, "description": f"FMU 3.0 for model exchange, {described(given.plant)}"}
     source = given.source(name=name)
     if to is Form.C:
         write_text_atomic(out, source.text)

@@ -21,7 +21,9 @@ OperatingInput = Annotated[
 ]
 Band = Annotated[
     tuple[float, float] | None,
-    typer.Option(metavar="LOW HIGH", help="Of the input, Hz; by default from 0 to what the training data excited."),
+    typer.Option(
+        metavar="LOW HIGH", help="Frequencies of the input, Hz; by default from 0 to the end of the excited band."
+    ),
 ]
 Level = Annotated[float, typer.Option(help="Probability of the bands that are written; 0.95 is drawn.")]
 Amplitude = Annotated[
@@ -55,17 +57,17 @@ def frequency(
     """
     if amplitude is not None and order == 1:
         raise typer.BadParameter(
-            "it is of the NOFRFs' test signal, which order 1 does not need: give --order 2 or more",
+            "it belongs to the test signal of NOFRFs, which order 1 does not need: give --order 2 or more",
             param_hint="--amplitude",
         )
     from deatwin.app.frequency_report import write_responses
     from deatwin.app.frequency_responses import respond
-    from deatwin.ident.narx import NarxModel
+    from deatwin.app.given import narx_model
     from deatwin.studies.folder import ResultFolder
     from deatwin.studies.provenance import RunRecord, hashes
 
     voice = Voice(as_json=as_json, quiet=quiet)
-    narx = NarxModel.load(model).deterministic
+    narx = narx_model(model).deterministic
     record = RunRecord(command=context.obj or [], inputs=hashes([model]), seed=0, jobs=1)
     with ResultFolder(out) as folder, voice.progress("computing frequency responses"):
         found = respond(narx, order, operating_input=operating_input, band_Hz=band, level=level, amplitude=amplitude)

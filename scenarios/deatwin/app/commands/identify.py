@@ -50,26 +50,26 @@ MethodOption = Annotated[
     Method,
     typer.Option(
         help="svb: sparse variational Bayes; frols: forward regression; lasso; semp: least free-run error (slower); "
-        "grow: from a linear model on, for noise on the readings; nss: nonlinear state space, by the free run."
+        "grow: starts from a linear model, for noisy readings; nss: nonlinear state space, fitted to the free run."
     ),
 ]
 InputLag = Annotated[
-    int | None, typer.Option(min=0, help="Last lag of the input; when not given, 2, or 2 after its dead time.")
+    int | None, typer.Option(min=0, help="Last lag of the input; by default 2, or 2 after its dead time.")
 ]
 OutputLags = Annotated[
     int | None,
     typer.Option(
         min=1,
-        help="Lags 1 to this of the output; when not given, 2, or fewer if the model would be unstable as no sampled "
-        "plant is.",
+        help="Last lag of the output, from 1 on; by default 2, or fewer if the model would have an unstable pole that "
+        "no sampled plant has.",
     ),
 ]
 FirstInputLag = Annotated[
     int | None,
     typer.Option(
         min=0,
-        help="First lag of the input: 0 where a reading ends its row, as on the rig, else 1. When not given, 0, or its "
-        "dead time.",
+        help="First lag of the input: 0 if a reading is taken at the end of its row, as on the rig, else 1. By default "
+        "0, or the dead time.",
     ),
 ]
 
@@ -94,8 +94,8 @@ Functions = Annotated[
     typer.Option(
         "--function",
         metavar="TEXT",
-        help="A function of a lagged signal that terms may hold, as '|u(k-1)|', 'sat(u(k-1),0.5)' or "
-        "'sign(y(k-1)-y(k-2))'; with nss a further term, as '|x1|' or 'sat(u,0.5)'; once for each.",
+        help="A function of a lagged signal that terms may contain, such as '|u(k-1)|', 'sat(u(k-1),0.5)' or "
+        "'sign(y(k-1)-y(k-2))'; with nss a further term, such as '|x1|' or 'sat(u,0.5)'; repeatable.",
     ),
 ]
 States = Annotated[int, typer.Option(min=1, help="Number of states (nss alone).")]
@@ -256,7 +256,7 @@ def identify(
 def _refuse_idle(context: typer.Context, method: Method) -> None:
     """Refuse an option that was given and that the method does not read."""
     idle = ("output_lags", "input_lags", "first_input_lag", "max_terms") if method is Method.NSS else ("states",)
-    why = "a nonlinear state space has no lags and takes all terms" if method is Method.NSS else "only nss has states"
+    why = "a nonlinear state space has no lags and uses all terms" if method is Method.NSS else "only nss has states"
     for name in idle:
         source = context.get_parameter_source(name)
         if source is not None and source.name == "COMMANDLINE":

@@ -132,8 +132,8 @@ def _seen(path: Path, asked: ReadOptions, voice: Voice) -> Seen:
         unit = f", {column.unit}" if column.unit else ", unit not given" if column.role in ("input", "output") else ""
         voice.say(f'  column {column.place} "{column.header}": {column.role or "-"}{unit} ({column.how})')
     if file.recordings and file.refused:
-        voice.say(f"  other commands refuse it as it is: {file.refused}")
-        voice.say(f"  these options read it, and were taken here: {shlex.join(file.options)}")
+        voice.say(f"  other commands refuse the file: {file.refused}")
+        voice.say(f"  these options read it, and were used here: {shlex.join(file.options)}")
     if not file.recordings:
         complain(file.refused)
         if file.remaining:

@@ -24,7 +24,7 @@ from deatwin.app.working import results
 from deatwin.studies.voice import Voice
 
 InputFile = Annotated[
-    Path | None, typer.Argument(metavar="INPUT.csv", help="The commands; without it an input is advised.")
+    Path | None, typer.Argument(metavar="INPUT.csv", help="Commands to judge; without them an input is advised.")
 ]
 Seconds = Annotated[
     float | None,
@@ -58,7 +58,7 @@ def plan(
     """
     if commands is not None and seconds is not None:
         raise typer.BadParameter(
-            "it is of an input that is advised, and one is given: leave one of them out", param_hint="--seconds"
+            "it belongs to an advised input, but you gave an input: leave one of them out", param_hint="--seconds"
         )
     from deatwin.app.planning import plan_into
 

@@ -34,7 +34,7 @@ Name = Annotated[str, typer.Argument(metavar="NAME", autocompletion=complete_nam
 Size = Annotated[
     str | None,
     typer.Option(
-        "--size", metavar="SIZE", autocompletion=complete_sizes, help="How much is done, where there is a choice."
+        "--size", metavar="SIZE", autocompletion=complete_sizes, help="Size of the study, if there is a choice."
     ),
 ]
 DataFolder = Annotated[

@@ -21,6 +21,8 @@ from deatwin.app.options import (
 from deatwin.studies.voice import Voice
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from deatwin.plant.calibrated import CalibratedPlant, Prediction
     from deatwin.plant.recording import Experiment, Recording
 
@@ -38,7 +40,7 @@ History = Annotated[
     list[Path] | None,
     typer.Option("--history", metavar="REC.csv", help="An earlier recording of the same experiment; repeatable."),
 ]
-OutFile = Annotated[Path, typer.Option("--out", metavar="OUT.csv", help="Readings; the first one with its 95 % band.")]
+OutFile = Annotated[Path, typer.Option("--out", metavar="OUT.csv", help="Readings with their 95 % bands.")]
 
 
 def simulate(
@@ -76,19 +78,19 @@ def simulate(
     header, per_si = reading_column(model.plant.rig)
     name = model.plant.rig.output_name
     unit = header.removeprefix(f"{name}_")
-    mean, half = prediction.mean[at] * per_si, TWO_SIDED_95 * prediction.deviation[at] * per_si
-    digits = _digits(half.min())
-    columns = {header: mean, f"low_{unit}": mean - half, f"high_{unit}": mean + half}
-    columns = {name: values.round(digits) for name, values in columns.items()}
+    ends = (f"low_{unit}", f"high_{unit}")
+    columns = _banded((header, *ends), prediction.mean[at] * per_si, prediction.deviation[at] * per_si)
     simulation, further = model.plant.simulate(experiment), model.plant.rig.further
-    for reading, row in zip(further, simulation.outputs[at][1:], strict=True):
+    for reading in further:
         column, per_si = column_of(reading.name, reading.unit)
-        columns[column] = (row * per_si).round(_digits(reading.noise * per_si))
+        band = prediction.further[reading.name]
+        headers = (column, f"low_{column}", f"high_{column}")
+        columns |= _banded(headers, band.mean[at] * per_si, band.deviation[at] * per_si)
     write_csv(out, {"time_s": wanted.timepts.round(9), **columns})
-    also = "".join(f", and {reading.name}" for reading in further)
-    voice.say(f"{out}: {wanted.n_samples} samples of {name} with a 95 % predictive band{also}")
+    also = "".join(f" and of {reading.name.replace('_', ' ')}" for reading in further)
+    voice.say(f"{out}: {wanted.n_samples} samples of {name}{also} with a 95 % predictive band")
     for event in simulation.events:
-        voice.say(f"{'' if event.time < simulation.sound_until else 'not to be believed from here on: '}{event}")
+        voice.say(f"{'' if event.time < simulation.sound_until else 'unreliable from here on: '}{event}")
     voice.result(
         {
             "out": str(out),
@@ -97,6 +99,13 @@ def simulate(
             "events": [str(event) for event in simulation.events],
         }
     )
+
+
+def _banded(headers: tuple[str, str, str], mean: np.ndarray, deviation: np.ndarray) -> dict[str, np.ndarray]:
+    """Columns of a reading and of the ends of its band, `mean` and `deviation` (n,), rounded to what the band tells."""
+    half = TWO_SIDED_95 * deviation
+    columns = (mean, mean - half, mean + half)
+    return {name: values.round(_digits(half.min())) for name, values in zip(headers, columns, strict=True)}
 
 
 def _digits(width: float) -> int:

@@ -30,7 +30,7 @@ def require_folder(path: Path) -> Path:
     if path.is_dir():
         return path.resolve()
     if path.exists():
-        raise DataError(f"{path}: is a file; give the folder that it lies in")
+        raise DataError(f"{path}: is a file; give the folder that contains it")
     raise DataError(f"{path}: there is no such folder")
 
 

@@ -231,7 +231,9 @@ class Board:
             if not inside(self.root, name).is_file():
                 raise DataError(f"{name}: there is no such file in the folder")
         if safe_name(order.out) != order.out:
-            raise DataError(f'{order.out}: no name for a folder here; take for example "{safe_name(order.out)}"')
+            raise DataError(
+                f'{order.out}: not a valid name for a folder here; use for example "{safe_name(order.out)}"'
+            )
         if len(self.running) >= MOST_RUNNING:
             raise DataError(f"{MOST_RUNNING} jobs are running; wait for one, or cancel it")
         self._make(order.out)
@@ -246,9 +248,9 @@ class Board:
             folder.mkdir()
         except FileExistsError:
             if any(_same(folder, self.root / job.order.out) for job in self.running):
-                raise DataError(f"{out}: a job that runs writes into it; take another name") from None
+                raise DataError(f"{out}: a running job writes into it; choose another name") from None
             if not holds_only_partial(folder):
-                raise DataError(f"{out}: is there already; results are not replaced, take another name") from None
+                raise DataError(f"{out}: exists already, and results are not replaced; choose another name") from None
         except OSError as error:
             raise DataError(f"{out}: the folder cannot be made: {error.strerror}") from None
 

@@ -28,7 +28,7 @@ SIZE = "standard"
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Run the cases that have no result yet, open the key, count, draw."""
+    """Run the cases that have no result yet, compare the results with the key, and write the report."""
     record, folder = setting.record(), setting.folder
     size = setting.size or SIZE
     folder.written.extend(("seal.json", "cases"))  # by the store, as soon as it begins

@@ -57,7 +57,7 @@ def _whole(figure: Figure, study: Opened) -> str:
     _draw_confusion(first, by_family(study), "small")
     rows = [*_draw_power(second, study), *_draw_reliability(third, study), *_draw_errors(fourth, study)]
     titles = {
-        first: "what is concealed (rows), what is found",
+        first: "concealed (rows), found (columns)",
         second: "one effect, by its strength",
         third: "stated probability of a cause",
         fourth: "free run on held-out data",

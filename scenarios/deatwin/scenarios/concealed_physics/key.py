@@ -55,8 +55,8 @@ _OUTSIDE: dict[str, tuple[float, str]] = {
         9.9,
         "a gap in the middle of a static curve: saturations act at its ends, curvatures not sharply",
     ),
-    "charging_heat": (51, "softening by the square of the voltage's steps, not by voltage, stretch or time"),
-    "gain_wander": (45, "random: no effect of the catalogue is"),
+    "charging_heat": (51, "softening by the square of the voltage's steps, which no effect describes"),
+    "gain_wander": (45, "random; no effect of the catalogue is random"),
     "interference_bursts": (55, "random bursts: no tone, no step"),
     "one_way_damper": (32, "viscous drag in one direction only: the catalogue's damping is even"),
     "capacitive_crosstalk": (
@@ -92,8 +92,8 @@ _SLOW = (
     "sensor_drift",
 )
 _ONCE = (
-    "one level with a small sine: what shifts the zero, changes the gain or lags moves the mean once, and the sine is "
-    "too small to show a gain that changes by a few per cent"
+    "one level with a small sine: changes of zero, of gain or by a lag shift the mean once, and the sine is too small "
+    "to show a gain that changes by a few per cent"
 )
 TIES: tuple[tuple[str, tuple[str, ...], str, str], ...] = (
     ("one_level", _SLOW, "warming_sensor", _ONCE),
@@ -106,7 +106,7 @@ TIES: tuple[tuple[str, tuple[str, ...], str, str], ...] = (
         "one_level",
         ("periodic_disturbance", "thermal_stiffness"),
         "thermostat_swing",
-        "one level: whether the film's modulus swings or the reading, it is one slow tone",
+        "one level: an oscillating modulus and an oscillating reading both give one slow tone",
     ),
 )
 """Input, names that it cannot tell apart (the truth among them), the mechanism, and why; the cases go round these.

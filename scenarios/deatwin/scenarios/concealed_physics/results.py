@@ -80,7 +80,7 @@ def _held(result: Mapping[str, Any]) -> Iterator[Held]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Opened:
-    """A study with its key: all that has been run of it."""
+    """A study with its key and all finished cases."""
 
     cases: tuple[Case, ...]
     intervals: tuple[Held, ...]
@@ -95,10 +95,10 @@ class Opened:
 
 
 def open_key(store: Store, key: Mapping[str, Any]) -> Opened:
-    """Put the truth beside the results of a study that is through."""
+    """Read the results of a finished study together with the concealed effects."""
     study = open_part(store, key)
     if study.missing:
-        raise DataError(f"{len(study.missing)} cases have not been run, {study.missing[0]} first: go on with the study")
+        raise DataError(f"{len(study.missing)} cases have not been run, {study.missing[0]} first: continue the study")
     return study
 
 

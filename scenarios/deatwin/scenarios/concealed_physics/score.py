@@ -46,62 +46,74 @@ class Goal:
 
 
 def score(study: Opened) -> list[Goal]:
-    """Hold the study against its goals."""
+    """Compare the study with its goals."""
     clean, pairs, outside = study.of("clean"), study.of("pair"), study.of("outside", ratio=STRONG)
     inside, ties = study.of("effect", ratio=STRONG), study.of("tie", ratio=STRONG)
     far = [case for case in inside if case.nearest >= FAR]
     detected = [case for case in study.of("effect", "tie", "pair") if case.detected]
     named = [case for case in study.of("effect", "pair") if case.verdict == "named"]
     tied = [case for case in study.of("tie") if case.verdict == "ambiguous"]
-    strong, distant = f"ratio {STRONG} or more", f"d² to the nearest rival {FAR:g} or more"
+    strong, distant = f"ratio {STRONG} or more", f"d² to the nearest alternative {FAR:g} or more"
     fine = (held.covered for case in study.cases for held in case.held)
     return [
         _at_most(
             "false alarm: a cause named on clean data", [bool(c.causes) for c in clean], 1 / 150, "0 of 150, at most 1"
         ),
-        _at_least("clean data called none or parameters", [c.cleared for c in clean], 0.95),
+        _at_least("clean data: the verdict is none or parameters", [c.cleared for c in clean], 0.95),
         _harm(study),
         _at_most(
-            "confident wrong name, in the catalogue, detected",
+            "effects of the catalogue, detected: a wrong cause is named",
             [c.confidently_wrong for c in detected],
             0.01,
             "at most 1 %",
         ),
         _at_least(f"first cause right, {strong} and {distant}", [c.first_right for c in far], 0.9),
-        _at_least("the same, its family right", [c.family_right for c in far], 0.95),
-        _at_least(f"truth inside the answer, {strong}", [c.inside for c in inside], 0.95),
-        _mean("mean size of the set, rich input", [len(c.answer) for c in inside if c.rich and c.answer], 1.3),
-        _at_least(f"outside the catalogue, {strong}: unknown", [c.verdict == "unknown" for c in outside], 0.9),
-        _at_most("the same: a cause named", [bool(c.causes) for c in outside], 0.05, "at most 5 %"),
-        _at_least("two effects: both named", [c.all_named for c in pairs], 0.7),
-        _at_least("two effects: no cause is wrong", [not c.failed and not c.wrong_cause for c in pairs], 0.9),
-        _at_least(
-            "ties that were called ambiguous, resolved by the advised experiment", [c.resolved for c in tied], 0.9
+        _at_least(f"family of the first cause right, {strong} and {distant}", [c.family_right for c in far], 0.95),
+        _at_least(f"true effect in the answer, {strong}", [c.inside for c in inside], 0.95),
+        _mean(
+            "mean number of effects in the answer, rich input",
+            [len(c.answer) for c in inside if c.rich and c.answer],
+            1.3,
         ),
         _at_least(
-            f"all ties, {strong}: resolved so, or named rightly at once",
+            f"outside the catalogue, {strong}: the verdict is unknown", [c.verdict == "unknown" for c in outside], 0.9
+        ),
+        _at_most(
+            f"outside the catalogue, {strong}: a cause is named", [bool(c.causes) for c in outside], 0.05, "at most 5 %"
+        ),
+        _at_least("two effects: both are named", [c.all_named for c in pairs], 0.7),
+        _at_least("two effects: no wrong cause is named", [not c.failed and not c.wrong_cause for c in pairs], 0.9),
+        _at_least(
+            "ties with the verdict ambiguous: resolved by the advised experiment", [c.resolved for c in tied], 0.9
+        ),
+        _at_least(
+            f"all ties, {strong}: resolved by the advised experiment or named at once",
             [c.resolved or c.named_right for c in ties],
             0.9,
         ),
-        _at_least(f"ties, {strong}: truth inside the answer", [c.inside for c in ties], 0.95),
-        _median("gap to the oracle closed on held-out data, ratio 1 or more, median", gaps_closed(study), 0.95),
-        _at_least("error on held-out data ahead of every baseline, named cases", [_ahead(c) for c in named], 0.9),
-        _points("naming ahead of the sparse dynamics (pysindy)", inside, 0.3),
+        _at_least(f"ties, {strong}: true effect in the answer", [c.inside for c in ties], 0.95),
+        _median(
+            "share of the gap between base plant and oracle that is closed on held-out data, ratio 1 or more, median",
+            gaps_closed(study),
+            0.95,
+        ),
+        _at_least("named cases: held-out error smaller than that of every baseline", [_ahead(c) for c in named], 0.9),
+        _points("share of right names, minus that of sparse dynamics (pysindy)", inside, 0.3),
         _covered(study),
-        _rate("95 % intervals cover, fine plant, where both have the parameter", REPORTED, fine, None),
+        _rate("coverage of 95 % intervals of shared parameters, data of the fine plant", REPORTED, fine, None),
         _calibration(study),
     ]
 
 
 def sentence(study: Opened, goals: Sequence[Goal]) -> str:
-    """Say in a line what came out."""
+    """Summarise the results in one sentence."""
     clean, concealed = study.of("clean"), study.of("effect", ratio=STRONG)
     demanding = [goal for goal in goals if goal.met is not None]
     return (
         f"In {len(study.cases)} sealed cases: {sum(bool(c.causes) for c in clean)} of {len(clean)} clean ones with a "
         f"cause named; of {len(concealed)} with a concealed effect that is at least half the noise, "
         f"{sum(c.first_right for c in concealed)} have it as first cause; "
-        f"{sum(c.confidently_wrong for c in study.of('effect', 'tie', 'pair'))} confident wrong names; "
+        f"{sum(c.confidently_wrong for c in study.of('effect', 'tie', 'pair'))} verdicts with a wrong name; "
         f"{sum(bool(goal.met) for goal in demanding)} of {len(demanding)} goals are met."
     )
 
@@ -130,7 +142,7 @@ def _harm(study: Opened) -> Goal:
     low, high = median_interval(ratios)
     middle = float(np.median(ratios)) if ratios else np.nan
     words = f"{middle:.4f} ({low:.4f} to {high:.4f}), at worst {max(ratios, default=np.nan):.3f}"
-    measure = "harm: error on held-out clean data, with over without the diagnosis, median"
+    measure = "harm: median ratio of the held-out error on clean data, with to without diagnosis"
     return _goal(measure, "at most 1.005", words, (middle, low, high), len(ratios), middle <= 1.005)
 
 
@@ -138,7 +150,7 @@ def _covered(study: Opened) -> Goal:
     covered = [held.covered for held in study.intervals]
     rate = Rate.of(covered)
     met = rate.count >= LEAST_PARAMETERS and 0.92 <= rate.share <= 0.98
-    measure = "95 % intervals of added parameters cover, data of the reduced plant"
+    measure = "coverage of 95 % intervals of an effect's parameters, data of the reduced plant"
     return _rate(measure, f"92 to 98 % of at least {LEAST_PARAMETERS}", covered, met)
 
 
@@ -146,7 +158,7 @@ def _calibration(study: Opened) -> Goal:
     stated = [pair for case in study.cases for pair in case.stated]
     error = expected_calibration_error(reliability(stated))
     words = f"{error:.3f}, Brier score {brier_score(stated):.3f}, {len(stated)} causes"
-    measure = "stated probabilities: expected calibration error"
+    measure = "expected calibration error of stated probabilities"
     return _goal(measure, "at most 0.05", words, (error, np.nan, np.nan), len(stated), error <= 0.05)
 
 
@@ -187,7 +199,7 @@ def _median(measure: str, values: Sequence[float], limit: float) -> Goal:
 def _points(measure: str, cases: Sequence[Case], limit: float) -> Goal:
     """Difference of two rates on the same cases; its bound takes each rate's own, which is on the safe side."""
     ours, theirs = Rate.of(c.first_right for c in cases), Rate.of(c.sparse_right for c in cases)
-    demanded = f"by {100 * limit:g} points"
+    demanded = f"at least {100 * limit:g} points"
     if not cases:
         return _goal(measure, demanded, "", (np.nan, np.nan, np.nan), 0, False)
     ahead, (our_low, our_high), (low, high) = ours.share - theirs.share, ours.interval, theirs.interval

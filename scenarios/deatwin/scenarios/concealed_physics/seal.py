@@ -26,7 +26,7 @@ OPEN_CODE = frozenset(STORY / name for name in ("__init__.py", "results.py", "sc
 
 @dataclass(frozen=True, kw_only=True)
 class Seal(Sealed):
-    """Everything that must not change between the first case and the last."""
+    """Hashes of everything that must not change between the first case and the last."""
 
     size: str
     seed: int

@@ -26,12 +26,12 @@ Spec = CaseSpec | IntervalSpec
 
 
 def labels(size: str, seed: int) -> tuple[Spec, ...]:
-    """List all cases of a study, with what is concealed in each."""
+    """List all cases of a study with their concealed effects."""
     return (*case_specs(size, seed), *interval_specs(size, seed))
 
 
 def key_of(specs: Sequence[Spec]) -> dict[str, Any]:
-    """Make the key: what is concealed in each case, and which names are right for it."""
+    """Make the key: the concealed effect of each case, and its right names."""
     return {"names": key_dict(), "cases": [spec.to_dict() for spec in specs]}
 
 

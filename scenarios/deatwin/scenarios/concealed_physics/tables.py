@@ -112,7 +112,7 @@ def tables(study: Opened, seal: Seal) -> list[Table]:
 
 
 def reported(goals: Sequence[Goal]) -> Table:
-    """List what is measured without anything being demanded."""
+    """List the results for which no goal is set."""
     columns: dict[str, Callable[[Goal], str]] = {"measure": lambda g: g.measure, "reached": lambda g: g.reached}
     return Table.of("Reported, nothing is demanded", [goal for goal in goals if goal.met is None], columns)
 
@@ -140,19 +140,19 @@ def _each(cases: Sequence[Case], mark: Callable[[Case], str]) -> str:
 
 
 def _effects(study: Opened) -> Table:
-    legend = "✓ named, ½ partly, (✓) ambiguous with the truth inside, ✗ wrong, ? unknown, – none, · other"
+    legend = "✓ named, ½ partly, (✓) ambiguous with the true effect included, ✗ wrong, ? unknown, – none, · other"
     return Table.of(
-        f"Effect by effect ({legend})",
+        f"Results for each effect ({legend})",
         _grouped(study.of("effect"), lambda case: case.truth[0]).items(),
         {
             "effect": lambda group: _words(group[0]),
             "concealed as": lambda group: ", ".join(dict.fromkeys(_words(m) for c in group[1] for m in c.mechanisms)),
             "cases": lambda group: len(group[1]),
             "detected": lambda group: sum(c.detected for c in group[1]),
-            "truth in answer": lambda group: sum(c.inside for c in group[1]),
+            "true effect in answer": lambda group: sum(c.inside for c in group[1]),
             "first cause right": lambda group: sum(c.first_right for c in group[1]),
-            "confident wrong": lambda group: sum(c.confidently_wrong for c in group[1]),
-            "each: ratio and verdict": lambda group: _each(group[1], _mark),
+            "wrong name": lambda group: sum(c.confidently_wrong for c in group[1]),
+            "ratio and verdict of each case": lambda group: _each(group[1], _mark),
         },
     )
 
@@ -184,7 +184,7 @@ def _outside(study: Opened) -> Table:
             "unknown": lambda group: sum(c.verdict == "unknown" for c in group[1]),
             "a cause named": lambda group: sum(bool(c.causes) for c in group[1]),
             "which": lambda group: which(group[1]),
-            "each: ratio and verdict": lambda group: _each(group[1], mark),
+            "ratio and verdict of each case": lambda group: _each(group[1], mark),
         },
     )
 
@@ -205,7 +205,7 @@ def _pairs(study: Opened) -> Table:
 
 
 def _ties(study: Opened) -> Table:
-    mass = "† a mass was added: the further record was diagnosed alone, with the tied effects as the whole catalogue"
+    mass = "† with an added mass: the new recording was diagnosed alone, with only the tied effects as candidates"
     return Table.of(
         f"Ties ({mass})",
         study.of("tie"),
@@ -232,13 +232,15 @@ def _predictions(study: Opened) -> Table:
             lost = sum(name in c.lost for c in cases)
             rows.append([words, str(len(ratios)), *(f"{r:.3f}" for r in (middle, low, high)), str(lost)])
     columns = ["plant", "cases", "median", "5 %", "95 %", "runs that diverged or failed"]
-    return Table(title="Error on the check record over the oracle's, ratio 1 or more", columns=columns, rows=rows)
+    return Table(
+        title="Error on the check recording relative to the oracle, ratio 1 or more", columns=columns, rows=rows
+    )
 
 
 def _reach() -> Table:
     """Show what the displacement under a voltage can show of each mechanism at all."""
     return Table.of(
-        "Largest ratio at physical size, measured beforehand on one rig with noise of 1 % of the motion",
+        "Largest ratio at a physically plausible size, measured beforehand on one rig with noise of 1 % of the motion",
         sorted(REACH, key=lambda name: (REACH[name], name in OUTSIDE, name)),
         {
             "mechanism": _words,

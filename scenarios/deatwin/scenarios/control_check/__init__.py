@@ -37,7 +37,7 @@ SIZE = "short"
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Design, check, try on the truth, draw and judge."""
+    """Design controllers, check them, run them on the true rigs, and write the report."""
     record, folder = setting.record(), setting.folder
     folder.written.extend(("seal.json", "trials"))  # trials are there as soon as they are through
     study = carry_out(folder.path, setting.size or SIZE, setting.seed, setting.jobs, setting.progress)
@@ -62,8 +62,8 @@ def _answer(study: Study, rows: Sequence[Measure]) -> str:
     factor = study.tracking[0].ratio("PI", "inverse")
     passed, unsound = inside(study.outcomes), caught(study.outcomes)
     return (
-        f"PI behind the inverse of the static curve tracks with an error {factor:.1f} times below that of PI alone, at "
-        f"equal margins. Of {len(study.outcomes)} random rigs and designs the check passes {passed.count}, of which "
+        f"With the inverse of the static curve, the tracking error of PI is {factor:.1f} times smaller, at equal "
+        f"margins. Of {len(study.outcomes)} random rigs and designs the check passes {passed.count}, of which "
         f"{passed.hits} keep inside the predicted band; {unsound.count} break a limit on the true rig, of which it "
         f"passes {unsound.count - unsound.hits}. {reached(rows)} stated measures are reached."
     )

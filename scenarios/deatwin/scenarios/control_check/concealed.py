@@ -62,7 +62,7 @@ class Designed:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Concealed:
-    """An effect, its diagnosis, and both designs."""
+    """A concealed effect, its diagnosis, and both designs."""
 
     effect: str  # Canonical name
     diagnosis: Diagnosis

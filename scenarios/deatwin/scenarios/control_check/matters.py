@@ -101,7 +101,7 @@ QUANTITIES = (
 
 @dataclass(frozen=True, kw_only=True)
 class Promise:
-    """A number as a model predicted it, and as the plant made it, in the quantity's unit."""
+    """A predicted number and the value achieved on the plant, in the quantity's unit."""
 
     model: str
     quantity: Quantity
@@ -110,7 +110,7 @@ class Promise:
 
     @classmethod
     def of(cls, model: str, quantity: Quantity, predicted: Interval, achieved: float) -> Promise:
-        """Turn SI into the quantity's unit."""
+        """Convert from SI to the quantity's unit."""
         s = quantity.scale
         scaled = Interval(value=s * predicted.value, low=s * predicted.low, high=s * predicted.high)
         return cls(model=model, quantity=quantity, predicted=scaled, achieved=s * achieved)

@@ -43,7 +43,7 @@ NOTHING = "none"
 
 
 def judge(study: Study) -> list[Measure]:
-    """Hold the study against what is demanded."""
+    """Compare the study with its goals."""
     nominal = study.tracking[0]
     base, amended = next(one for one in study.concealed if one.effect == "electrode_rc").designs
     kept, unsound = inside(study.outcomes), caught(study.outcomes)
@@ -89,7 +89,7 @@ def _near(tracking: Tracking) -> Measure:
 def _scheduled(fleet: Sequence[FleetRun]) -> Measure:
     unstable = [run.actuator.name for run in fleet if not run.stable]
     ripple = max((run.steps.ripple for run in fleet), default=0.0)
-    calm = f"; late after a step at most {100 * ripple:.2g} % of it moves"
+    calm = f"; late motion at most {100 * ripple:.2g} % of a step"
     return WORDS.measure(
         "scheduled",
         bool(fleet) and not unstable,
@@ -224,7 +224,7 @@ def _rates(outcomes: Sequence[Outcome]) -> Table:
         for name, of in groups
     ]
     return Table(
-        title="How often the verdict kept its word, by design and by what was concealed (lower bounds hold with 95 %)",
+        title="How often the verdict was right, by design and by concealed effect (lower bounds with 95 %)",
         columns=[
             "trials",
             "number",
@@ -243,7 +243,7 @@ def _cell(rate: Rate) -> str:
 
 def _broken(outcomes: Sequence[Outcome]) -> Table:
     return Table.of(
-        "Trials that were passed and did not keep it",
+        "Passed trials that failed on the true rig",
         broken(outcomes),
         {
             "trial": lambda o: o.number,

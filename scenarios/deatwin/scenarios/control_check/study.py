@@ -34,7 +34,7 @@ class Study:
 
 
 def carry_out(folder: Path, size: str, seed: int, jobs: int, tell: Progress) -> Study:
-    """Carry out the story; trials that are in the folder already are not run again."""
+    """Run the story; finished trials in the folder are not repeated."""
     count = SIZES[size]
     rest = 15.0 / (15.0 + count)  # the rest of the story takes about as long as fifteen trials
     streams = np.random.SeedSequence(seed).spawn(3 + len(EFFECTS))

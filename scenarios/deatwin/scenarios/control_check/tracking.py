@@ -62,7 +62,7 @@ class Tracked:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tracking:
-    """Every controller on one plant."""
+    """Tracking errors of all controllers on one plant."""
 
     name: str
     tracked: Mapping[str, Tracked]

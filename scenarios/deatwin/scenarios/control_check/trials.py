@@ -155,7 +155,7 @@ def caught(outcomes: Iterable[Outcome]) -> Rate:
 
 
 def broken(outcomes: Iterable[Outcome]) -> tuple[Outcome, ...]:
-    """Select passed trials whose truth left the predicted band or broke a limit."""
+    """Select passed trials whose true run left the predicted band or broke a limit."""
     return tuple(o for o in outcomes if o.verdict == PASS and not (o.sound and o.inside == 1.0))
 
 

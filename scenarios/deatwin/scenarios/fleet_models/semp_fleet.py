@@ -35,9 +35,9 @@ def run(setting: Setting) -> Mapping[str, Any]:
     page = StoryPage(
         title="semp-fleet",
         sentence=(
-            f"Six actuators by SEMP: over sections that nothing was fitted to, the free runs fit {fits:.0f} %; "
-            f"{reached(rows)} stated measures are reached. What drift, hysteresis and the polynomials' own misfit "
-            "leave is in the correlation tests."
+            f"Six actuators by SEMP: over held-out sections the free runs fit {fits:.0f} %; {reached(rows)} stated "
+            f"goals are reached. The correlation tests show the effects of drift, hysteresis and the polynomials' own "
+            f"error."
         ),
         rows=rows,
         notes=notes(__package__, method=SEMP, **failures(study), **_choices(study)),

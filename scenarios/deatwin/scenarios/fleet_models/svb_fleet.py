@@ -37,8 +37,8 @@ def run(setting: Setting) -> Mapping[str, Any]:
     page = StoryPage(
         title="svb-fleet",
         sentence=(
-            "Six actuators by sparse variational Bayes: over sections that nothing was fitted to, the free runs fit "
-            f"{own:.0f} %, those of SEMP {other:.0f} %; {reached(rows)} stated measures are reached."
+            f"Six actuators by sparse variational Bayes: over held-out sections the free runs fit {own:.0f} %, those of "
+            f"SEMP {other:.0f} %; {reached(rows)} stated goals are reached."
         ),
         rows=rows,
         notes=notes(__package__, method=SVB, **failures(study), **_kept(study)),

@@ -46,8 +46,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
         sentence=(
             "Frequency responses and NOFRFs agree with closed forms and with simulation; of the "
             f"{len(found.each)} actuators each second-order response has its ridge where f₁ + f₂ = 0, {ridges:.1f} "
-            f"times what is beside it; {reached(rows)} stated measures are reached. What a first-order response is "
-            "worth, the actuator itself says."
+            f"times higher than beside it; {reached(rows)} stated goals are reached."
         ),
         rows=rows,
         notes=notes(__package__, **_numbers(found, truth)),

@@ -116,7 +116,7 @@ class Alternative:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Anchor:
-    """First-order responses of one actuator at the operating input: its own, and those of models."""
+    """First-order responses of an actuator and of its models at the operating input."""
 
     name: str
     frequency_Hz: Array  # shape (n,)
@@ -128,13 +128,13 @@ class Anchor:
     recorded: FrequencyResponse  # H_1 of the actuator's model
 
     def error(self, response: FrequencyResponse) -> float:
-        """Largest error of a gain against that of the bare film, relative."""
+        """Largest relative error of a gain, compared with the film without any effect."""
         return float(np.abs(response.gain / np.abs(self.film) - 1).max())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Actuators:
-    """The fleet in the frequency domain."""
+    """Frequency responses of the six actuators."""
 
     fleet: Fleet
     each: tuple[Analysed, ...]
@@ -150,7 +150,7 @@ class Actuators:
 
 
 def actuators(fleet: Fleet, rng: np.random.Generator, *, draws: int = DRAWS, jobs: int = 1) -> Actuators:
-    """Analyse the fleet."""
+    """Compute the frequency responses of the six actuators."""
     signal = _signal(fleet)
     shown = fleet.actuators[min(SHOWN, len(fleet.actuators)) - 1]
     return Actuators(
@@ -164,7 +164,7 @@ def actuators(fleet: Fleet, rng: np.random.Generator, *, draws: int = DRAWS, job
 
 
 def anchor(alike: Alike, fleet: Fleet, frequency_Hz: tuple[float, ...] = TONES) -> Anchor:
-    """Ask an actuator for its own response, which only a simulated one can tell."""
+    """Measure the true response of a simulated actuator."""
     film, gripped = (as_variant(alike.prepared.actuator, variant).plant for variant in (FILM, STEADY))
     record = alike.whole(FILM)
     found = fit(fleet.structure, record)

@@ -49,7 +49,7 @@ HELD = 0.1
 
 
 def known_drawings(known: Known) -> list[Drawing]:
-    """Draw what was done with the benchmark systems."""
+    """Draw the figures of the benchmark systems."""
     return [_ranges(known.ranges), _gfrfs(), _known_nofrfs(known.evaluated), _identified(known.identified)]
 
 
@@ -166,7 +166,7 @@ UNITS = ("µm/V", "µm/V²", "µm/V³")
 
 
 def fleet_drawings(found: Actuators) -> list[Drawing]:
-    """Draw what was done with the fleet."""
+    """Draw the figures of the six actuators."""
     return [
         _removal(found.shown),
         _first(found.each),

@@ -25,7 +25,7 @@ HALF = 0.5
 
 
 def judge(known: Known, found: Actuators, truth: Anchor) -> list[Measure]:
-    """Hold the analysis against what is demanded."""
+    """Compare the analysis with its goals."""
     return [*_known(known), *_dc(found.each), *_gfrfs(found.each), *_nofrfs(found), *_bands(found, truth)]
 
 

@@ -30,7 +30,7 @@ PLAN = Plan()
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Record, propagate, draw and compare."""
+    """Record the actuators, propagate uncertainty, compare them, and write the report."""
     record = setting.record()
     study = carry_out(setting.seed, PLAN, jobs=setting.jobs, progress=setting.progress)
     setting.progress(0.95, "judging and drawing")

@@ -30,7 +30,7 @@ CLOUD = 400
 
 
 def known_drawings(known: Known) -> list[Drawing]:
-    """Draw what was done with the benchmark systems."""
+    """Draw the figures of the benchmark systems."""
     linear, notch = known.cases[LINEAR][0], known.fragile[NOTCH.name][0]
     return [
         _complex(linear),
@@ -85,7 +85,7 @@ def _plane(spread: Spread) -> Drawing:
         _regions(left, spread, range(count), 0)
         _regions(right, spread, near, CLOUD)
         titled(left, "all frequencies")
-        titled(right, "about the frequency that is known worst")
+        titled(right, "near the most uncertain frequency")
         points = spread.sampled.draws[:CLOUD, near.start : near.stop]
         right.set(xlim=_padded(points.real), ylim=_padded(points.imag))
         legend_above(figure, right, 3)
@@ -193,7 +193,7 @@ MILLI = 1e3
 
 
 def fleet_drawings(found: Consistency) -> list[Drawing]:
-    """Draw what is said of the fleet."""
+    """Draw the figures of the six actuators."""
     return [_responses(found), _spread(found)]
 
 

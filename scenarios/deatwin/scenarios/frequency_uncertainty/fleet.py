@@ -59,7 +59,7 @@ POINTS = 50
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Consistency:
-    """How far six actuators of one specification differ, in which order and band, and what of it is drift."""
+    """Differences between six actuators of one specification by order and band, and the share caused by drift."""
 
     tables: Mapping[str, Comparison]  # By group of records
     means: Mapping[str, Mapping[str, Means]]  # By group and actuator
@@ -77,7 +77,7 @@ class Consistency:
 
     @property
     def contrasts(self) -> tuple[Contrast, ...]:
-        """Differences as measured beside differences as they are, without histories, pair by pair, by column."""
+        """Measured and true differences of each pair of actuators without drift, by column."""
         steady, level = self.means["steady"], self.means["level"]
         return tuple(
             contrast((steady[one][column], steady[other][column]), (level[one][column], level[other][column]))

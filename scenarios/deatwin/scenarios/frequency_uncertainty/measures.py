@@ -31,7 +31,7 @@ five degrees of freedom)."""
 
 
 def judge(study: Study) -> list[Measure]:
-    """Hold the study against what is demanded."""
+    """Compare the study with its goals."""
     return [*_known(study.known), *_tests(study.consistency), *_sizes(study.consistency)]
 
 

@@ -26,7 +26,7 @@ SWEPT = ((known.LINEAR, 1), (known.BILINEAR, 3), (known.PRODUCT, 2))
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """How much is done."""
+    """Size of the study."""
 
     repeats: int = fleet.REPEATS
     duration: float = DURATION
@@ -35,20 +35,20 @@ class Plan:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
-    """All of it."""
+    """All results of the study."""
 
     known: Known
     consistency: Consistency
 
 
 def carry_out(seed: int, plan: Plan, *, jobs: int, progress: Progress) -> Study:
-    """Record, draw and compare."""
+    """Record the actuators, draw parameters, and compare responses."""
     wanted = fleet.actuators(seed, plan.repeats)
     text = f"recording the fleet, its repeats and its tolerances, {len(wanted)} records"
     tasks = [(one, plan.duration) for one in wanted.values()]
     found = run_told(fleet.recorded, tasks, jobs, between(progress, 0.0, 0.5), text)
     work = _work(seed, plan, dict(zip(wanted, found, strict=True)))
-    text = "propagating beside draws, and comparing the actuators"
+    text = "propagating uncertainty, drawing samples, and comparing the actuators"
     results = run_told(call, work.values(), jobs, between(progress, 0.5, 0.95), text)
     done = dict(zip(work, results, strict=True))
     return Study(known=_known(done), consistency=_consistency(done))

@@ -39,7 +39,7 @@ STRAIN = 0.05
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Sweep the prestretch, judge the claims, and write page, figure and table."""
+    """Simulate films over the prestretch, judge the claims, and write page, figure and table."""
     record = setting.record()
     columns = sweep(setting.progress)
     setting.progress(0.8, "unequal prestretch")
@@ -52,7 +52,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
     result = {
         "claims": [{**asdict(claim), "verdict": claim.verdict.value} for claim in judged],
         "sentence": (
-            f"Of {len(judged)} claims for prestretch {true} hold, {conditional} under a condition, {false} not. "
+            f"Of {len(judged)} claims about prestretch, {true} are true, {conditional} are true under a condition, and {false} are false. "
             f"{judged[0].finding}"
         ),
     }

@@ -16,7 +16,7 @@ RELAXING = "VHB 4910 Wang 2016"
 
 
 class Verdict(Enum):
-    """The plant's answer to a claim."""
+    """Result of the simulations for a claim."""
 
     TRUE = "true"
     CONDITIONAL = "conditional"
@@ -34,7 +34,7 @@ class Claim:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sweep:
-    """Results over the prestretch."""
+    """Results of the simulations over the prestretch."""
 
     columns: Mapping[str, np.ndarray]  # shape (n,): by prestretch; NaN where there is no such thing
     ratios: Mapping[str, np.ndarray]  # shape (m,): for unequal prestretch, at one thickness
@@ -55,7 +55,7 @@ class Sweep:
         return float(self.stretch[most]), float(self.columns[name][most])
 
     def rises(self, values: np.ndarray) -> Verdict:
-        """Judge if values rise with the prestretch, shape (n,)."""
+        """Return whether values rise with the prestretch, shape (n,)."""
         steps = np.diff(values[np.isfinite(values)])
         return Verdict.TRUE if np.all(steps > 0) else Verdict.CONDITIONAL if np.any(steps > 0) else Verdict.FALSE
 

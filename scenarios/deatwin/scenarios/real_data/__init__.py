@@ -36,7 +36,7 @@ Outcomes = Mapping[str, Mapping[str, Outcome]]
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Let all methods learn, judge and draw them."""
+    """Identify all recordings with all methods, compare the errors, and draw them."""
     sets = [load(data_folder(setting.data, name)) for name, load in SETS.items()]
     record = setting.record(hashes(path for data in sets for path in data.files))
     tasks = [(method, data) for data in sets for method in reversed(list(METHODS))]  # the longest first
@@ -78,7 +78,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
 
 
 def judge(sets: Sequence[DataSet], outcomes: Outcomes) -> list[Measure]:
-    """Hold the outcomes against what is demanded."""
+    """Compare the errors with their goals."""
     oscillator, box, converter = sets[0], outcomes["silverbox"], outcomes["buck"]
     best, semp, simple, linear = (box[m].free_run / oscillator.scale for m in (GROWN, SEMP, FRO, LINEAR))
     limit = LARGEST_ERROR / oscillator.scale

@@ -19,7 +19,7 @@ from deatwin.studies.stories import Setting
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Work out the lessons, judge and draw them."""
+    """Compute the lessons, compare them with closed forms, and draw them."""
     record = setting.record()
     generators = spawn_generators(setting.seed, 7)
     setting.progress(0.0, "ridge and LASSO under their constraints")

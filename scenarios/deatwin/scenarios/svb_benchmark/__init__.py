@@ -25,7 +25,7 @@ PLAN = Plan()
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Draw, identify, count, draw figures."""
+    """Draw data sets, identify them with all methods, and count how often the structure is found."""
     record, folder = setting.record(), setting.folder
     folder.written.extend(("seal.json", CASES))  # draws are there as soon as they are through
     study = carry_out(folder.path, setting.seed, PLAN, jobs=setting.jobs, tell=setting.progress)

@@ -45,17 +45,20 @@ METHODS: Mapping[str, Method] = MappingProxyType(
         ),
         "fro-told": Method(
             "FRO, told the number",
-            "the same, told how many terms are true, so that only its order is judged",
+            "forward regression that knows the number of true terms, so that only its order is judged",
             partial(Frols, criterion="none"),
             (0.004, 0.013),
             told=True,
         ),
         "lasso": Method(
-            "LASSO", "the LASSO's path, refitted, chosen by free-run error on held-out data", Lasso, (0.12, 0.13)
+            "LASSO",
+            "refitted models along the LASSO path, chosen by free-run error on held-out data",
+            Lasso,
+            (0.12, 0.13),
         ),
         "semp": Method(
             "SEMP",
-            "least free-run error with pruning, and tests of the package beside the published rules",
+            "least free-run error with pruning, with tests added to the published rules",
             Semp,
             (0.015, 0.05),
         ),
@@ -67,7 +70,7 @@ METHODS: Mapping[str, Method] = MappingProxyType(
         ),
         "svb-clean": Method(
             "SVB with clean-up",
-            "the same, its last steps set right by exact evidence",
+            "variational Bayes whose last steps are corrected by exact evidence",
             partial(SvbNarx, clean_up="evidence"),
             (0.06, 0.85),
         ),

@@ -40,7 +40,7 @@ def kept(study: Study, system: str, method: str) -> Rate:
 
 
 def oracles(study: Study, system: str) -> tuple[Oracle, Oracle]:
-    """Ask those who know the truth: on all candidates, and from the true terms."""
+    """Evaluate the two oracles, which know the truth: on all candidates, and from the true terms."""
     draws = study.contrasts[system]
     return consult([draw.full for draw in draws]), consult([draw.near for draw in draws])
 
@@ -49,7 +49,7 @@ def oracles(study: Study, system: str) -> tuple[Oracle, Oracle]:
 
 
 def judge(study: Study) -> list[Measure]:
-    """Hold the study against what is demanded."""
+    """Compare the study with its goals."""
     rows: list[Measure] = []
     if "semp" in study.plan.methods:
         rows += _shares(study, "semp", "exact structure", ("S2", "S3", "S4"), 0.95)
@@ -80,11 +80,11 @@ def _beside_oracles(study: Study, method: str, what: str, share: float) -> Itera
         return
     rate = _rate(study, WEAK, method, what)
     of = f"{share:g} of " if share < 1 else ""
-    names = ("the oracle on all candidates", "the oracle from the true terms (stricter)")
+    names = ("an oracle on all candidates", "a stricter oracle that starts from the true terms")
     for name, oracle in zip(names, oracles(study, WEAK), strict=True):
         reference = (oracle.exact if what.startswith("exact") else oracle.kept).share
         yield Measure(
-            f"{METHODS[method].label}, {WEAK}: {what}, beside {name}",
+            f"{METHODS[method].label}, {WEAK}: {what}, relative to {name}",
             f"at least {of}{100 * reference:g} %",
             str(rate),
             rate.share >= share * reference,
@@ -109,8 +109,8 @@ def _sampler_agrees(study: Study) -> Iterator[Measure]:
         return
     same = Rate.of(draw.agrees for draw in study.comparisons)
     yield Measure(
-        "spike-and-slab sampler on S4: the terms it holds for more likely in than out",
-        "the same as those of SVB in every draw",
+        "spike-and-slab sampler on S4: terms with a probability above one half",
+        "the same terms as SVB, in every draw",
         f"in {same.hits} of {same.count} draws; two chains differ by at most "
         f"{max(draw.unsettled for draw in study.comparisons):.4f}",
         same.hits == same.count,
@@ -166,7 +166,7 @@ def _oracles(study: Study) -> Table:
         rows.append([system, *several[0], *several[1]])
     for name in ("on all candidates", "from the true terms"):
         columns += [f"{name}: every true term", "exact structure", "best threshold on |t|"]
-    return Table(title="Oracles, who know the truth and choose the threshold by it", columns=columns, rows=rows)
+    return Table(title="Oracles, which know the truth and choose the threshold by it", columns=columns, rows=rows)
 
 
 def _chosen(study: Study) -> Table:

@@ -61,7 +61,7 @@ class Plan:
 
     @property
     def bayesian(self) -> tuple[str, ...]:
-        """Methods with a posterior, which the sweep and the sampler look at; the last is the best of them."""
+        """Methods with a posterior, for the noise sweep and the sampler; the last one is the best."""
         return tuple(name for name in self.methods if name.startswith("svb"))
 
 
@@ -96,7 +96,7 @@ class Level:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
-    """Everything that came out."""
+    """All trials and comparisons of the study."""
 
     plan: Plan
     trials: tuple[Trial, ...]  # Each method on each draw
@@ -128,7 +128,7 @@ class Draws(CaseStore[SweepSeal]):
 
 
 def carry_out(folder: Path, seed: int, plan: Plan, *, jobs: int, tell: Callable[[float, str], None]) -> Study:
-    """Run every case that the folder does not hold yet, and put all together."""
+    """Run all cases that are not in the folder yet, and collect the results."""
     cases = {case.name: case for case in cases_of(plan)}
     store = Draws(folder, seed, asdict(plan))
     for name in store.names() & set(cases):

@@ -30,7 +30,7 @@ WORDS = Words(__package__)
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Record the fleet, measure, draw."""
+    """Record the six actuators, evaluate the recordings, and draw the figures."""
     record = setting.record()
     study = carry_out(setting.seed, jobs=setting.jobs, progress=between(setting.progress, 0.0, 0.9))
     setting.progress(0.9, "measuring and drawing")
@@ -44,8 +44,8 @@ def run(setting: Setting) -> Mapping[str, Any]:
     page = StoryPage(
         title="thesis-data",
         sentence=(
-            f"Six actuators of one specification, each with drifts of its own that are named physics: {reached(rows)} "
-            "stated measures of what the thesis saw are reached."
+            f"Six actuators of one specification, each with its own drifts of known physics, reproduce {reached(rows)} "
+            f"observations of the thesis."
         ),
         rows=rows,
         notes=notes(__package__, bands=bands, **_thresholds(study.benches[-1], rests)),

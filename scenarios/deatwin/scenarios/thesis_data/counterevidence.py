@@ -18,7 +18,7 @@ HOLD = 12.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SmallVoltages:
-    """Displacements at voltages at which nothing seems to move."""
+    """Displacements at such small voltages that nothing seems to move."""
 
     voltages: Array  # shape (n,): At the film, V
     displacements: Array  # shape (n,): Where the ball comes to rest, without the sensor's noise and rounding, m
@@ -51,7 +51,7 @@ class SideBands:
 
 
 def small_voltages(plant: Plant, step: float) -> SmallVoltages:
-    """Let an actuator rest at small voltages, one after another."""
+    """Compute the displacement of an actuator at several small voltages."""
     rig = plant.rig
     commands = np.repeat(LEVELS, round(HOLD / rig.sample_time))
     record = Recording.from_arrays(commands, np.zeros_like(commands), rig.sample_time)

@@ -55,7 +55,7 @@ RIDGE: tuple[Window, Window] = ((10.0, 30.0), (0.4e-3, 0.5e-3))
 
 
 def judge(study: Study) -> list[Measure]:
-    """Hold the study against what the thesis saw."""
+    """Compare the study with the observations of the thesis."""
     return [
         *_shape([bench.recording for bench in study.benches]),
         *_loops(study),

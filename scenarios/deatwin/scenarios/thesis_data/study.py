@@ -47,7 +47,7 @@ class Bench:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
-    """All experiments."""
+    """Results of all experiments."""
 
     benches: tuple[Bench, ...]
     loops: tuple[Loop, ...]
@@ -55,7 +55,7 @@ class Study:
 
 
 def carry_out(seed: int, *, jobs: int, progress: Progress) -> Study:
-    """Do all experiments."""
+    """Run all experiments."""
     wished = specification()
     tasks: list[tuple[Any, ...]] = [(_record, actuator) for actuator in fleet(seed)]
     tasks += [(loops_of, plant, RATES) for plant in (wished, wished.without_effects())]

@@ -28,7 +28,7 @@ SAVED_EVERY = 20
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Follow known systems and the fleet along time."""
+    """Estimate time-varying parameters and responses of known systems and of the six actuators."""
     record = setting.record()
     study = carry_out(setting.seed, jobs=setting.jobs, progress=setting.progress)
     setting.progress(0.92, "judging and drawing")
@@ -38,9 +38,9 @@ def run(setting: Setting) -> Mapping[str, Any]:
     page = StoryPage(
         title="time-varying",
         sentence=(
-            "Six actuators, one structure: on blocks left out of the fit free runs miss by "
-            f"{_unseen(study, CONSTANT):.0f} % of the reading's deviation with constant parameters and by "
-            f"{_unseen(study, VARYING):.0f} % with parameters that vary; {reached(rows)} stated measures are reached."
+            "Six actuators, one structure: on held-out blocks the free-run error is "
+            f"{_unseen(study, CONSTANT):.0f} % of the reading's deviation with constant parameters and "
+            f"{_unseen(study, VARYING):.0f} % with varying parameters; {reached(rows)} stated goals are reached."
         ),
         rows=rows,
         notes=notes(__package__, **_numbers(study)),

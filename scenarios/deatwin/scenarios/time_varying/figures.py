@@ -176,7 +176,7 @@ HIGHEST_HZ = 3.0
 
 
 def fleet_drawings(study: Study) -> list[Drawing]:
-    """Draw the figures of the fleet."""
+    """Draw the figures of the six actuators."""
     return [
         _sliding(study),
         _parameters(study.shown),

@@ -35,7 +35,7 @@ BAND_DB = (1.0, 1.0, 1.0, 3.0)
 
 
 def judge(study: Study) -> list[Measure]:
-    """Hold the study against what is demanded."""
+    """Compare the study with its goals."""
     return [
         *_known(study.known),
         *_frozen(study.known.frozen),
@@ -119,9 +119,13 @@ def _unseen(driven: Sequence[Driven]) -> Iterable[Measure]:
     seen = [(100 * (1 - one.track.seen[CONSTANT]), 100 * (1 - one.track.seen[VARYING])) for one in driven]
     yield WORDS.measure("whole", all(a < b for a, b in seen), pairs=Each(seen))
     for kind, way, which in (
-        ("unseen", CONSTANT, "blocks left out of the fit, least squares against varying"),
-        ("unseen", REFINED, "blocks left out of the fit, constant parameters of least free-run error against varying"),
-        ("ahead", CONSTANT, "blocks that lie ahead of all that was seen, least squares against varying"),
+        ("unseen", CONSTANT, "held-out blocks, with least-squares and with varying parameters"),
+        (
+            "unseen",
+            REFINED,
+            "held-out blocks, with constant parameters fitted to the free run and with varying parameters",
+        ),
+        ("ahead", CONSTANT, "blocks later than all fitted data, with least-squares and with varying parameters"),
     ):
         errors = [getattr(one.track, kind) for one in driven]
         pairs = [(100 * error[way], 100 * error[VARYING]) for error in errors]

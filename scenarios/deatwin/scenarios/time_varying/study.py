@@ -87,7 +87,7 @@ class Driven:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
-    """All of it."""
+    """All results of the study."""
 
     known: Known
     driven: tuple[Driven, ...]  # The six
@@ -100,7 +100,7 @@ class Study:
 
 
 def carry_out(seed: int, *, jobs: int, progress: Progress) -> Study:
-    """Do everything."""
+    """Run the whole study."""
     *of_systems, of_walks = np.random.SeedSequence(seed).spawn(len(SYSTEMS) + 1)
     walks = spawn_generators(int(of_walks.generate_state(1)[0]), REALISATIONS)
     places, actuators = range(len(SYSTEMS)), fleet(seed)

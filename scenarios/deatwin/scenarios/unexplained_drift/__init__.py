@@ -26,7 +26,7 @@ from deatwin.studies.stories import Setting
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Seal, record, diagnose and try out the argument; then open and count."""
+    """Seal the key, record and diagnose the actuators, test the argument, then open the key and count."""
     record, folder = setting.record(), setting.folder
     folder.written.extend(("seal.json", CASES))  # cases are there as soon as they are through
     answers = Answers(folder.path, Key.of(fleet(setting.seed)).seal(setting.seed))
@@ -108,7 +108,7 @@ def _estimates(scores: Sequence[Judged]) -> Table:
         "covered": lambda row: "yes" if row[1].covered else "no",
     }
     rows = [(score, estimate) for score in scores for estimate in score.estimates]
-    return Table.of("Parameters of the causes that are there", rows, columns)
+    return Table.of("Parameters of the causes that are present", rows, columns)
 
 
 def _words(names: Iterable[str]) -> str:

@@ -202,17 +202,17 @@ def _before(history: History, step: float) -> tuple[Recording, ...]:
 
 
 def sentence_of(groups: Sequence[Group]) -> str:
-    """Say the outcome in a sentence."""
+    """Summarise the outcome in one sentence."""
     six, alike, unlike = _sorted(groups)
     before, after = ([sum(g.rules_out(d) for d in six.drifts) for g in several] for several in (alike, unlike))
     return (
-        f"Repeatability excludes creep of a known size in {before[0]} and relaxation in {before[1]} of the six while "
-        f"all histories are the same; once histories differ it is {after[0]} and {after[1]}."
+        f"With equal histories, repeatability excludes creep of a known size in {before[0]} and relaxation in "
+        f"{before[1]} of the six actuators; with different histories, in {after[0]} and {after[1]}."
     )
 
 
 def rows_of(groups: Sequence[Group]) -> list[Measure]:
-    """Take the claim apart."""
+    """Run the cases of the argument and summarise each."""
     _, alike, unlike = _sorted(groups)
     rows = []
     for same, other in zip(alike, unlike, strict=True):
@@ -233,7 +233,7 @@ def rows_of(groups: Sequence[Group]) -> list[Measure]:
 
 
 def numbers(groups: Sequence[Group]) -> dict[str, Any]:
-    """Numbers of the note: what the argument is, how it was tried out, and when it holds."""
+    """Return the numbers for the note on the argument."""
     six, (creep, relaxation), (strained, aged) = _sorted(groups)
     return {
         "creep_law": CREEP,
@@ -256,7 +256,7 @@ def numbers(groups: Sequence[Group]) -> dict[str, Any]:
 
 
 def table_of(groups: Sequence[Group]) -> Table:
-    """Show shifts, their spread and what is ruled out."""
+    """Make the table of shifts, their spread, and the sizes that they rule out."""
 
     def spread(group: Group) -> str:
         s, low, high = (1e6 * v for v in group.spread)

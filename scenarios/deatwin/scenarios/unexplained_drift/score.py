@@ -22,11 +22,11 @@ OUTSIDE = frozenset({"grease_ridge"})
 class Mark(Enum):
     """Relation of an answer to the truth."""
 
-    RIGHT = "right", "all that drifts is named, and nothing else"
-    PARTLY = "partly", "some of what drifts is named, and nothing else"
-    IN_THE_SET = "in the set", "the diagnosis says that it cannot decide, and all that drifts is among what it lists"
+    RIGHT = "right", "all drifts are named, and nothing else"
+    PARTLY = "partly", "some drifts are named, and nothing else"
+    IN_THE_SET = "in the set", "the diagnosis cannot decide, and all drifts are among its alternatives"
     OPEN = "left open", "nothing is claimed with confidence"
-    WRONG = "wrong", "named with confidence what is not there"
+    WRONG = "wrong", "an absent effect is named"
 
     advice: str
 
@@ -39,7 +39,7 @@ class Mark(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """A parameter of a cause that is there, beside its true value."""
+    """An estimated parameter of a true cause, and its true value."""
 
     effect: str
     name: str
@@ -80,7 +80,7 @@ class Judged:
 
 
 def judged(findings: Sequence[Finding], key: Key) -> tuple[Judged, ...]:
-    """Hold answers against the opened key."""
+    """Compare answers with the opened key."""
     return tuple(_judge(f.name, f.diagnosis, key.drifts[f.name]) for f in findings)
 
 
@@ -106,7 +106,7 @@ def _mark(diagnosis: Diagnosis, truth: Mapping[str, Any]) -> Mark:
 
 
 def measures(scores: Sequence[Judged]) -> list[Measure]:
-    """Hold the answers against what is demanded."""
+    """Compare the answers with their goals."""
     from scipy.stats import binom
 
     count = len(scores)

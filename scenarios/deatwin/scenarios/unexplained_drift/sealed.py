@@ -40,7 +40,7 @@ class Key:
         )
 
     def seal(self, seed: int) -> SweepSeal:
-        """Seal the key: it says nothing of the drifts, and nothing of them can be changed any more."""
+        """Return the hash of the key, which reveals nothing about the drifts but fixes them."""
         parts = {
             "seed": seed,
             "key": digest(self.drifts),
@@ -58,7 +58,7 @@ def concealed_in(actuator: Actuator) -> tuple[Effect, ...]:
 
 
 def opened(folder: Path, seed: int) -> Key:
-    """Make the key anew from the seed; require that it was sealed, and that nothing that decides has changed since."""
+    """Generate the key again from the seed, and check that it and the thresholds equal the sealed ones."""
     key = Key.of(fleet(seed))
     key.seal(seed).require_same(read_seal(SweepSeal, folder), folder)
     return key

@@ -113,7 +113,7 @@ def examine(case: Case, folder: Path, command: Sequence[str], seed: int) -> tupl
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Study:
-    """Everything that came out."""
+    """All trials and comparisons of the study."""
 
     findings: tuple[Finding, ...]  # One for each actuator
     groups: tuple[Group, ...]
@@ -142,7 +142,7 @@ class Answers(CaseStore[SweepSeal]):
 def carry_out(
     answers: Answers, seed: int, command: Sequence[str], jobs: int, tell: Callable[[float, str], None]
 ) -> Study:
-    """Run every case that has no answer; no diagnosis sees more than its recordings."""
+    """Run all cases without a result; each diagnosis receives only its recordings."""
     diagnoses: dict[str, Work] = {
         _slug(actuator): partial(_diagnosed, actuator, answers.folder / "diagnoses" / _slug(actuator), command, seed)
         for actuator in fleet(seed)

@@ -52,7 +52,7 @@ Told = tuple[Case, Diagnosis, Trial]
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Drive, diagnose, and judge on the bumps."""
+    """Simulate the drives, diagnose the plant, and test it on the bumps."""
     rng = np.random.default_rng(setting.seed)
     setting.progress(0.0, "driving")
     setting.folder.text(FILE, _source())
@@ -72,7 +72,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
 
 
 def case(name: str, driven: Drives) -> Case:
-    """Build the case: the recording to diagnose and the one that judges."""
+    """Make the case, with the recording to diagnose and the one for the test."""
     fitted, held_out = (Experiment(recordings=(recording,)) for recording in (driven.rough, driven.over_bumps))
     return Case(
         name=name,
@@ -99,8 +99,8 @@ def _law(amended: Plant, judging: Experiment) -> Law:
         force="force beyond spring and linear damper (N)",
         measured=(speed, force),
         modelled=(signals["velocity"], signals["strut"] - linear),
-        caption="Bumps and a pothole. Recording: what the car's own equations have, which no fit has seen; amended "
-        "plant: the force of the effect that was built in.",
+        caption="Held-out bumps and a pothole. Recording: force in the car's own equations; amended plant: force of "
+        "the added effect.",
     )
 
 
@@ -116,8 +116,8 @@ def _written(setting: Setting, told: Mapping[str, Told], record: RunRecord) -> M
     rows += [row for one in told.values() for row in _rows(*one)]
     base, amended = (1e3 * error for error in (trial.base_error, trial.amended_error))
     sentence = (
-        f"A plant of thirty lines, and recordings that an integrator of others made: {diagnosis.sentence} Over bumps, "
-        f"on which nothing was fitted or chosen, the free run is off by {base:.3g} mm rms before and {amended:.3g} mm "
+        f"A plant of thirty lines, and recordings made with other equations and another integrator: "
+        f"{diagnosis.sentence} Over held-out bumps, the free-run error is {base:.3g} mm rms before and {amended:.3g} mm "
         "after."
     )
     page = StoryPage(

@@ -31,8 +31,8 @@ def agreement(timepts: Array, road: Array, here: Array, elsewhere: Array, noise:
             figure,
             "agreement",
             "One car, computed twice",
-            "Bumps and a pothole, without the sensor's noise. Both know the drag here; it is what the diagnosis is not "
-            f"told. The sensor's noise, {1e6 * noise:.0f} µm rms, is far above the difference.",
+            f"Bumps and a pothole, without sensor noise. Both simulations include the drag, which the diagnosis does "
+            f"not know. Their difference is far below the sensor noise of {1e6 * noise:.0f} µm rms.",
             {
                 "time_s": timepts,
                 "road_mm": 1e3 * road,

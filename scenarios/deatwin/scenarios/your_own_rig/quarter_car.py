@@ -47,5 +47,5 @@ class QuarterCar(Rig):
 
 
 def plant() -> Plant:
-    """What the command line is given as quarter_car:plant."""
+    """Return the plant, which the command line calls quarter_car:plant."""
     return Plant(rig=QuarterCar())

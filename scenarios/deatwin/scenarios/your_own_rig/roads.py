@@ -29,7 +29,7 @@ BUMPS = ((1.0, 0.06, 0.5), (4.0, -0.05, 0.4), (6.5, 0.07, 0.8), (9.0, 0.05, 0.25
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Drives:
-    """Two drives of one car, as they are read back from their files."""
+    """Two drives of one car, read from their files."""
 
     rough: Recording  # To diagnose
     over_bumps: Recording
@@ -43,7 +43,7 @@ def rough_road(rng: np.random.Generator, step: float, seconds: float = LENGTH) -
 
 
 def bumps(step: float) -> Array:
-    """A level road with bumps and a pothole, which the strut takes faster than the rough road."""
+    """Return a level road with bumps and a pothole, on which the strut moves faster than on the rough road."""
     timepts = step * np.arange(round(LENGTH / step))
     road = np.zeros(timepts.size)
     for start, height, width in BUMPS:
@@ -53,7 +53,7 @@ def bumps(step: float) -> Array:
 
 
 def concealed() -> Plant:
-    """The car of `elsewhere` in deatwin's own terms: the user's plant with other values, and the catalogue's drag."""
+    """Return the car of `elsewhere` as a plant: the user's plant with other values and the catalogue's drag."""
     nominal = plant()
     drag = next(effect for effect in nominal.rig.effects() if effect.name == "quadratic_damping")
     own = {name: getattr(CAR, name) for name in ("wheel", "spring", "damper", "tyre")}
@@ -61,7 +61,7 @@ def concealed() -> Plant:
 
 
 def record(driver: str, folder: ResultFolder, roads: tuple[Array, Array], rng: np.random.Generator) -> Drives:
-    """Let one of the `DRIVERS` drive, write both recordings, and read them back as a user's own would be."""
+    """Simulate a drive with one of the `DRIVERS`, write both recordings, and read them like a user's own."""
     made = [DRIVERS[driver](road, rng) for road in roads]
     names = (f"recordings/{driver}_rough_road.csv", f"recordings/{driver}_bumps.csv")
     for file, recording in zip(names, made, strict=True):
@@ -72,7 +72,7 @@ def record(driver: str, folder: ResultFolder, roads: tuple[Array, Array], rng: n
 
 
 def unread(road: Array) -> Recording:
-    """A road that nobody has driven over yet."""
+    """Return the recording of a road before any drive, with zero readings."""
     return _named(road, np.zeros(road.size))
 
 

@@ -32,7 +32,7 @@ BLACK_BOXES = (LINEAR, REFINED, GROWN)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HeldOut:
-    """A recording on which nothing is fitted or chosen."""
+    """A held-out recording, on which nothing is fitted or chosen."""
 
     name: str
     experiment: Experiment  # Begins at rest, or leads in
@@ -41,12 +41,12 @@ class HeldOut:
     follows: bool = False  # True if the readings follow the input
 
     def readings(self, plant: Plant) -> Array:
-        """A plant's free run where it counts. Shapes: returns (n,)."""
+        """Return a plant's free run at the samples that count. Shapes: returns (n,)."""
         return plant.simulate(self.experiment).require().outputs[-1][0, self.first :]
 
     @property
     def measured(self) -> Array:
-        """Readings where it counts, shape (n,), SI."""
+        """Readings at the samples that count, shape (n,), SI."""
         return self.experiment.recordings[-1].outputs[0, self.first :]
 
     @property
@@ -57,13 +57,13 @@ class HeldOut:
 
     @property
     def timepts(self) -> Array:
-        """Clock times where it counts, shape (n,), s."""
+        """Clock times of the samples that count, shape (n,), s."""
         return self.experiment.recordings[-1].timepts[self.first :]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Law:
-    """The missing physics over the state that it depends on."""
+    """The missing physics as a function of the state that it depends on."""
 
     state: str  # Labels with units
     force: str
@@ -74,7 +74,7 @@ class Law:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Case:
-    """A recording and a plant from which its documented physics is left out."""
+    """A recording, and a plant that lacks its documented physics."""
 
     name: str
     title: str
@@ -111,7 +111,7 @@ class Trial:
 
     @property
     def best_black_box(self) -> Outcome | None:
-        """The NARX with the least error here: chosen on the held-out recording, in its favour."""
+        """NARX model with the smallest error on the held-out recording, chosen in its favour."""
         sound = [o for o in self.black_boxes if o.method != LINEAR and np.isfinite(o.free_run)]
         return min(sound, key=lambda o: o.free_run) if sound else None
 
@@ -148,12 +148,12 @@ def diagnosed(setting: Setting, case: Case, name: str, progress: Progress) -> Di
 
 
 def amended_plant(diagnosis: Diagnosis) -> Plant | None:
-    """The plant with what was found built in; None if nothing was."""
+    """Return the plant with the named effects; None if none was named."""
     return diagnosis.model.plant if diagnosis.causes and diagnosis.model is not None else None
 
 
 def judged(case: Case, diagnosis: Diagnosis, jobs: int = 1) -> tuple[Trial, ...]:
-    """Run the plants, and black boxes that learned from the same samples, over the held-out recordings."""
+    """Simulate the plants, and black boxes trained on the same samples, over the held-out recordings."""
     known, model = diagnosis.base_model, diagnosis.model
     if known is None or model is None:
         raise ModelError("a diagnosis without its evidence cannot be judged")
@@ -174,11 +174,11 @@ def judged(case: Case, diagnosis: Diagnosis, jobs: int = 1) -> tuple[Trial, ...]
 
 
 def measures(case: Case, diagnosis: Diagnosis, trials: Sequence[Trial]) -> list[Measure]:
-    """Hold a diagnosis and its free runs against their goals."""
+    """Compare a diagnosis and its free runs with their goals."""
     causes = [cause.effect for cause in diagnosis.causes]
     rows = [
         Measure(
-            "The physics that is documented is named, and no other",
+            "The documented physics is named, and no other",
             f"named: {' or '.join(case.documented)}",
             f"{diagnosis.verdict.value}: {', '.join(causes) or 'no cause'}",
             bool(causes) and set(causes) <= set(case.documented) and diagnosis.verdict.value == "named",
@@ -186,7 +186,7 @@ def measures(case: Case, diagnosis: Diagnosis, trials: Sequence[Trial]) -> list[
     ]
     for trial in trials:
         base, after = trial.base_error / case.scale, trial.amended_error / case.scale
-        name = f"{trial.held_out.name}: free run, rms error, against the base plant's"
+        name = f"{trial.held_out.name}: rms error of the free run, relative to the base plant"
         rows.append(Measure(name, f"below {base:.4g} {case.unit}", f"{after:.4g} {case.unit}", after < base))
     return rows
 
@@ -212,7 +212,7 @@ def error_table(case: Case, trials: Sequence[Trial]) -> Table:
 
 
 def tried_table(case: Case, diagnosis: Diagnosis) -> Table:
-    """Effects that the diagnosis built in, with what each left."""
+    """Return the table of the effects that the diagnosis tried, with their remaining errors."""
     tried = diagnosis.candidates
     rows = [
         [

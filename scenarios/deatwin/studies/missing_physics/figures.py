@@ -43,8 +43,8 @@ def held_out(case: Case, trial: Trial) -> Drawing:
             figure,
             "held_out",
             f"{case.title}: {trial.held_out.name}",
-            "Free runs over a recording on which nothing was fitted or chosen. Above: all of it; below: the ochre "
-            "part, around the largest error of the base plant.",
+            "Free runs over a held-out recording. Above: all of it; below: the ochre part, around the largest error of "
+            "the base plant.",
             {name: values[near] for name, values in columns.items()},
         )
 
@@ -71,8 +71,8 @@ def residuals(case: Case, trial: Trial) -> Drawing:
         return Drawing.of(
             figure,
             "residuals",
-            f"{case.title}: what is left of {trial.held_out.name}",
-            "Measured minus simulated, in free run, without and with the physics that was found.",
+            f"{case.title}: residual of {trial.held_out.name}",
+            "Measured minus simulated (free run), without and with the effect that was found.",
             columns,
         )
 
@@ -89,7 +89,7 @@ def law(case: Case, found: Law) -> Drawing:
         axes.set(xlabel=found.state, ylabel=found.force)
         legend_above(figure, axes, 2)
         columns = {"state": found.modelled[0], "missing": found.modelled[1]}
-        title = f"{case.title}: the missing physics over its state"
+        title = f"{case.title}: the missing physics as a function of its state"
         return Drawing.of(figure, "law", title, found.caption, columns)
 
 

@@ -71,6 +71,6 @@ def _said(case: Case, trial: Trial) -> str:
     best = trial.best_black_box
     beside = "" if best is None else f"; the best NARX leaves {best.free_run / case.scale:.3g}"
     return (
-        f"{trial.held_out.name}, on which nothing was fitted or chosen: free run in {case.loop} to {base:.3g} "
-        f"{case.unit} rms before, {amended:.3g} after{beside}."
+        f"{trial.held_out.name} (held out): the free-run error in {case.loop} is {base:.3g} {case.unit} rms before and "
+        f"{amended:.3g} after{beside}."
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -20,7 +20,7 @@ from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.refine import refine
 from deatwin.ident.narx.semp import Semp
 from deatwin.ident.narx.svb import SvbNarx
-from deatwin.ident.nss import NonlinearStateSpace
+from deatwin.ident.nss import NonlinearStateSpace, StateSpaceIdentifier
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 from deatwin.studies.public.records import DataSet
@@ -76,13 +76,14 @@ class Outcome:
     data: str  # Name of the set
     method: str
     seconds: float  # Time to learn
-    outputs: Array  # shape (n,): free run over the test recording
+    outputs: Array = field(default_factory=lambda: np.zeros(0))  # shape (n,): free run over the test recording
     terms: int = 0  # Number of parameters
     one_step: float = np.nan  # Error over the test recording
     free_run: float = np.nan  # Error over the test recording
     training: float = np.nan  # Error of the free run over the training recording
     failure: str = ""  # Why there is no sound free run
     model: Model | None = None
+    first_state: Array | None = None  # shape (n_states,): that of a state space at the first training sample
 
     @property
     def plain(self) -> dict[str, Any]:
@@ -99,42 +100,49 @@ class Outcome:
         }
 
 
-def attempt(method: str, data: DataSet) -> Outcome:
-    """Let a method, or an estimator that the data bring along, learn, and judge it."""
+def learned(method: str, data: DataSet) -> Outcome:
+    """Identify a data set by a method, or by an estimator of its own."""
     begun = time.perf_counter()
+    further, first_state = data.further.get(method), None
     try:
-        further = data.further.get(method)
         model = METHODS[method](data) if further is None else further.fit(data.train).model_
     except ModelError as error:
-        return Outcome(
-            data=data.name,
-            method=method,
-            seconds=time.perf_counter() - begun,
-            failure=str(error),
-            outputs=np.full(data.test.n_samples, np.nan),
-        )
-    return _judged(method, data, model, time.perf_counter() - begun)
-
-
-def _judged(method: str, data: DataSet, model: Model, seconds: float) -> Outcome:
-    """Hold a model against the test recording."""
-    run = free(model, data.test)
+        return Outcome(data=data.name, method=method, seconds=time.perf_counter() - begun, failure=str(error))
+    if isinstance(further, StateSpaceIdentifier):
+        first_state = further.first_states_[0]
     return Outcome(
         data=data.name,
         method=method,
         terms=model.theta.size,
-        seconds=seconds,
+        seconds=time.perf_counter() - begun,
         model=model,
-        one_step=model.predict(data.test).rms_error,
+        first_state=first_state,
+    )
+
+
+def attempt(method: str, data: DataSet) -> Outcome:
+    """Let a method learn, and hold its model against the test recording."""
+    found = learned(method, data)
+    if found.model is None:
+        return replace(found, outputs=np.full(data.test.n_samples, np.nan))
+    run = free(found.model, data.test)
+    return replace(
+        found,
+        one_step=found.model.predict(data.test).rms_error,
         free_run=run.rms_error if run.status.ok else np.nan,
-        training=free(model, data.train).rms_error,
+        training=free(found.model, data.train).rms_error,
         outputs=run.outputs[0],
         failure="" if run.status.ok else f"the free run diverges at {run.failed_at_s:.4g} s",
     )
 
 
-def free(model: Model, recording: Recording, shown: int | None = None) -> Any:
-    """The free run from the first measured lags alone, as `NarxModel` does it; a state space takes the shown samples."""
+def free(model: Model, recording: Recording, shown: int | None = None, first_state: Array | None = None) -> Any:
+    """The free run from the first measured lags alone, as `NarxModel` does it; a state space takes the shown samples, or
+    a first state.
+    """
     if isinstance(model, LinearModel):
         return model.simulate(recording, warmup=model.poles.size)
-    return model.simulate(recording) if isinstance(model, NarxModel) else model.simulate(recording, warmup=shown)
+    if isinstance(model, NarxModel):
+        return model.simulate(recording)
+    warmup = shown if first_state is None else None
+    return model.simulate(recording, warmup=warmup, initial=first_state)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.terms import Rule
-from deatwin.ident.nss import StateSpaceIdentifier
 from deatwin.plant.recording import Recording
 from deatwin.studies.public.columns import csv_columns, matlab_vectors, require_samples
 
@@ -52,6 +52,16 @@ class Candidates:
         }
 
 
+class Learner(Protocol):
+    """An estimator."""
+
+    model_: Any
+
+    def fit(self, recordings: Recording, /) -> Learner:
+        """Learn, and keep the model."""
+        ...
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DataSet:
     """A public data set."""
@@ -66,7 +76,7 @@ class DataSet:
     files: tuple[Path, ...] = ()  # Read from
     note: str = ""  # On its preparation
     parts: int = 1  # Into so many a long training recording is cut where structures are grown
-    further: Mapping[str, StateSpaceIdentifier] = field(default_factory=dict)  # Estimators made for it, by name
+    further: Mapping[str, Learner] = field(default_factory=dict)  # Estimators made for it, by name
 
 
 def buck(folder: Path) -> DataSet:
@@ -83,12 +93,12 @@ def buck(folder: Path) -> DataSet:
         scale=1.0,
         files=files,
         candidates=Candidates(output_lags=2, input_lags=(1, 2), degree=2, max_terms=8),
-        note="Learned from buck_id, judged on buck_valid, as they are.",
+        note="Identified from buck_id and tested on buck_valid, without preprocessing.",
     )
 
 
 def silverbox(folder: Path) -> DataSet:
-    """The oscillator, learned from the multisine alone."""
+    """Return the oscillator's recordings, with the multisine for training."""
     table, file = silverbox_table(folder)
     require_samples(file, len(table), MULTISINE.stop)
     whole = _recording(table[:, 0], table[:, 1], 1 / SILVERBOX_RATE, ("V", "V"), file)
@@ -102,9 +112,9 @@ def silverbox(folder: Path) -> DataSet:
         train=whole.section(MULTISINE.start, MULTISINE.stop),
         test=whole.section(ARROW_HEAD.start, ARROW_HEAD.stop),
         candidates=Candidates(output_lags=3, input_lags=(0, 1, 2, 3), degree=3, max_terms=15),
-        note="Learned from the multisine (samples 40,650 to 127,400), judged on the arrow-head (the first 40,000), "
-        "whose amplitude grows beyond what was learned from. The input is band-limited, so that its present value "
-        "counts.",
+        note="Identified from the multisine (samples 40,650 to 127,400) and tested on the arrow-head (the first "
+        "40,000), whose amplitude grows beyond the training data. The input is band-limited, so its present value has "
+        "an effect.",
     )
 
 
@@ -126,7 +136,7 @@ def cascaded_tanks(folder: Path) -> DataSet:
         scale=1.0,
         files=(file,),
         candidates=Candidates(output_lags=3, input_lags=(1, 2, 3), degree=3, max_terms=15),
-        note="Learned from the estimation record, judged on the validation record. A polynomial has no overflow.",
+        note="Identified from the estimation recording and tested on the validation recording. A polynomial cannot describe the overflow.",
     )
 
 
@@ -143,10 +153,10 @@ def emps(folder: Path) -> DataSet:
         scale=1e-3,
         files=files,
         candidates=Candidates(output_lags=2, input_lags=(0, 1, 2), degree=3, max_terms=12),
-        note="Motor force in, which holds the pulses of the validation record, and velocity out (differences of the "
-        "position), both decimated from 1 kHz to 50 Hz. The free run is in open loop, from force to velocity. "
-        "Recorded in closed loop: the force answers to the motion's own errors, so that one-step estimates "
-        "are biased. A polynomial has no Coulomb friction.",
+        note="The input is the motor force, which includes the pulses of the validation recording; the output is the "
+        "velocity (differences of the position). Both are decimated from 1 kHz to 50 Hz. The free run is in open "
+        "loop, from force to velocity. The data were recorded in closed loop, where the force reacts to errors of the "
+        "motion, so one-step estimates are biased. A polynomial cannot describe Coulomb friction.",
     )
 
 

@@ -62,7 +62,8 @@ SOURCES: Mapping[str, Source] = MappingProxyType(
 
 
 def data_folder(given: Path | None, name: str) -> Path:
-    """The folder of a set of public recordings: below the one given or named by the variable, or downloaded."""
+    """Find the folder of a set of public recordings, in the given folder or the one that the variable names, or
+    download it."""
     root = given or os.environ.get(DATA_VARIABLE)
     if not root:
         return downloaded(name)
@@ -94,7 +95,7 @@ def downloaded(name: str) -> Path:
 
 
 def origins(given: Path | None, files: Mapping[str, Iterable[Path]]) -> Table:
-    """Who published the recordings of a page, how they got here, and their hashes."""
+    """Describe the publishers, the origin and the hashes of a page's recordings."""
     rows = [
         [SOURCES[name].title, SOURCES[name].published, _way(given), Path(one["file"]).name, one["sha256"]]
         for name, read in files.items()

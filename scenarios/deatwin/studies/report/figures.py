@@ -98,7 +98,7 @@ def _residual(view: _View) -> Drawing:
         if handles[0]:
             figure.legend(*handles, loc="outside upper left", ncols=2)
         svg = inline(figure, "residual", "Residual over time")
-    caption = "Measured minus simulated reading. Grey: held-out samples, which no fit saw."
+    caption = "Measured minus simulated reading. Grey: held-out samples, to which nothing was fitted."
     if any("located" in text for text in handles[1]):
         caption += " Ochre: where the mismatch lies; the stronger, the larger its share."
     return Drawing(name="residual", title="Residual over time", caption=caption, svg=svg, data="figures/time.csv")
@@ -196,7 +196,7 @@ def _zoom(view: _View) -> Drawing:
         figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=3)
         svg = inline(figure, "zoom", "Recording and simulations, a stretch of it")
     which = "held-out" if track.unseen[part].any() else "fitted"
-    caption = f"The stretch of the {which} part in which the calibrated plant is furthest off."
+    caption = f"Section of the {which} part with the largest error of the calibrated plant."
     if view.tracks[-1].experiment > 1:
         caption += f" Experiment {track.experiment}."
     return Drawing(name="zoom", title="A closer look", caption=caption, svg=svg, data="figures/time.csv")
@@ -241,7 +241,7 @@ def _whole(view: _View) -> Drawing:
         figure.align_ylabels()
         figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=3)
         svg = inline(figure, "whole", "The whole recording and the simulations")
-    caption = "All recordings with free-run simulations: only the command is given to them."
+    caption = "All recordings, with free-run simulations that receive only the command."
     return Drawing(name="whole", title="The whole recording", caption=caption, svg=svg, data="figures/time.csv")
 
 

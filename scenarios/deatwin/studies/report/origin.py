@@ -15,7 +15,7 @@ LEFT_OUT = {"--out": 1, "--report": 1, "--jobs": 1, "--json": 0, "--quiet": 0}
 
 @dataclass(frozen=True, kw_only=True)
 class Origin:
-    """Origin of a result, as far as equal runs share it."""
+    """Origin of a result, without what differs between equal runs."""
 
     inputs: Sequence[Mapping[str, str]]  # ``file`` and ``sha256`` of each input
     seed: int
@@ -23,7 +23,7 @@ class Origin:
 
     @classmethod
     def of(cls, record: RunRecord) -> Origin:
-        """Take the origin from the record of a run."""
+        """Return the origin stated in the record of a run."""
         return cls(inputs=record.inputs, seed=record.seed, command=record.command)
 
     @property
@@ -33,7 +33,7 @@ class Origin:
 
     @property
     def shown(self) -> str:
-        """The command line as one may type it again, without what leaves the results as they are."""
+        """Return the command line to repeat the run, without options that do not affect the results."""
         words = list(self.command)
         kept = [PurePath(word).name for word in words[:1]]
         place = 1

@@ -34,7 +34,7 @@ def three_digits(value: float | None) -> str:
 
 
 def with_interval(value: float, low: float, high: float, unit: str) -> tuple[str, str]:
-    """A value and its interval, in the same prefix, with the digits that tell the ends apart.
+    """Write a value and its interval with one unit prefix, and enough digits to distinguish the ends.
 
     Examples
     --------
@@ -47,7 +47,7 @@ def with_interval(value: float, low: float, high: float, unit: str) -> tuple[str
 
 
 def in_interval(value: float, low: float, high: float) -> str:
-    """A value and its interval without a unit, with the digits that tell the ends apart.
+    """Write a value and its interval without a unit, with enough digits to distinguish the ends.
 
     Examples
     --------

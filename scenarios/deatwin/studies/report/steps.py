@@ -52,7 +52,7 @@ def _drawable(findings: Findings) -> dict[str, Drawable]:
     found["detection"] = (
         (WIDTH, 8.4),
         "Beyond chance",
-        "Spectrum, cumulative periodogram and correlations of the calibrated plant's residual, beside what chance allows.",
+        "Spectrum, cumulative periodogram and correlations of the calibrated plant's residual, with the limits of chance.",
         lambda figure: findings.detection.plot(list(figure.subplots(3, 1))),
     )
     if (location := findings.location) is not None:

@@ -18,7 +18,7 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True)
 class Measure:
-    """A measured value beside its goal, as text with units."""
+    """A measured value and its goal, as text with units."""
 
     measure: str
     demanded: str

@@ -53,11 +53,11 @@ class Words:
         self._words = tomllib.loads(files(package).joinpath("words.toml").read_text(encoding="utf-8"))
 
     def text(self, name: str, /, **numbers: Any) -> str:
-        """A text by its dotted name."""
+        """Return a text by its dotted name."""
         return _filled(self._found(name), numbers)
 
     def texts(self, name: str, /, **numbers: Any) -> tuple[str, ...]:
-        """Several texts by their dotted name."""
+        """Return several texts by their dotted name."""
         return tuple(_filled(text, numbers) for text in self._found(name))
 
     def _found(self, name: str) -> Any:
@@ -67,19 +67,19 @@ class Words:
         return found
 
     def measure(self, name: str, passed: bool, /, **numbers: Any) -> Measure:
-        """A measure beside its goal."""
+        """Make a measure with its goal."""
         measure, demanded, reached = (self.text(f"measure.{name}.{part}", **numbers) for part in _MEASURE)
         return Measure(measure, demanded, reached, bool(passed))
 
     def drawing(
         self, figure: Figure, name: str, columns: Mapping[str, ArrayLike] | str, called: str = "", /, **numbers: Any
     ) -> Drawing:
-        """A figure with its title, caption and data; several may share their words and be called differently."""
+        """Make a figure with its title, caption and data; several figures may share a text."""
         title, caption = (self.text(f"figure.{name}.{part}", **numbers) for part in ("title", "caption"))
         return Drawing.of(figure, called or name, title, caption, columns)
 
     def table(self, name: str, rows: Sequence[Sequence[str]], /, *more: str, **numbers: Any) -> Table:
-        """A table; `more` are columns after those of the file."""
+        """Make a table; `more` lists columns after those in the file."""
         columns = [*(_filled(column, numbers) for column in self._words["table"][name]["columns"]), *more]
         return Table(title=self.text(f"table.{name}.title", **numbers), columns=columns, rows=rows)
 

@@ -89,7 +89,7 @@ class Study:
         attributes["sealed"] = json.dumps(dict(self.store.seal.parts), ensure_ascii=False)
         if ERROR in variables or (both := set(coords) & set(variables)):
             name = ERROR if ERROR in variables else min(both)
-            raise DataError(f"a result is called {name}, as something else is already: rename it in the work function")
+            raise DataError(f"a result is called {name}, but this name is already used: rename it in the work function")
         return xarray.Dataset(
             {**variables, ERROR: ("case", messages)}, coords={"case": list(self.names), **coords}, attrs=attributes
         )

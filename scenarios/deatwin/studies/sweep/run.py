@@ -81,8 +81,8 @@ def run_sweep(
         except KeyboardInterrupt:
             through = len(cases) - len(store.missing(list(cases)))
             raise KeyboardInterrupt(
-                f"interrupted: {through} of {len(cases)} {noun}s are through and stay in {store.cases}; the same call "
-                "goes on with the others"
+                f"interrupted: {through} of {len(cases)} {noun}s are finished and stay in {store.cases}; the same call "
+                f"continues with the others"
             ) from None
 
 
@@ -101,7 +101,7 @@ def _run_all(
         if fewest >= MOST_DEATHS:
             raise DataError(
                 f"{store.cases}: the worker died each of {fewest} times that it ran {_listed(missing)} (memory?); all "
-                "other cases are through"
+                "other cases are finished"
             )
         turn = [name for name in missing if deaths[name] == fewest]
         turn = turn[:1] if fewest >= TOGETHER else turn
@@ -115,8 +115,8 @@ def _run_all(
         else:
             if absent := store.missing(turn):
                 raise DataError(
-                    f"{store.cases}: nothing was written of {_listed(absent)}, though it was run: do all workers see "
-                    "this folder?"
+                    f"{store.cases}: there is no result of {_listed(absent)}, although it was run: do all workers see "
+                    f"this folder?"
                 )
     progress.only([])
 

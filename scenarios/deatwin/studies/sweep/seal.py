@@ -58,7 +58,7 @@ class Sealed(ABC):
         try:
             seal, stated = cls.read(data), data["hash"]
         except (KeyError, TypeError, ValueError) as error:
-            raise DataError(f"this is no seal of a study that this version can go on with: {error!r}") from None
+            raise DataError(f"this version cannot continue a study with this seal: {error!r}") from None
         if seal.hash != stated:
             raise DataError(
                 f"the seal was altered: it states the hash {_short(stated)}, its content has {seal.hash[:12]}"
@@ -69,8 +69,8 @@ class Sealed(ABC):
         """Raise DataError, naming what differs from the seal found in a folder."""
         if changed := self.changes(other):
             raise DataError(
-                f"{where} was begun under another seal ({changed}): its cases cannot be mixed with new ones; go on "
-                "with what began it, or take an empty folder"
+                f"{where} was begun under another seal ({changed}): its cases cannot be mixed with new ones; continue "
+                f"with the original version, or use an empty folder"
             )
 
     def stamp(self, name: str) -> dict[str, Any]:

@@ -82,7 +82,7 @@ class CaseStore(Generic[S]):
             If the folder holds cases.
         """
         if self.names():
-            raise DataError(f"{self.folder} holds cases but no {SEAL_FILE}: what they were run under cannot be known")
+            raise DataError(f"{self.folder} holds cases but no {SEAL_FILE}, so their conditions are unknown")
 
     def put(self, name: str, result: Mapping[str, Any]) -> None:
         """Write the result of a case, unless it has one.
@@ -133,7 +133,7 @@ class CaseStore(Generic[S]):
         return found
 
     def read(self, name: str, build: Callable[[dict[str, Any]], Content], noun: str = "case") -> Content:
-        """Read a case, and make of it what it describes.
+        """Read a case and convert it to its object.
 
         Parameters
         ----------

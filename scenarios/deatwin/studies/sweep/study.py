@@ -130,7 +130,7 @@ def _named(cases: Iterable[Case]) -> dict[str, dict[str, Any]]:
         plain = {str(key): _scalar(number, str(key), value) for key, value in case.items()}
         name = _name(plain)
         if name in known:
-            raise DataError(f"case {number} is there twice: {plain}; tell them apart, for instance by a number")
+            raise DataError(f"case {number} occurs twice: {plain}; distinguish the two, for instance by a number")
         known[name] = plain
     return known
 
@@ -160,8 +160,8 @@ def _function(work: Work) -> dict[str, str]:
     """Name of the function and SHA-256 of the file that it stands in."""
     if not inspect.isfunction(work) or work.__closure__ or work.__name__ == "<lambda>":
         raise DataError(
-            "the work must be a function of a module: values inside a partial, a closure or an object could change "
-            "unseen; hand them over in the cases or in the module"
+            "the work must be a function of a module, because values inside a partial, a closure or an object could "
+            "change unnoticed; pass them in the cases or in the module"
         )
     module = sys.modules.get(work.__module__)
     path = getattr(module, "__file__", None)

@@ -43,7 +43,7 @@ def test_sentences_on_runs_near_the_limits_hold_the_numbers():
     found = texts(0.4, sine_predicted=0.4 * 2**0.5 / 7.0)
     assert found["overshoot"].startswith("steps overshoot by 80 % on")
     assert found["steady error"].startswith("steps end 40.0 % off on")
-    assert found["ripple"].startswith("late after a step, 40.0 % of it still moves on")
+    assert found["ripple"].startswith("late after a step, the output still moves by 40.0 % of the step on")
     assert found["tracking"].startswith("the error on a slow sine is 7.00 times the predicted one on")
 
 
@@ -53,7 +53,7 @@ def test_sentences_on_runs_far_off_are_short_and_the_numbers_stay(size):
     for subject, says in (
         ("overshoot", "steps overshoot by more than 1000 % on"),
         ("steady error", "steps end more than 1000 % off on"),
-        ("ripple", "late after a step, more than 1000 % of it still moves on"),
+        ("ripple", "late after a step, the output still moves by more than 1000 % of the step on"),
         ("tracking", "the error on a slow sine is more than 100 times the predicted one on"),
     ):
         assert found[subject].text.startswith(says)

@@ -161,7 +161,7 @@ def test_a_plant_that_does_not_live_through_the_sines_is_not_measured(gap):
     assert found.verdict is Verdict.MARGINAL
     assert found.value is None
     assert "of limits and codes predict no limit cycle" in found.text
-    assert "not measured: it does not live through sines of 6 % of the room" in found.text
+    assert "not measured: the plant fails under sines of 6 % of the room" in found.text
 
 
 def test_the_sizes_of_the_sines_that_a_plant_lived_through_are_told(brittle):

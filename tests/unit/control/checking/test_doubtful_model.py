@@ -166,7 +166,7 @@ def test_a_crossover_between_two_tones_is_marginal(checked, exact, rig, fast, pa
     quiet = np.array(output) + 1e-3 * np.random.default_rng(2).standard_normal(2000)
     found = checked(exact(), rig, controller=fast, recording=Recording.from_arrays(command, quiet, H))
     assert (found.verdict, found.worst_case.subject) == (Verdict.MARGINAL, "excitation")
-    assert "lies in a hole of what the recording excited" in found.reason
+    assert "lies in a gap of the excited band" in found.reason
     assert found.excited_band_Hz == pytest.approx(3.0 * crossover, rel=0.05)
 
 

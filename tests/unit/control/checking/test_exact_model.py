@@ -256,4 +256,4 @@ def test_a_plant_with_another_zero_is_told_apart_from_a_bad_controller(checked, 
         assert len(apart) == told
     assert found.worst_case is apart[0] and apart[0].value == pytest.approx(-3.0)
     assert "the model rests at 3 mm and the plant at 0 mm, 3 mm apart" in found.sentence
-    assert "within the command's limits it rests from -2 to 2 mm" in found.sentence
+    assert "within the limits of the command it rests from -2 to 2 mm" in found.sentence

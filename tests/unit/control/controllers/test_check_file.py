@@ -58,5 +58,5 @@ def test_the_schema_refuses_an_anti_windup_that_is_not_one_a_law(made, windup, t
 
 def test_a_schedule_behind_an_inverse_is_refused_by_name(made):
     linear = linear_model(np.array([0.0, 0.1]), np.array([1.0, -0.9]), operating_input=2.0, operating_output=1.0)
-    with pytest.raises(ControlError, match="a ScheduledController cannot be the feedback behind an inverse"):
+    with pytest.raises(ControlError, match="a ScheduledController cannot be the feedback of an inverse"):
         with_inverse(linear, made.inverse.curve, lambda model, **_: made.scheduled, command_limits=(1.0, 4.0))

@@ -140,5 +140,5 @@ def test_a_document_of_an_unknown_kind_is_refused(made):
 @pytest.mark.parametrize("factor", [0.0, np.nan, np.inf])
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_loop_gain_of_nothing_is_refused(made, kind, factor):
-    with pytest.raises(ControlError, match="must be finite, not 0"):
+    with pytest.raises(ControlError, match="must be finite and not 0"):
         made[kind].scaled(factor)

@@ -148,5 +148,5 @@ def test_a_model_that_turns_has_no_inverse(model):
 
 
 def test_nothing_else_has_a_curve():
-    with pytest.raises(ControlError, match="NarxModel or a Plant, not of a str"):
+    with pytest.raises(ControlError, match="NarxModel or a Plant, not a str"):
         static_curve("model", LIMITS)

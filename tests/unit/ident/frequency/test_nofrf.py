@@ -210,7 +210,7 @@ def test_a_random_record_is_warned_of_and_erratic_and_the_designed_signal_is_not
         record = band_limited_noise(
             np.random.default_rng(seed), 8.0, SAMPLE_TIME, variance=0.004, mean=0.0, band=5.0, lower=-1.0, upper=1.0
         )
-        with pytest.warns(NofrfWarning, match="random records that suit identification do not suit this"):
+        with pytest.warns(NofrfWarning, match="random recordings are unsuitable"):
             erratic = nofrf(model, record, 3)
         assert erratic.status is NofrfStatus.ERRATIC_EXCITATION
         for n in (2, 3):
@@ -280,7 +280,7 @@ QUARTIC = {"y(k-1)": 0.5, "u(k-1)": 1.0, "u(k-1)^2": 0.1, "u(k-1)^4": 2.0}
 def test_levels_that_cannot_tell_the_truncation_are_said(order, levels):
     # u^4 acts, and with fewer than two more levels than orders nothing shows it: G_2 comes out many times too large
     excitation = design_excitation([0.5, 2.0], SAMPLE_TIME, amplitude=1.0)
-    with pytest.warns(NofrfWarning, match=f"nothing is known of the error they make.*{len(levels)} level"):
+    with pytest.warns(NofrfWarning, match=f"caused by orders beyond those fitted is unknown.*{len(levels)} level"):
         found = nofrf(model_of(QUARTIC), excitation, order, levels=levels)
     assert found.status is NofrfStatus.UNVERIFIED
     assert not found.status.ok
@@ -291,7 +291,7 @@ def test_levels_enough_in_number_but_not_apart_are_said():
     # four levels, of which three are one to rounding of their squares: no more than two orders are told apart
     excitation = design_excitation([0.5, 2.0], SAMPLE_TIME, amplitude=1.0)
     levels = [1.0, -1.0, 1e-12, 2e-12]
-    with pytest.warns(NofrfWarning, match="nothing is known of the error"):
+    with pytest.warns(NofrfWarning, match="caused by orders beyond those fitted is unknown"):
         found = nofrf(model_of(QUARTIC), excitation, 2, highest=2, levels=levels)
     assert found.status is NofrfStatus.UNVERIFIED
 
@@ -409,7 +409,7 @@ def test_orders_that_act_and_were_not_fitted_are_said_and_the_level_that_would_d
 
 
 def test_levels_that_do_not_tell_orders_apart_are_said():
-    with pytest.warns(NofrfWarning, match="hardly tell the orders apart"):
+    with pytest.warns(NofrfWarning, match="hardly separate the orders"):
         found = nofrf(model_of(FINITE["degree 2"]), signal(), 2, levels=[1.0, 1.0 + 1e-9, 1.0 - 1e-9])
     assert found.status is NofrfStatus.ILL_CONDITIONED
     assert found.condition > 1e8
@@ -422,11 +422,11 @@ def test_levels_that_do_not_tell_orders_apart_are_said():
         ({"levels": [1.0, 1.0, -1.0]}, "distinct"),
         ({"levels": [1.0, np.nan, -1.0]}, "finite"),
         ({"levels": [[1.0, 2.0], [3.0, 4.0]]}, "shape"),
-        ({"levels": [1.0, -1.0]}, "2 level.s. cannot tell 3 orders apart"),
-        ({"levels": [1.0, -1.0, 0.5], "highest": 4}, "cannot tell 4"),
+        ({"levels": [1.0, -1.0]}, "2 level.s. cannot separate 3 orders"),
+        ({"levels": [1.0, -1.0, 0.5], "highest": 4}, "cannot separate 4"),
         ({"highest": 2}, "highest = 2; it must be an integer of at least 3"),
         ({"highest": 3.5}, "highest = 3.5"),
-        ({"highest": 500}, "500 orders; beyond 20 the powers of the levels are hardly told apart"),
+        ({"highest": 500}, "500 orders; beyond 20 the powers of the levels can hardly be distinguished"),
         ({"order": 21}, "21 orders; beyond 20"),
         ({"levels": [1e-300, 1.0, -1.0]}, "between 1e-12 and 1e"),
         ({"levels": [1e200, 1.0, -1.0]}, "between 1e-12 and 1e"),

@@ -394,8 +394,8 @@ def test_a_late_answer_within_the_timing_of_readings_is_said_with_its_time():
 
 
 def test_an_estimate_below_nothing_is_said_as_nothing():
-    assert "; 4 % of it comes back with the command." in DIAGNOSES["disturbance, known"].sentence
-    assert "; none of it comes back with the command." in DIAGNOSES["disturbance, all of it"].sentence
+    assert "; 4 % of it repeats with the command." in DIAGNOSES["disturbance, known"].sentence
+    assert "; none of it repeats with the command." in DIAGNOSES["disturbance, all of it"].sentence
 
 
 def test_every_effect_of_the_catalogue_can_be_said():

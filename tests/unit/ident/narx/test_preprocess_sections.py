@@ -131,7 +131,7 @@ def test_a_trend_throughout_is_said():
 
 def test_slow_signals_ask_for_longer_segments():
     found = choose_sections(record(np.random.default_rng(9), pole=0.98))
-    assert not found.segments_are_long and "short beside the correlation time" in str(found)
+    assert not found.segments_are_long and "short compared with the correlation time" in str(found)
 
 
 def test_errors_are_clear():

@@ -45,6 +45,15 @@ def test_a_known_system_is_recovered():
     np.testing.assert_allclose(found, np.sort_complex(origin), atol=1e-5)
 
 
+def test_the_first_states_begin_the_runs_over_the_training_data():
+    rng = np.random.default_rng(4)
+    records = [duffing(rng, 300).section(50 * i, 250) for i in (1, 2)]
+    fitted = Pnlss(**DUFFING).fit(records)
+    for record, first in zip(records, fitted.first_states_, strict=True):
+        run = fitted.model_.simulate(record, initial=first)
+        np.testing.assert_allclose(run.outputs, record.outputs, atol=1e-6)
+
+
 def _still(model):
     """State of the model at rest without input, by its own recursion."""
     run = model.simulate(np.zeros(2000))

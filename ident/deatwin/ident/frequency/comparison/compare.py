@@ -80,7 +80,7 @@ class Difference:
 
     @property
     def sentence(self) -> str:
-        """The difference as a sentence."""
+        """Description of the difference in one sentence."""
         what = f"H_{self.order} of {self.first} and {self.second} from {self.from_Hz:g} to {self.to_Hz:g} Hz"
         if not self.differs:
             return f"{what}: no difference can be shown (p = {self.adjusted:.2g})."

@@ -30,7 +30,7 @@ Complex = NDArray[np.complex128]
 _MORE = 4  # orders beyond that asked for, which may be fitted
 _HIGHEST = 20  # with two more the condition of Chebyshev levels comes to the following limit
 _CONDITION = 1e8  # beyond it half of the digits are lost
-_TRUNCATION = 0.01  # share of an order of the output, root mean squares over its lines
+TRUNCATION = 0.01  # share of an order of the output, root mean squares over its lines
 
 
 def nofrf(
@@ -88,11 +88,11 @@ def nofrf(
     """
     order = whole_order(order)
     wanted = _wanted_orders(order, highest)
-    require_one_input(model)
+    require_one_input(model, "nofrf_of_inputs or nofrf_exact")
     period = one_period(excitation, model.sample_time)
     factors = chebyshev_levels(2 * max(wanted[-1], 2)) if levels is None else checked_levels(levels)
     if factors.size < wanted[0]:
-        raise ModelError(f"{factors.size} level(s) cannot tell {wanted[0]} orders apart; give at least {wanted[0]}")
+        raise ModelError(f"{factors.size} level(s) cannot separate {wanted[0]} orders; give at least {wanted[0]}")
     powers = _powers(model, period, wanted[-1] + 2)
     runs = _run(deviations(model, operating_input), period, factors, wanted[0])
     fit = fit_orders(runs.levels, runs.spectra, [u.in_range for u in powers], wanted)
@@ -158,7 +158,7 @@ def nofrf_exact(
         warnings.warn(NofrfStatus.ERRATIC_EXCITATION.value, NofrfWarning, stacklevel=2)
     output = cross_order(model, excitation, powers, operating_input)
     rows = [row for row, count in enumerate(powers) for _ in range(count)]
-    return _quotient(output, power, unit_of(model, rows))
+    return quotient(output, power, unit_of(model, rows))
 
 
 def _powers_of_inputs(model: NarxModel, order: int | Mapping[str, int]) -> tuple[int, ...]:
@@ -183,8 +183,8 @@ def _wanted_orders(order: int, highest: int | None) -> range:
     fewest = order if highest is None else whole_number(highest, "highest", order)
     if fewest > _HIGHEST:
         raise ModelError(
-            f"{fewest} orders; beyond {_HIGHEST} the powers of the levels are hardly told apart in double precision: "
-            "fit fewer, or take `nofrf_exact`"
+            f"{fewest} orders; beyond {_HIGHEST} the powers of the levels can hardly be distinguished in double "
+            "precision: fit fewer, or use `nofrf_exact`"
         )
     return range(fewest, min(order + _MORE, _HIGHEST) + 1 if highest is None else fewest + 1)
 
@@ -211,8 +211,8 @@ def _run(about: Deviations, period: Array, levels: Array, needed: int) -> _Runs:
     if kept.sum() < needed:
         advice = "lower the amplitude of the excitation" if about.point.is_stable else NofrfStatus.UNSTABLE.value
         raise ModelError(
-            f"the model diverges at {_written(levels[~kept])} times the excitation; {kept.sum()} level(s) left cannot "
-            f"tell {needed} orders apart: {advice}"
+            f"the model diverges at {_written(levels[~kept])} times the excitation; {kept.sum()} remaining level(s) "
+            f"cannot separate {needed} orders: {advice}"
         )
     return _Runs(
         levels=levels[kept],
@@ -236,10 +236,10 @@ def _result(
     fit: LevelFit,
 ) -> Nofrf:
     """Result of the fit before it is judged; its derivatives are those of the exact orders, without truncation."""
-    outputs = tuple(_fitted(y, values) for y, values in zip(exact, fit.orders, strict=True))
+    outputs = tuple(as_fitted(y, values) for y, values in zip(exact, fit.orders, strict=True))
     return Nofrf(
         order=order,
-        orders=tuple(_quotient(y, u, unit_of(model, (0,) * u.order)) for y, u in zip(outputs, inputs, strict=True)),
+        orders=tuple(quotient(y, u, unit_of(model, (0,) * u.order)) for y, u in zip(outputs, inputs, strict=True)),
         outputs=outputs,
         inputs=inputs,
         levels=read_only(runs.levels),
@@ -250,7 +250,7 @@ def _result(
         truncation=tuple(
             change[u.defined] / np.abs(u.values[u.defined]) for change, u in zip(fit.changes, inputs, strict=True)
         ),
-        advisable_level=float(np.minimum(fit.advisable_level(order, _TRUNCATION), runs.kept_share)),
+        advisable_level=float(np.minimum(fit.advisable_level(order, TRUNCATION), runs.kept_share)),
         status=NofrfStatus.OK,
     )
 
@@ -269,7 +269,7 @@ def _judged(found: Nofrf, settled: bool) -> Nofrf:
     return replace(found, status=next((status for status, present in faults.items() if present), NofrfStatus.OK))
 
 
-def _fitted(exact: FrequencyResponse, values: Complex) -> FrequencyResponse:
+def as_fitted(exact: FrequencyResponse, values: Complex) -> FrequencyResponse:
     """An order of the output as it was fitted; with other parameters it moves as the exact one does."""
     many = None if exact.evaluate is None else partial(_moved, exact.evaluate, values - exact.values)
     return replace(exact, values=values, evaluate=many)
@@ -280,7 +280,7 @@ def _moved(evaluate: Callable[[Array], Evaluated], shift: Complex, thetas: Array
     return replace(found, values=found.values + shift)
 
 
-def _quotient(output: FrequencyResponse, power: InputSpectrum, unit: str) -> FrequencyResponse:
+def quotient(output: FrequencyResponse, power: InputSpectrum, unit: str) -> FrequencyResponse:
     """G_n = Y_n / U_n where it exists."""
     powers, some = power.values[power.defined], output.at_points(power.defined)
     many = None if some.evaluate is None else partial(_quotients, some.evaluate, powers)

@@ -70,7 +70,7 @@ def checked_levels(levels: ArrayLike) -> Array:
     if np.any(np.abs(values) > _SPREAD) or np.any(np.abs(values) < 1 / _SPREAD):
         raise ModelError(f"the levels must lie between {1 / _SPREAD:g} and {_SPREAD:g} in magnitude; best near 1")
     if np.unique(values).size < values.size:
-        raise ModelError("the levels must be distinct: one twice tells nothing new")
+        raise ModelError("the levels must be distinct, because a repeated one adds nothing")
     return values
 
 
@@ -83,11 +83,11 @@ def fit_orders(levels: Array, spectra: Complex, in_range: Sequence[Flags], tried
     left_out = _left_out(levels, spectra, reached, min(tried[-1], levels.size))
     errors = left_out[tried[0] - 1 :]
     number = tried[int(np.argmax(errors <= max(_BETTER * errors.min(), _ROUNDING)))]
-    orders, _ = _least_squares(levels, spectra, reached[:number])
+    orders, _ = separated(_powers(levels, number)[0], spectra, reached[:number])
     changes = np.full(orders.shape, np.nan)
     more, sizes = _powers(levels, number + 2)
     if np.linalg.matrix_rank(more / sizes) == number + 2:
-        changes = np.abs(_least_squares(levels, spectra, reached[: number + 2])[0][:number] - orders)
+        changes = np.abs(separated(more, spectra, reached[: number + 2])[0][:number] - orders)
     powers, lengths = _powers(levels, number)
     return LevelFit(
         levels=levels,
@@ -99,9 +99,12 @@ def fit_orders(levels: Array, spectra: Complex, in_range: Sequence[Flags], tried
     )
 
 
-def _least_squares(levels: Array, spectra: Complex, in_range: Flags) -> tuple[Complex, Complex]:
-    """The orders; and of each spectrum, what the fit to all other levels leaves of it."""
-    powers, lengths = _powers(levels, len(in_range))
+def separated(powers: Array, spectra: Complex, in_range: Flags) -> tuple[Complex, Complex]:
+    """Fit the orders; also return what the fit to all other levels leaves of each spectrum. Shapes: `powers` (n_levels,
+    n_orders); `spectra` (n_levels, n_lines); `in_range` (n_orders, n_lines); returns (n_orders, n_lines); returns as
+    `spectra`.
+    """
+    lengths = np.linalg.norm(powers, axis=0)
     orders, left_out = np.zeros(in_range.shape, dtype=np.complex128), spectra.copy()
     sets, which = np.unique(in_range, axis=1, return_inverse=True)
     for number, present in enumerate(sets.T):
@@ -121,7 +124,7 @@ def _left_out(levels: Array, spectra: Complex, in_range: Flags, most: int) -> Ar
     """For 1, 2, ... orders: the share of the spectra that is left at levels that the fit has not seen."""
     errors = np.full(most, np.inf)
     for n in range(1, min(most, levels.size - 1) + 1):
-        errors[n - 1] = np.linalg.norm(_least_squares(levels, spectra, in_range[:n])[1])
+        errors[n - 1] = np.linalg.norm(separated(_powers(levels, n)[0], spectra, in_range[:n])[1])
     return np.asarray(errors / (np.linalg.norm(spectra) or 1.0), dtype=np.float64)
 
 

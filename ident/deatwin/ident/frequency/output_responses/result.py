@@ -51,20 +51,19 @@ class NofrfStatus(Enum):
         "choose a longer period or a lower amplitude"
     )
     ILL_CONDITIONED = (
-        "the levels hardly tell the orders apart; choose levels of both signs, spread out to the largest, or fewer "
-        "orders"
+        "the levels hardly separate the orders; choose levels of both signs, spread up to the largest, or fewer orders"
     )
     ERRATIC_EXCITATION = (
         "the contributions to the powers of this excitation cancel at some frequencies, where the NOFRF is erratic: "
-        "random records that suit identification do not suit this; use design_excitation"
+        "random recordings are unsuitable; use design_excitation"
     )
     TRUNCATED = (
         "orders that were not fitted act at these levels: they change a NOFRF by more than 1 %; lower the amplitude or "
         "fit more orders"
     )
     UNVERIFIED = (
-        "the levels do not tell what the orders that were not fitted do: nothing is known of the error they make; give "
-        "at least two more levels than orders, spread out"
+        "the error caused by orders beyond those fitted is unknown, because there are too few levels; give at least "
+        "two more levels than orders, spread out"
     )
 
     @property

@@ -28,10 +28,12 @@ class SteadyState:
 
 
 def steady_state(model: NarxModel, excitation: Array) -> SteadyState:
-    """March a model from rest under a periodic input until its output repeats. Shapes: `excitation` (n_samples,)."""
-    lag, n = model.table.max_lag, excitation.size
+    """March a model from rest under a periodic input until its output repeats. Shapes: `excitation` (n_samples,), or
+    (n_inputs, n_samples).
+    """
+    lag, n = model.table.max_lag, excitation.shape[-1]
     periods = -(-_RUN // n)
-    inputs = excitation[np.arange(-lag, periods * n) % n][None, :]
+    inputs = np.atleast_2d(excitation)[:, np.arange(-lag, periods * n) % n]
     outputs = np.zeros((1, lag + periods * n))
     limit = divergence_limit(model.operating, outputs)
     last, fell = np.zeros(n), np.inf

@@ -128,12 +128,14 @@ class Propagated(Uncertain):
 
     @property
     def gain_nonlinearity(self) -> Array:
-        """Nonlinearity index of the gain, shape (n,): that of the response plus that of taking the gain."""
+        """Nonlinearity index of the gain, shape (n,): the index of the response plus an index for the step from
+        response to gain."""
         return np.asarray(self.nonlinearity + self._polar.gain_index)
 
     @property
     def phase_nonlinearity(self) -> Array:
-        """Nonlinearity index of the phase, shape (n,): that of the response plus that of taking the phase."""
+        """Nonlinearity index of the phase, shape (n,): the index of the response plus an index for the step from
+        response to phase."""
         return np.asarray(self.nonlinearity + self._polar.phase_index)
 
     @property
@@ -151,7 +153,7 @@ class Propagated(Uncertain):
 
     @property
     def advice(self) -> str:
-        """The advice with its figures: the largest index and the frequencies at which the law fails."""
+        """Advice of the status, with the largest index and the frequencies at which linear propagation fails."""
         low_gain = self.status is UncertaintyStatus.LOW_GAIN
         index = np.maximum(self.gain_nonlinearity, self.phase_nonlinearity) if low_gain else self.nonlinearity
         failing = int(np.sum(~(index <= LIMIT)))

@@ -219,7 +219,7 @@ def _along(
     progress: Progress | None,
 ) -> VaryingResponse:
     """Compute a quantity of the model of each time, about its equilibrium."""
-    require_one_input(trajectory.model)
+    require_one_input(trajectory.model, "gfrf of ThetaTrajectory.at(time), with inputs by name")
     times = checked_times(trajectory, timepts)
     inputs = checked_inputs(trajectory, operating_input, times.size)
     models: list[NarxModel | None] = []

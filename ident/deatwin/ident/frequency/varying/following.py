@@ -65,7 +65,7 @@ def hold_equilibrium(
     ModelError
         If the model has several inputs or outputs, or output or input are not finite.
     """
-    require_one_input(trajectory.model)
+    require_one_input(trajectory.model, "gfrf of ThetaTrajectory.at(time), with inputs by name")
     inputs = operating_input_of(trajectory.model, operating_input)
     if not np.isfinite(real_number(output, "output")):
         raise ModelError(f"output = {output}; the equilibrium must be a finite number")

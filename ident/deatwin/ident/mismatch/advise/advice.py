@@ -132,10 +132,10 @@ class Advice(Described):
         """The advice in words."""
         which = _listed(self.rivals)
         if self.recording is None:
-            return f"No input that the rig bears can tell {which} apart; measure {self.measure}.{self._odds}"
+            return f"No input within the rig's limits can distinguish {which}; measure {self.measure}.{self._odds}"
         load = "" if self.added_mass is None else f" with {1e3 * self.added_mass:.3g} g added to the load"
         before, after = _percent(self.confusion_before), _percent(self.confusion_after)
-        rest = "" if not self.undecided else f"; if {_listed(self.undecided)} are left, measure {self.measure}"
+        rest = "" if not self.undecided else f"; if {_listed(self.undecided)} remain, measure {self.measure}"
         return (
             f"Record {self.seconds:.4g} s of a further experiment{load} ({self.waveform}, {INPUT_FILE}): the "
             f"probability of taking the wrong one of {which} falls from {before} to {after}{rest}.{self._odds}"
@@ -216,7 +216,7 @@ class Advice(Described):
         ax.barh(names, [self.tried[name] for name in names], color="0.6")
         ax.axvline(TOLD_APART, color="C3", linestyle="--", label="told apart")
         ax.set_xlabel("d² between the explanations")
-        ax.set_title(f"no input tells them apart: measure {self.measure}", fontsize="medium")
+        ax.set_title(f"no input distinguishes them: measure {self.measure}", fontsize="medium")
         ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), frameon=False)
 
     def _draw_input(self, recording: Recording, ax: Axes) -> None:

@@ -15,12 +15,11 @@ from scipy.special import ndtr
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.minimum import minimise
 from deatwin.ident.greybox.parts import Part, simulated
-from deatwin.ident.greybox.problem import Problem
+from deatwin.ident.greybox.problem import Problem, Response
 from deatwin.ident.mismatch.advise.difference import Difference
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 
-Response = tuple[np.ndarray, np.ndarray]
 """Residuals (n,) of a plant and the derivative (n, n_p) of its readings, SI."""
 TOLD_APART = 16.0
 """d² from which on two explanations can be told apart: the wrong one wins in 2.3 % of all recordings."""
@@ -218,7 +217,7 @@ def difference(
     """
     readings = simulated(truth, parts)
     if readings is None:
-        raise SimulationError("the plant that is to be imitated cannot be simulated on these inputs")
+        raise SimulationError("the plant to be imitated cannot be simulated on these inputs")
     start = Difference.between(truth, rival.plant, readings, readings, parts)
     whole = start if memory is None else start.beside(memory.known)
     measured = np.concatenate([part.measured for part in parts])
@@ -254,17 +253,14 @@ def directions(one: Calibration, other: Calibration) -> list[tuple[Calibration, 
 class _Imitation(Problem):
     """Least squares of a rival's parameters on readings without noise and, to first order, on earlier recordings.
 
-    `beyond` is the truth's readings less those of the recordings, which `Problem` compares with; `response` is the
-    result of that at the start.
+    `beyond` is the truth's readings less those of the recordings, which `Problem` compares with.
     """
 
     beyond: np.ndarray
     memory: Memory | None
-    response: Response | None
 
     def evaluate(self, coordinates: np.ndarray) -> Response | None:
-        known = self.response if np.array_equal(coordinates, self.start()) else None
-        found = known or super().evaluate(coordinates)
+        found = super().evaluate(coordinates)
         if found is None:
             return None
         left, jacobian = found[0] + self.beyond, found[1]

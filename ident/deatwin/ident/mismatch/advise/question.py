@@ -11,9 +11,9 @@ import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.parts import Part, simulated
-from deatwin.ident.greybox.problem import Problem
+from deatwin.ident.greybox.problem import Problem, Response
 from deatwin.ident.mismatch.advise.difference import Difference
-from deatwin.ident.mismatch.advise.distance import Memory, Response, difference, directions
+from deatwin.ident.mismatch.advise.distance import Memory, difference, directions
 from deatwin.ident.mismatch.advise.waveforms import Limits, bears, limits_of, safe_limits, used_range, waveform
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.excess import practical_size

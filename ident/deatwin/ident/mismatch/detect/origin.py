@@ -43,9 +43,9 @@ FEWEST_SECONDS, FEWEST_SAMPLES = 20.0, 200
 class Origin(Enum):
     """Where a residual comes from; the text is the reason."""
 
-    PLANT = "what is missing comes back with the command: it is the plant's"
-    DISTURBANCE = "what is missing does not come back with the command: it is not the plant's"
-    UNDECIDED = "whether what is missing belongs to the plant cannot be told from these recordings"
+    PLANT = "the mismatch repeats with the command, so it belongs to the plant"
+    DISTURBANCE = "the mismatch does not repeat with the command, so it does not belong to the plant"
+    UNDECIDED = "these recordings cannot show whether the mismatch belongs to the plant"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from itertools import pairwise
 from types import MappingProxyType
@@ -14,7 +14,7 @@ import numpy as np
 from deatwin.ident.greybox.parts import Part
 from deatwin.ident.mismatch.datasets import samples
 from deatwin.ident.mismatch.gate import suspects
-from deatwin.ident.soundness import noise_of_bends, resolution
+from deatwin.ident.soundness import noise_of_bends, resolution, runs
 from deatwin.plant.amplitudes import written_amplitude
 from deatwin.plant.checks import require_excitation, require_samples
 from deatwin.plant.datasets import Described, Metadata, several, status_of, variable
@@ -33,6 +33,8 @@ UNSEEN_SHARE = 0.3
 FEWEST_PER_PARAMETER = 20
 FEWEST_SOUND = 0.1
 """Share of sound samples below which nothing is left out: the verdict is on the recordings, whatever the fit."""
+MOST_STRETCHES = 6
+"""Stretches of samples that a line names one by one: more are not read."""
 COARSE = 0.1
 """Share of the noise's variance that steps of the readings add (their square over 12) before they are reported."""
 
@@ -41,7 +43,7 @@ class Soundness(Enum):
     """State of the recordings; the text is the advice."""
 
     SOUND = "the recordings are sound"
-    FAULTY = "part of the recordings is at fault and left out"
+    FAULTY = "faulty parts of the recordings are left out"
 
 
 def _joined(name: str) -> Callable[[Gate], np.ndarray]:
@@ -62,6 +64,9 @@ class Gate(Described):
     clipped, jumps : tuple of tuple of ndarray of bool
         Likewise the samples at a limit of the reading, and the first ones after it stepped within a sample while the
         command did not. They are reported and kept: effects of the catalogue explain them.
+    bursts : mapping of str to tuple of tuple of ndarray of bool
+        Likewise the samples at which a reading is much noisier than elsewhere, by its name, which is empty for the first
+        one. They are reported and left out.
     """
 
     experiments: tuple[Experiment, ...]
@@ -69,6 +74,7 @@ class Gate(Described):
     outliers: Masks
     clipped: Masks
     jumps: Masks
+    bursts: Mapping[str, Masks] = field(default_factory=dict)
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
         "samples": several(lambda checked: samples(checked.experiments), "coords"),
@@ -93,11 +99,37 @@ class Gate(Described):
 
     @property
     def usable(self) -> Masks:
-        """The sound samples; of a sensor that is dead all along, all: a fit needs some, whatever it is worth."""
+        """The sound samples out of bursts; of a sensor that is dead all along, all: a fit needs some, whatever it is worth."""
         everything = [mask for masks in self.sound for mask in masks]
         if sum(int(m.sum()) for m in everything) >= FEWEST_SOUND * sum(m.size for m in everything):
-            return self.sound
+            return tuple(
+                tuple(mask & ~burst for mask, burst in zip(*pair, strict=True))
+                for pair in zip(self.sound, self._bursts(""), strict=True)
+            )
         return tuple(tuple(np.ones_like(mask) for mask in masks) for masks in self.sound)
+
+    def _bursts(self, name: str) -> Masks:
+        """The samples of a reading's bursts."""
+        return self.bursts.get(name) or tuple(tuple(np.zeros_like(m) for m in masks) for masks in self.stuck)
+
+    def known(self, name: str) -> Masks:
+        """For each experiment and record, the samples of a further reading that count.
+
+        Parameters
+        ----------
+        name : str
+            Name of the reading.
+
+        Returns
+        -------
+        tuple of tuple of ndarray of bool
+        """
+        return tuple(
+            tuple(
+                np.isfinite(record.reading(name)) & ~burst for record, burst in zip(one.recordings, bursts, strict=True)
+            )
+            for one, bursts in zip(self.experiments, self._bursts(name), strict=True)
+        )
 
     @property
     def soundness(self) -> Soundness:
@@ -115,14 +147,17 @@ class Gate(Described):
     def notes(self) -> tuple[str, ...]:
         """What is no fault of the recordings, but should be known: limits, jumps, coarse steps, gaps."""
         found = [*self._described(self.clipped, "the reading is at a limit"), *self._described(self.jumps, "jumps")]
+        for name, masks in self.bursts.items():
+            said = f"the {name.replace('_', ' ') or 'reading'} is much noisier than elsewhere, and is left out,"
+            found += self._described(masks, said)
         for experiment in self.experiments:
             for number, record in enumerate(experiment.recordings):
                 found += _coarse(_called(record, number), record)
             for before, after in pairwise(experiment.recordings):
                 if after.start - before.end > before.sample_time:
                     found.append(
-                        f"no readings between {before.end:.2f} and {after.start:.2f} s: "
-                        "the last command is taken to have been held"
+                        f"no readings between {before.end:.2f} and {after.start:.2f} s: the last command is assumed to "
+                        "have been held"
                     )
         return tuple(found)
 
@@ -132,8 +167,11 @@ class Gate(Described):
         for experiment, marked in zip(self.experiments, masks, strict=True):
             for number, (record, bad) in enumerate(zip(experiment.recordings, marked, strict=True)):
                 if bad.any():
-                    where = record.timepts[bad]
+                    where, stretches = record.timepts[bad], runs(bad)
                     many = f"{where.size} samples between {where[0]:.2f} and {where[-1]:.2f} s"
+                    if 1 < len(stretches) <= MOST_STRETCHES:
+                        each = (f"{record.timepts[run[0]]:.2f} to {record.timepts[run[-1]]:.2f} s" for run in stretches)
+                        many = f"{where.size} samples: {', '.join(each)}"
                     one = f"one sample at {where[0]:.2f} s"
                     found.append(f"{_called(record, number)}: {what} in {many if where.size > 1 else one}")
         return found
@@ -157,6 +195,7 @@ class Gate(Described):
             ("outlier", self.outliers, "C1", "x"),
             ("at a limit", self.clipped, "C4", "_"),
             ("jump", self.jumps, "C2", "^"),
+            ("noisier", self._bursts(""), "C5", "."),
         )
         marked: dict[str, list[np.ndarray]] = {}
         for k, experiment in enumerate(self.experiments):
@@ -235,6 +274,8 @@ def _listed(experiments: Experiment | Sequence[Experiment]) -> tuple[Experiment,
 def confirm(checked: Gate, readings: Sequence[Sequence[np.ndarray]]) -> Gate:
     """Keep the outliers and jumps that also stand out of the residual: fast motion of the plant itself is neither.
 
+    A reading that was held until such a jump, with its noise, is stuck.
+
     Parameters
     ----------
     checked : Gate
@@ -246,12 +287,14 @@ def confirm(checked: Gate, readings: Sequence[Sequence[np.ndarray]]) -> Gate:
     -------
     Gate
     """
-    outliers, jumps = [], []
+    stuck, outliers, jumps = [], [], []
     for k, (experiment, simulated) in enumerate(zip(checked.experiments, readings, strict=True)):
         residuals = [r.outputs[0] - y for r, y in zip(experiment.recordings, simulated, strict=True)]
         outliers.append(tuple(m & suspects.spikes(e) for m, e in zip(checked.outliers[k], residuals, strict=True)))
         jumps.append(tuple(m & suspects.jumps(e) for m, e in zip(checked.jumps[k], residuals, strict=True)))
-    return replace(checked, outliers=tuple(outliers), jumps=tuple(jumps))
+        held = map(suspects.frozen, experiment.recordings, simulated, jumps[-1])
+        stuck.append(tuple(known | more for known, more in zip(checked.stuck[k], held, strict=True)))
+    return replace(checked, stuck=tuple(stuck), outliers=tuple(outliers), jumps=tuple(jumps))
 
 
 def split(
@@ -278,7 +321,7 @@ def split(
         an experiment that has some on both sides of the cut.
     """
     fitted, unseen, everything, further = [], [], [], []
-    for experiment, sound in zip(checked.experiments, checked.usable, strict=True):
+    for number, (experiment, sound) in enumerate(zip(checked.experiments, checked.usable, strict=True)):
         cuts = [_cut(record, mask, onset) for record, mask in zip(experiment.recordings, sound, strict=True)]
         early = tuple(np.arange(m.size) < cut for m, cut in zip(sound, cuts, strict=True))
         if not any((s & e).any() for s, e in zip(sound, early, strict=True)):
@@ -287,7 +330,7 @@ def split(
         unseen.append(Part(experiment=experiment, masks=tuple(s & ~e for s, e in zip(sound, early, strict=True))))
         everything.append(Part(experiment=experiment, masks=sound))
         for name, weight in weights.items():
-            known = tuple(np.isfinite(record.reading(name)) for record in experiment.recordings)
+            known = checked.known(name)[number]
             masks = [tuple(k & e for k, e in zip(known, early, strict=True))]
             masks.append(tuple(k & ~e for k, e in zip(known, early, strict=True)))
             if all(any(mask.any() for mask in some) for some in masks):

@@ -34,7 +34,7 @@ class NoiseSource(Enum):
     """Where the noise floor comes from."""
 
     SHEET = "the data sheet"
-    REPEATS = "what differs between repeats of the same command"
+    REPEATS = "differences between repeats of the same command"
     RESTS = "the readings while the command rests"
     TOP_OF_SPECTRUM = "the top of the residual's spectrum"
 
@@ -60,7 +60,7 @@ class NoiseFloor:
     @property
     def sentence(self) -> str:
         """Where the level comes from, in one plain sentence."""
-        return f"the noise floor is that of {self.source.value}"
+        return f"the noise is estimated from {self.source.value}"
 
 
 def noise_level(

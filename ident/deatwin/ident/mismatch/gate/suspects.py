@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from deatwin.ident.soundness import at_limit, neighbours_deviation, resolution, runs, samples_in
+from deatwin.ident.soundness import at_limit, neighbours_deviation, noise_of_bends, resolution, runs, samples_in
 from deatwin.plant.recording import Recording
 
 STUCK_SECONDS = 1.0
@@ -81,6 +81,25 @@ def _may_be_held(record: Recording, run: tuple[int, int], settling: int, near: f
     others = [reading[rows[settling:]] for rows in runs(within) if rows.size > settling]
     stands = [np.abs(values - np.median(values)) <= near for values in others]
     return not stands or bool(np.concatenate(stands).mean() > HOLDS)
+
+
+def frozen(record: Recording, simulated: np.ndarray, jumps: np.ndarray) -> np.ndarray:
+    """Runs of a `record` longer than a second in which its reading is but noise, while the plant moves, up to a jump.
+
+    A converter that holds its last value still has its noise. It comes back within a sample, to where the plant is by
+    then: no friction does. `simulated` (n,) are the calibrated plant's readings, SI, `jumps` (n,) marks those of the reading.
+    """
+    reading = record.outputs[0]
+    mask, shortest = np.zeros(reading.size, dtype=bool), samples_in(STUCK_SECONDS, record.sample_time)
+    far = SPIKE_DEVIATIONS * max(noise_of_bends(reading), resolution(reading) / 2)
+    for back in np.flatnonzero(jumps):
+        held = float(np.median(reading[max(back - shortest, 0) : back]))
+        away = np.flatnonzero(np.abs(reading[:back] - held) > far / 2)
+        first = int(away[-1]) + 1 if away.size else 0
+        is_nearer = abs(reading[back] - simulated[back]) < abs(held - simulated[back])
+        if back - first >= shortest and is_nearer and np.ptp(simulated[first:back]) > 2 * far:
+            mask[first:back] = True
+    return mask
 
 
 def lost(record: Recording) -> np.ndarray:

@@ -211,8 +211,10 @@ class _Joint:
         return float(self.fit(scales).log_evidence(np.zeros(1))[0] + np.sum(priors))
 
     def _part(self, j: int, log_ratio: float) -> Weighed:
-        if (j, log_ratio) not in self._known:
-            self._known[j, log_ratio] = weighed(self._readings[j], self._prior, np.array([log_ratio]))[0]
+        if (j, log_ratio) not in self._known:  # slopes ask for those beside it, which whiten in one pass
+            near = np.round(log_ratio + STEP * np.arange(-2, 3), 9)
+            parts = weighed(self._readings[j], self._prior, near)
+            self._known |= {(j, float(at)): part for at, part in zip(near, parts, strict=True)}
         return self._known[j, log_ratio]
 
 

@@ -22,7 +22,7 @@ from scipy.linalg import solve_triangular
 
 from deatwin.ident.greybox.filter_linear import Linear
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
-from deatwin.ident.mismatch.locate.features import features
+from deatwin.ident.mismatch.locate.features import features, signal_at
 
 Array = NDArray[np.float64]
 
@@ -104,9 +104,12 @@ def regressions(linears: Sequence[Linear]) -> tuple[Regression, ...]:
     residual = np.concatenate([_means(linear.residual[linear.counted], size) for linear in linears])
     parameters = np.concatenate([_means(linear.parameter_response()[linear.counted], size) for linear in linears])
     fold = np.arange(residual.size) * FOLDS // residual.size
-    found = []
+    found, courses = [], dict[str, list[Array]]()
     for number, opening in enumerate(linears[0].openings):
-        pieces = [linear.response(number, features(linear, opening)) for linear in linears]
+        signal = signal_at(linears[0], opening)  # the same one at most places
+        if signal not in courses:
+            courses[signal] = [features(linear, opening) for linear in linears]
+        pieces = [linear.response(number, course) for linear, course in zip(linears, courses[signal], strict=True)]
         answers = [_means(piece[linear.counted], size) for piece, linear in zip(pieces, linears, strict=True)]
         found.append(
             Regression(

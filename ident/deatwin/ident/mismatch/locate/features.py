@@ -40,9 +40,7 @@ def features(linear: Linear, opening: Opening) -> Array:
     ndarray, shape (n, n_features)
         Numbers without unit; of the free run.
     """
-    rig = linear.plant.rig
-    name = rig.input_name if opening.place == Place.DRIVE.value else rig.output_name
-    values = linear.states[name]
+    values = linear.states[signal_at(linear, opening)]
     signal = values / max(float(np.abs(values).max()), 1e-300)
     times = np.geomspace(2.0, max(signal.size / 3, 4.0), TIMES)
     clock = np.arange(signal.size)[:, None]
@@ -56,6 +54,12 @@ def features(linear: Linear, opening: Opening) -> Array:
         _of_rate(signal),
     ]
     return np.hstack(columns)
+
+
+def signal_at(linear: Linear, opening: Opening) -> str:
+    """Name of the signal that what enters at a place can know."""
+    rig = linear.plant.rig
+    return rig.input_name if opening.place == Place.DRIVE.value else rig.output_name
 
 
 def _past(signal: Array, time: float) -> Array:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from deatwin.ident.mismatch.datasets import places
+from deatwin.ident.mismatch.floor import error_in
 from deatwin.ident.mismatch.locate.frequency import Bands, locate_frequency
 from deatwin.ident.mismatch.locate.lines import Lines, locate_lines
 from deatwin.ident.mismatch.locate.place import Places, locate_place
@@ -17,7 +18,7 @@ from deatwin.ident.mismatch.locate.region import Regions, locate_region
 from deatwin.ident.mismatch.locate.response import draw_response, locate_response
 from deatwin.ident.mismatch.locate.time import Times, locate_time
 from deatwin.ident.mismatch.locate.track import Unit, readings, tracks
-from deatwin.ident.mismatch.located import LinesSummary, LocationSummary, ResponseDifference
+from deatwin.ident.mismatch.located import LinesSummary, LocationSummary, ReadingLocation, ResponseDifference
 from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
 from deatwin.plant.datasets import Described, Metadata, attribute, several
 from deatwin.plant.recording import Recording
@@ -50,6 +51,8 @@ class Location(Described):
         In which order and band of the response; None where that could not be tested.
     unit : tuple of str and float
         In which amplitudes are reported, and its SI size.
+    readings : tuple of ReadingLocation or None
+        Where it is in each further reading; None where there is one reading, of which all else speaks.
     """
 
     time: Times
@@ -59,6 +62,7 @@ class Location(Described):
     place: Places
     response: tuple[ResponseDifference, ...] | None
     unit: Unit
+    readings: tuple[ReadingLocation, ...] | None = None
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
         "tables": several(lambda found: places(found.summary, found.unit[0])),
@@ -83,6 +87,7 @@ class Location(Described):
             region=self.region.regions,
             place=self.place.summary,
             response=self.response,
+            readings=self.readings,
         )
 
     def plot(self, ax: Sequence[Axes] | None = None) -> list[Axes]:
@@ -159,7 +164,28 @@ def locate(base: Candidate, bench: Bench, checked: Gate, rng: np.random.Generato
         place=locate_place(base, bench.of_first, rng),
         response=locate_response(_sound(checked, simulated), simulated, model_error),
         unit=unit,
+        readings=_of_further(base, bench, checked),
     )
+
+
+def _of_further(base: Candidate, bench: Bench, checked: Gate) -> tuple[ReadingLocation, ...] | None:
+    """Where the mismatch is in each further reading that was recorded."""
+    plant = base.calibration.plant
+    records = [record for experiment in checked.experiments for record in experiment.recordings]
+    found = []
+    for reading in bench.nominal.rig.further:
+        own = error_in(plant.rig, reading, records)
+        if own is not None:
+            residual = tracks(plant, checked.experiments, reading.name)
+            found.append(
+                ReadingLocation(
+                    reading=reading.name,
+                    time=locate_time(residual, reading.noise**2 + own**2).windows,
+                    frequency=locate_frequency(residual, reading.noise).bands,
+                    region=locate_region(residual, 1.0).regions,
+                )
+            )
+    return tuple(found) or None
 
 
 def _sound(checked: Gate, simulated: Sequence[np.ndarray]) -> list[Recording]:

@@ -66,7 +66,7 @@ class OpenedPlace:
         metadata=variable(about="share of the residual's mean square that the signals there predict")
     )
     score: float = field(metadata=variable(about="the same as a share of what is not sensor noise"))
-    among_best: bool = field(metadata=variable(about="whether the recordings do not tell it from the best one"))
+    among_best: bool = field(metadata=variable(about="True if the recordings cannot distinguish it from the best one"))
 
     @property
     def summary(self) -> PlaceSummary:

@@ -64,7 +64,7 @@ def readings(plant: Plant, experiments: Sequence[Experiment]) -> tuple[tuple[np.
     return tuple(tuple(y[0] for y in plant.simulate(e).require().outputs) for e in experiments)
 
 
-def tracks(plant: Plant, experiments: Sequence[Experiment]) -> tuple[Track, ...]:
+def tracks(plant: Plant, experiments: Sequence[Experiment], reading: str = "") -> tuple[Track, ...]:
     """Residual and operating signals of each record.
 
     Parameters
@@ -73,28 +73,33 @@ def tracks(plant: Plant, experiments: Sequence[Experiment]) -> tuple[Track, ...]
         Calibrated.
     experiments : sequence of Experiment
         Recordings.
+    reading : str
+        Whose residual; the first reading's if empty.
 
     Returns
     -------
     tuple of Track
-        Signals: the command, the simulated reading in the unit in which amplitudes are reported, and its rate.
+        Signals: the command, the simulated first reading in the unit in which amplitudes are reported, and its rate.
     """
     rig = plant.rig
     size = amplitude_unit(rig.output_unit)[1]
+    row = [one.name for one in rig.further].index(reading) + 1 if reading else 0
     found = []
-    for experiment, simulated in zip(experiments, readings(plant, experiments), strict=True):
-        for record, reading in zip(experiment.recordings, simulated, strict=True):
+    for experiment in experiments:
+        simulated = plant.simulate(experiment).require().outputs
+        for record, rows in zip(experiment.recordings, simulated, strict=True):
             if record.n_samples < FEWEST:
                 continue  # a splinter between two gaps has no place of its own
+            motion, measured = rows[0] / size, record.reading(reading) if reading else record.outputs[0]
             signals = {
                 rig.input_name: record.inputs[0],
-                rig.output_name: reading / size,
-                f"{rig.output_name}_rate": np.gradient(reading / size, record.sample_time),
+                rig.output_name: motion,
+                f"{rig.output_name}_rate": np.gradient(motion, record.sample_time),
             }
             found.append(
                 Track(
                     timepts=record.timepts,
-                    residual=record.outputs[0] - reading,
+                    residual=np.nan_to_num(measured - rows[row]),  # a missing value says nothing
                     signals=signals,
                     sample_time=record.sample_time,
                 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+Distances = dict[tuple[object, ...], tuple[tuple[Any, ...], float]]
+"""By the ids of two fits, which the arguments of the distance beside it keep in memory, noise and steps."""
 STRONG = float(np.log(20.0))
 """An explanation stands alone where no rival's evidence is within this, in nats (Kass & Raftery 1995: strong)."""
 CREDIBLE = 0.95
@@ -285,6 +287,7 @@ def with_distances(
     bench: Bench,
     possible: Callable[[Candidate], bool],
     distance: Callable[..., float] = separation,
+    known: Distances | None = None,
 ) -> Naming:
     """Also keep as rivals the explanations that these inputs cannot tell from the best, whoever won.
 
@@ -302,6 +305,8 @@ def with_distances(
         Whether a candidate could be a rival.
     distance : callable
         Gives d² between two fits, as `separation`.
+    known : dict, optional
+        Of distances, to which the new ones are added: decisions come back to the same fits.
 
     Returns
     -------
@@ -310,6 +315,7 @@ def with_distances(
     best = naming.best
     if best is None:
         return naming
+    known = {} if known is None else known
     others = [c for c in stage if c.effects != best.effects and possible(c)]
     alike = [_apart(c, best) <= _model_error(best) for c in others]
     # Of what the recordings have told apart the order of magnitude is enough.
@@ -317,7 +323,10 @@ def with_distances(
         (best.calibration, c.calibration, bench.everything, naming.noise, STEPS if close else 0)
         for c, close in zip(others, alike, strict=True)
     ]
-    found = run_jobs(distance, tasks, workers=bench.jobs)
+    new = {_key(task): task for task in tasks if _key(task) not in known}
+    measured = run_jobs(distance, new.values(), workers=bench.jobs)
+    known.update(zip(new, zip(new.values(), measured, strict=True), strict=True))
+    found = [known[_key(task)][1] for task in tasks]
     near = [
         c
         for c, close, d2 in zip(others, alike, found, strict=True)
@@ -325,6 +334,11 @@ def with_distances(
     ]
     distances = tuple(_distance(best, c, d2) for c, d2 in zip(others, found, strict=True))
     return replace(naming, rivals=(*naming.rivals, *near), distances=distances)
+
+
+def _key(task: tuple[Any, ...]) -> tuple[object, ...]:
+    one, other, _, noise, steps = task
+    return id(one), id(other), noise, steps
 
 
 def with_all_distances(naming: Naming, bench: Bench, distance: Callable[..., float] = separation) -> Naming:

@@ -62,8 +62,7 @@ def with_a_second(search: Search, naming: Naming) -> Naming:
         return naming
     elsewhere = [rival for rival in naming.rivals if not search.is_own(rival)]
     scale = Scale(bench=search.bench, base=search.tried[()], noise=search.noise)
-    for alone, others in _promising(search, scale).items():
-        search.with_each(alone, others)
+    search.with_each(_promising(search, scale))
     best = max(odds := _odds(search, scale, first), key=odds.__getitem__, default=None)
     if best is not None and odds[best] > STRONG:
         search.fit_fewer(best)  # a fit given up, or rough, says little of one alone
@@ -145,9 +144,11 @@ def _odds(search: Search, scale: Scale, first: Candidate) -> dict[Names, float]:
     for names, pair in list(search.tried.items()):
         if len(names) != 2 or pair.calibration.given_up:
             continue
-        alone = [c for c in search.without_one(names) if errs_by_its_law(c, search.tried[()])]
-        asked = {c.effects: c for c in (search.tried[first.effects], *alone)}
-        found[names] = min(scale.of_two(pair, c) for c in asked.values())
+        odds = scale.of_two(pair, search.tried[first.effects])
+        if odds > 0.0:  # else it is not the likelier one, whatever its own two are: each of these may take a fit
+            alone = [c for c in search.without_one(names) if errs_by_its_law(c, search.tried[()])]
+            odds = min([odds, *(scale.of_two(pair, c) for c in alone if c.effects != first.effects)])
+        found[names] = odds
     return found
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from deatwin.ident.greybox.fit import Calibration
@@ -120,7 +120,7 @@ class Search(Tried):
         self._gone_on.add(names)
         fit = self.tried[names].calibration
         unbent = unbent_like(self.bench, fit.plant)
-        found = self._leads(names)
+        found = self._leads(names, self.bench.effects)
         # What did well alone did it with another residual: of this one it promises nothing.
         alone = [replace(lead, share=0.0) for lead in self._good_alone(names)]
         promising = (*alone, *found[:BESIDE]) if names else shortlist(self.bench, unbent, found)
@@ -130,11 +130,14 @@ class Search(Tried):
         best = self.best_of(stage)
         return stage if best is None else once([*stage, *self._siblings(names, best)])
 
-    def with_each(self, names: Names, chosen: Collection[str]) -> list[Names]:
-        """Try each of some effects beside those of `names`, where that was not done."""
-        fit = self.tried[names].calibration
-        found = [lead for lead in self._leads(names) if lead.effect.name in chosen]
-        return self._new(trials_of(unbent_like(self.bench, fit.plant), fit, found))
+    def with_each(self, chosen: Mapping[Names, Collection[str]]) -> list[Names]:
+        """Try some effects beside each of several sets, where that was not done."""
+        trials: list[Trial] = []
+        for names, others in chosen.items():
+            fit = self.tried[names].calibration
+            found = self._leads(names, [effect for effect in self.bench.effects if effect.name in others])
+            trials += trials_of(unbent_like(self.bench, fit.plant), fit, found)
+        return self._new(trials)
 
     def _siblings(self, names: Names, best: Names) -> list[Names]:
         """Try beside `names` what acts as the rest of the set `best` does, unless that is not the best of its size.
@@ -174,9 +177,8 @@ class Search(Tried):
             return timed and least + floor < CLEARLY_BETTER * (self.missing([tried]) + floor)
 
         rest, full = self.tried[names].calibration.plant, self.tried[best].calibration.plant
-        others = [effect for effect in self.bench.effects if rest.lacks(effect)]
-        # What the set has at one place may be at another one.
-        others += [effect for effect in self.bench.elsewhere if rest.lacks(effect) and not full.lacks(effect)]
+        # What the set has at one place may be at another one, or may be what another effect does at a further place.
+        others = [effect for effect in self.bench.everywhere if rest.lacks(effect)]
         return [effect for effect in others if effect.name not in full.effect_names and is_open(effect)]
 
     def _new(self, trials: Sequence[Trial], finished: Finished | None = None) -> list[Names]:
@@ -220,16 +222,19 @@ class Search(Tried):
         rests = [rest for rest in each_without_one(full) if rest and rest in self.tried]
         return once([new for rest in rests for new in self._siblings(rest, full)])
 
-    def _leads(self, names: Names) -> tuple[Lead, ...]:
-        """What each further effect could explain of what a candidate leaves."""
-        return most_promising(self._screened(names), *self.event_leads(names))
+    def _leads(self, names: Names, further: Sequence[Effect]) -> tuple[Lead, ...]:
+        """What each of some `further` effects could explain of what a candidate leaves."""
+        asked = {effect.name for effect in further}
+        events = self.event_leads(names) if any(effect.event for effect in further) else []
+        found = most_promising(self._screened(names, further), *events)
+        return tuple(lead for lead in found if lead.effect.name in asked)
 
-    def _screened(self, names: Names) -> tuple[Lead, ...]:
+    def _screened(self, names: Names, further: Sequence[Effect]) -> tuple[Lead, ...]:
         """The same as far as the fit itself tells."""
         fit, base = self.tried[names].calibration, self.tried[()].calibration
         if not names:
             return leads(self.known(), fit)
-        free = [effect for effect in self.bench.effects if fit.plant.lacks(effect)]
+        free = [effect for effect in further if fit.plant.lacks(effect)]
         times = reading_times(base.plant, first_only(self.bench.fitted))
         looking = [effect for effect in free if effect.starts(times, fit.residuals[: times.size])]
         again = footprints(self.bench, base, looking, fit)

@@ -16,7 +16,6 @@ from deatwin.ident.mismatch.naming.contribution import contribution, readings_of
 from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect
-from deatwin.plant.model import Plant
 
 ALIKE = 0.25
 """Share of what an effect does to the readings, that another could do to first order, to be tried as well: they
@@ -24,7 +23,7 @@ correlate by a half. The rest may be what the effect that was found imitates bad
 LOOKED_AT = 8
 """So many, the most alike at the strength at which they do as much, are looked at at their own strength,"""
 MOST = 3
-"""and so many are tried at most, besides the added effects at other places."""
+"""and so many are tried at most, besides effects at further places, which no score brought."""
 
 
 def siblings(bench: Bench, explanation: Calibration, added: Sequence[str], effects: Sequence[Effect]) -> list[Lead]:
@@ -54,16 +53,16 @@ def siblings(bench: Bench, explanation: Calibration, added: Sequence[str], effec
         return []
     done = replace(bare, residuals=taken_off(does, tangent_basis(bare.jacobian)))
     rough = leads(footprints(bench, bare, effects, done), done)
-    looked_at = _first(rough, LOOKED_AT, explanation.plant)
+    looked_at = _first(rough, LOOKED_AT)
     found = run_jobs(_at_its_strength, [(bench, bare, lead, done) for lead in looked_at], workers=bench.jobs)
     alike = [lead for lead in found if lead is not None and lead.share > ALIKE]
-    return _first(sorted(alike, key=lambda lead: -lead.share), MOST, explanation.plant)
+    return _first(sorted(alike, key=lambda lead: -lead.share), MOST)
 
 
-def _first(ranked: Sequence[Lead], count: int, plant: Plant) -> list[Lead]:
-    """The first so many of other effects than the plant has, and those that it has at other places."""
-    others = [lead for lead in ranked if plant.lacks(lead.effect)][:count]
-    return [lead for lead in ranked if lead in others or not plant.lacks(lead.effect)]
+def _first(ranked: Sequence[Lead], count: int) -> list[Lead]:
+    """The first so many of effects at their first places, and all at further ones."""
+    others = [lead for lead in ranked if not lead.effect.placed_at][:count]
+    return [lead for lead in ranked if lead in others or lead.effect.placed_at]
 
 
 def _bare(bench: Bench, explanation: Calibration) -> Calibration | None:

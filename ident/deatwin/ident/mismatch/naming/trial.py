@@ -13,9 +13,12 @@ from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
 from deatwin.ident.mismatch.naming.screen import Lead
 from deatwin.ident.mismatch.refit.search import (
+    DECIDING,
     ROUGH,
+    ROUGHLY,
     at_its_time,
     finish,
+    further,
     in_a_wider_range,
     in_its_gap,
     is_promising,
@@ -131,7 +134,8 @@ def run_trials(
     """
     fits: list[Calibration] = []
     done = 0
-    for group in (trials[:FIRST], trials[FIRST:]):
+    first = FIRST if np.isinf(rival) else len(trials)  # a measure that is known need not be waited for
+    for group in (trials[:first], trials[first:]):
         tasks = [(bench, trial, HOPELESS * rival) for trial in group]
         for found in stream_jobs(_tried, tasks, workers=bench.jobs):
             done += 1
@@ -143,10 +147,10 @@ def run_trials(
                 finished(done / len(trials))
         rival = min([rival, *(fit.rms for fit in fits)])
     near = [k for k, fit in enumerate(fits) if fit.within_reach < NEAR * rival or is_promising(fit, noise)]
-    finished_fits = run_jobs(_finished, [(bench, fits[k]) for k in near], workers=bench.jobs)
-    for k, fit in zip(near, finished_fits, strict=True):
-        fits[k] = fit
-    return _judged(bench, fits, noise, fitted)
+    longest_first = sorted(range(len(fits)), key=lambda k: k not in near)
+    jobs = [(bench, fits[k], noise, k in near) for k in longest_first]
+    ended = dict(zip(longest_first, run_jobs(_ended, jobs, workers=bench.jobs), strict=True))
+    return _told([ended[k] for k in range(len(fits))], fitted)
 
 
 def refitted(bench: Bench, plants: Sequence[Plant], noise: float, fitted: Fitted | None = None) -> list[Candidate]:
@@ -166,12 +170,10 @@ def refitted(bench: Bench, plants: Sequence[Plant], noise: float, fitted: Fitted
     list of Candidate
         In their order, without those that cannot be simulated.
     """
-    fits = run_jobs(_from_there, [(bench, plant) for plant in plants], workers=bench.jobs)
-    return _judged(bench, [fit for fit in fits if fit.status.ok], noise, fitted)
+    return _told(run_jobs(_from_there, [(bench, plant, noise) for plant in plants], workers=bench.jobs), fitted)
 
 
-def _judged(bench: Bench, fits: Sequence[Calibration], noise: float, fitted: Fitted | None) -> list[Candidate]:
-    judged = run_jobs(judge, [(bench, fit, noise) for fit in fits], workers=bench.jobs)
+def _told(judged: Sequence[Candidate | None], fitted: Fitted | None) -> list[Candidate]:
     candidates = [candidate for candidate in judged if candidate is not None]
     if fitted is not None:
         for candidate in candidates:
@@ -226,12 +228,12 @@ def _tried(bench: Bench, trial: Trial, hopeless: float) -> Calibration:
     """
     found = search(trial.start, bench.fitted, hopeless)
     if found.given_up and found.rms**2 < MOSTLY * trial.without.rms**2:
-        found = _better(found, roughly(found.plant, bench.fitted))  # from afar the linearised minimum errs most
+        found = _better(found, further(found, bench.fitted, **ROUGHLY))  # from afar the linearised minimum errs most
     # The plant without the effect is a special case of the one with it: a worse fit is a failed search.
     if not found.status.ok or found.rms > FAILED_SEARCH * trial.promised:
         again = descend(trial.bent, bench.fitted, evaluations=FEW, tolerance=ROUGH, hopeless=hopeless)
         if again.status is FitStatus.STOPPED and _better(found, again) is again:
-            again = _better(again, roughly(again.plant, bench.fitted, hopeless))
+            again = _better(again, further(again, bench.fitted, **ROUGHLY, hopeless=hopeless))
         found = _better(found, again)
     if found.status.ok and not found.given_up and found.rms > FAILED_SEARCH * trial.without.rms:
         found = _better(found, roughly(_with_little(trial), bench.fitted, hopeless))
@@ -241,19 +243,26 @@ def _tried(bench: Bench, trial: Trial, hopeless: float) -> Calibration:
         found = search(start, bench.fitted, hopeless)
     if not found.status.ok:
         return found
-    return in_a_wider_range(at_its_time(found, bench.fitted, hopeless), trial.start, bench.fitted, hopeless)
+    placed = at_its_time(found, bench.fitted, hopeless, ROUGH)
+    return in_a_wider_range(placed, trial.start, bench.fitted, hopeless)
 
 
-def _from_there(bench: Bench, plant: Plant) -> Calibration:
+def _from_there(bench: Bench, plant: Plant, noise: float) -> Candidate | None:
     """A plant fitted from its values; from far away where these cannot be simulated without what else was there."""
     found = roughly(plant, bench.fitted)
     found = found if found.status.ok else search(plant, bench.fitted)
-    return _finished(bench, at_its_time(found, bench.fitted)) if found.status.ok else found
+    return _ended(bench, found, noise, True) if found.status.ok else None
+
+
+def _ended(bench: Bench, fit: Calibration, noise: float, to_the_end: bool) -> Candidate | None:
+    """A fit, carried to the end or as it is, and judged."""
+    return judge(bench, _finished(bench, fit) if to_the_end else fit, noise)
 
 
 def _finished(bench: Bench, fit: Calibration) -> Calibration:
     """The fit carried to the end, with an event that it cannot place where the held-out part has it."""
-    return in_its_gap(finish(fit, bench.fitted), bench.fitted, bench.everything)
+    placed = at_its_time(fit, bench.fitted, enough=DECIDING)
+    return in_its_gap(finish(placed, bench.fitted), bench.fitted, bench.everything)
 
 
 def _better(one: Calibration, other: Calibration) -> Calibration:

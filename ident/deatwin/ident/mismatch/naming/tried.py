@@ -11,7 +11,7 @@ from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.floor import floor_of
 from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
-from deatwin.ident.mismatch.naming.decide import Naming, decide, with_distances
+from deatwin.ident.mismatch.naming.decide import Distances, Naming, decide, with_distances
 from deatwin.ident.mismatch.naming.trial import Fitted, Trial, refitted, run_trials, unbent_like
 from deatwin.ident.mismatch.naming.whole import settled_on_everything
 from deatwin.ident.mismatch.naming.worth import TRIFLE, acts, explained, gained, held_back_by, takes_most
@@ -55,6 +55,7 @@ class Tried:
         self.bench, self.fitted = bench, fitted
         self.tried: dict[Names, Candidate] = {(): base}
         self.lost: list[str] = []
+        self._distances: Distances = {}
         self.unscreened: list[str] = []
 
     @property
@@ -168,7 +169,7 @@ class Tried:
 
     def with_distances(self, naming: Naming, competing: Sequence[Candidate]) -> Naming:
         """A decision that also keeps those of the `competing` candidates which these inputs cannot distinguish."""
-        return with_distances(naming, competing, self.bench, self.is_possible)
+        return with_distances(naming, competing, self.bench, self.is_possible, known=self._distances)
 
     def is_clearly_worse_than(self, rival: Candidate) -> bool:
         """Whether the `rival` form of the plant leaves clearly less without effects than this one."""

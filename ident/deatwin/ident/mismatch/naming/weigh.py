@@ -21,6 +21,7 @@ from functools import cached_property
 import numpy as np
 from scipy.special import log_ndtr
 
+from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.likelihood import structured
@@ -39,6 +40,8 @@ its own could do, and of the rest."""
 LOOPS, LOOSE = frozenset({"coulomb_friction", "hysteresis"}), 0.1
 """Of these there are as many laws as makers of friction, and no two differ by a filter: either deviation. Measured
 between mechanisms by other laws and the catalogue's (docs/development/evidence.md)."""
+ADDED = frozenset({"periodic_disturbance", "sensor_drift", "sensor_jump"})
+"""They are added to the reading, whatever the plant does: their laws may miss something of the clock, not of the motion."""
 FAR = 1e-300
 """Of a size by which is divided."""
 
@@ -50,7 +53,7 @@ class Scale:
     bench: Bench
     base: Candidate
     noise: float
-    _weights: dict[tuple[str, ...], tuple[Candidate, float]] = field(default_factory=dict, init=False, repr=False)
+    _weights: dict[tuple[str, ...], tuple[Calibration, float]] = field(default_factory=dict, init=False, repr=False)
 
     def of_two(self, pair: Candidate, alone: Candidate) -> float:
         """Log odds of a pair over one effect, whose law is as likely exact as not."""
@@ -65,8 +68,8 @@ class Scale:
     def weight(self, candidate: Candidate) -> float:
         """Log evidence of a candidate's fit."""
         known = self._weights.get(candidate.effects)
-        if known is None or known[0] is not candidate:  # fitted anew; each is asked for beside many others
-            known = self._weights[candidate.effects] = (candidate, self._evidence(candidate))
+        if known is None or known[0] is not candidate.calibration:  # fitted anew; each is asked for beside many others
+            known = self._weights[candidate.effects] = (candidate.calibration, self._evidence(candidate))
         return known[1]
 
     def _evidence(self, candidate: Candidate, law: np.ndarray | None = None) -> float:
@@ -121,7 +124,8 @@ class Scale:
         """Rms of what the law of one effect may miss, SI: by another law of its own, and else."""
         # What the plant does without the effect may be no equilibrium: no effect does more than the whole motion.
         does = min(_rms(alone.contribution), float(np.std(self.error.readings)))
-        own, other = (LOOSE, LOOSE) if alone.effects[0] in LOOPS else (OWN, OTHER)
+        name = alone.effects[0]
+        own, other = (LOOSE, LOOSE) if name in LOOPS else (OWN, 0.0 if name in ADDED else OTHER)
         return own * does, other * does
 
     def bent(self, candidate: Candidate) -> float:

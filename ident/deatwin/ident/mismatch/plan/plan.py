@@ -95,7 +95,7 @@ def plan_experiment(
         raise DataError("there is nothing to plan for: this rig takes none of the effects")
     if commands is not None:
         if seconds is not None:
-            raise DataError("a length in seconds is of an input that is advised: give either the input or its length")
+            raise DataError("a length in seconds is only for an advised input: give either an input or a length")
         doing = "trying the effects on this input"
         tell(0.0, doing)
         wanted = _wanted(plant, known, commands.extras)
@@ -110,7 +110,7 @@ def plan_experiment(
         except SimulationError:
             continue
     if not found:
-        raise SimulationError("the nominal plant can follow none of the waveforms: give an input that it bears")
+        raise SimulationError("the nominal plant can follow none of the waveforms: give an input within its limits")
     tried = {name: seen.confused for name, seen in found.items()}
     best = min(tried, key=lambda name: tried[name])
     with_more = _seen(plant, inputs[best], known, jobs, lambda done: None, _wanted(plant, known, ()))
@@ -328,11 +328,11 @@ def _inputs(plant: Plant, seconds: float, seed: int) -> dict[str, Recording]:
     least, most = FEWEST * rig.sample_time, MOST * rig.sample_time
     if not least <= seconds <= most:
         raise DataError(
-            f"an input of {seconds:g} s is asked for: give {least:g} to {most:g} s, which are {FEWEST} to {MOST} samples"
+            f"an input of {seconds:g} s was requested: give {least:g} to {most:g} s, which are {FEWEST} to {MOST} samples"
         )
     limits = safe_limits([plant], limits_of(plant, ()))
     if limits is None:
-        raise SimulationError("the nominal plant bears no part of the rig's range of commands")
+        raise SimulationError("the nominal plant fails over the rig's whole range of commands")
     made = {name: waveform(name, limits, seconds, rig.sample_time, np.random.default_rng(seed)) for name in REPERTOIRE}
     return {
         name: Recording.from_arrays(

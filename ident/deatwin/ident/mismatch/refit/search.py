@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +17,7 @@ OPENING_SAMPLES = 2000
 OPENING_EVALUATIONS = 8
 ROUGH = 3e-3
 """A form that leaves a large residual need not be fitted better than to 0.15 % of it,"""
-ROUGH_EVALUATIONS = 10
+ROUGHLY: Mapping[str, Any] = {"evaluations": 10, "tolerance": ROUGH}
 """nor with more simulations than these."""
 DECIDING = 1e-3
 """Relative change of the squared residual that no decision sees: a tenth of a nat in a hundred blocks."""
@@ -73,7 +74,7 @@ def roughly(near: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Cal
     Calibration
         On all of `parts`.
     """
-    return descend(near, parts, evaluations=ROUGH_EVALUATIONS, tolerance=ROUGH, hopeless=hopeless)
+    return descend(near, parts, **ROUGHLY, hopeless=hopeless)
 
 
 def is_promising(rough: Calibration, noise: float) -> bool:
@@ -134,13 +135,18 @@ def finish(rough: Calibration, parts: Sequence[Part]) -> Calibration:
     """
     found = rough
     for _ in range(ROUNDS):
-        again = descend(found.plant, parts, tolerance=DECIDING)
+        again = further(found, parts, tolerance=DECIDING)
         if not again.status.ok:
             break
         gained, found = 1.0 - (again.rms / found.rms) ** 2, again
         if gained < DECIDING:
             break
     return found
+
+
+def further(fit: Calibration, parts: Sequence[Part], **options: Any) -> Calibration:
+    """Go on from where a fit of the same `parts` has ended, whose last simulation need not be made again."""
+    return descend(fit.plant, parts, response=(fit.residuals, fit.jacobian), **options)
 
 
 def search(start: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Calibration:
@@ -165,7 +171,7 @@ def search(start: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Cal
     return found if found.status.ok or not near.status.ok else roughly(start, parts, hopeless)
 
 
-def at_its_time(fit: Calibration, parts: Sequence[Part], hopeless: float = np.inf) -> Calibration:
+def at_its_time(fit: Calibration, parts: Sequence[Part], hopeless: float = np.inf, enough: float = 0.0) -> Calibration:
     """Move the events in a fitted plant to where they explain most, and fit it anew, roughly.
 
     Only a sample or two know of the time of an event, so no fit moves it; it is searched for.
@@ -178,6 +184,8 @@ def at_its_time(fit: Calibration, parts: Sequence[Part], hopeless: float = np.in
         Samples that count.
     hopeless : float
         As for `calibrate`.
+    enough : float
+        Share of the squared residual for which an event is moved no more.
 
     Returns
     -------
@@ -188,7 +196,7 @@ def at_its_time(fit: Calibration, parts: Sequence[Part], hopeless: float = np.in
         return fit
     plant = fit.plant
     for name in plant.event_times:
-        plant = _moved(plant, name, parts)
+        plant = _moved(plant, name, parts, enough=enough)
     return fit if plant is fit.plant else roughly(plant, parts, hopeless)
 
 
@@ -246,9 +254,8 @@ def in_its_gap(fit: Calibration, fitted: Sequence[Part], everything: Sequence[Pa
             plant = _moved(plant, name, everything, gap)
     if plant is fit.plant:
         return fit
-    moved = replace(fit, plant=plant)
-    found = finish(moved, fitted)
-    return fit if found is moved else found
+    moved = descend(plant, fitted, tolerance=DECIDING)
+    return finish(moved, fitted) if moved.status.ok else fit
 
 
 def gap_around(
@@ -299,8 +306,17 @@ def refit(found: Calibration, everything: Sequence[Part]) -> Calibration:
     return final if final.status.ok else found
 
 
-def _moved(plant: Plant, name: str, parts: Sequence[Part], within: tuple[float, float] = (-np.inf, np.inf)) -> Plant:
-    """The plant with one event where the squared residual is least, found by steps that are halved."""
+def _moved(
+    plant: Plant,
+    name: str,
+    parts: Sequence[Part],
+    within: tuple[float, float] = (-np.inf, np.inf),
+    enough: float = 0.0,
+) -> Plant:
+    """The plant with one event where the squared residual is least, found by steps that are halved.
+
+    Until a step either way changes that by less than a share which is `enough`.
+    """
     times, sample = reading_times(plant, parts), plant.rig.sample_time
     known = plant.parameters[name]
     first, last = max(times.min(), known.lower, within[0]), min(times.max(), known.upper, within[1])
@@ -318,6 +334,8 @@ def _moved(plant: Plant, name: str, parts: Sequence[Part], within: tuple[float, 
             least, best = min(losses), tried[int(np.argmin(losses))]
             step = sample / 2 if offsets is around else step
         elif offsets is around:
+            return best
+        elif len(losses) == len(places) and max(losses) <= (1.0 + enough) * least:
             return best
         else:
             step /= 2

@@ -176,7 +176,7 @@ class _Case:
         ]
         distinct = [pair for pair in pairs if pair[1] <= DISTINCT]
         if 2 * len(distinct) <= len(pairs):
-            return self.skipped(kind, "with these inputs it hardly differs from the effect itself")
+            return self.skipped(kind, "with these inputs it hardly differs from the real effect")
         share, expected = max(distinct)
         return Sham(effect=self.name, kind=kind, share=share, expected=expected)
 
@@ -227,9 +227,11 @@ def sham_effects(
     problem = Problem(plant=without.plant, parts=tuple(everything), names=without.names)
     evaluated, change = problem.evaluate(problem.start()), _change(without.plant, effect, everything)
     if evaluated is None or change is None:
-        return _none_judged(effect.name, "the plant that was fitted without it cannot be simulated, or not with it")
+        return _none_judged(
+            effect.name, "the plant fitted without the effect cannot be simulated, or not with the placebo effect"
+        )
     if gain <= 0:
-        return _none_judged(effect.name, "the effect gains nothing that a sham could gain as well")
+        return _none_judged(effect.name, "the effect gains nothing, so there is nothing to compare")
     residual, jacobian = evaluated
     length = np.linalg.norm(jacobian, axis=0)
     court = _Court(jacobian=jacobian / np.where(length > 0, length, 1.0), fitted=_fitted(fitted, everything))
@@ -239,7 +241,7 @@ def sham_effects(
     drawn = [[[phase_randomised(y, rng) for y in each] for each in change] for _ in range(DRAWS)]
     turned = _change(without.plant, effect, [_backwards(part) for part in everything])
     return (
-        case.skipped(ShamKind.BACKWARDS, "the plant cannot be simulated on the commands backwards")
+        case.skipped(ShamKind.BACKWARDS, "the plant cannot be simulated with reversed commands")
         if turned is None
         else case.backwards(_counted(_forwards(turned), everything)),
         case.opposite(),

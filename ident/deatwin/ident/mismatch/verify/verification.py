@@ -108,9 +108,9 @@ class Verification(Described):
     def failures(self) -> tuple[str, ...]:
         """What speaks against it, each in a clause."""
         falls = self.gain_low > 0.0 or self.counts  # as for `Ablation.returns`
-        found = [] if falls else ["the error on held-out data does not fall for certain"]
+        found = [] if falls else ["it is not certain that the error on held-out data falls"]
         found += [
-            f"without {a.effect} the error on held-out data does not return for certain"
+            f"it is not certain that the error on held-out data returns without {a.effect}"
             for a in self.ablations
             if not a.returns
         ]
@@ -118,12 +118,14 @@ class Verification(Described):
         found += [f"the error grows on held-out data: {t.part}" for t in self.transfers if t.worse]
         found += [
             f"the strength of {c.effect} would change by {100 * c.change:.0f} % of itself over "
-            + ("the recordings, which would take most of what is left" if c.mends else "the fitted part")
+            + ("the recordings, which would explain most of the remaining error" if c.mends else "the fitted part")
             for c in self.constancies
             if c.change is not None and not c.holds
         ]
         if self.one_clock:
-            found.append(" and ".join(self.one_clock) + " run by one clock: they may be one mechanism of another kind")
+            found.append(
+                " and ".join(self.one_clock) + " have the same time constant: they may be one mechanism of another kind"
+            )
         return tuple(found)
 
     @property

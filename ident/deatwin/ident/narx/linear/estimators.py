@@ -275,7 +275,7 @@ def _regression(recordings: tuple[Recording, ...], orders: Orders) -> Regression
     data = Regression.on(recordings, _arx_terms(orders))
     for name, *rows in zip(recordings[0].input_names, *(record.inputs for record in recordings), strict=True):
         if np.ptp(np.concatenate(rows)) == 0.0:
-            raise ModelError(f'the input "{name}" is constant: what the output owes to it cannot be told')
+            raise ModelError(f'the input "{name}" is constant, so its effect on the output is unknown')
     fewest = orders.first + orders.nd + sum(orders.nf) + 1
     for number, record in enumerate(recordings, start=1):
         if record.n_samples < fewest:

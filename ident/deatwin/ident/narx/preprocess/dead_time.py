@@ -45,24 +45,24 @@ class DeadTimeStatus(Enum):
         "the sample looks the same"
     )
     LOOP = (
-        "the past of the output foretells this input, so a loop is suspected, unless the input is itself a reading with "
-        "noise or follows a cause that is not recorded, which the recordings cannot tell: its dead time is looked for from "
-        "one sample on, and may be that of what both follow"
+        "the past of the output predicts this input, so a closed loop is suspected; but the input may also be a noisy "
+        "reading, or share an unrecorded cause with the output, which recordings cannot distinguish. Dead times are "
+        "searched from one sample on, and may be those of the common cause"
     )
     ALIKE = (
-        "dead times far apart fit equally well, because the input repeats itself, so none is told: record with an input "
-        "that does not repeat, such as steps of random height"
+        "very different dead times fit equally well, because the input repeats itself, so none is stated: record with "
+        "an input that does not repeat, such as steps of random height"
     )
     POOR = (
-        "the input acts, but has too few frequencies for its dead time to be told: record with an input of more "
+        "the input has an effect, but too few frequencies to determine its dead time: record with an input of more "
         "frequencies, such as steps of random height"
     )
     UNSEEN = (
-        "no linear effect of the input is seen, so its dead time cannot be told: allow longer dead times, give the "
-        "square of the input instead where the effect is even, or record with a stronger input of more frequencies"
+        "no linear effect of the input was detected, so its dead time is unknown: allow longer dead times, use the "
+        "square of the input if its effect is even, or record with a stronger input of more frequencies"
     )
-    CONSTANT = "the input is constant, so its dead time cannot be told: record with an input that moves"
-    SHORT = "the recordings are too short for their dead time to be told: record longer"
+    CONSTANT = "the input is constant, so its dead time is unknown: record with a changing input"
+    SHORT = "the recordings are too short to determine the dead time: record longer"
 
     @property
     def ok(self) -> bool:
@@ -194,10 +194,10 @@ def estimate_dead_time(
     zero (robust Wald tests) bound the dead time from above. First- and second-order plants fitted to the whitened
     signals then give the likelihood of each shorter dead time, and Schwarz's criterion turns it into a probability.
     Neither held, slow or autocorrelated inputs nor coloured noise bias the estimate: of 240 simulated recordings at 10
-    to 40 dB, with dead times of 0 to 60 samples, all 240 intervals at 95 % contained the true value. Of inputs that
-    largely follow each other the intervals are too narrow by a sample or two, and noise on a measured input makes its
-    effect seem a sample or two earlier. For a plant of higher
-    order the estimate is the dead time of its low-order approximation, within the bound of the tests.
+    to 40 dB, with dead times of 0 to 60 samples, all 240 intervals at 95 % contained the true value. If inputs are
+    strongly correlated, the intervals are too narrow by a sample or two. Noise on a measured input makes its effect
+    seem a sample or two earlier. For a plant of higher order the estimate is the dead time of its low-order
+    approximation, within the bound of the tests.
 
     If the input repeats itself, as a triangle does, several dead times far apart may fit equally well (`ALIKE`); the
     interval then covers all of them. An input of a few sines may not determine the dead time at all (`POOR`).

@@ -48,7 +48,7 @@ class SectionStatus(Enum):
     """Basis of the choice of sections; the value says it in words."""
 
     STATIONARY = "whole recordings pass the test of stationarity"
-    PART = "only a part of the recordings passes the test: what is left out is in the table"
+    PART = "only a part of the recordings passes the test; the table lists the excluded segments"
     NOTHING = (
         "no stretch passes the test: the sections are the halves of the longest recording, "
         "and a model of constant parameters is in doubt"
@@ -185,7 +185,7 @@ class Sections(Described):
                 f"({worst.statistic} of {worst.signal}, {worst.test})"
             )
         if not self.segments_are_long:
-            lines.append("the segments are short beside the correlation time: take fewer of them")
+            lines.append("the segments are short compared with the correlation time: use fewer segments")
         return "\n".join([*lines, self.status.value])
 
     def plot(self, ax: Axes | None = None) -> Axes:

@@ -136,8 +136,8 @@ def all_provenance(own: Mapping[str, str], stored: Mapping[str, str]) -> dict[st
 
 def _damaged(path: str, error: Exception) -> DataError:
     return DataError(
-        f"{path}: its description ({KEY}) is damaged ({clipped(error, 200)}); take it out, and the headers tell what "
-        "the columns are"
+        f"{path}: its description ({KEY}) is damaged ({clipped(error, 200)}); remove it, and the columns are read by "
+        f"their headers"
     )
 
 

@@ -88,7 +88,7 @@ class Draw:
 
 @dataclass(frozen=True, kw_only=True)
 class Mechanism(ABC):
-    """A piece of physics that the diagnosis does not see: its fields are parameters in SI, the first is its strength."""
+    """A concealed piece of physics; its fields are parameters in SI units, the strength first."""
 
     name: ClassVar[str]
     strength: ClassVar[str]
@@ -119,15 +119,15 @@ class Mechanism(ABC):
         return ()
 
     def commanded(self, drive: Drive, rng: np.random.Generator) -> Drive:
-        """Turn the intended drive into the one that acts."""
+        """Convert the intended drive to the actual one."""
         return drive
 
     def read(self, reading: Reading, rng: np.random.Generator) -> np.ndarray:
-        """Turn the motion into what is read. Shapes: returns (n,)."""
+        """Convert the motion to the reading. Shapes: returns (n,)."""
         return reading.values
 
     def catalogue_values(self) -> dict[str, float]:
-        """Parameters that a catalogue effect has too, by name there, SI; most have none."""
+        """Parameters shared with an effect of the catalogue, by their names there, SI; most mechanisms have none."""
         return {}
 
     def to_dict(self) -> dict[str, float]:

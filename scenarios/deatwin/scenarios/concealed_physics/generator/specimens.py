@@ -129,7 +129,7 @@ def make(spec: CaseSpec, *, seconds: float = SECONDS, check_seconds: float = CHE
         except SimulationError as error:
             last = f": {error}"
         highest = LOWEST + LOWER * (highest - LOWEST)
-    raise SimulationError(f"case {spec.name}: the film bears no command range that was tried{last}")
+    raise SimulationError(f"case {spec.name}: the film tolerates none of the command ranges that were tried{last}")
 
 
 def _commands(

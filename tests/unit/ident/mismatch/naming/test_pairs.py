@@ -35,7 +35,7 @@ class Known(Search):
         super().__init__(SimpleNamespace(effects=(), jobs=1), candidates[0], ())
         self.tried.update({c.effects: c for c in candidates})
         self.replaced, self.better = {c.effects: c for c in replaced}, {c.effects: c for c in better}
-        self.asked: list[tuple[tuple[str, ...], list[str]]] = []
+        self.asked: dict[tuple[str, ...], list[str]] = {}
 
     def with_distances(self, naming, competing):
         return naming
@@ -43,8 +43,8 @@ class Known(Search):
     def beside(self, names, finished=None):
         return [PAIR]
 
-    def with_each(self, names, chosen):
-        self.asked.append((names, chosen))
+    def with_each(self, chosen):
+        self.asked = chosen
 
     def fit_from(self, full, several):
         self.tried.update({rest: self.better[rest] for rest in several if rest in self.better})
@@ -154,7 +154,7 @@ def test_the_pairs_that_promise_most_are_tried_beside_the_likeliest_single_effec
         }
     )
     decided(search)  # the pair of clip and creep is known, the last one beside creep is the fifth
-    assert dict(search.asked) == {CREEP: ["sensor_drift", "leakage", "delay"], CLIP: ["sensor_drift"]}
+    assert search.asked == {CREEP: ["sensor_drift", "leakage", "delay"], CLIP: ["sensor_drift"]}
 
 
 def test_what_lets_the_rig_be_nearer_to_its_nominal_values_is_tried(leaving, candidate, scale):
@@ -163,7 +163,7 @@ def test_what_lets_the_rig_be_nearer_to_its_nominal_values_is_tried(leaving, can
     bends = {(): 70.0, CLIP: 70.0, CREEP: 71.0, ("sensor_lag",): 1.0}
     scale(promised={CLIP: {"sensor_lag": -5.0, "mullins": -1.0}}, bends=bends)
     decided(search)
-    assert dict(search.asked) == {CLIP: ["sensor_lag"]}
+    assert search.asked == {CLIP: ["sensor_lag"]}
 
 
 def test_an_answer_that_stands_knows_all_that_was_tried_since(leaving, scale):
@@ -216,7 +216,7 @@ def test_an_answer_of_two_and_none_are_left_as_they_are(leaving):
     for best in (None, search.tried[PAIR]):
         naming = replace(first_alone(search), best=best)
         assert with_a_second(search, naming) is naming
-    assert search.asked == []
+    assert search.asked == {}
 
 
 @pytest.fixture

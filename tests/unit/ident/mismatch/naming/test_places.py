@@ -77,7 +77,17 @@ def test_what_a_linear_plant_reads_the_same_from_two_places_is_one_cause_whose_p
     assert set(cause.places) == {"reading", "command", "force"}
     assert found.rivals == ()
     assert found.names == ("periodic_disturbance",)
-    assert "these recordings cannot tell" in found.sentence
+    assert "these recordings cannot decide" in found.sentence
+
+
+@pytest.mark.usefixtures("uncompiled")
+def test_a_place_that_reads_as_another_is_tried_in_the_place_of_what_was_found():
+    """To a linear plant a command whose offset drifts slowly is a sensor whose zero does."""
+    drift = replace(SensorDrift().placed("command"), change=1.0, time=20.0)
+    found = diagnose(Plant(rig=Oscillator()), recorded(Oscillator(), drift, level=40.0), effects=[SensorDrift()])
+    (cause,) = found.causes
+    assert (found.verdict, cause.effect, cause.place) == (Verdict.NAMED, "sensor_drift", None)
+    assert set(cause.places) == {"reading", "command"}
 
 
 @pytest.mark.usefixtures("uncompiled")
@@ -90,9 +100,11 @@ def test_one_reading_has_no_more_effects_than_before_and_two_have_the_places_tha
         benches[rig] = prepare(Plant(rig=rig), checked, effects)[0]
     usual = [e.name for e in effects if one.with_effects().accepts(e)]
     assert [e.name for e in benches[one].effects] == usual
+    drifts = {f"sensor_drift_at_{at}" for at in ("reading_gain", "command", "command_gain")}
     tried = {"periodic_disturbance_at_command", "periodic_disturbance_at_force", "sensor_lag_at_command"}
-    assert {e.name for e in benches[one].elsewhere} == tried
-    told = {"delay_at_reading", *(f"sensor_drift_at_{at}" for at in ("reading_gain", "command", "command_gain"))}
+    assert {e.name for e in benches[one].elsewhere} == tried | drifts
+    assert {e.name for e in benches[two].elsewhere} == tried
+    told = {"delay_at_reading", *drifts}
     assert {e.name for e in benches[two].effects} == {*usual, *told}
     # The prior of an effect is shared by its places; an effect with one place keeps the whole.
     assert benches[one].log_prior(["periodic_disturbance_at_force"]) == pytest.approx(-np.log(3))

@@ -179,7 +179,7 @@ def test_beside_what_was_gone_on_with_nothing_is_looked_for_again(candidate, sea
     search = search_over(candidate(rms=9.0), alone, candidate("creep", "delay", rms=4.0))
     search._siblings = lambda names, best: []
     looked = []
-    search._leads = lambda names: looked.append(names) or ()
+    search._leads = lambda names, _: looked.append(names) or ()
     for _ in range(2):
         search.replacing(("delay",), ("creep", "delay"))
     assert looked == [("creep",)]
@@ -208,7 +208,7 @@ def test_beside_a_set_what_acts_as_the_best_there_is_tried_too(candidate, search
     creep = candidate("creep", rms=4.0)
     pairs = [candidate("creep", "delay", rms=3.0), candidate("creep", "mullins", rms=2.5)]
     search, asked = search_over(candidate(rms=9.0), creep, *pairs), []
-    search._leads, search._good_alone = lambda names: (), lambda names: []
+    search._leads, search._good_alone = lambda names, _: (), lambda names: []
     # one of them was tried again
     search._siblings = lambda names, best: asked.append((names, best)) or [found[0], "what acts so"]
     found = []
@@ -292,14 +292,15 @@ def test_events_are_looked_for_once_in_each_fit(looked_for, candidate):
 
 
 def test_what_promises_more_from_before_an_event_is_what_an_effect_promises(candidate, search_over):
+    jump, creep = SimpleNamespace(name="sensor_jump", event="at"), SimpleNamespace(name="creep", event="")
     bent, seen, slow = (
-        SimpleNamespace(effect=SimpleNamespace(name=name), share=share)
-        for name, share in (("sensor_jump", 0.1), ("sensor_jump", 0.6), ("creep", 0.3))
+        SimpleNamespace(effect=effect, share=share) for effect, share in ((jump, 0.1), (jump, 0.6), (creep, 0.3))
     )
     search = search_over(candidate(rms=9.0), candidate("delay", rms=5.0))
-    search._screened = lambda names: (slow, bent)
+    search._screened = lambda names, further: (slow, bent)
     asked = []
     search.event_leads = lambda *several: asked.append(several) or [(seen,)]
     for names in ((), ("delay",)):
-        assert search._leads(names) == (seen, slow)
+        assert search._leads(names, [jump, creep]) == (seen, slow)
+        assert search._leads(names, [creep]) == (slow,)  # no event is looked for where none is asked for
     assert asked == [((),), (("delay",),)]

@@ -31,7 +31,7 @@ def fit_of(rms: float, plant: Plant | None = None) -> SimpleNamespace:
 def test_a_search_that_does_not_keep_what_the_score_promises_is_made_from_the_bent_plant(monkeypatch, share, ended):
     monkeypatch.setattr(trial, "search", lambda *_: fit_of(3.3))
     monkeypatch.setattr(trial, "descend", lambda *_, **__: fit_of(2.1))
-    monkeypatch.setattr(trial, "at_its_time", lambda fit, *_: fit)
+    monkeypatch.setattr(trial, "at_its_time", lambda fit, *_, **__: fit)
     task = Trial(start=PLANT, bent=PLANT, without=fit_of(6.4), share=share)
     assert _tried(SimpleNamespace(fitted=()), task, float("inf")).rms == ended
 
@@ -42,7 +42,7 @@ def test_a_fit_that_leaves_more_than_without_the_effect_begins_where_there_is_li
     monkeypatch.setattr(trial, "search", lambda *_: fit_of(found))
     monkeypatch.setattr(trial, "descend", lambda *_, **__: fit_of(found))
     monkeypatch.setattr(trial, "roughly", lambda plant, *_: begun.append(plant) or fit_of(5.1))
-    monkeypatch.setattr(trial, "at_its_time", lambda fit, *_: fit)
+    monkeypatch.setattr(trial, "at_its_time", lambda fit, *_, **__: fit)
     spring = CubicStiffness(stiffness=-2e7)
     without = PLANT.with_values({"shear_modulus": 2e4})
     start = PLANT.with_effects(spring).with_values({"creep.modulus": 3e4})
@@ -60,8 +60,8 @@ def test_a_fit_that_already_takes_most_of_the_mismatch_is_not_given_up(monkeypat
     """As that of a lag whose size is off by a factor of twenty, and whose linearised minimum says little."""
     given_up = SimpleNamespace(status=FitStatus.GIVEN_UP, rms=rms, given_up=True, plant=None, at_bound=())
     monkeypatch.setattr(trial, "search", lambda *_: given_up)
-    monkeypatch.setattr(trial, "roughly", lambda *_: fit_of(2.1))
-    monkeypatch.setattr(trial, "at_its_time", lambda fit, *_: fit)
+    monkeypatch.setattr(trial, "further", lambda *_, **__: fit_of(2.1))
+    monkeypatch.setattr(trial, "at_its_time", lambda fit, *_, **__: fit)
     monkeypatch.setattr(trial, "descend", lambda *_, **__: fit_of(9.0))  # from the bent plant
     task = Trial(start=PLANT, bent=PLANT, without=fit_of(6.4), share=0.1)
     assert _tried(SimpleNamespace(fitted=()), task, 3.0).rms == ended
@@ -150,7 +150,7 @@ def test_what_is_fitted_again_begins_from_where_it_is_and_from_afar_only_where_i
     finished = []
     monkeypatch.setattr(trial, "roughly", lambda plant, parts: fit["near"])
     monkeypatch.setattr(trial, "search", lambda plant, parts: fit["far"])
-    monkeypatch.setattr(trial, "at_its_time", lambda found, *_: found)
+    monkeypatch.setattr(trial, "at_its_time", lambda found, *_, **__: found)
     monkeypatch.setattr(trial, "_finished", lambda bench, found: finished.append(found) or found)
     monkeypatch.setattr(trial, "judge", lambda bench, found, noise: SimpleNamespace(calibration=found, unseen=None))
     seen = []

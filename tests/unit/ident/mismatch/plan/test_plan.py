@@ -137,7 +137,7 @@ def test_what_cannot_be_planned_is_said() -> None:
     plant = Plant(rig=Amplifier())
     with pytest.raises(DataError, match=r"no range of its command .*command_max_V"):
         plan_experiment(plant)
-    with pytest.raises(DataError, match="either the input or its length"):
+    with pytest.raises(DataError, match="either an input or a length"):
         plan_experiment(plant, steps(), seconds=3.0)
     with pytest.raises(DataError, match="takes none of the effects"):
         plan_experiment(plant, steps(), effects=())

@@ -10,6 +10,7 @@ import pytest
 
 from deatwin.ident.greybox import Part, calibrate
 from deatwin.ident.greybox.parts import simulated
+from deatwin.ident.greybox.status import FitStatus
 from deatwin.ident.mismatch.refit import search
 from deatwin.ident.mismatch.refit.search import gap_around, in_a_wider_range, in_its_gap
 from deatwin.plant import Delay, Diaphragm, Experiment, Plant, ReadingTime, Recording, SensorJump
@@ -52,7 +53,7 @@ def test_an_event_between_fitted_stretches_is_placed_by_what_lies_there(parts):
 def test_where_the_moved_plant_has_no_fit_the_one_before_stays(parts, monkeypatch):
     fitted, whole = parts
     fit = calibrate(Plant(rig=Diaphragm()).with_effects(replace(JUMP, at=11.0)), [fitted], evaluations=4, starts=1)
-    monkeypatch.setattr(search, "finish", lambda fit, parts: fit)
+    monkeypatch.setattr(search, "descend", lambda *_, **__: replace(fit, status=FitStatus.IMPOSSIBLE))
     assert in_its_gap(fit, [fitted], [whole]) is fit
 
 

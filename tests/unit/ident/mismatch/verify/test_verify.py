@@ -219,7 +219,7 @@ def test_the_wrong_sign_is_noticed():
 @needs_compiler
 @pytest.mark.parametrize(
     ("gain", "simulates", "reason"),
-    [(0.0, True, "the effect gains nothing"), (1e-12, False, "cannot be simulated, or not with it")],
+    [(0.0, True, "the effect gains nothing"), (1e-12, False, "cannot be simulated, or not with the placebo")],
 )
 def test_shams_that_nothing_can_be_learned_of_say_so(monkeypatch, gain, simulates, reason):
     bench = bench_of(seed=0)
@@ -324,7 +324,7 @@ def test_an_effect_that_is_not_there_does_not_hold():
     base, answer = fitted_with(bench), fitted_with(bench, Creep(modulus=5e3, time=20.0))
     found = verify(base, answer, np.random.default_rng(0), bench)
     assert not found.holds
-    assert "the error on held-out data does not fall for certain" in found.failures
+    assert "it is not certain that the error on held-out data falls" in found.failures
 
 
 def bursts(size: float, blocks: int, bad: int) -> np.ndarray:

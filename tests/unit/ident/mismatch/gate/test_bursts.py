@@ -1,0 +1,75 @@
+"""Stretches in which a reading is noisier: what is marked, and what is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deatwin.ident.mismatch.gate.bursts import noisier, without_bursts
+from deatwin.ident.mismatch.gate.gate import Soundness, gate, split
+from deatwin.plant import Experiment, Planar, Plant, Reading, Recording
+
+STRETCH = slice(600, 800)
+PLANT = Plant(rig=Planar(noise=2e-6, further=(Reading(name="capacitance", noise=1e-12),)))
+
+
+def marked(added: np.ndarray, command: np.ndarray | None = None, seed: int = 0) -> np.ndarray:
+    """Samples that are marked in white noise of unit variance with something added in the stretch."""
+    residual = np.random.default_rng(seed).standard_normal(1500)
+    residual[STRETCH] += added
+    (mask,) = noisier([residual], [np.zeros(1500) if command is None else command], 1.0)
+    return mask
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_burst_is_marked_to_a_window(seed: int) -> None:
+    mask = marked(4.0 * np.random.default_rng(100 + seed).standard_normal(200), seed=seed)
+    assert mask[STRETCH].mean() > 0.9
+    assert mask.sum() <= 200 + 2 * 50
+
+
+@pytest.mark.parametrize(
+    "added",
+    [
+        30.0 * np.sin(np.linspace(0.0, np.pi, 200)),
+        6.0 * np.sin(2 * np.pi * 0.2 * np.arange(200)),
+        6.0 * np.sin(2 * np.pi * 0.45 * np.arange(200)),
+        100.0 * (np.arange(200) == 77),
+        30.0 * np.exp(-(np.arange(200) % 50) / 8) * np.cos(2 * np.pi * 0.15 * np.arange(200)),
+    ],
+    ids=["a hump", "a tone", "a fast tone", "one value", "ringing"],
+)
+def test_what_is_no_white_noise_is_no_burst(added: np.ndarray) -> None:
+    assert not marked(added).any()
+
+
+def test_noise_that_goes_with_the_command_may_be_the_plants_own() -> None:
+    """A plant that lacks a dead time leaves noise where its command is noise, and nothing where that rests."""
+    command = np.zeros(1500)
+    command[STRETCH] = np.random.default_rng(1).standard_normal(200)
+    added = 4.0 * np.random.default_rng(2).standard_normal(200)
+    assert not marked(added, command).any()
+    assert marked(added, np.random.default_rng(1).standard_normal(1500)).any()
+
+
+def test_white_noise_has_no_bursts() -> None:
+    rng = np.random.default_rng(3)
+    found = [noisier([rng.standard_normal(3000)], [np.zeros(3000)], 1.0)[0].any() for _ in range(100)]
+    assert sum(found) <= 1
+
+
+@pytest.mark.parametrize("row", [0, 1])
+def test_a_burst_is_said_and_left_out_of_its_own_reading(row: int) -> None:
+    rng = np.random.default_rng(4)
+    command = np.repeat(rng.uniform(0.5, 1.5, 40), 25)
+    blank = Experiment(recordings=(Recording.from_arrays(command, np.zeros((0, 1000)), PLANT.rig.sample_time),))
+    (record,) = PLANT.record(blank, rng).recordings
+    spoilt = np.array(record.outputs)
+    spoilt[row, STRETCH] += 8.0 * PLANT.rig.readings[row].noise * rng.standard_normal(200)
+    checked = without_bursts(gate(PLANT, Experiment(recordings=(replace(record, outputs=spoilt),))), PLANT)
+    assert checked.soundness is Soundness.SOUND
+    assert f"the {('reading', 'capacitance')[row]} is much noisier than elsewhere" in checked.notes[0]
+    parts = split(checked, weights={"capacitance": 1.0})[2]
+    left = [not part.masks[0][650:750].any() for part in parts]
+    assert left == [row == 0, row == 1]
+    assert parts[row].size > 700 and parts[1 - row].size == 1000
