@@ -32,7 +32,7 @@ def direct_output(
     frequency; the sum is taken modulo the number of samples. Lang, Billings, Int. J. Control 64 (1996) 1049-1067.
     """
     order = whole_order(order, HIGHEST_ORDER)
-    require_one_input(model)
+    require_one_input(model, "output_orders")
     about = deviations(model, operating_input)
     period = one_period(excitation, model.sample_time)
     spectrum = np.fft.fft(period) / period.size

@@ -43,5 +43,5 @@ def test_a_package_that_is_not_installed_is_said_so(kind: Any, monkeypatch: pyte
         raise ModuleNotFoundError(name)
 
     monkeypatch.setattr(peers, "import_module", absent)
-    with pytest.raises(ModelError, match=r"^not installed$"):
+    with pytest.raises(ModelError, match=r"^not installed \(extra compare\)$"):
         kind(lags=1, degree=1, terms=1).fit(drawn())

@@ -91,7 +91,7 @@ def _installed(package: str, *modules: str) -> list[Any]:
     try:
         return [import_module(f"{package}.{module}") for module in modules]
     except ImportError:
-        raise ModelError("not installed") from None
+        raise ModelError("not installed (extra compare)") from None
 
 
 def _product(codes: Iterable[int]) -> str:
