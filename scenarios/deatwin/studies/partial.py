@@ -50,7 +50,7 @@ class FinishedSteps:
     def __init__(self, progress: Progress, unit: str = "", say: Callable[[str], None] | None = None) -> None:
         self.share, self.doing = 0.0, "beginning"
         self._progress, self._unit = progress, unit
-        self._say, self._said = say or (lambda text: None), ""
+        self._say, self._said = say or (lambda text: None), set[str]()
         self._steps: dict[tuple[str, str], Step] = {}
 
     def tell(self, share: float, doing: str) -> None:
@@ -62,8 +62,8 @@ class FinishedSteps:
         """Take a step that is through, in place of a former one of the same subject, and say which."""
         self._steps[step.name, step.subject] = step
         known = first_words(step, self._unit)
-        if known and known != self._said:
-            self._said = known
+        if known and known not in self._said:
+            self._said.add(known)
             self._say(known)
         if step.subject:
             self._progress(self.share, f"{self.doing} ({step.subject})")

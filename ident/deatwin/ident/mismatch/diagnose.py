@@ -20,11 +20,10 @@ from deatwin.ident.mismatch.gate.bursts import without_bursts
 from deatwin.ident.mismatch.gate.gate import Gate, Soundness, confirm, gate
 from deatwin.ident.mismatch.locate.location import locate
 from deatwin.ident.mismatch.locate.track import readings
-from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, nothing_tried, with_all_distances
 from deatwin.ident.mismatch.naming.name import explanations
 from deatwin.ident.mismatch.naming.places import without_places
-from deatwin.ident.mismatch.naming.screen import Footprint, footprints
+from deatwin.ident.mismatch.naming.screen import footprints
 from deatwin.ident.mismatch.partly import acting
 from deatwin.ident.mismatch.prepare import prepare
 from deatwin.ident.mismatch.refit.base import Base, beside_rivals
@@ -38,7 +37,6 @@ from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
 
 Progress = Callable[[float, str], None]
-_Seen = tuple[Sequence[Footprint], Detection]
 
 
 def diagnose(
@@ -105,17 +103,28 @@ def diagnose(
     keep(base_step(bench, base))
 
     tell(0.25, "looking for a mismatch")
-    known, detection = _looked_into(bench, base.chosen, for_detection, tell)
+    detection = detect(base.chosen, bench, for_detection)
     if detection.mismatch and checked.soundness is Soundness.SOUND:
         before = base
-        base, (known, detection) = _among_forms(bench, base, (known, detection), for_detection)
+        base, detection = _among_forms(bench, base, detection, for_detection)
         if base is not before:
             keep(base_step(bench, base))
     keep(found_step("detect", detection))
     if detection.mismatch:
-        tell(0.28, "locating the mismatch")
+        tell(0.26, "locating the mismatch")
     location = locate(base.chosen, bench, checked, for_location) if detection.mismatch else None
     keep(found_step("locate", location))
+
+    fit, count = base.chosen.calibration, len(bench.effects)
+    known = footprints(
+        bench,
+        fit,
+        bench.effects,
+        fit,
+        finished=lambda done: tell(0.27 + 0.03 * done / count, "looking at what effects would do"),
+    )
+    detection = detection.beside(known)
+    keep(found_step("detect", detection))
 
     found: Iterable[Naming] = [nothing_tried(base.chosen)]
     if detection.mismatch and checked.soundness is Soundness.SOUND:
@@ -174,15 +183,7 @@ def diagnose(
     return diagnosis
 
 
-def _looked_into(bench: Bench, base: Candidate, rng: np.random.Generator, tell: Progress | None = None) -> _Seen:
-    """What each effect would do to a calibrated plant, and whether anything is missing in it."""
-    count = len(bench.effects)
-    done = None if tell is None else lambda n: tell(0.25 + 0.03 * n / count, "looking for a mismatch")
-    known = footprints(bench, base.calibration, bench.effects, base.calibration, done)
-    return known, detect(base, bench, rng, known=known)
-
-
-def _among_forms(bench: Bench, base: Base, seen: _Seen, rng: np.random.Generator) -> tuple[Base, _Seen]:
+def _among_forms(bench: Bench, base: Base, seen: Detection, rng: np.random.Generator) -> tuple[Base, Detection]:
     """The base plant beside all its rival forms, in the one to go on with, and what is seen there.
 
     A mismatch was `seen` in the form chosen.
@@ -191,7 +192,7 @@ def _among_forms(bench: Bench, base: Base, seen: _Seen, rng: np.random.Generator
     return _in_a_form_that_lacks_nothing(bench, *filed, rng)
 
 
-def _as_filed(bench: Bench, base: Base, seen: _Seen, rng: np.random.Generator) -> tuple[Base, _Seen]:
+def _as_filed(bench: Bench, base: Base, seen: Detection, rng: np.random.Generator) -> tuple[Base, Detection]:
     """The base plant in the rig file's own form, and what is seen there; `seen` was a mismatch in the form chosen.
 
     What is missing may be all that another reading of the file did, and badly: it is looked for from the file's on. And
@@ -201,24 +202,24 @@ def _as_filed(bench: Bench, base: Base, seen: _Seen, rng: np.random.Generator) -
     filed = base.as_filed(bench.nominal.rig)
     if filed is base:
         return base, seen
-    again = _looked_into(bench, filed.chosen, rng)
-    in_doubt = filed.chosen.mismatch and not again[1].mismatch and again[1].taken_up is None
+    again = detect(filed.chosen, bench, rng)
+    in_doubt = filed.chosen.mismatch and not again.mismatch and again.taken_up is None
     return (base, seen) if in_doubt else (filed, again)
 
 
 def _in_a_form_that_lacks_nothing(
-    bench: Bench, base: Base, seen: _Seen, rng: np.random.Generator
-) -> tuple[Base, _Seen]:
+    bench: Bench, base: Base, seen: Detection, rng: np.random.Generator
+) -> tuple[Base, Detection]:
     """The base plant in a rival form in which nothing is missing, where something was `seen` to be in the chosen one.
 
     A mismatch that is too small for the calibration to be certain of it does not make it take another form; but what
     another reading of the rig file does is no missing physics, however small it is.
     """
-    if not seen[1].mismatch:
+    if not seen.mismatch:
         return base, seen
     for rival in (form for form in base.rivals if form.adequate):
-        again = _looked_into(bench, rival, rng)
-        if not again[1].mismatch and again[1].taken_up is None:
+        again = detect(rival, bench, rng)
+        if not again.mismatch and again.taken_up is None:
             return base.in_form_of(rival), again
     return base, seen
 

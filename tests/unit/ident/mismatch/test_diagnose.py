@@ -154,10 +154,10 @@ def test_the_form_of_the_rig_file_is_gone_on_with_whether_something_is_missing_t
     """Where nothing is, nothing is missing: another reading is no better for what it leaves."""
     module = importlib.import_module("deatwin.ident.mismatch.diagnose")
     filed = SimpleNamespace(chosen=SimpleNamespace(mismatch=certain))
-    again = ("known there", SimpleNamespace(mismatch=there, taken_up=taken_up))
-    monkeypatch.setattr(module, "_looked_into", lambda bench, base, rng: again if base is filed.chosen else None)
+    again = SimpleNamespace(mismatch=there, taken_up=taken_up)
+    monkeypatch.setattr(module, "detect", lambda base, bench, rng: again if base is filed.chosen else None)
     bench, base = SimpleNamespace(nominal=NOMINAL), SimpleNamespace(as_filed=lambda rig: filed)
-    seen = ("known", SimpleNamespace(mismatch=True))
+    seen = SimpleNamespace(mismatch=True)
     assert module._as_filed(bench, base, seen, None) == ((filed, again) if taken else (base, seen))
 
 
@@ -174,12 +174,12 @@ def test_what_another_reading_of_the_rig_file_does_is_not_missing(monkeypatch, r
     module = importlib.import_module("deatwin.ident.mismatch.diagnose")
     forms = tuple(SimpleNamespace(name=name, adequate=adequate) for name, (adequate, _) in rivals.items())
     detections = {n: SimpleNamespace(mismatch=missing, taken_up=None) for n, (_, missing) in rivals.items()}
-    monkeypatch.setattr(module, "_looked_into", lambda bench, form, rng: (form.name, detections[form.name]))
+    monkeypatch.setattr(module, "detect", lambda form, bench, rng: detections[form.name])
     base = SimpleNamespace(rivals=forms, in_form_of=lambda form: form.name)
-    seen = ("known", SimpleNamespace(mismatch=True))
+    seen = SimpleNamespace(mismatch=True)
     found = module._in_a_form_that_lacks_nothing(None, base, seen, None)
-    assert found == ((taken, (taken, detections[taken])) if taken else (base, seen))
-    nothing = ("known", SimpleNamespace(mismatch=False))
+    assert found == ((taken, detections[taken]) if taken else (base, seen))
+    nothing = SimpleNamespace(mismatch=False)
     assert module._in_a_form_that_lacks_nothing(None, base, nothing, None) == (base, nothing)
 
 
@@ -187,13 +187,13 @@ def test_rivals_that_the_calibration_did_not_ask_are_asked_where_something_is_mi
     """One of them lacks nothing, though the form chosen was good enough to ask no further."""
     module = importlib.import_module("deatwin.ident.mismatch.diagnose")
     early = SimpleNamespace(adequate=True)
-    nothing = ("known there", SimpleNamespace(mismatch=False, taken_up=None))
-    monkeypatch.setattr(module, "_looked_into", lambda bench, form, rng: nothing if form is early else None)
+    nothing = SimpleNamespace(mismatch=False, taken_up=None)
+    monkeypatch.setattr(module, "detect", lambda form, bench, rng: nothing if form is early else None)
     alone = Base(chosen=SimpleNamespace(mismatch=False), rivals=(), noise=2e-6)
     monkeypatch.setattr(Base, "as_filed", lambda self, rig: self)
     monkeypatch.setattr(Base, "in_form_of", lambda self, form: replace(self, chosen=form, rivals=()))
     monkeypatch.setattr(module, "beside_rivals", lambda bench, base: replace(base, rivals=(early,)))
-    seen = ("known", SimpleNamespace(mismatch=True))
+    seen = SimpleNamespace(mismatch=True)
     base, found = module._among_forms(SimpleNamespace(nominal=NOMINAL), alone, seen, None)
     assert base.chosen is early
     assert found is nothing
@@ -203,19 +203,19 @@ def test_the_form_of_the_rig_file_is_gone_back_to_before_others_are_asked(monkey
     """Nothing is missing there: then no rival is looked into."""
     module = importlib.import_module("deatwin.ident.mismatch.diagnose")
     filed, rival = SimpleNamespace(mismatch=False), SimpleNamespace(adequate=True)
-    nothing = ("known there", SimpleNamespace(mismatch=False, taken_up=None))
-    monkeypatch.setattr(module, "_looked_into", lambda bench, form, rng: {id(filed): nothing}[id(form)])
+    nothing = SimpleNamespace(mismatch=False, taken_up=None)
+    monkeypatch.setattr(module, "detect", lambda form, bench, rng: {id(filed): nothing}[id(form)])
     monkeypatch.setattr(module, "beside_rivals", lambda bench, base: base)
     monkeypatch.setattr(Base, "as_filed", lambda self, rig: replace(self, chosen=filed))
     chosen = Base(chosen=SimpleNamespace(mismatch=False), rivals=(rival,), noise=2e-6)
-    seen = ("known", SimpleNamespace(mismatch=True))
+    seen = SimpleNamespace(mismatch=True)
     base, found = module._among_forms(SimpleNamespace(nominal=NOMINAL), chosen, seen, None)
     assert base.chosen is filed
     assert found is nothing
 
 
 def test_what_was_seen_in_the_form_of_the_rig_file_is_not_looked_into_twice():
-    base, seen = SimpleNamespace(), ("known", SimpleNamespace(mismatch=True))
+    base, seen = SimpleNamespace(), SimpleNamespace(mismatch=True)
     base.as_filed = lambda rig: base
     assert importlib.import_module("deatwin.ident.mismatch.diagnose")._as_filed(
         SimpleNamespace(nominal=NOMINAL), base, seen, None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -47,7 +48,7 @@ POINTS = 400
 """Of a curve that is drawn."""
 
 
-def detect(base: Candidate, bench: Bench, rng: np.random.Generator, *, known: Sequence[Footprint] = ()) -> Detection:
+def detect(base: Candidate, bench: Bench, rng: np.random.Generator) -> Detection:
     """Test whether a calibrated plant lacks anything.
 
     Parameters
@@ -58,23 +59,19 @@ def detect(base: Candidate, bench: Bench, rng: np.random.Generator, *, known: Se
         Recordings.
     rng : numpy.random.Generator
         Source of the bootstrap's draws.
-    known : sequence of Footprint
-        What each effect does to the readings of the fitted part, for the smallest size that would be seen.
 
     Returns
     -------
     Detection
     """
-    found = detect_in(leftover_of(base, bench), rng, known=known)
+    found = detect_in(leftover_of(base, bench), rng)
     if not found.mismatch:
         return found
     whole = _taking_up_the_rest(base, bench)
     return replace(found, taken_up=_answering_late(base, bench, found.size) if whole is None else whole)
 
 
-def detect_in(
-    left: Leftover, rng: np.random.Generator, *, known: Sequence[Footprint] = (), draws: int = DRAWS
-) -> Detection:
+def detect_in(left: Leftover, rng: np.random.Generator, *, draws: int = DRAWS) -> Detection:
     """Test a residual.
 
     Parameters
@@ -83,8 +80,6 @@ def detect_in(
         The residual, its signals and its Jacobian.
     rng : numpy.random.Generator
         Source of the bootstrap's draws.
-    known : sequence of Footprint
-        What each effect does to the readings of the fitted part.
     draws : int
         Of the bootstrap.
 
@@ -100,7 +95,6 @@ def detect_in(
     pieces = [first.residual[r] for r in first.records]
     commands = [first.commands[r] for r in first.records]
     repeats = find_repeats(commands, left.sample_time)
-    smallest, visible = _seen(law, left, known, practical)
     p_value, size = law.p_value(float(groups.max())), _size(left)
     least = practical * (CERTAIN if p_value < LIKELY else BEYOND_CHANCE)
     certain = _is_certain(left, law.refit.white, least)
@@ -118,8 +112,7 @@ def detect_in(
         if counts(p_value, size, practical, certain)
         else OriginEvidence.none(size),
         moved=float(np.sqrt(np.mean(left.moved**2))),
-        visible=visible,
-        smallest=smallest,
+        seen=partial(_seen, law, left, practical),
         output_unit=left.output_unit,
         curves=_curves(law, left, scores),
     )
@@ -211,7 +204,7 @@ def _statistics(law: Law, left: Leftover, scores: Scores, groups: np.ndarray) ->
 
 
 def _seen(
-    law: Law, left: Leftover, known: Sequence[Footprint], practical: float
+    law: Law, left: Leftover, practical: float, known: Sequence[Footprint]
 ) -> tuple[dict[str, float | None], bool]:
     """The smallest size of each effect, at the shape that is seen best, and whether any is physical."""
     smallest: dict[str, float | None] = {}

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from operator import attrgetter
 from typing import TYPE_CHECKING, ClassVar
@@ -32,6 +32,8 @@ from deatwin.plant.datasets import (
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from deatwin.ident.mismatch.naming.screen import Footprint
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -108,6 +110,8 @@ class Detection(Described):
         Rms of what the recorded commands have moved the readings by, SI.
     visible : bool
         Whether any effect could show at a physical strength; true where none was asked for.
+    seen : callable or None
+        Gives `smallest` and `visible` of effects by what they do; None where that was asked.
     smallest : mapping of str to float or None
         For each effect the rms that it must add to the readings to be detected nine times in ten, SI; None where the
         refit takes up all of it.
@@ -128,7 +132,8 @@ class Detection(Described):
     repeatability: Repeatability | None
     evidence: OriginEvidence
     moved: float = field(metadata=attribute())
-    visible: bool
+    visible: bool = True
+    seen: Callable[[Sequence[Footprint]], tuple[dict[str, float | None], bool]] | None = None
     smallest: Mapping[str, float | None] = field(default_factory=dict)
     output_unit: str = "m"
     curves: Curves
@@ -145,6 +150,23 @@ class Detection(Described):
         "regressor": coordinate("regressor", of=lambda found: np.array(found.curves.regressors, dtype=str)),
         "units": attribute(of=attrgetter("output_unit")),
     }
+
+    def beside(self, known: Sequence[Footprint]) -> Detection:
+        """The same, with what could have been seen of effects.
+
+        Parameters
+        ----------
+        known : sequence of Footprint
+            What each effect does to the readings of the fitted part.
+
+        Returns
+        -------
+        Detection
+        """
+        if self.seen is None:
+            return self
+        smallest, visible = self.seen(known)
+        return replace(self, smallest=smallest, visible=visible, seen=None)
 
     @property
     def mismatch(self) -> bool:

@@ -279,9 +279,12 @@ def _at_its_time(
     first, last = known.lower, known.upper
     best = max(found, key=lambda f: _lead(f, fit.residuals, basis).share)
     step, near = (share * float(np.ptp(times)) for share in (EVENT_STEP, EVENT_ERROR))
+    seen = [getattr(best.effect, event)]  # what was seen before explains no more than the best does
     while step > max(near, fit.plant.rig.sample_time / 2):
         at = getattr(best.effect, event)
-        tried = [simulate(replace(best.effect, **{event: at + s})) for s in (-step, step) if first < at + s < last]
+        new = [t for t in (at - step, at + step) if first < t < last and np.abs(np.subtract(seen, t)).min() > near / 2]
+        seen += new
+        tried = [simulate(replace(best.effect, **{event: t})) for t in new]
         better = max([best, *(f for f in tried if f is not None)], key=lambda f: _lead(f, fit.residuals, basis).share)
         step, best = (step, better) if better is not best else (step / 2, best)
     return best

@@ -21,7 +21,8 @@ from deatwin.ident.mismatch.detect.power import Power
 from deatwin.ident.mismatch.detect.statistics import Scores
 from deatwin.ident.mismatch.gate.repeats import find_repeats
 from deatwin.ident.mismatch.naming.candidate import judge
-from deatwin.plant import Delay, Diaphragm, Experiment, Plant, Recording, SensorJump, records
+from deatwin.ident.mismatch.naming.screen import Footprint
+from deatwin.plant import Delay, Diaphragm, Experiment, Plant, Recording, SensorDrift, SensorJump, records
 from deatwin.plant.excitation import band_limited_noise, random_holds
 
 STEP, NOISE, MODEL_ERROR = 0.02, 2e-6, 1.2e-6
@@ -250,6 +251,20 @@ def test_the_smallest_size_is_caught_nine_times_in_ten():
     # 90 % of 100 draws, chosen on 100 others: within three deviations of the difference
     assert caught(1.0) >= 0.9 - 3 * np.sqrt(2 * 0.09 / 100)
     assert caught(0.6) < 0.75
+
+
+def test_what_could_be_seen_is_told_of_effects_once_these_are_known():
+    left, rng = film(1500, 31, model_error=0.5 * NOISE), np.random.default_rng(1)
+    change = after_fit(left, (lagged(left.readings, 1.0) - left.readings.mean()) ** 3)[left.fitted]
+    found = detect_in(left.with_residual(after_fit(left, white(rng, 1500))), rng, draws=100)
+    assert (found.smallest, found.visible) == ({}, True)
+    strength = NOISE / float(np.sqrt(np.mean(change**2)))
+    known = [Footprint(effect=SensorDrift(), change=size * change) for size in (strength, 1e-9 * strength)]
+    one, faint = (found.beside([footprint]) for footprint in known)
+    # As large in the readings, whatever the strength that makes it.
+    assert 0.3 * NOISE < one.smallest["sensor_drift"] < 3.0 * NOISE
+    assert faint.smallest["sensor_drift"] == pytest.approx(one.smallest["sensor_drift"])
+    assert one.beside([]) is one  # it was asked
 
 
 # --- whose residual is it? -----------------------------------------------------------------------------------------

@@ -192,6 +192,21 @@ def test_distances_need_no_probabilities_and_take_no_rival_away(candidate, noise
     assert found.probabilities == known
 
 
+def test_the_distance_of_the_same_two_fits_is_reckoned_once(candidate, noise):
+    best, rival, better = candidate("creep", rms=2.1), candidate("delay", rms=2.2), candidate("delay", rms=2.15)
+    naming = Naming(candidates=(best, rival), best=best, rivals=(), probabilities={}, noise=noise)
+    bench, known, asked = SimpleNamespace(everything=(), jobs=1), {}, []
+
+    def reckoned(*stage: Candidate) -> list[float]:
+        found = with_distances(naming, stage, bench, lambda c: True, lambda *given: asked.append(given) or 9.0, known)
+        return [distance.d2 for distance in found.distances]
+
+    assert reckoned(best, rival) == reckoned(best, replace(rival, noise=noise)) == [9.0]  # judged anew, not fitted
+    assert len(asked) == 1
+    assert reckoned(best, better) == [9.0]
+    assert len(asked) == 2
+
+
 def test_what_differs_fast_from_the_likelier_one_does_not_lead_for_its_fewer_parameters(
     candidate, differing_fast, is_adequate, noise
 ):

@@ -12,10 +12,11 @@ from deatwin.ident.greybox import Part, calibrate
 from deatwin.ident.greybox.parts import simulated
 from deatwin.ident.greybox.status import FitStatus
 from deatwin.ident.mismatch.refit import search
-from deatwin.ident.mismatch.refit.search import gap_around, in_a_wider_range, in_its_gap
+from deatwin.ident.mismatch.refit.search import at_its_time, further, gap_around, in_a_wider_range, in_its_gap
 from deatwin.plant import Delay, Diaphragm, Experiment, Plant, ReadingTime, Recording, SensorJump
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.integrator.compiled import compiler
+from deatwin.plant.simulate import Simulator
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="a fit: without a C compiler it takes ten times as long")
 JUMP = SensorJump(change=30e-6, at=13.3)
@@ -55,6 +56,29 @@ def test_where_the_moved_plant_has_no_fit_the_one_before_stays(parts, monkeypatc
     fit = calibrate(Plant(rig=Diaphragm()).with_effects(replace(JUMP, at=11.0)), [fitted], evaluations=4, starts=1)
     monkeypatch.setattr(search, "descend", lambda *_, **__: replace(fit, status=FitStatus.IMPOSSIBLE))
     assert in_its_gap(fit, [fitted], [whole]) is fit
+
+
+def test_a_fit_that_goes_on_does_not_make_its_last_simulation_again(parts, monkeypatch):
+    _, whole = parts
+    fit = calibrate(Plant(rig=Diaphragm()), [whole], evaluations=3, starts=1)
+    monkeypatch.setattr(Simulator, "run_with_sensitivities", lambda *_, **__: pytest.fail("it was made again"))
+    again = further(fit, [whole], evaluations=1)
+    assert again.plant.parameters == fit.plant.parameters
+    np.testing.assert_array_equal(again.residuals, fit.residuals)
+
+
+def test_an_event_is_placed_as_finely_as_is_asked(parts, monkeypatch):
+    """Moved by a tenth of a second, five samples of a thousand err by fifteen times the noise: 1.1 times its square."""
+    _, whole = parts
+    fit = calibrate(Plant(rig=Diaphragm()).with_effects(replace(JUMP, at=12.6)), [whole], evaluations=4, starts=1)
+    looks, squares = [], search._squares
+    monkeypatch.setattr(search, "_squares", lambda plant, parts: looks.append(plant) or squares(plant, parts))
+    fine = at_its_time(fit, [whole])
+    many = len(looks)
+    rough = at_its_time(fit, [whole], enough=0.5)
+    assert fine.plant.parameters[AT].value == pytest.approx(JUMP.at, abs=0.02)
+    assert rough.plant.parameters[AT].value == pytest.approx(JUMP.at, abs=0.4)
+    assert len(looks) - many < many - 5
 
 
 def test_a_fit_beside_an_event_reaches_its_minimum_as_if_its_time_were_known(parts):
