@@ -87,7 +87,8 @@ def _bench(plant: Plant, checked: Gate, effects: Sequence[Effect], jobs: int, on
     weights = _weights(rig, checked)
     fitted, unseen, everything = split(checked, onset, weights)
     known = tuple(e for e in effects if plant.accepts(e))
-    beside_others, in_place = (Alone.AS_FIRST, Alone.AS_ANOTHER), (Alone.TOLD,)
+    beside_others: tuple[Alone, ...] = (Alone.AS_FIRST, Alone.AS_ANOTHER)
+    in_place: tuple[Alone, ...] = (Alone.TOLD,)
     if not weights:
         beside_others, in_place = (), (Alone.TOLD, Alone.AS_ANOTHER)
     return Bench(
