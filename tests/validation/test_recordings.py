@@ -61,11 +61,7 @@ def test_verdict_and_prediction(case: str, tmp_path: Path) -> None:
         assert named == []
         assert diagnosis.fit.fitted.before <= 2.6
     else:
-        tied = (
-            "permittivity_drift" in truth
-        )  # the displacement alone cannot tell it from an amplifier's gain that drifts
-        assert diagnosis.verdict is (Verdict.AMBIGUOUS if tied else Verdict.NAMED)
-        assert not tied or "sensor_drift" in diagnosis.names
+        assert diagnosis.verdict is Verdict.NAMED
         assert sorted(named) == sorted(truth)
         without, _ = check_error(diagnosis, diagnosis.base_model, history, check)
         assert without >= 2 * error

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from math import log
 
 from deatwin.ident.greybox.parts import Part, first_only
+from deatwin.ident.mismatch.likelihood.beforehand import strength_deviation
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
 
@@ -49,7 +50,7 @@ class Bench:
         """Return all effects that may be missing, at all places."""
         return (*self.effects, *self.elsewhere)
 
-    def log_prior(self, names: Collection[str]) -> float:
+    def log_share(self, names: Collection[str]) -> float:
         """Return the logarithm of the share of the prior of effects that falls to these places: each takes as much.
 
         Parameters
@@ -64,6 +65,30 @@ class Bench:
         places = Counter(effect.cause for effect in self.everywhere)
         chosen = (effect for effect in self.everywhere if effect.name in names)
         return -sum(log(places[effect.cause]) for effect in chosen)
+
+    def log_size(self, names: Collection[str], plant: Plant) -> float:
+        """Return how much less likely the strengths of effects at further places are than usual ones.
+
+        Of what reads alike, the strength is known as a share of itself: its prior is that of the logarithm, z φ(z).
+
+        Parameters
+        ----------
+        names : collection of str
+            Names of effects, at their places.
+        plant : Plant
+            With these effects, as fitted.
+
+        Returns
+        -------
+        float
+            In nats; 0 for those that are no larger than usual.
+        """
+        found = [effect for effect in self.everywhere if effect.name in names and effect.placed_at]
+        sizes = [
+            abs(plant.parameters[f"{effect.name}.{effect.strength}"].value) / strength_deviation(effect)
+            for effect in found
+        ]
+        return sum(log(size) - (size**2 - 1) / 2 for size in sizes if size > 1)
 
     @property
     def of_first(self) -> Bench:

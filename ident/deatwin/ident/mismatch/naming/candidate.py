@@ -43,8 +43,10 @@ class Candidate:
         Fitted and held-out samples of each experiment; empty where there is one.
     measured : ndarray, shape (m + n,)
         Readings of the fitted and the held-out part, SI; empty where nothing is to depend on them.
-    log_prior : float
+    log_share : float
         Logarithm of the share of its effects' prior that falls to the places at which they are.
+    log_size : float
+        How much less likely than usual strengths those at further places are, in nats; 0 or less.
     """
 
     effects: tuple[str, ...]
@@ -54,7 +56,8 @@ class Candidate:
     contribution: np.ndarray = field(default_factory=lambda: np.zeros(0))
     sizes: tuple[tuple[int, int], ...] = ()
     measured: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    log_prior: float = 0.0
+    log_share: float = 0.0
+    log_size: float = 0.0
 
     @cached_property
     def fitted_test(self) -> Excess:
@@ -122,6 +125,11 @@ class Candidate:
         return np.array([np.mean(np.concatenate(each)), *(e.mean() for e in each if e.size >= LONG_ENOUGH)])
 
     @property
+    def log_prior(self) -> float:
+        """Logarithm of what is known beforehand of the places of its effects, and of their strengths there."""
+        return self.log_share + self.log_size
+
+    @property
     def evidence(self) -> float:
         """Logarithm of the evidence over both parts, and of the prior of the effects' places."""
         return evidence(self.losses, len(self.calibration.names)) + self.log_prior
@@ -156,7 +164,8 @@ def judge(bench: Bench, calibration: Calibration, noise: float) -> Candidate | N
         contribution=contribution(bench, calibration, added),
         sizes=tuple((one.size, other.size) for one, other in zip(bench.fitted, bench.unseen, strict=True)),
         measured=np.concatenate([part.measured for part in (*bench.fitted, *bench.unseen)]),
-        log_prior=bench.log_prior(added),
+        log_share=bench.log_share(added),
+        log_size=bench.log_size(added, calibration.plant),
     )
 
 

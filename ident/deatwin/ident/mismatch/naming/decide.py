@@ -291,7 +291,8 @@ def with_distances(
 ) -> Naming:
     """Also keep as rivals the explanations that these inputs cannot tell from the best, whoever won.
 
-    What is worse by more than the plant's own error has been told apart, though it need not have been.
+    What is worse by more than the plant's own error has been told apart, though it need not have been. So has what is
+    far less likely beforehand: the gain of an amplifier hardly drifts by a tenth.
 
     Parameters
     ----------
@@ -330,7 +331,7 @@ def with_distances(
     near = [
         c
         for c, close, d2 in zip(others, alike, found, strict=True)
-        if close and d2 < TOLD_APART and c not in naming.rivals
+        if close and d2 < TOLD_APART and best.log_prior - c.log_prior < STRONG and c not in naming.rivals
     ]
     distances = tuple(_distance(best, c, d2) for c, d2 in zip(others, found, strict=True))
     return replace(naming, rivals=(*naming.rivals, *near), distances=distances)

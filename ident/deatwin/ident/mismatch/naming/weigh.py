@@ -58,7 +58,7 @@ class Scale:
     def of_two(self, pair: Candidate, alone: Candidate) -> float:
         """Log odds of a pair over one effect, whose law is as likely exact as not."""
         either = np.logaddexp(self.weight(alone), self._evidence(alone, self._law(pair, alone))) - np.log(2.0)
-        return self.weight(pair) - float(either) + self._pair_odds + pair.log_prior - alone.log_prior
+        return self.weight(pair) - float(either) + self._pair_odds + pair.log_share - alone.log_share
 
     @property
     def _pair_odds(self) -> float:

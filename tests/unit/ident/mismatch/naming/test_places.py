@@ -107,6 +107,6 @@ def test_one_reading_has_no_more_effects_than_before_and_two_have_the_places_tha
     told = {"delay_at_reading", *drifts}
     assert {e.name for e in benches[two].effects} == {*usual, *told}
     # The prior of an effect is shared by its places; an effect with one place keeps the whole.
-    assert benches[one].log_prior(["periodic_disturbance_at_force"]) == pytest.approx(-np.log(3))
-    assert benches[one].log_prior(["delay"]) == 0.0
-    assert benches[two].log_prior(["sensor_drift", "delay"]) == pytest.approx(-np.log(4) - np.log(2))
+    assert benches[one].log_share(["periodic_disturbance_at_force"]) == pytest.approx(-np.log(3))
+    assert benches[one].log_share(["delay"]) == 0.0
+    assert benches[two].log_share(["sensor_drift", "delay"]) == pytest.approx(-np.log(4) - np.log(2))

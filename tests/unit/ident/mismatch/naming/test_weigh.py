@@ -58,7 +58,7 @@ def fitted(left, *effects):
         effects=own,
         calibration=calibration,
         contribution=columns @ np.array(list(values.values())),
-        log_prior=0.0,
+        log_share=0.0,
     )
 
 
