@@ -179,8 +179,8 @@ def test_every_goal_is_counted_as_a_person_would(opened: Opened) -> None:
     # detected and in the catalogue: e1 e2 e3 e5, p1 p2, t1 to t4; named wrong: e3, p2
     assert counted("a wrong cause is named") == (2, 10)
     # ratio 0.5 or more: e1 e2 e3 e4 e5 e7; e5 has a near rival
-    assert counted(next(g.measure for g in goals if g.measure.startswith("first cause"))) == (2, 5)
-    assert counted("family of the first cause right") == (2, 5)
+    assert counted("first cause right") == (2, 5)
+    assert counted("right family") == (2, 5)
     assert counted("true effect in the answer, ratio") == (3, 6)
     assert counted("outside", "verdict is unknown") == (1, 2)
     assert counted("outside", ": a cause is named") == (1, 2)
