@@ -146,7 +146,7 @@ def test_the_command_judges_an_unstable_model_ahead(at: Path, capsys: pytest.Cap
     options = ["--degree", "1", "--method", "frols", "--out", "narx.json", "--report", "found"]
     assert main(["identify", "loop.csv", *COLUMNS, *options]) == 0
     told = capsys.readouterr().out
-    assert "a loop is suspected" in told and "closed loop" in told
+    assert "a closed loop is suspected" in told and "closed loop" in told
     assert "--first-input-lag 0" in told and "u(k) " not in told  # the controller's answer within the sample
     low, high = map(float, re.search(r"95 % interval ([\d.]+) to ([\d.]+)\), \+", told).groups())
     assert low <= 1.1 <= high < low + 0.02
