@@ -1,20 +1,36 @@
 """The gallery: results of real commands, drawn while the site is built.
 
-A hook of MkDocs (`on_page_markdown`), named in mkdocs.yml: it takes the place of ``<!-- gallery -->`` on a page. The order
-and the commands stand in docs/gallery/entries.toml, what is drawn in docs/data/gallery.json.
+Hooks of MkDocs, named in mkdocs.yml. `on_page_markdown` replaces ``<!-- gallery -->`` on a page; the order and the commands
+are in docs/gallery/entries.toml, the data of the pictures in docs/data/gallery.json. `on_files` unpacks the reports
+docs/gallery/NAME.html.xz.
 """
 
 from __future__ import annotations
 
 import html
 import json
+import lzma
 import tomllib
 from pathlib import Path
 from typing import Any
 
+from mkdocs.structure.files import File, Files
+
 MARK = "<!-- gallery -->"
 DOCS = Path(__file__).parents[1]
 WIDTH, HEIGHT, LEFT, BELOW = 640.0, 130.0, 48.0, 18.0
+LARGEST = 5_000_000
+"""Bytes of the largest page that the site may have."""
+
+
+def on_files(files: Files, config: Any) -> Files:
+    """Add the reports to the site, each a page of its own."""
+    for path in sorted((DOCS / "gallery").glob("*.html.xz")):
+        page = lzma.decompress(path.read_bytes())
+        if len(page) > LARGEST:
+            raise ValueError(f"{path}: a report of {len(page)} bytes; a page may have {LARGEST}")
+        files.append(File.generated(config, f"gallery/{path.name.removesuffix('.xz')}", content=page))
+    return files
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
@@ -40,7 +56,9 @@ def shown(told: dict[str, Any], found: dict[str, Any]) -> str:
         if "figure" in told
         else f'<figure class="gallery">{drawing(found)}</figure>'
     )
-    return f"## {told['title']}\n\n```sh\n{commands.strip()}\n```\n\n{answer}{picture}"
+    whole = (DOCS / "gallery" / f"{told['name']}.html.xz").exists()
+    report = f"[Open the whole report](gallery/{told['name']}.html)" if whole else ""
+    return f"## {told['title']}\n\n```sh\n{commands.strip()}\n```\n\n{answer}{picture}\n\n{report}".rstrip()
 
 
 def drawing(found: dict[str, Any]) -> str:

@@ -176,22 +176,22 @@ def test_every_goal_is_counted_as_a_person_would(opened: Opened) -> None:
     assert counted("false alarm") == (1, 4)  # ambiguous names a cause as well
     assert counted("clean data: the verdict is none or parameters") == (2, 4)
     # detected and in the catalogue: e1 e2 e3 e5, p1 p2, t1 to t4; named wrong: e3, p2
-    assert counted("confident wrong name") == (2, 10)
+    assert counted("a wrong cause is named") == (2, 10)
     # ratio 0.5 or more: e1 e2 e3 e4 e5 e7; e5 has a near rival
     assert counted("first cause right") == (2, 5)
-    assert counted("family right") == (2, 5)
+    assert counted("right family") == (2, 5)
     assert counted("true effect in the answer, ratio") == (3, 6)
-    assert counted("outside", "unknown") == (1, 2)
-    assert counted("a cause is named", "outside") == (1, 2)
-    assert counted("both named") == (1, 2)
-    assert counted("no cause is wrong") == (1, 2)
-    assert counted("called ambiguous", "resolved by the advised") == (2, 3)  # t1 t4, not t2
+    assert counted("outside", "verdict is unknown") == (1, 2)
+    assert counted("outside", ": a cause is named") == (1, 2)
+    assert counted("both are named") == (1, 2)
+    assert counted("no wrong cause is named") == (1, 2)
+    assert counted("verdict ambiguous", "resolved by the advised") == (2, 3)  # t1 t4, not t2
     assert counted("all ties", "resolved by the advised experiment or named") == (2, 3)  # t1 t3, not t2; t4 is weak
-    assert counted("ties, ratio", "truth inside") == (3, 3)
+    assert counted("ties, ratio", "true effect") == (3, 3)
     # named: e1 e2 e3, p1 p2, all with 2 µm against 3 and 5 µm
-    assert counted("ahead of every baseline") == (5, 5)
+    assert counted("than that of every baseline") == (5, 5)
     assert counted("data of the reduced plant") == (3, 4)
-    mean_size = goal(goals, "mean size")
+    mean_size = goal(goals, "mean number")
     assert (mean_size.value, mean_size.count) == (pytest.approx((1 + 1 + 1 + 2) / 4), 4)
     # first cause right 2 of 6; of the strongest terms x may be creep (e1) and s friction (e3)
     assert goal(goals, "pysindy").value == pytest.approx(0.0)

@@ -1,7 +1,8 @@
 """Reduce the folders that commands wrote to what the gallery of the site draws.
 
 ``python tests/tools/gallery.py RESULTS docs`` reads ``docs/gallery/entries.toml``, takes what is found below RESULTS and
-writes ``docs/data/gallery.json``; entries without results stay as they are.
+writes ``docs/data/gallery.json``; entries without results stay as they are. Reports of entries with ``report`` are packed
+into ``docs/gallery``.
 """
 
 from __future__ import annotations
@@ -9,6 +10,8 @@ from __future__ import annotations
 import argparse
 import csv
 import json
+import lzma
+import re
 import shutil
 import tomllib
 from pathlib import Path
@@ -63,6 +66,11 @@ def entry(told: dict[str, Any], folder: Path, pictures: Path) -> dict[str, Any]:
     return {"verdict": found["verdict"], "sentence": found["sentence"], **residual(folder)}
 
 
+def packed(report: str) -> bytes:
+    """A report without links to the files beside it, which the site does not have."""
+    return lzma.compress(re.sub(r'<a href="(?!#|https?:)[^"]*">(.*?)</a>', r"\1", report).encode("utf-8"), preset=9)
+
+
 def main() -> None:
     """Write the file."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -77,6 +85,9 @@ def main() -> None:
         table = f"figures/{one['table']}" if "table" in one else "diagnosis.json"
         if (folder / one.get("figure", table)).exists():
             kept[one["name"]] = entry(one, folder, args.docs / "gallery")
+        if one.get("report") and (folder / "report.html").exists():
+            packet = packed((folder / "report.html").read_text(encoding="utf-8"))
+            (args.docs / "gallery" / f"{one['name']}.html.xz").write_bytes(packet)
     target.write_text(json.dumps({one["name"]: kept[one["name"]] for one in told if one["name"] in kept}) + "\n")
     print(target, len(kept), "of", len(told))
 

@@ -202,7 +202,7 @@ class Builder:
         return symbol
 
     def displace(self, owner: str, state: Symbol, displaced: Callable[[Symbol], Symbol]) -> None:
-        """Let a memory begin away from rest, where nobody knows how the experiment began.
+        """Let a slow state start away from rest, if the history of the experiment is unknown.
 
         Parameters
         ----------
@@ -211,7 +211,7 @@ class Builder:
         state : casadi.SX
             Symbol that `state` returned.
         displaced : callable
-            Returns, for that parameter, the value that the state would have at rest, in terms of the value that it has.
+            Function of that parameter that returns the state's resting value in terms of its actual value.
         """
         name = next((n for n in (f"{owner}_at_start", f"{owner}.at_start") if n in self.written.parameters), None)
         if name is not None:

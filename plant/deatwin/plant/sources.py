@@ -38,7 +38,7 @@ def load_plant(source: str | os.PathLike[str] | RigFile | ModelFile) -> Calibrat
     ----------
     source : str, path, RigFile or ModelFile
         Rig file or file that names a model written elsewhere (``.toml``), as a path or already read; the FMU
-        (``.fmu``) beside which such a file lies; a ``model.json``; or ``module:function``, a function that returns a
+        (``.fmu``) next to such a file; a ``model.json``; or ``module:function``, a function that returns a
         Plant. Modules are also looked for in the working folder.
 
     Returns

@@ -141,7 +141,7 @@ def bounded(
         if not _diverges(tried.model_, training):
             return tried, (
                 f"with {OUTPUT_LAGS} lags of the output the model had an unstable pole at a negative z, which no "
-                f"sampled plant has; {fewer} were used instead",
+                f"sampled plant has; {fewer} used instead",
             )
     return identifier, (
         "the model's free run diverges on its own training recordings: do not simulate with it; unless the "

@@ -65,7 +65,7 @@ def test_a_model_that_begins_elsewhere_than_the_dead_time_says_so():
     without = NarxModel.from_terms({"y(k-1)": 0.9}, sample_time=0.1)
     for by_free_run, advice in ((False, "stronger input"), (True, "--method frols")):
         (said,) = disagreements(without, found, by_free_run=by_free_run)
-        assert "u is in no term of the model" in said and "lags 1 to 2 of it competed" in said and advice in said
+        assert "u is in no term of the model" in said and "lags 1 to 2 were candidates" in said and advice in said
     (said,) = disagreements(without, replace(found, lags=(0,)), by_free_run=True)
     assert "--input-lags" in said and "frols" not in said
 
@@ -82,7 +82,7 @@ def test_lags_that_competed_are_not_advised(at: Path, capsys: pytest.CaptureFixt
     write_recording("loop.csv", named(u, read))
     assert main(["identify", "loop.csv", *COLUMNS, "--method", method, "--out", "narx.json", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert not any("compete" in note.split("competed")[-1] for note in told["notes"])
+    assert not any("candidate input lags" in note for note in told["notes"])
     assert any("take --method frols" in note for note in told["notes"]) == (method == "lasso")
     if method == "frols":
         assert "u(k-1)" in told["terms"]
@@ -119,7 +119,7 @@ def test_a_model_that_runs_away_on_its_own_data_is_never_given_without_a_warning
     assert "diverges on its own training recordings" in json.loads(capsys.readouterr().out)["notes"][0]
     assert main(command) == 0
     told = json.loads(capsys.readouterr().out)
-    assert "which no sampled plant has; 1 competed instead" in told["notes"][0] and told["unseen"][0]["finished"]
+    assert "which no sampled plant has; 1 used instead" in told["notes"][0] and told["unseen"][0]["finished"]
 
 
 @pytest.fixture
@@ -146,7 +146,7 @@ def test_the_command_judges_an_unstable_model_ahead(at: Path, capsys: pytest.Cap
     options = ["--degree", "1", "--method", "frols", "--out", "narx.json", "--report", "found"]
     assert main(["identify", "loop.csv", *COLUMNS, *options]) == 0
     told = capsys.readouterr().out
-    assert "a loop is suspected" in told and "closed loop" in told
+    assert "a closed loop is suspected" in told and "closed loop" in told
     assert "--first-input-lag 0" in told and "u(k) " not in told  # the controller's answer within the sample
     low, high = map(float, re.search(r"95 % interval ([\d.]+) to ([\d.]+)\), \+", told).groups())
     assert low <= 1.1 <= high < low + 0.02

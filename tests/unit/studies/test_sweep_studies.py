@@ -59,7 +59,7 @@ def test_an_interrupt_that_became_an_error_is_no_result(
     mistaken: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(np, "arange", mistaken)  # which `square` takes
-    with pytest.raises(KeyboardInterrupt, match="0 of 1 cases are through"):
+    with pytest.raises(KeyboardInterrupt, match="0 of 1 cases are finished"):
         run_study(grid(value=[2]), square, tmp_path / "study", jobs=1)
 
 
@@ -123,7 +123,7 @@ def test_work_that_could_hold_unseen_values_is_refused(tmp_path: Path, unfit: An
 @pytest.mark.parametrize(
     ("cases", "words"),
     [
-        ([{"value": 1}, {"value": 1}], "case 1 is there twice"),
+        ([{"value": 1}, {"value": 1}], "case 1 occurs twice"),
         ([{"value": float("nan")}], "case 0: value is nan"),
         ([{"value": [1]}], r"case 0: value is \[1\]; it must be a finite number"),
     ],

@@ -63,7 +63,7 @@ def judge_rests(
     text = (
         f"at the input {linear.operating_input:.3g} the model rests at {centre / size:.3g} {unit} and the plant at "
         f"{rests[1] / size:.3g} {unit}, {abs(centre - rests[1]) / size:.3g} {unit} apart: no controller can move the "
-        "plant to the model's steps, because within the limits of the command it rests from {rests.min() / size:.3g} to "
+        f"plant to the model's steps, because within the limits of the command it rests from {rests.min() / size:.3g} to "
         f"{rests.max() / size:.3g} {unit}"
     )
     return Finding(subject=runs.subject("operating point"), value=float(rests[1] - centre), verdict=verdict, text=text)

@@ -38,10 +38,15 @@ class Verdict(Enum):
 
 
 _ADVICE: Mapping[Verdict, str] = {
-    Verdict.NONE: "next: use the calibrated plant within the range and frequencies of these inputs; the table of smallest detectable changes shows what could still be hidden",
+    Verdict.NONE: (
+        "next: use the calibrated plant within the range and frequencies of these inputs; the table of smallest "
+        "detectable changes shows what could still be hidden"
+    ),
     Verdict.PARAMETERS: "next: use the calibrated plant within the range and frequencies of these inputs",
     Verdict.NAMED: "next: use the amended plant, model.json, which `deatwin simulate` and `deatwin check` take",
-    Verdict.AMBIGUOUS: "next: record the advised experiment and diagnose all recordings together; until then no explanation is certain",
+    Verdict.AMBIGUOUS: (
+        "next: record the advised experiment and diagnose all recordings together; until then no explanation is certain"
+    ),
     Verdict.PARTLY: "next: use the amended plant with care, because something else is missing",
     Verdict.UNKNOWN: "next: inspect the readings where the mismatch lies; if they are sound, add the effect that you suspect",
     Verdict.DISTURBANCE: "next: find the source of the disturbance on the bench; changing the plant will not help",

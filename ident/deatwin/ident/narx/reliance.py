@@ -109,7 +109,7 @@ class Reliance:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Caveats that the residual tests do not reveal: too few training samples, and a free run that is worth nothing."""
+        """Caveats that the residual tests do not reveal: too few training samples, and a useless free run."""
         useless = (
             "the model explains nothing: its free run follows the held-out data no better than their mean does"
             if self.fit is not None and self.fit <= 0.0

@@ -19,8 +19,8 @@ def material(
 ) -> None:
     """Calibrate a film's material on tests of coupons: pulls, cycles, relaxations, dynamic moduli.
 
-    Writes material.toml, which a rig file names as its material, material.json, report.html, figures with their data and
-    run.json into DIR.
+    Writes into DIR: material.toml, which a rig file can name as its material; material.json; report.html; figures with
+    their data; and run.json.
 
     Example: deatwin material tests.toml --out film
     """

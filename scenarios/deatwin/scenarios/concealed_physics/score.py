@@ -68,7 +68,7 @@ def score(study: Opened) -> list[Goal]:
             "at most 1 %",
         ),
         _at_least(f"first cause right, {strong} and {distant}", [c.first_right for c in far], 0.9),
-        _at_least(f"family of the first cause right, {strong} and {distant}", [c.family_right for c in far], 0.95),
+        _at_least(f"right family of the first cause, {strong} and {distant}", [c.family_right for c in far], 0.95),
         _at_least(f"true effect in the answer, {strong}", [c.inside for c in inside], 0.95),
         _mean(
             "mean number of effects in the answer, rich input",

@@ -90,7 +90,7 @@ def numbers_of_decades(axis: Axis, short: float) -> None:
 
 
 def key_of(name: str) -> str:
-    """The name of an actuator as it begins the names of columns and files."""
+    """Return an actuator's name as a prefix for names of columns and files."""
     return name.replace(" ", "")
 
 

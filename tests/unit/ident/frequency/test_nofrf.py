@@ -187,7 +187,7 @@ def test_a_nofrf_is_a_mean_of_the_gfrf():
     beyond = 0
     for seed in range(10):
         period, lines = random_lines(seed, 40, 400)
-        with pytest.warns(NofrfWarning, match="do not suit this"):
+        with pytest.warns(NofrfWarning, match="are unsuitable"):
             random = nofrf_exact(model, period, 2)
         assert np.all(random.gain <= amplification_of(lines, 40) * largest * (1 + 1e-9))
         beyond += random.gain.max() > designed.gain.max()

@@ -278,7 +278,7 @@ def _require(chosen: Sequence[Recording], output: int, max_dead_time: int, proba
     n_inputs, n_outputs = chosen[0].inputs.shape[0], chosen[0].outputs.shape[0]
     if n_inputs == 0 or not 0 <= output < n_outputs:
         raise ModelError(
-            f"the recordings have {n_inputs} inputs and {n_outputs} outputs; a dead time is that of an input "
+            f"the recordings have {n_inputs} inputs and {n_outputs} outputs; a dead time belongs to an input "
             f"to one of the outputs, here output {output}"
         )
     if max_dead_time < 1 or not 0.0 < probability < 1.0:

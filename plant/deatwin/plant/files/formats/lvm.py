@@ -63,7 +63,7 @@ def read_lvm(path: str | Path) -> CsvTable:
         )
     kind = next((cell for cell in first.header.get("X_Dimension", []) if cell and cell != "Time"), "")
     if kind:
-        raise DataError(f'{name}: its x values are "{clipped(kind)}", and a recording is made of times')
+        raise DataError(f'{name}: its x values are "{clipped(kind)}", but a recording needs times')
     return _table(segments, separator, about.get("X_Columns", "One"), name, hashlib.sha256(content).hexdigest())
 
 
