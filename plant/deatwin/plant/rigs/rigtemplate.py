@@ -70,7 +70,7 @@ def rig_template(
         for name, key in keys.items():
             lines += _entry(name, key, known.get(name), {**_EXAMPLES, **described.examples}[name])
         parts.append("\n".join(lines) + "\n")
-    for name, noise in noises.items() if "drive" in described.sections else ():
+    for name, noise in noises.items() if "load" in described.sections else ():  # a coupon has no electrodes
         size, unit = prefixed(noise, ELECTRICAL_UNITS[name])
         lines = [
             f"[readings.{name}]  # a further reading, as recorded; without this section it does not count",
