@@ -33,10 +33,17 @@ ROOT = Path(__file__).parents[3]
 HEADER = "time_s,command_V,displacement_mm"
 PLANTS = """\
 import sys
-from deatwin.plant import Coupon, Plant
+from deatwin.plant import Coupon, Plant, Reading
 
 def strip():
     return Plant(rig=Coupon(sample_time=0.1))
+
+class Seen(Coupon):
+    def write(self, build):
+        return build.watch("output", super().write(build))
+
+def seen():
+    return Plant(rig=Seen(sample_time=0.02, further=(Reading(name="output", noise=1.0),)))
 
 class Ratio(Coupon):
     output_unit = "1"

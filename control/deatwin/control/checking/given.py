@@ -90,6 +90,11 @@ def require_pair(model: NarxModel, plant: Plant) -> None:
             f"the model is one of deviations from {model.provenance['deviations_from']}; give the model with "
             "its operating point, as it was identified"
         )
+    if model.output_names[0] in {reading.name for reading in rig.further}:
+        raise ModelError(
+            f"the model is of the {model.output_names[0].replace('_', ' ')}, and a check closes the loop on the rig's first "
+            f"reading, the {rig.output_name.replace('_', ' ')}: identify a model of that"
+        )
     for signal, unit, known in (
         ("input", model.input_units[0], rig.input_unit),
         ("output", model.output_units[0], rig.output_unit),

@@ -104,6 +104,7 @@ def conclude(findings: Findings) -> Diagnosis:
         rival_models=_rival_models(findings) if findings.named else {},
         candidates=_candidates(findings),
         readings=_readings(findings, model),
+        further=tuple(_readings(findings, model, name) for name in _recorded(findings)),
         findings=findings,
     )
     return replace(diagnosis, sentence=say(diagnosis))
@@ -270,14 +271,20 @@ def _location(findings: Findings) -> LocationSummary | None:
     return replace(located, place=tuple(sorted(found.values(), key=lambda entry: -entry.score)))
 
 
-def _readings(findings: Findings, model: CalibratedPlant) -> Readings:
+def _readings(findings: Findings, model: CalibratedPlant, reading: str = "") -> Readings:
     plant, experiments = findings.calibrated.plant, findings.checked.experiments
     return Readings(
         experiments=experiments,
-        base=readings(plant, experiments),
-        amended=readings(model.plant, experiments) if model.plant.effects != plant.effects else None,
+        base=readings(plant, experiments, reading),
+        amended=readings(model.plant, experiments, reading) if model.plant.effects != plant.effects else None,
         unseen=tuple(part.masks for part in first_only(findings.bench.unseen)),
+        reading=reading,
     )
+
+
+def _recorded(findings: Findings) -> tuple[str, ...]:
+    """The further readings that the recordings hold."""
+    return tuple(dict.fromkeys(part.reading for part in findings.bench.everything if part.reading))
 
 
 def _candidates(findings: Findings) -> tuple[CandidateSummary, ...]:

@@ -81,6 +81,11 @@ def _readings(diagnosis: Diagnosis) -> Variables:
     }
     if given.amended is not None:
         found["amended"] = ("sample", joined(given.amended) / size, amplitude)
+    for one in diagnosis.further:
+        found[f"{one.reading}_measured"] = ("sample", np.concatenate([one.measured(record) for record in records]))
+        found[f"{one.reading}_base"] = ("sample", joined(one.base))
+        if one.amended is not None:
+            found[f"{one.reading}_amended"] = ("sample", joined(one.amended))
     return found
 
 
@@ -141,6 +146,8 @@ class Diagnosis(Described):
         All explanations that were tried, the base plant first.
     readings : Readings or None
         Recordings beside simulations.
+    further : tuple of Readings
+        The same of each further reading that was recorded.
     findings : Findings or None
         What each step found, as its own result, which draws itself.
     """
@@ -171,6 +178,7 @@ class Diagnosis(Described):
     rival_models: Mapping[str, CalibratedPlant] = field(default_factory=dict, metadata=INTERNAL)
     candidates: tuple[CandidateSummary, ...] = field(default=(), metadata=INTERNAL)
     readings: Readings | None = field(default=None, metadata=INTERNAL)
+    further: tuple[Readings, ...] = field(default=(), metadata=INTERNAL)
     findings: Findings | None = field(default=None, metadata=INTERNAL)
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from deatwin.plant.amplitudes import reported_size, written_unit
-from deatwin.plant.recording import Experiment
+from deatwin.plant.recording import Experiment, Recording
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,12 +32,29 @@ class Readings:
         The amended plant's, where there are causes.
     unseen : tuple of tuple of ndarray of bool
         Samples that no fit saw before the verdict.
+    reading : str
+        Name of a further reading; the first one's are meant if it is empty.
     """
 
     experiments: tuple[Experiment, ...]
     base: tuple[tuple[np.ndarray, ...], ...]
     amended: tuple[tuple[np.ndarray, ...], ...] | None
     unseen: tuple[tuple[np.ndarray, ...], ...]
+    reading: str = ""
+
+    def measured(self, record: Recording) -> np.ndarray:
+        """What was measured in a record, shape (n,), SI; nan where it was not.
+
+        Parameters
+        ----------
+        record : Recording
+            One of the experiments'.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+        """
+        return record.reading(self.reading) if self.reading else record.outputs[0]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -73,22 +90,21 @@ class Stretch:
     sample_time: float
 
 
-def laid_out(readings: Readings, unit: str) -> tuple[Stretch, ...]:
+def laid_out(readings: Readings, size: float) -> tuple[Stretch, ...]:
     """Lay out recordings beside simulations.
 
     Parameters
     ----------
     readings : Readings
         Of a diagnosis.
-    unit : str
-        In which readings are reported.
+    size : float
+        Of the unit in which readings are reported, SI.
 
     Returns
     -------
     tuple of Stretch
         One for each record. One experiment keeps its clock; several are drawn one after another.
     """
-    size = reported_size(unit, readings.experiments[0].recordings[0].output_units[0])
     many = len(readings.experiments) > 1
     space = SPACE * sum(e.end - e.start for e in readings.experiments)
     found: list[Stretch] = []
@@ -103,7 +119,7 @@ def laid_out(readings: Readings, unit: str) -> tuple[Stretch, ...]:
                     clock=record.timepts,
                     axis=record.timepts + offset,
                     command=record.inputs[0],
-                    measured=record.outputs[0] / size,
+                    measured=readings.measured(record) / size,
                     base=readings.base[number][place] / size,
                     amended=amended,
                     unseen=readings.unseen[number][place],
@@ -144,7 +160,7 @@ def draw_residuals(readings: Readings, unit: str, axes: Axes) -> None:
         Where to draw.
     """
     first = True
-    for each in laid_out(readings, unit):
+    for each in laid_out(readings, reported_size(unit, readings.experiments[0].recordings[0].output_units[0])):
         hide = "" if first else "_"
         axes.plot(each.axis, each.measured - each.base, color="C1", linewidth=0.8, label=f"{hide}calibrated plant")
         if each.amended is not None:

@@ -14,6 +14,7 @@ from deatwin.ident.mismatch.gate.noise import noise_level
 from deatwin.ident.mismatch.locate.time import locate_time
 from deatwin.ident.mismatch.locate.track import tracks
 from deatwin.ident.mismatch.refit.base import Base, calibrate_base
+from deatwin.ident.soundness import noise_of_bends
 from deatwin.plant.effects.base import Alone, Effect
 from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant
@@ -151,6 +152,8 @@ def _noisier(base: Base, bench: Bench) -> tuple[Reading, ...]:
             weight, commands = own[0][0].weight, [part.commands for part, _ in own]
             whole = [piece / weight for _, piece in own]
             level = noise_level(whole, bench.nominal.rig.sample_time, reading.noise, commands).level
+            # A late current leaves a peak at each step, in every piece of its spectrum but in few of its samples.
+            level = float(min(level, max(map(noise_of_bends, whole))))
         found.append(replace(reading, noise=max(level, reading.noise)))
     return tuple(found) if tuple(found) != bench.nominal.rig.further else ()
 

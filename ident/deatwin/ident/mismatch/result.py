@@ -281,7 +281,8 @@ class AdviceSummary:
     undecided : tuple of str or None
         Explanations that the input leaves with another one nearby.
     log_odds : float or None
-        Expected log odds of an explanation over the nearest other one after the best waveform alone.
+        Natural logarithm of the odds that are expected of an explanation over the nearest other one after the best
+        waveform alone.
     readings : tuple of PricedReading
         What each further reading would tell, the best first.
     """

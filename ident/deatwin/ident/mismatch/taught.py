@@ -28,14 +28,17 @@ def taught(findings: Findings) -> tuple[ReadingSummary, ...] | None:
     found = []
     for reading, name in zip(rig.readings, ("", *(one.name for one in rig.further)), strict=True):
         if name in known:
+            fitted, unseen = (errors_in(findings, name, held_out=held_out) for held_out in (False, True))
+            left = max(fitted.after or 0.0, unseen.after or 0.0) or reading.noise
             with_it, without_it = _posteriors(findings, compared, name)
             found.append(
                 ReadingSummary(
                     reading=reading.name,
                     unit=reading.unit,
-                    noise=reading.noise if name else findings.base.noise,
-                    fitted=errors_in(findings, name, held_out=False),
-                    unseen=errors_in(findings, name, held_out=True),
+                    # Told by the base plant it may hold what was missing; none is larger than all that the answer leaves.
+                    noise=min(reading.noise, left) if name else findings.base.noise,
+                    fitted=fitted,
+                    unseen=unseen,
                     with_it=with_it,
                     without_it=without_it,
                 )

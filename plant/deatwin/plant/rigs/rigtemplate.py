@@ -1,10 +1,14 @@
 """A rig file to be filled in: each key with its unit, its meaning and what may be left out."""
 
 from collections.abc import Mapping
+from types import MappingProxyType
 
 from deatwin.plant.material import MATERIALS
+from deatwin.plant.prefixes import prefixed
+from deatwin.plant.readings import ELECTRICAL_UNITS
 from deatwin.plant.rigs.rigkeys import NumberKey, TextKey
 from deatwin.plant.rigs.rigkinds import KINDS
+from deatwin.plant.rigs.rigreadings import READING_KEYS
 
 _HEAD = """\
 # {about}
@@ -13,6 +17,8 @@ _HEAD = """\
 # A material that is not in the table: leave its key out, and write a section [material] with an energy.
 kind = "{kind}"
 """
+AT_MOST = "the recording shows at most this: put the data sheet's value here if you have it"
+"""What the template says of a noise that a recording told."""
 _SECTIONS = {
     "film": "the membrane",
     "load": "what the film moves",
@@ -50,13 +56,28 @@ _EXAMPLES: Mapping[str, float | str] = {
 }
 
 
-def rig_template(known: Mapping[str, tuple[float | str, str]], kind: str = "diaphragm") -> str:
-    """Return the text of a rig file to be filled in. `known` values in the file's units, and what tells them, by key."""
+def rig_template(
+    known: Mapping[str, tuple[float | str, str]],
+    kind: str = "diaphragm",
+    noises: Mapping[str, float] = MappingProxyType({}),
+) -> str:
+    """Return the text of a rig file to be filled in. `known` values in the file's units, and what tells them, by key;
+    `noises` of the further readings that were recorded, SI.
+    """
     parts, described = [_HEAD.format(about=KINDS[kind].about, kind=kind)], KINDS[kind]
     for section, keys in described.sections.items():
         lines = [f"[{section}]  # {_SECTIONS[section]}"]
         for name, key in keys.items():
             lines += _entry(name, key, known.get(name), {**_EXAMPLES, **described.examples}[name])
+        parts.append("\n".join(lines) + "\n")
+    for name, noise in noises.items() if "load" in described.sections else ():  # a coupon has no electrodes
+        size, unit = prefixed(noise, ELECTRICAL_UNITS[name])
+        lines = [
+            f"[readings.{name}]  # a further reading, as recorded; without this section it does not count",
+            f'unit = "{unit}"',
+            f"# noise: {READING_KEYS['noise'].about}; {AT_MOST}",
+            f"noise = {float(f'{noise / size:.3g}')!r}",
+        ]
         parts.append("\n".join(lines) + "\n")
     return "\n".join(parts)
 

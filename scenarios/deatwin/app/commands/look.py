@@ -187,22 +187,26 @@ def _draw(folder: ResultFolder, looks: Sequence[Look]) -> None:
 def _rig_file(seen: Sequence[Seen], kind: str) -> str:
     """Return the rig file to fill in, with what the first recording tells of it."""
     from deatwin.plant.checks import falls_with_voltage
+    from deatwin.plant.readings import ELECTRICAL_UNITS
     from deatwin.plant.rigs.rigkeys import AGAINST
-    from deatwin.plant.rigs.rigtemplate import rig_template
+    from deatwin.plant.rigs.rigtemplate import AT_MOST, rig_template
 
+    noises: dict[str, float] = {}
     known: dict[str, tuple[float | str, str]] = {}
     first = next((one.look for one in seen if one.look is not None), None)
     if first is not None:
         known["sample_rate_Hz"] = (1.0 / first.sample_time, "as recorded")
         reading = next(channel for channel in first.channels if channel.role == "output")
-        said = "the recording shows at most this: put the data sheet's value here if you have it"
         if reading.unit == "m" and reading.noise:
-            known["noise_um"] = (1e6 * reading.noise, said)
+            known["noise_um"] = (1e6 * reading.noise, AT_MOST)
         if reading.unit == "N" and reading.noise:
-            known["noise_mN"] = (1e3 * reading.noise, said)
+            known["noise_mN"] = (1e3 * reading.noise, AT_MOST)
+        noises = {
+            one.name: one.noise for one in first.channels if one.noise and one.unit == ELECTRICAL_UNITS.get(one.name)
+        }
         if falls_with_voltage(first.recordings):
             known["direction"] = (AGAINST, "the readings of the recording fall where the voltage rises")
-    return rig_template(known, kind)
+    return rig_template(known, kind, noises)
 
 
 def _rig_drawing(kind: str) -> str:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from deatwin.ident.mismatch.layout import Stretch, laid_out, stretches_of_true
-from deatwin.plant.amplitudes import axis_label, written_unit
+from deatwin.plant.amplitudes import axis_label, reported_size, written_unit
 from deatwin.plant.drawing import envelope
+from deatwin.plant.prefixes import prefixed
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import numbers_of_decades
 from deatwin.studies.report.svg import COLOURS, draw, inline
@@ -53,8 +54,9 @@ def drawings(diagnosis: Diagnosis) -> tuple[list[Drawing], dict[str, dict[str, A
     if diagnosis.readings is None:
         return [], {}
     name, unit = diagnosis.output.name, diagnosis.output.unit
-    tracks = laid_out(diagnosis.readings, unit)
     record = diagnosis.readings.experiments[0].recordings[0]
+    size = reported_size(unit, record.output_units[0])
+    tracks = laid_out(diagnosis.readings, size)
     shown = written_unit(unit)
     input_unit = f" ({record.input_units[0]})" if record.input_units[0] not in ("", "1") else ""
     view = _View(
@@ -70,7 +72,20 @@ def drawings(diagnosis: Diagnosis) -> tuple[list[Drawing], dict[str, dict[str, A
     suffix = f"_{unit}" if unit else ""
     spectrum = _spectrum(view, suffix)
     files = {"figures/time.csv": _time_columns(view, suffix), "figures/frequency.csv": spectrum}
-    return [_residual(view), _frequency(view, list(spectrum.values())), _zoom(view), _whole(view)], files
+    others = _further(diagnosis, view)
+    files |= {f"figures/time_{name}.csv": _time_columns(one, f"_{one.unit}") for name, one in others.items()}
+    drawn = [_residual(view), _frequency(view, list(spectrum.values())), _zoom(view), _whole(view)]
+    return [*drawn, *(_residual(one, name) for name, one in others.items())], files
+
+
+def _further(diagnosis: Diagnosis, view: _View) -> dict[str, _View]:
+    """What the figure of each further reading is drawn from, in a unit with the prefix that suits its noise."""
+    known = {reading.reading: reading for reading in diagnosis.taught or ()}
+    found = {}
+    for one in diagnosis.further:
+        size, unit = prefixed(known[one.reading].noise, known[one.reading].unit)
+        found[one.reading] = replace(view, tracks=laid_out(one, size), unit=unit, located=None)
+    return found
 
 
 def _amendment(diagnosis: Diagnosis) -> str:
@@ -81,8 +96,8 @@ def _amendment(diagnosis: Diagnosis) -> str:
     return " and ".join(names) if 0 < len(names) < 3 else "the amendments"
 
 
-def _residual(view: _View) -> Drawing:
-    """Residual over time, without and with the amendment, on the same scale."""
+def _residual(view: _View, further: str = "") -> Drawing:
+    """Residual over time, without and with the amendment, on the same scale; of the first reading or a further one."""
     rows = len(view.models)
     with draw((6.4, 2.0 + 1.2 * rows)) as figure:
         panels = figure.subplots(rows, 1, sharex=True, sharey=True, squeeze=False)[:, 0]
@@ -97,11 +112,14 @@ def _residual(view: _View) -> Drawing:
         handles = panels[0].get_legend_handles_labels()
         if handles[0]:
             figure.legend(*handles, loc="outside upper left", ncols=2)
-        svg = inline(figure, "residual", "Residual over time")
-    caption = "Measured minus simulated reading. Grey: held-out samples, to which nothing was fitted."
+        name, which = f"residual_{further}" if further else "residual", further.replace("_", " ") or "reading"
+        title = f"Residual of the {which} over time" if further else "Residual over time"
+        svg = inline(figure, name, title)
+    caption = f"Measured minus simulated {which}. Grey: held-out samples, to which nothing was fitted."
     if any("located" in text for text in handles[1]):
         caption += " Ochre: where the mismatch lies; the stronger, the larger its share."
-    return Drawing(name="residual", title="Residual over time", caption=caption, svg=svg, data="figures/time.csv")
+    data = f"figures/time_{further}.csv" if further else "figures/time.csv"
+    return Drawing(name=name, title=title, caption=caption, svg=svg, data=data)
 
 
 def _shade(axes: Axes, view: _View) -> None:
@@ -247,7 +265,7 @@ def _whole(view: _View) -> Drawing:
 
 def _time_columns(view: _View, suffix: str) -> dict[str, Array]:
     """Every sample of every record, readings rounded to what a sensor could tell."""
-    scale = max(float(np.ptp(track.measured)) for track in view.tracks) or 1.0
+    scale = max(float(np.nanmax(t.measured) - np.nanmin(t.measured)) for t in view.tracks) or 1.0
     digits = max(0, 6 - int(np.floor(np.log10(scale))))
     columns = {
         "experiment": np.concatenate([np.full(t.clock.size, t.experiment) for t in view.tracks]),

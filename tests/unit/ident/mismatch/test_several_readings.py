@@ -13,12 +13,14 @@ from deatwin.ident.mismatch import Diagnosis, Verdict, diagnose
 from deatwin.ident.mismatch.gate.gate import gate
 from deatwin.ident.mismatch.prepare import prepare
 from deatwin.plant import (
+    Delay,
     Effect,
     Experiment,
     PermittivityDrift,
     Planar,
     Plant,
     Reading,
+    Recording,
 )
 
 CURRENT = Reading(name="current", noise=NOISE["current"], series_resistance=SERIES_RESISTANCE)
@@ -87,6 +89,20 @@ def test_a_reading_with_a_gap_that_is_noisier_than_stated_is_taken_as_what_it_is
     assert second.weight == pytest.approx(ratio, rel=0.2)
     assert np.std(base.chosen.calibration.residuals) == pytest.approx(NOISE["displacement"], rel=0.1)
     assert base.chosen.adequate
+
+
+def test_a_peak_at_each_step_is_no_noise_of_the_current() -> None:
+    """A command that acts late leaves one in the current at each step, in ten samples of 25.
+
+    The median of what the others show is then twice that of the noise.
+    """
+    rng = np.random.default_rng(5)
+    held = np.repeat(rng.uniform(0.5, 1.5, 60), 25)
+    blank = Experiment(recordings=(Recording.from_arrays(held, np.zeros((0, held.size)), 0.02),))
+    made = planar(CURRENT).with_effects(Delay(time=0.1)).record(blank, rng)
+    bench, base = prepare(planar(CURRENT), gate(planar(CURRENT), made), effects=())
+    assert bench.nominal.rig.further[0].noise < 2.5 * NOISE["current"]
+    assert not base.chosen.adequate
 
 
 def drawn(number: int) -> tuple[str, float, Reading]:

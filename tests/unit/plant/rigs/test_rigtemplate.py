@@ -35,6 +35,14 @@ def test_filled_in_it_is_a_plant(tmp_path: Path, kind: str) -> None:
     assert plant.equations.states[:2] in ((("branch_stretch",),) if kind == "coupon" else moving)
 
 
+def test_further_readings_that_were_recorded_have_their_sections(tmp_path: Path) -> None:
+    path = tmp_path / "rig.toml"
+    text = rig_template(KNOWN, "planar", {"current": 5e-9, "capacitance": 1.5e-12})
+    path.write_text(re.sub(r"^#(?=\w)", "", text, flags=re.MULTILINE), encoding="utf-8")
+    further = load_plant(read_rig(path)).plant.rig.further
+    assert {one.name: one.noise for one in further} == pytest.approx({"current": 5e-9, "capacitance": 1.5e-12})
+
+
 @every
 def test_each_key_has_its_meaning_above_it(kind: str) -> None:
     lines = rig_template({}, kind).splitlines()

@@ -69,7 +69,8 @@ class Advice(Described):
         Readings that the explanations predict for the input, in the order of `rivals`, each refitted to imitate
         the first; SI.
     log_odds : float
-        Expected log odds of an explanation over the nearest other one after the best waveform alone.
+        Natural logarithm of the odds that are expected of an explanation over the nearest other one after the best
+        waveform alone.
     readings : tuple of PricedReading
         Readings that the rig could have beside those that were recorded, the best first.
     noise : float
@@ -148,8 +149,8 @@ class Advice(Described):
         if best is None:
             return ""
         return (
-            f" With {best.words} ({best.noise_source}) the expected log odds of the nearest two are {best.log_odds:.2g}; "
-            f"the best waveform alone reaches {self.log_odds:.2g}."
+            f" With {best.words} ({best.noise_source}) the truth would be expected to be e^{best.log_odds:.3g} times as "
+            f"likely as the nearest other explanation; with the best waveform alone e^{self.log_odds:.3g} times."
         )
 
     @property

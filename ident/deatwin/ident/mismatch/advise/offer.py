@@ -50,8 +50,9 @@ class PricedReading(SensorOffer):
     noise_source : str
         Where that is known from.
     log_odds : float
-        Expected log odds of the truth over the explanation that is nearest to it, with this reading beside the
-        recordings at hand.
+        Natural logarithm of the odds that are expected of the truth over the explanation nearest to it, with this
+        reading beside the recordings at hand. Below 0 the other one would still be preferred: the reading shows too
+        little of the difference to make up for what was held more likely beforehand.
     resolves : bool
         Whether that tells all of the explanations apart.
     """

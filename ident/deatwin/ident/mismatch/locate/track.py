@@ -41,7 +41,7 @@ class Track:
     sample_time: float
 
 
-def readings(plant: Plant, experiments: Sequence[Experiment]) -> tuple[tuple[np.ndarray, ...], ...]:
+def readings(plant: Plant, experiments: Sequence[Experiment], reading: str = "") -> tuple[tuple[np.ndarray, ...], ...]:
     """A plant's free-run readings.
 
     Parameters
@@ -50,6 +50,8 @@ def readings(plant: Plant, experiments: Sequence[Experiment]) -> tuple[tuple[np.
         Simulated from rest through each experiment.
     experiments : sequence of Experiment
         Only the commands are used.
+    reading : str
+        Which reading; the first one if empty.
 
     Returns
     -------
@@ -61,7 +63,12 @@ def readings(plant: Plant, experiments: Sequence[Experiment]) -> tuple[tuple[np.
     SimulationError
         If the plant cannot be simulated to the end.
     """
-    return tuple(tuple(y[0] for y in plant.simulate(e).require().outputs) for e in experiments)
+    row = _row(plant, reading)
+    return tuple(tuple(y[row] for y in plant.simulate(e).require().outputs) for e in experiments)
+
+
+def _row(plant: Plant, reading: str) -> int:
+    return [one.name for one in plant.rig.further].index(reading) + 1 if reading else 0
 
 
 def tracks(plant: Plant, experiments: Sequence[Experiment], reading: str = "") -> tuple[Track, ...]:
@@ -83,7 +90,7 @@ def tracks(plant: Plant, experiments: Sequence[Experiment], reading: str = "") -
     """
     rig = plant.rig
     size = amplitude_unit(rig.output_unit)[1]
-    row = [one.name for one in rig.further].index(reading) + 1 if reading else 0
+    row = _row(plant, reading)
     found = []
     for experiment in experiments:
         simulated = plant.simulate(experiment).require().outputs
