@@ -60,7 +60,7 @@ def told(folder: Path, patch: pytest.MonkeyPatch) -> None:
     """Run three stories, with less work where they can be had with less."""
     from deatwin.app.stories import story
     from deatwin.scenarios import prestretch, svb_benchmark
-    from deatwin.scenarios.regression_lessons import occam, shrinkage, variance
+    from deatwin.scenarios.regression_lessons import occam, variance
     from deatwin.scenarios.svb_benchmark import draws
     from deatwin.scenarios.svb_benchmark.study import Plan
     from deatwin.studies.folder import ResultFolder
@@ -71,7 +71,6 @@ def told(folder: Path, patch: pytest.MonkeyPatch) -> None:
         (variance, "DRAWS", 10),
         (occam, "DRAWS", 20),
         (occam, "JUDGED", 4),
-        (shrinkage, "DRAWS", 500),
         (prestretch, "PRESTRETCHES", np.linspace(1.0, 5.0, 3)),
         (prestretch, "RATIOS", np.linspace(1.0, 3.0, 2)),
         (svb_benchmark, "PLAN", small),

@@ -18,8 +18,7 @@ from deatwin.plant.recording import Experiment
 from deatwin.scenarios import vhb4910
 from deatwin.scenarios.concealed_physics.results import opened_study
 from deatwin.scenarios.concealed_physics.score import score
-from deatwin.scenarios.concealed_physics.seal import Seal
-from deatwin.scenarios.concealed_physics.study import key_of
+from deatwin.scenarios.concealed_physics.study import Seal, key_of
 from deatwin.scenarios.concealed_physics.tables import page_data
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.public.columns import csv_columns, hdf5_vectors, matlab_vectors

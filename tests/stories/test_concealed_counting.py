@@ -13,7 +13,7 @@ from deatwin.scenarios.concealed_physics import study as running
 from deatwin.scenarios.concealed_physics.figures import drawings, summary
 from deatwin.scenarios.concealed_physics.results import Opened, open_key, opened_study
 from deatwin.scenarios.concealed_physics.score import Goal, gaps_closed, score, sentence
-from deatwin.scenarios.concealed_physics.seal import Seal, Store, digest
+from deatwin.scenarios.concealed_physics.study import Seal, Store, digest
 from deatwin.scenarios.concealed_physics.tables import by_effect, by_family, csv_files, reported, results_page, tables
 
 # --- counting of hand-made cases ------------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ import pytest
 from deatwin.app.cli import main
 from deatwin.scenarios.concealed_physics import study as running
 from deatwin.scenarios.concealed_physics.results import open_key
-from deatwin.scenarios.concealed_physics.seal import Store
+from deatwin.scenarios.concealed_physics.study import Store
 
 TINY_SEED = 1001
 

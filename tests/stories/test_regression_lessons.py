@@ -2,32 +2,14 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from pages import story_page
-from scipy.integrate import quad
-from scipy.stats import norm
 
 from deatwin.scenarios import regression_lessons
-from deatwin.scenarios.regression_lessons import constraint, occam, page, shrinkage, variance
+from deatwin.scenarios.regression_lessons import constraint, occam, page, variance
 from deatwin.studies.stories import Setting
-
-
-@pytest.mark.parametrize("name", shrinkage.RULES)
-@pytest.mark.parametrize("size", [0.0, 0.7, 3.0])
-def test_risk_is_the_integral_of_the_squared_error(name: str, size: float) -> None:
-    level = 1.3
-    expected, _ = quad(
-        lambda z: float((shrinkage.rule(name, np.array(z), level) - size) ** 2 * norm.pdf(z - size)),
-        -10,
-        14,
-        points=[-level, level],
-        limit=200,
-    )
-    found = shrinkage._risk(name, np.array(size), level)
-    assert float(found) == pytest.approx(expected, abs=1e-7)  # of the quadrature
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
@@ -62,7 +44,6 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(variance, "DRAWS", 40)
     monkeypatch.setattr(occam, "DRAWS", 60)
     monkeypatch.setattr(occam, "JUDGED", 10)
-    monkeypatch.setattr(shrinkage, "DRAWS", 2000)
 
 
 def test_the_page(setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -70,7 +51,7 @@ def test_the_page(setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     shares: list[float] = []
     result = regression_lessons.run(replace(setting, progress=lambda share, text: shares.append(share)))
     missed = [row for row in result["measures"] if not row["passed"]]
-    assert len(result["measures"]) == 21 and not missed, missed
+    assert len(result["measures"]) == 15 and not missed, missed
     assert shares == sorted(shares)
     story_page(tmp_path, ("constraint", "bias_and_variance", "razor"))
     assert (tmp_path / "regression-lessons.json").is_file()
@@ -78,14 +59,6 @@ def test_the_page(setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 def test_a_wrong_closed_form_does_not_pass(monkeypatch: pytest.MonkeyPatch) -> None:
     few(monkeypatch)
-    generators = [np.random.default_rng(seed) for seed in range(4)]
-    right = shrinkage.risks(generators[0])
-    wrong: Any = {name: 1.3 * risk for name, risk in right.expected.items()}
-    object.__setattr__(right, "expected", wrong)
-    orthogonal = shrinkage.orthogonal(generators[1])
-    object.__setattr__(orthogonal, "found", {n: found + 1e-6 for n, found in orthogonal.found.items()})
-    passed = [row.passed for row in page.shrinkage_rows(orthogonal, right)]
-    assert passed == [False, False, True, True]
-    degrees = variance.by_degree(generators[2])
+    degrees = variance.by_degree(np.random.default_rng(2))
     object.__setattr__(degrees, "bias", np.zeros_like(degrees.bias))
     assert not page.bias_rows(degrees, degrees)[0].passed

@@ -1,6 +1,6 @@
 """How often structures are found, and whether intervals cover: a gate on few draws, and the whole study.
 
-What is demanded is stated in `deatwin.scenarios.svb_benchmark.tables`; the whole study is marked as such.
+What is demanded is stated in `deatwin.scenarios.svb_benchmark.page`; the whole study is marked as such.
 """
 
 from pathlib import Path

@@ -1,19 +1,16 @@
 """The diaphragm against closed forms.
 
-A1: Zhao & Suo, Appl. Phys. Lett. 91 (2007) 061921, doi:10.1063/1.2768641. A4 to A8: linear membrane theory
-and the exact scaling of an ideal dielectric elastomer. Each tolerance is the size of the first term that the
-closed form leaves out, or rounding where nothing is left out.
+A4 to A8: linear membrane theory and the exact scaling of an ideal dielectric elastomer. Each tolerance is the size of the
+first term that the closed form leaves out, or rounding where nothing is left out.
 """
 
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.optimize import minimize_scalar
 
 from deatwin.plant import Diaphragm, Experiment, Plant, Recording
 from deatwin.plant.excitation import band_limited_noise
-from deatwin.plant.laws.dielectric import VACUUM_PERMITTIVITY, electric_energy
-from deatwin.plant.laws.energies import gent, neo_hookean
+from deatwin.plant.laws.dielectric import VACUUM_PERMITTIVITY
 from deatwin.plant.rest import rest_state
 
 GRAVITY = 9.80665
@@ -49,33 +46,11 @@ def sag():
     return RIG.mass * GRAVITY * np.log(RIG.frame_radius / RIG.contact_radius) / (2 * np.pi * tension())
 
 
-def test_a1_the_free_equal_biaxial_limit():
-    # At equilibrium d/dl [W(l, l) + w_e(l, l; E)] = 0 gives E(l); its maximum is pull-in.
-    stretch, field = ca.SX.sym("l"), ca.SX.sym("E")
-    energy = neo_hookean(stretch, stretch, MU) + electric_energy(stretch, stretch, PERMITTIVITY, field)
-    elastic, electric = (
-        ca.Function("f", [stretch], [ca.substitute(ca.gradient(part, stretch), field, 1.0)])
-        for part in (neo_hookean(stretch, stretch, MU), electric_energy(stretch, stretch, PERMITTIVITY, field))
-    )
-    best = minimize_scalar(
-        lambda value: float(elastic(value) / electric(value)), bracket=(1.1, 1.3), options={"xtol": 1e-8}
-    )
-    scale = np.sqrt(MU / (PERMITTIVITY * VACUUM_PERMITTIVITY))
-    # A flat maximum: the square root of rounding in the stretch, rounding of the tabled digits in the field.
-    assert best.x == pytest.approx(2 ** (1 / 3), rel=1e-6)
-    assert np.sqrt(-best.fun) / scale == pytest.approx(0.6874, abs=5e-5)
-    assert np.sqrt(-best.fun) / scale * best.x**2 == pytest.approx(1.091, abs=5e-4)
-    curvature = ca.Function("c", [stretch, field], [ca.hessian(energy, stretch)[0]])
-    assert abs(float(curvature(best.x, np.sqrt(-best.fun)))) < 1e-4 * MU
-
-
-def test_a1_gent_meets_neo_hookean_far_from_its_limit():
-    assert float(gent(1.26, 1.26, MU, 1e6)) == pytest.approx(float(neo_hookean(1.26, 1.26, MU)), rel=1e-5)
-
-
-def test_a4_the_disc_expands_as_small_on_large():
-    # Ball too light to matter; kinematics are exact in this limit, what is left is of second order in 2e-4.
-    plant = Plant(rig=Diaphragm(ball="sliding", mass=1e-6, gain=1000.0))
+@pytest.mark.parametrize("form", [{}, {"resolution": "fine", "elements": 8}], ids=["reduced", "fine"])
+def test_a4_the_disc_expands_as_small_on_large(form):
+    # Ball too light to matter; kinematics are exact in this limit, what is left is of second order in 2e-4. The mesh
+    # errs least where nothing bends: the annulus of three elements by 2e-4 of the small expansion.
+    plant = Plant(rig=Diaphragm(ball="sliding", mass=1e-6, gain=1000.0, **form))
     stretch, step = RIG.prestretch, 1e-5
     stress = true_stress(stretch, stretch)
     along = (true_stress(stretch * np.exp(step), stretch) - true_stress(stretch * np.exp(-step), stretch)) / (2 * step)

@@ -1,6 +1,6 @@
 """The fleet does what the thesis saw in its six actuators (section 2.3.2 and figures 2.5 to 2.8, known from its text).
 
-What is demanded is stated in `deatwin.scenarios.thesis_data.measures`.
+What is demanded is stated in `deatwin.scenarios.thesis_data.page`.
 """
 
 from dataclasses import replace

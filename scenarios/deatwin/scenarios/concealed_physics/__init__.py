@@ -17,8 +17,7 @@ import numpy as np
 from deatwin.scenarios.concealed_physics.figures import drawings, summary
 from deatwin.scenarios.concealed_physics.results import FAR, Opened, open_key
 from deatwin.scenarios.concealed_physics.score import score, sentence
-from deatwin.scenarios.concealed_physics.seal import Seal
-from deatwin.scenarios.concealed_physics.study import carry_out, key_of, labels
+from deatwin.scenarios.concealed_physics.study import Seal, carry_out, key_of, labels
 from deatwin.scenarios.concealed_physics.tables import csv_files, reported, results_page, tables
 from deatwin.studies.report.prose import notes
 from deatwin.studies.report.story import Note, StoryPage, end_run, write_story

@@ -10,8 +10,7 @@ from typing import Any
 from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.errors import DataError
 from deatwin.scenarios.concealed_physics.key import TERM_NAMES
-from deatwin.scenarios.concealed_physics.seal import Seal, Store
-from deatwin.scenarios.concealed_physics.study import key_of, labels
+from deatwin.scenarios.concealed_physics.study import Seal, Store, key_of, labels
 from deatwin.studies.sweep.json_files import read_object
 from deatwin.studies.sweep.seal import digest
 

@@ -15,7 +15,7 @@ from deatwin.plant.effects.catalogue import catalogue, effect_named
 from deatwin.scenarios.concealed_physics.key import KEY, OUTSIDE, REACH, VISIBLE
 from deatwin.scenarios.concealed_physics.results import FAR, Case, Opened
 from deatwin.scenarios.concealed_physics.score import Goal
-from deatwin.scenarios.concealed_physics.seal import Seal
+from deatwin.scenarios.concealed_physics.study import Seal
 from deatwin.studies.report.prose import rendered
 from deatwin.studies.report.quantities import three_digits
 from deatwin.studies.report.story import Table

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from deatwin.ident.parallel import spawn_generators
-from deatwin.scenarios.regression_lessons import constraint, occam, page, shrinkage, variance
+from deatwin.scenarios.regression_lessons import constraint, occam, page, variance
 from deatwin.studies.report.prose import notes
 from deatwin.studies.report.story import StoryPage, finish, reached
 from deatwin.studies.stories import Setting
@@ -21,21 +21,18 @@ from deatwin.studies.stories import Setting
 def run(setting: Setting) -> Mapping[str, Any]:
     """Compute the lessons, compare them with closed forms, and draw them."""
     record = setting.record()
-    generators = spawn_generators(setting.seed, 7)
+    generators = spawn_generators(setting.seed, 4)
     setting.progress(0.0, "ridge and LASSO under their constraints")
-    plane, structure = constraint.plane(generators[0]), constraint.structure(generators[1])
-    orthogonal, risks = shrinkage.orthogonal(generators[2]), shrinkage.risks(generators[3])
+    plane = constraint.plane(generators[0])
     setting.progress(0.2, "bias and variance")
-    degrees, penalties = variance.by_degree(generators[4]), variance.by_penalty(generators[5])
+    degrees, penalties = variance.by_degree(generators[1]), variance.by_penalty(generators[2])
     setting.progress(0.5, "Occam's razor")
-    found = occam.occam(generators[6])
-    spread = occam.spread(generators[6])
+    found = occam.occam(generators[3])
     setting.progress(0.9, "drawing")
     rows = [
-        *page.constraint_rows(plane, structure),
-        *page.shrinkage_rows(orthogonal, risks),
+        *page.constraint_rows(plane),
         *page.bias_rows(degrees, penalties),
-        *page.occam_rows(found, spread),
+        *page.occam_rows(found),
     ]
     told = StoryPage(
         title="regression-lessons",

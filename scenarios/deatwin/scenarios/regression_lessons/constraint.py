@@ -1,18 +1,14 @@
-"""Ridge and LASSO as least squares under a constraint, of two parameters and along the path of a NARX structure."""
+"""Ridge and LASSO as least squares under a constraint, of two parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.narx.criteria import split
-from deatwin.ident.narx.lasso import Lasso, LassoPath, lasso_path
+from deatwin.ident.narx.lasso import lasso_path
 from deatwin.ident.narx.shrinkage import Ridge
-from deatwin.ident.narx.systems import SYSTEMS
-from deatwin.ident.narx.terms import TermTable
 
 Array = NDArray[np.float64]
 
@@ -20,7 +16,6 @@ N, TRUE, CORRELATION, NOISE = 80, (1.0, 0.1), 0.6, 0.3
 """Samples, parameters, correlation of the two regressors, and standard deviation of the noise."""
 SHARE = 0.6
 """Share of the least-squares parameters' norm that the constraint allows."""
-SYSTEM, HELD_OUT = "S4", 0.3
 PENALTIES = np.geomspace(1e-3, 1e2, 200)
 
 
@@ -113,35 +108,3 @@ def _on_diamond(gram: Array, least: Array, extent: float) -> Array:
         found.append(start + np.clip(share, 0.0, 1.0) * along)
     errors = [(point - least) @ gram @ (point - least) for point in found]
     return np.asarray(found[int(np.argmin(errors))], dtype=np.float64)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Structure:
-    """The LASSO's path among the candidates of a NARX system."""
-
-    path: LassoPath
-    violation: float  # Largest departure from the optimality conditions over all knots, over the first penalty
-
-
-def structure(rng: np.random.Generator) -> Structure:
-    """Follow the LASSO's path on a draw of a benchmark system."""
-    system = SYSTEMS[SYSTEM]
-    recording = system.draw(rng).recording
-    found = Lasso(
-        output_lags=system.output_lags, input_lags=system.input_lags, degree=system.degree, held_out=HELD_OUT
-    ).fit(recording)
-    path, first = found.path_, max(system.output_lags, system.input_lags)
-    (beginning,), _ = split((recording,), HELD_OUT, first)
-    rows = TermTable(path.terms).rows(beginning.inputs, beginning.outputs, first, beginning.n_samples)
-    return Structure(path=path, violation=_violation(path, rows, beginning.outputs[0, first:]))
-
-
-def _violation(path: LassoPath, rows: Array, target: Array) -> float:
-    """Distance of |Z'(y - Zb)|/n from the penalty for nonzero coefficients, and its excess over the penalty for zeros."""
-    standard: Callable[[Array], Array] = lambda x: (x - x.mean(-1, keepdims=True)) / x.std(-1, keepdims=True)  # noqa: E731
-    z, y = standard(rows), standard(target)
-    pull = np.abs(z @ (y[:, None] - z.T @ path.coefficients)) / y.size
-    active = path.coefficients != 0
-    active[:, 0] = False  # nothing has entered at the first knot
-    departure = np.where(active, np.abs(pull - path.penalties), np.maximum(pull - path.penalties, 0.0))
-    return float(departure.max() / path.penalties[0])

@@ -95,34 +95,3 @@ def _agreement(designs: list[Array], y: Array) -> float:
         theirs = multivariate_t(loc=np.zeros(N), shape=shape, df=2 * priors.a0).logpdf(y)
         differences.append(abs(ours - float(theirs)))
     return max(differences)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Spread:
-    """Evidence of a line beside that of a parabola, where the line is true."""
-
-    drawn: float  # Share of draws in which the parabola has the larger evidence, and its standard error
-    drawn_error: float
-    expected: float  # That share in closed form
-
-
-def spread(rng: np.random.Generator) -> Spread:
-    """Compare the evidences of a line and of a parabola where the line is true."""
-    from scipy.stats import norm
-
-    basis, _ = np.linalg.qr(powers(POINTS, 2).T)
-    rows = np.sqrt(N) * basis.T  # orthogonal, so that the third regressor alone tells the two apart
-    variance = 1 + N / PRECISION  # of the curvature under the parabola, in squares of its standard error
-    crossing = float(np.sqrt(np.log(variance) / (1 - 1 / variance)))
-    draws = 10 * DRAWS
-    readings = np.array([0.3, -0.8]) @ rows[:2] + NOISE * rng.standard_normal((draws, N))
-    laws = [NOISE**2 * (np.eye(N) + r.T @ r / PRECISION) for r in (rows[:2], rows)]
-    squares = [np.einsum("ij,ji->i", readings, np.linalg.solve(law, readings.T)) for law in laws]
-    sizes = [np.linalg.slogdet(law)[1] for law in laws]
-    wins = -0.5 * (sizes[1] + squares[1]) > -0.5 * (sizes[0] + squares[0])
-    expected = float(2 * norm.sf(crossing))
-    return Spread(
-        drawn=float(wins.mean()),
-        drawn_error=float(np.sqrt(expected * (1 - expected) / draws)),
-        expected=expected,
-    )

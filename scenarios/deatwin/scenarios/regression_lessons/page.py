@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.scenarios.regression_lessons import variance
-from deatwin.scenarios.regression_lessons.constraint import Constrained, Plane, Structure
-from deatwin.scenarios.regression_lessons.occam import TRUE_DEGREE, Occam, Spread
-from deatwin.scenarios.regression_lessons.shrinkage import Orthogonal, Risks
+from deatwin.scenarios.regression_lessons.constraint import Constrained, Plane
+from deatwin.scenarios.regression_lessons.occam import TRUE_DEGREE, Occam
 from deatwin.scenarios.regression_lessons.variance import Decomposition
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import Hue
@@ -26,31 +25,16 @@ SURE = 4.0
 """Standard errors that the largest of some dozens of Monte Carlo means may lie off."""
 
 
-def constraint_rows(plane: Plane, structure: Structure) -> list[Measure]:
+def constraint_rows(plane: Plane) -> list[Measure]:
     """Ridge and LASSO as constrained least squares."""
     circle, diamond = (float(np.abs(c.point - c.penalised).max()) for c in (plane.ridge, plane.lasso))
     zero, kept = (float(np.abs(c.point).min()) for c in (plane.lasso, plane.ridge))
-    shrunk, path = bool(np.all(np.diff(plane.shares) < 0)), structure.path
-    violation = structure.violation
+    shrunk = bool(np.all(np.diff(plane.shares) < 0))
     return [
         WORDS.measure("circle", circle < 1e-6, apart=circle),
         WORDS.measure("diamond", diamond < 1e-9, apart=diamond),
         WORDS.measure("corner", zero == 0 and kept > 0, zero=zero, kept=kept),
         WORDS.measure("shrinks", shrunk, told="falls" if shrunk else "does not"),
-        WORDS.measure("knots", violation < 1e-9, violation=violation, count=len(path.terms), knots=path.penalties.size),
-    ]
-
-
-def shrinkage_rows(orthogonal: Orthogonal, risks: Risks) -> list[Measure]:
-    """Shrinkage and thresholds on orthogonal regressors."""
-    at_zero = {name: float(risk[0]) for name, risk in risks.expected.items()}
-    return [
-        WORDS.measure("orthogonal", orthogonal.worst < 1e-9, apart=orthogonal.worst),
-        _within("risk", risks.worst),
-        _within("zeros", risks.worst_zeros),
-        WORDS.measure(
-            "gain", max(at_zero.values()) < 1, told=", ".join(f"{name} {risk:.2f}" for name, risk in at_zero.items())
-        ),
     ]
 
 
@@ -82,27 +66,18 @@ def bias_rows(degrees: Decomposition, penalties: Decomposition) -> list[Measure]
     ]
 
 
-def occam_rows(found: Occam, spread: Spread) -> list[Measure]:
+def occam_rows(found: Occam) -> list[Measure]:
     """Occam's razor."""
     worst = float(np.abs((found.evidence - found.expected) / found.evidence_error).max())
     peak, largest = int(found.degrees[np.argmax(found.expected)]), int(found.degrees[-1])
     share = float(np.mean(found.peaks == TRUE_DEGREE))
     fitted = float(np.mean(found.largest_fit == largest))
-    off = abs(spread.drawn - spread.expected) / spread.drawn_error
     return [
         WORDS.measure("density", found.agreement < 1e-8, apart=found.agreement),
         _within("evidence", worst),
         WORDS.measure("peak", peak == TRUE_DEGREE, TRUE_DEGREE=TRUE_DEGREE, peak=peak),
         WORDS.measure("estimated", share >= 0.8, count=found.peaks.size, share=100 * share),
         WORDS.measure("training", found.monotone and fitted == 1, largest=largest, share=100 * fitted),
-        WORDS.measure(
-            "parabola",
-            off < SURE,
-            expected=100 * spread.expected,
-            drawn=100 * spread.drawn,
-            off=off,
-            SURE=SURE,
-        ),
     ]
 
 
