@@ -14,6 +14,7 @@ from deatwin.plant import Disc, Parameter, Plant, actuation_curve
 from deatwin.plant.actuation import CurveEnd
 from deatwin.plant.laws import VACUUM_PERMITTIVITY, gent
 from deatwin.plant.material import Material
+from deatwin.plant.simulate import Simulator
 
 THICKNESS, RELATIVE, DENSITY = 100e-6, 2.8, 1080.0
 PERMITTIVITY = RELATIVE * VACUUM_PERMITTIVITY
@@ -183,3 +184,21 @@ def test_a_small_voltage_moves_the_edge_as_the_closed_form_says():
     growth = pressure / (tangent * 2 * ratio / (ratio - 1) - 2 * pressure)
     reading = actuation_curve(plant, np.array([0.0, 100.0])).readings[-1]
     assert reading / electrode == pytest.approx(growth, rel=1e-3)
+
+
+def test_the_viscosity_of_the_film_makes_one_lag_of_it():
+    """Stiffness and viscosity of a film that is stretched evenly have the same shapes: its edge follows as a spring of
+    2 pi h A11 2q/(q - 1) on the stated damping does."""
+    modulus, limit, prestretch, electrode, frame = CASES["silicone"]
+    shape = {"prestretch": prestretch, "electrode_radius": electrode, "frame_radius": frame}
+    plant = Plant(rig=rig(modulus, limit, **shape), values={"damping": 5.0})
+    slight = 1e-6
+    first, beyond = (nominal(modulus, limit, lam, prestretch) for lam in (prestretch, prestretch + slight))
+    tangent, ratio = prestretch**2 * (beyond - first) / slight, (frame / electrode) ** 2
+    lag = 5.0 / (2 * np.pi * THICKNESS / prestretch**2 * tangent * 2 * ratio / (ratio - 1))
+    times = lag * np.linspace(0.0, 4.0, 21)
+    commands = np.full(20, 100.0)
+    values = plant.free_values
+    run = Simulator(plant.equations).run(commands, start=0.0, sample_time=lag / 5, rest_command=0.0, values=values)
+    rest = actuation_curve(plant, np.array([0.0, 100.0])).readings[-1]
+    assert run.outputs == pytest.approx(rest * (1 - np.exp(-times / lag)), abs=1e-3 * rest)

@@ -15,8 +15,8 @@ import numpy as np
 
 from deatwin.plant.integrator.lanes import LANES
 
-MOST = 100
-"""Number of unknowns of all stages up to which whole rows cost less than a sparse method."""
+MOST = 160
+"""Number of states of all stages up to which whole rows cost a quarter of a sparse method, or less."""
 GIVEN = 1e-16
 """Square of the least share that the pivots of a stage may have in their rows, all multiplied, for what it says of its
 coordinates: what is left grows by the inverse of each, and a smaller one would cost more than half of the digits."""
@@ -144,7 +144,7 @@ def solved_in_lanes(
     n, count = pattern.size1(), len(inverse)
     coordinates = list(range(n_x, n))
     within = pattern.sub(coordinates, coordinates)[0]
-    if not (columns and n_x) or n * count > MOST or ca.sprank(within) < n - n_x:
+    if not (columns and n_x) or n_x * count > MOST or ca.sprank(within) < n - n_x:
         return None
     rows, places = pattern.get_triplet()
     vectors = -(-n_x * count // LANES) + -(-columns // LANES)

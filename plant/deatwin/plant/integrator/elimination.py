@@ -108,18 +108,29 @@ def _partners(pattern: Sequence[set[int]]) -> list[int]:
     return [row for _, row in sorted(zip(columns, rows, strict=True))]
 
 
+def products(pattern: Sequence[set[int]]) -> int:
+    """Number of products that the elimination of a matrix costs, by the columns of the entries in each row."""
+    partner = _partners(pattern)
+    return _ordered([pattern[partner[j]] for j in range(len(pattern))])[1]
+
+
 def _order(pattern: Sequence[set[int]]) -> list[int]:
-    """Diagonal pivots by Markowitz' count of the products that an elimination costs."""
-    rows, left, order = [set(row) for row in pattern], set(range(len(pattern))), []
+    return _ordered(pattern)[0]
+
+
+def _ordered(pattern: Sequence[set[int]]) -> tuple[list[int], int]:
+    """Diagonal pivots by Markowitz' count of the products that an elimination costs, and the sum of those counts."""
+    rows, left, order, total = [set(row) for row in pattern], set(range(len(pattern))), [], 0
 
     def cost(pivot: int) -> tuple[int, int]:
         return len(rows[pivot] & left) * sum(pivot in rows[i] for i in left), pivot
 
     while left:
-        pivot = min(left, key=cost)
+        count, pivot = min(map(cost, left))
+        total += count
         order.append(pivot)
         left.remove(pivot)
         for i in left:
             if pivot in rows[i]:
                 rows[i] |= rows[pivot]
-    return order
+    return order, total

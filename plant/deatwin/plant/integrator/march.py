@@ -11,6 +11,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from deatwin.plant.integrator.newton import SETTLED
 from deatwin.plant.sample import SHORTER_STEPS, solved
 
 CHUNK = 200
@@ -55,7 +56,24 @@ def _array(size: tuple[int, int]) -> np.ndarray:
 def repeated(step: ca.Function, name: str, n_states: int) -> ca.Function:
     """A step repeated over a piece, as `marched` takes it."""
     states = list(range(n_states))
-    return step.mapaccum(name, CHUNK, states, states)
+    return _until_lost(step).mapaccum(name, CHUNK, states, states)
+
+
+def _until_lost(step: ca.Function) -> ca.Function:
+    """A step that is not tried any more after one that was not solved, whose states are no numbers.
+
+    One that cannot be solved takes some hundred times as long as others, since all methods are tried.
+    """
+    arguments = step.mx_in()
+    after, *others, error = step.call(arguments)
+    found = [after + ca.if_else(error <= SETTLED, 0.0, np.nan), *others, error]
+    tried = ca.Function(f"{step.name()}_tried", arguments, found)
+    lost = [ca.MX(ca.DM.nan(step.size_out(i))) for i in range(step.n_out())]
+    given_up = ca.Function(f"{step.name()}_given_up", arguments, lost)
+    either = ca.Function.if_else(f"{step.name()}_either", tried, given_up)
+    return ca.Function(
+        f"{step.name()}_until_lost", arguments, either.call([ca.sum1(arguments[0]) <= np.inf, *arguments])
+    )
 
 
 def marched(

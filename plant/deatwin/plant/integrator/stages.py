@@ -12,10 +12,13 @@ import numpy as np
 
 from deatwin.plant.equations import Equations
 from deatwin.plant.integrator.dense import solved_in_lanes
+from deatwin.plant.integrator.elimination import products
 from deatwin.plant.integrator.lanes import Exchange, call_in_lanes, in_lanes, in_lanes_name
 
-UNROLLED = 16
-"""Unknowns up to which linear algebra is written as straight-line code, for more with loops over sparse matrices."""
+UNROLLED = 1600
+"""Products of one elimination up to which linear algebra is written as straight-line code, for more with loops over
+sparse matrices: those take ten times as long, but a product takes some 5 ms to compile, so that more would take longer
+than ten seconds."""
 REVERSE = {"helper_options": {"ad_weight": 0.6}}
 """Jacobians by reverse sweeps unless these are half as many again as forward ones: forces are gradients."""
 
@@ -82,10 +85,13 @@ class Stages:
         """Number of stages."""
         return self.nodes.size
 
-    @property
+    @cached_property
     def unrolled(self) -> bool:
         """True if linear algebra is written as straight-line code."""
-        return self.n <= UNROLLED
+        pattern = [{i} if i < self.n_x else set() for i in range(self.n)]
+        for row, column in zip(*self.jacobian.sparsity_out(1).get_triplet(), strict=True):
+            pattern[row].add(column)
+        return products(pattern) <= UNROLLED
 
     @property
     def n(self) -> int:

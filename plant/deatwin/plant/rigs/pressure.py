@@ -118,7 +118,8 @@ class Pressure(FilmActuator):
 
     def _move(self, velocity: Symbol, shape: Kinematics, forces: Symbol, build: Builder) -> None:
         film = self.substance.density * self._film.inertia
-        move_with_film(velocity, self._scales, film, shape, forces, build)
+        # The air takes up the motion of each part of the film, as its mass does.
+        move_with_film(velocity, self._scales, film, film, shape, forces, build)
 
     @property
     def _scales(self) -> dict[str, float]:

@@ -31,17 +31,23 @@ def matrix(name: str, table: np.ndarray, build: Builder) -> Symbol:
 
 
 def move_with_film(
-    velocity: Symbol, scales: Mapping[str, float], film: np.ndarray, shape: Kinematics, forces: Symbol, build: Builder
+    velocity: Symbol,
+    scales: Mapping[str, float],
+    film: np.ndarray,
+    damped: np.ndarray,
+    shape: Kinematics,
+    forces: Symbol,
+    build: Builder,
 ) -> None:
     """Write the motion of a part and of the film about it, whose own mass counts.
 
-    All motion is damped in proportion to its mass, so much that the part has the damping that is stated. `scales` the
-    further coordinates with their sizes, `film` (n, n) the film's mass by its undeformed thickness; the part comes first.
+    `scales` the further coordinates with their sizes, `film` (n, n) the film's mass by its undeformed thickness, `damped`
+    (n, n) what damps the film, to a scale on which the part has the damping that is stated; the part comes first.
     """
     speeds = ca.vertcat(velocity, *(build.state(f"{name}_rate", scale=scale) for name, scale in scales.items()))
     mass = matrix("inertia", film, build) * build.parameter("thickness")
     mass[0, 0] += build.parameter("mass")
-    drag = -build.parameter("damping") / mass[0, 0] * (mass @ speeds)
+    drag = -build.parameter("damping") * (matrix("damped", damped / damped[0, 0], build) @ speeds)
     drag[0] = build.place(Place.BALL, "force", drag[0])
     accelerations = ca.solve(mass, drag - forces)
     build.rate(velocity, accelerations[0])

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from deatwin.plant.integrator.elimination import Complex, factorised
+from deatwin.plant.integrator.elimination import Complex, factorised, products
 
 
 def symbols(name, mask):
@@ -43,6 +43,14 @@ def test_an_arrow_fills_nothing():
     factors = factorised(symbols("a", mask)[1])
     assert 0 in factors.columns[-2:]
     assert sum(not entry.is_zero for row in factors.entries for entry in row) == 3 * n - 2
+
+
+def test_products_are_those_of_the_best_order():
+    # Entries of the row of each pivot times those of its column: two by two in an arrow, the sum of squares if full.
+    n = 8
+    arrow = [set(range(n)), *({0, i} for i in range(1, n))]
+    assert products(arrow) == 4 * (n - 1) + 1
+    assert products([set(range(n))] * n) == sum(k**2 for k in range(1, n + 1))
 
 
 def test_equations_may_come_in_another_order_than_unknowns():

@@ -122,9 +122,9 @@ def test_elimination_solves_the_system_of_all_stages(c_compiler, tmp_path, seed,
 def test_large_systems_are_left_to_the_sparse_method():
     inverse = np.eye(COUNT)
     size = dense.MOST // COUNT
-    assert dense.solved_in_lanes(ca.Sparsity.dense(size, size), inverse, 1, 1, 1, np.ones(size)) is not None
     larger = ca.Sparsity.dense(size + 1, size + 1)
-    assert dense.solved_in_lanes(larger, inverse, 1, 1, 1, np.ones(size + 1)) is None
+    assert dense.solved_in_lanes(larger, inverse, size, 1, 1, np.ones(size + 1)) is not None
+    assert dense.solved_in_lanes(larger, inverse, size + 1, 1, 1, np.ones(size + 1)) is None
     assert dense.solved_in_lanes(ca.Sparsity.dense(size, size), inverse, 1, 0, 1, np.ones(size)) is None
 
 
