@@ -67,9 +67,10 @@ class Bench:
         return -sum(log(places[effect.cause]) for effect in chosen)
 
     def log_size(self, names: Collection[str], plant: Plant) -> float:
-        """Return how much less likely the strengths of effects at further places are than usual ones.
+        """Return how much less likely the shares by which effects at further places act are than usual ones.
 
         Of what reads alike, the strength is known as a share of itself: its prior is that of the logarithm, z φ(z).
+        Typical strengths with a unit are those of a film's rig, and say nothing of another one.
 
         Parameters
         ----------
@@ -87,6 +88,7 @@ class Bench:
         sizes = [
             abs(plant.parameters[f"{effect.name}.{effect.strength}"].value) / strength_deviation(effect)
             for effect in found
+            if effect.described(effect.strength).unit == "1"
         ]
         return sum(log(size) - (size**2 - 1) / 2 for size in sizes if size > 1)
 

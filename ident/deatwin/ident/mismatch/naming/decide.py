@@ -331,7 +331,7 @@ def with_distances(
     near = [
         c
         for c, close, d2 in zip(others, alike, found, strict=True)
-        if close and d2 < TOLD_APART and best.log_prior - c.log_prior < STRONG and c not in naming.rivals
+        if close and d2 < TOLD_APART and _is_possible(c, best) and c not in naming.rivals
     ]
     distances = tuple(_distance(best, c, d2) for c, d2 in zip(others, found, strict=True))
     return replace(naming, rivals=(*naming.rivals, *near), distances=distances)
@@ -385,11 +385,17 @@ def cannot_rule_out(rival: Candidate, best: Candidate) -> bool:
     Returns
     -------
     bool
-        True if the evidence for the best is not strong, or if the two differ by less than the plant's own error.
+        True if the evidence for the best is not strong, or if the two differ by less than the plant's own error and the
+        rival is not far less likely beforehand.
     """
     if is_as_likely(rival, best):
         return True
-    return _apart(rival, best) < RIVAL_SHARE * _model_error(best)
+    return _is_possible(rival, best) and _apart(rival, best) < RIVAL_SHARE * _model_error(best)
+
+
+def _is_possible(rival: Candidate, best: Candidate) -> bool:
+    """Whether a rival that reads alike is not far less likely beforehand."""
+    return best.log_prior - rival.log_prior < STRONG
 
 
 def _apart(rival: Candidate, best: Candidate) -> float:

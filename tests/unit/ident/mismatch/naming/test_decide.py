@@ -180,6 +180,20 @@ def test_what_differs_by_little_is_no_rival_where_it_is_told_apart_and_unlikely(
     assert (found.rivals == (other,)) is kept
 
 
+@pytest.mark.parametrize(("unlikely", "kept"), [(2.9, True), (3.1, False)])
+def test_of_what_reads_alike_a_rival_is_left_that_is_not_20_times_less_likely_beforehand(
+    candidate, is_adequate, noise, unlikely, kept
+):
+    """Log 20 is 3.0."""
+    best, other = candidate("permittivity_drift", rms=2.1), candidate("sensor_drift_at_command_gain", rms=2.1)
+    other = replace(other, log_share=-1.4, log_size=1.4 - unlikely)
+    decided = decide((best, other), (best, other), noise, is_adequate, lambda c: True)
+    bench = SimpleNamespace(everything=(), jobs=1)
+    found = with_distances(decided, (best, other), bench, lambda c: True, lambda *given: 0.03)
+    assert (found.rivals == (other,)) is kept
+    assert cannot_rule_out(other, best) is kept
+
+
 def test_distances_need_no_probabilities_and_take_no_rival_away(candidate, noise, monkeypatch):
     """A decision by other fits may know more of a rival, or nothing of one that could not be fitted there."""
     # 200 ln(2.2 / 2.1) are 9 nats, and the two differ by half of the model error

@@ -110,3 +110,16 @@ def test_one_reading_has_no_more_effects_than_before_and_two_have_the_places_tha
     assert benches[one].log_share(["periodic_disturbance_at_force"]) == pytest.approx(-np.log(3))
     assert benches[one].log_share(["delay"]) == 0.0
     assert benches[two].log_share(["sensor_drift", "delay"]) == pytest.approx(-np.log(4) - np.log(2))
+
+
+@pytest.mark.parametrize(("change", "less"), [(0.01, 0.0), (0.08, 7.5 - np.log(4))])
+def test_a_large_drift_of_a_gain_is_unlikely_and_one_of_a_zero_in_its_own_unit_is_not(change, less):
+    """Twice the typical 1 % is a deviation; 8 % are four, and 4 φ(4) is that much less than φ(1)."""
+    plant = Plant(rig=Oscillator())
+    drift, zero = (
+        replace(SensorDrift().placed("command_gain"), change=change),
+        replace(SensorDrift().placed("command"), change=1.0),
+    )
+    bench, _ = prepare(plant, gate(plant, recorded(Oscillator(), level=40.0, count=400)), [SensorDrift()])
+    assert bench.log_size([drift.name], plant.with_effects(drift)) == pytest.approx(-less)
+    assert bench.log_size([zero.name], plant.with_effects(zero)) == 0.0
