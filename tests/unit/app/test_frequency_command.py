@@ -193,7 +193,7 @@ def test_what_fails_is_said_plainly() -> None:
     unstable = {"y(k-1)": 1.2, "u(k)": 0.4, "y(k-1)^3": -0.3}  # rests at 0, and at +- sqrt(2/3), which is stable
     said = " / ".join(respond(model_of(unstable), 2).lines)
     assert "the operating point is unstable" in said
-    assert "equilibria -0.8165 (stable), 0 (unstable), 0.8165 (stable) m; 0 is taken" in said
+    assert "equilibria -0.8165 (stable), 0 (unstable), 0.8165 (stable) m; 0 is used" in said
     wild = replace(model_of(SQUARE), theta_cov=np.diag([0.0, 0.04, 0.0]))  # H_1 is known to 50 %
     assert "H₁: the band is unreliable at 100 % of the frequencies" in " / ".join(respond(wild, 1).lines)
     unknown = replace(model_of(SQUARE), operating=None)

@@ -73,7 +73,7 @@ _SECTIONS = ("material", "specimen", "tests")
 
 @dataclass(frozen=True, kw_only=True)
 class MaterialTests:
-    """Tests that a file lists.
+    """Material tests listed in a test file.
 
     Parameters
     ----------

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from deatwin.ident.greybox.parts import first_only
+from deatwin.ident.mismatch.advise.distance import TOLD_APART
 from deatwin.ident.mismatch.diagnosis import Diagnosis
 from deatwin.ident.mismatch.findings import Findings
 from deatwin.ident.mismatch.floor import differences, with_model_error
@@ -16,7 +17,7 @@ from deatwin.ident.mismatch.layout import Readings
 from deatwin.ident.mismatch.locate.track import readings
 from deatwin.ident.mismatch.located import LocationSummary, PlaceSummary
 from deatwin.ident.mismatch.naming.candidate import Candidate
-from deatwin.ident.mismatch.naming.decide import Naming
+from deatwin.ident.mismatch.naming.decide import Naming, is_possible
 from deatwin.ident.mismatch.naming.places import causes_of
 from deatwin.ident.mismatch.naming.worth import held_back_by, suffices, takes_most
 from deatwin.ident.mismatch.partly import unexplained
@@ -93,6 +94,7 @@ def conclude(findings: Findings) -> Diagnosis:
             *(f"{name} ended on a bound of its range" for name in findings.final.at_bound),
             *_widened(findings.final.plant),
             *_held_back(findings),
+            *_alike_but_unlikely(findings),
         ),
         verification=findings.verification.summary if findings.verification.ablations else None,
         faults=faults_of(findings.checked),
@@ -122,6 +124,19 @@ def _held_back(findings: Findings) -> Iterator[str]:
             f"{candidate.effects[0]} would explain the recordings if {', '.join(held_back_by(candidate))} "
             "might leave the range that is given"
         )
+
+
+def _alike_but_unlikely(findings: Findings) -> Iterator[str]:
+    """What these inputs cannot tell from the answer, and is left out for its strength only."""
+    naming = findings.naming
+    if not findings.named or naming.best is None:
+        return
+    near = {distance.effects[1]: distance.d2 for distance in naming.distances if distance.d2 < TOLD_APART}
+    known = {"+".join(rival.effects) for rival in naming.rivals}
+    for other in naming.candidates:
+        name = "+".join(other.effects)
+        if name in near and name not in known and not is_possible(other, naming.best):
+            yield f"{name} would act alike (d² = {near[name]:.2g}), but would have to be larger than it usually is"
 
 
 def _seconds(findings: Findings) -> float:

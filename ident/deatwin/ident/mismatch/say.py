@@ -92,19 +92,20 @@ def say(diagnosis: Diagnosis) -> str:
 
 
 def _none(diagnosis: Diagnosis) -> str:
-    return f"Nothing is missing: the calibrated plant leaves {_left(_of_first(diagnosis))}, {_within(diagnosis)}."
+    return (
+        f"Nothing is missing: the calibrated plant leaves {_left(_of_first(diagnosis))}, which {_accounted(diagnosis)}."
+    )
 
 
 def _parameters(diagnosis: Diagnosis) -> str:
     late = diagnosis.parameters.get("delay.time") if diagnosis.detection.taken_up else None
     timing = "" if late is None else f" and taken to answer {_with_interval(late)} late"
-    taken_up = (
-        f"; fitted to all recordings{timing}, it leaves no more than that" if diagnosis.detection.taken_up else ""
-    )
-    return (
-        "No physics is missing; only parameters were wrong: the calibrated plant leaves "
-        f"{_left(_of_first(diagnosis))}, {_within(diagnosis)}{taken_up}."
-    )
+    left, accounted = f"the calibrated plant leaves {_left(_of_first(diagnosis))}", _accounted(diagnosis)
+    if diagnosis.detection.taken_up:
+        told = f"{left}; fitted to all recordings{timing}, it leaves no more than {accounted}"
+    else:
+        told = f"{left}, which {accounted}"
+    return f"No physics is missing; only parameters were wrong: {told}."
 
 
 def _named(diagnosis: Diagnosis) -> str:
@@ -238,9 +239,9 @@ def _left(shown: _Shown) -> str:
     return f"{shown.sized(shown.fitted)} on fitted data and {shown.sized(shown.unseen)} on held-out data{shown.of}"
 
 
-def _within(diagnosis: Diagnosis) -> str:
+def _accounted(diagnosis: Diagnosis) -> str:
     own = f"the plant's own model error ({_amplitude(diagnosis.model_error, diagnosis)})"
-    return f"which sensor noise ({_amplitude(diagnosis.noise, diagnosis)}) and {own} account for"
+    return f"sensor noise ({_amplitude(diagnosis.noise, diagnosis)}) and {own} account for"
 
 
 def _gain(diagnosis: Diagnosis) -> str:

@@ -123,13 +123,35 @@ def answer_chance(signals: Signals, which: int, longest: int) -> float:
     (Granger, "Investigating causal relations by econometric models and cross-spectral methods", Econometrica 37
     (1969) 424-438, doi:10.2307/1912791). The converse does not hold: an input that is itself measured with noise, or
     follows a cause that is not recorded, is foretold by an output that sees more of the same.
+
+    An input that is held for so many samples is tested where it may change. In between it is its own past, and an
+    output that rings tells how long it has been held, so that it would foretell the next change.
     """
-    n_inputs = signals[0][0].shape[0]
-    past = [_inputs(signals, i, range(longest, 0, -1)) for i in range(n_inputs)]
+    n_inputs, hold = signals[0][0].shape[0], _hold(signals, which)
+    lags = [
+        range(1 + (longest - 1) // hold * hold, 0, -hold) if i == which else range(longest, 0, -1)
+        for i in range(n_inputs)
+    ]
+    past = [_inputs(signals, i, range(longest, 0, -1))[:, [longest - lag for lag in lags[i]]] for i in range(n_inputs)]
     output = _outputs(signals, longest)[0][:, :_ANSWERS]
     target = np.concatenate([inputs[which, longest:] for inputs, _ in signals])
-    test = _Scores.of(np.column_stack([np.ones(target.size), *past, output]), target, output.shape[1])
-    return test.p_value()
+    may_change = np.concatenate([_on_clock(inputs[which], hold)[longest:] for inputs, _ in signals])
+    rows = np.column_stack([np.ones(target.size), *past, output])[may_change]
+    if rows.shape[0] < _FOR_EACH * rows.shape[1]:
+        return 1.0
+    return _Scores.of(rows, target[may_change], output.shape[1]).p_value()
+
+
+def _hold(signals: Signals, which: int) -> int:
+    """The most samples that go whole times into every time for which an input is held."""
+    changes = [np.flatnonzero(np.diff(inputs[which])) for inputs, _ in signals]
+    return int(np.gcd.reduce(np.concatenate([[0], *map(np.diff, changes)]).astype(int))) or 1
+
+
+def _on_clock(values: Array, hold: int) -> NDArray[np.bool_]:
+    """Samples at which an input that is held for `hold` samples, or whole multiples, may change, shape (n,)."""
+    first = int(np.flatnonzero(np.diff(values))[:1].sum()) + 1
+    return np.arange(values.size) % hold == first % hold
 
 
 @dataclass(frozen=True, eq=False)

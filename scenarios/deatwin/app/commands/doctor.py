@@ -46,6 +46,7 @@ OPTIONAL = (
     Part(package="distributed", use="sweeps on a cluster", versions=">=2024.6"),
     Part(package="nicegui", use="live view", versions=">=3.18,<4"),
     Part(package="sysidentpy", use="benchmarks against SysIdentPy", versions=">=0.6"),
+    Part(package="fastcan", use="benchmarks against fastcan", versions=">=0.6"),
     Part(package="pandas", use="recordings as data frames"),
     Part(package="nonlinear_benchmarks", use="public recordings by download"),
 )

@@ -41,7 +41,7 @@ def view(
 ) -> None:
     """Show a folder in the browser: choose recordings, diagnose them, watch, compare verdicts. Ctrl-C ends it.
 
-    The page is served to this machine only. What is running is ended with it; finished results stay.
+    The page is served to this machine only. Ctrl-C also stops running diagnoses; finished results stay.
 
     Example: deatwin view measurements --port 8080
     """

@@ -40,7 +40,7 @@ def covariance(row, column, value, other):
     ],
 )
 def test_what_is_no_covariance_is_refused(values, message):
-    with pytest.raises(ModelError, match="the covariance of a linear model.*" + message):
+    with pytest.raises(ModelError, match="covariance of a linear model.*" + message):
         linear_model(covariance=values)
 
 

@@ -61,7 +61,7 @@ def test_the_public_steps_one_by_one_find_what_a_diagnosis_does():
         checked = confirm(checked, readings(form.calibration.plant, checked.experiments))
     fit = base.chosen.calibration
     known = footprints(bench, fit, bench.effects, fit)
-    detection = detect(base.chosen, bench, spawn_generators(0, 5)[0], known=known)
+    detection = detect(base.chosen, bench, spawn_generators(0, 5)[0]).beside(known)
     assert detection.mismatch
     whole = diagnose(NOMINAL, experiment, effects=effects)
     assert detection.summary == whole.detection

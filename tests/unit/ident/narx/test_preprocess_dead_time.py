@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import cont2discrete, lfilter
 
 from deatwin.ident.narx import Frols
 from deatwin.ident.narx.preprocess import DeadTimeStatus, choose_orders, decimate, estimate_dead_time, lags_after
@@ -203,6 +203,30 @@ def test_a_loop_is_suspected_and_the_dead_time_is_still_that_of_the_plant(lag):
     (found,) = estimate_dead_time(closed_loop(lag, lag))
     assert found.status is DeadTimeStatus.LOOP and not found.status.ok and "a closed loop is suspected" in str(found)
     assert found.interval[0] <= lag <= found.interval[1]
+
+
+def test_holds_of_equal_length_under_which_the_output_rings_are_no_loop():
+    """A tenth of critical damping at 4 Hz, holds of 0.25 s: the ringing tells when the next one begins. At most 1 of 20."""
+    w, suspected = 2 * np.pi * 4.0, 0
+    (b,), a, _ = cont2discrete(([w**2], [1.0, 0.2 * w, w**2]), 0.01)
+    for seed in range(20):
+        rng = np.random.default_rng([seed, 5])
+        u = np.repeat(rng.uniform(0.0, 3.0, 160), 25)
+        y = lfilter(b, a, u**2) + 0.02 * rng.normal(size=u.size)
+        (found,) = estimate_dead_time(Recording.from_arrays(u, y, 0.01))
+        suspected += found.status is DeadTimeStatus.LOOP
+    assert suspected <= 1
+
+
+def test_a_controller_with_a_hold_of_its_own_is_suspected():
+    """It reads and acts at every fifth row only, where its input may change."""
+    rng, n = np.random.default_rng(8), 6000
+    u, y = np.zeros(n), np.zeros(n)
+    for k in range(2, n):
+        y[k] = 0.9 * y[k - 1] + 0.1 * u[k - 2] + 0.02 * rng.normal()
+        u[k] = -2.0 * y[k - 1] + 0.1 * rng.normal() if k % 5 == 0 else u[k - 1]
+    (found,) = estimate_dead_time(Recording.from_arrays(u, y, 0.01))
+    assert found.status is DeadTimeStatus.LOOP
 
 
 def test_of_two_inputs_only_the_one_in_the_loop_is_suspected():

@@ -178,7 +178,7 @@ def test_an_fmu_of_another_tool_runs(tmp_path: Path) -> None:
 
 def test_an_fmu_needs_a_file_beside_it(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "motor.fmu").write_bytes((folder / "motor.fmu").read_bytes())
-    with pytest.raises(RigError, match=r"motor\.fmu: an FMU needs a file motor\.toml beside it"):
+    with pytest.raises(RigError, match=r"motor\.fmu: an FMU needs a file motor\.toml in the same folder"):
         load_plant(tmp_path / "motor.fmu")
 
 

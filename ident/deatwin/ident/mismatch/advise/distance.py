@@ -20,7 +20,6 @@ from deatwin.ident.mismatch.advise.difference import Difference
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 
-"""Residuals (n,) of a plant and the derivative (n, n_p) of its readings, SI."""
 TOLD_APART = 16.0
 """d² from which on two explanations can be told apart: the wrong one wins in 2.3 % of all recordings."""
 STEPS = 4

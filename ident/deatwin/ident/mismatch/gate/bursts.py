@@ -20,6 +20,9 @@ TWICE = 2.0
 WHITE = 2.5
 """How much larger, or smaller, the variance of a burst may be than its bends say of white noise: that of a window of
 white noise is so once in 1000. What is smooth, as the motion that a plant lacks, or correlated by a half, lies beyond."""
+SLOW, BARTLETT = 1 / 8, 1.95
+"""Frequency, in samples, below which missing physics may hide the noise, and Bartlett's limit for a cumulative periodogram
+at the 0.1 % level (Priestley, Spectral Analysis and Time Series, 1981, section 6.2.6): a tone or a mode is no burst."""
 MOSTLY = 0.5
 """Share of the windows with a command as brisk that are noisy: above it the noise goes with the command."""
 TRIMMED = 0.66
@@ -76,10 +79,20 @@ def noisier(residuals: Sequence[np.ndarray], commands: Sequence[np.ndarray], flo
                 continue
             white, more = bends[run].mean() - level, values[run].var(axis=1).mean() - variance
             with_it = float(noisy[every >= np.median(brisk[run])].mean())
-            if white / WHITE < more < WHITE * white and with_it < MOSTLY:
-                mask[STRIDE * run[0] : STRIDE * run[-1] + WINDOW] = True
+            stretch = slice(STRIDE * run[0], STRIDE * run[-1] + WINDOW)
+            if white / WHITE < more < WHITE * white and with_it < MOSTLY and not _has_lines(residual[stretch]):
+                mask[stretch] = True
         found.append(mask)
     return found
+
+
+def _has_lines(values: np.ndarray) -> bool:
+    """Whether the fast part of a stretch has its power at some frequencies, as no noise has; nan where unknown."""
+    known = np.nan_to_num(values - np.nanmean(values))
+    # Every second line, since a Hann window makes neighbours alike.
+    spectrum = np.abs(np.fft.rfft(known * np.hanning(known.size)))[int(SLOW * known.size) :: 2] ** 2
+    shares = np.cumsum(spectrum) / np.sum(spectrum)
+    return float(np.abs(shares - np.arange(1, shares.size + 1) / shares.size).max()) * np.sqrt(shares.size) > BARTLETT
 
 
 def _usual(powers: Sequence[np.ndarray]) -> float | None:

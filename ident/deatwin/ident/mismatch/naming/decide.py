@@ -331,7 +331,7 @@ def with_distances(
     near = [
         c
         for c, close, d2 in zip(others, alike, found, strict=True)
-        if close and d2 < TOLD_APART and _is_possible(c, best) and c not in naming.rivals
+        if close and d2 < TOLD_APART and is_possible(c, best) and c not in naming.rivals
     ]
     distances = tuple(_distance(best, c, d2) for c, d2 in zip(others, found, strict=True))
     return replace(naming, rivals=(*naming.rivals, *near), distances=distances)
@@ -390,10 +390,10 @@ def cannot_rule_out(rival: Candidate, best: Candidate) -> bool:
     """
     if is_as_likely(rival, best):
         return True
-    return _is_possible(rival, best) and _apart(rival, best) < RIVAL_SHARE * _model_error(best)
+    return is_possible(rival, best) and _apart(rival, best) < RIVAL_SHARE * _model_error(best)
 
 
-def _is_possible(rival: Candidate, best: Candidate) -> bool:
+def is_possible(rival: Candidate, best: Candidate) -> bool:
     """Whether a rival that reads alike is not far less likely beforehand."""
     return best.log_prior - rival.log_prior < STRONG
 

@@ -292,7 +292,8 @@ def test_an_input_is_simulated_once_with_each_fitted_explanation(monkeypatch):
     evaluate = Problem.evaluate
 
     def counted(problem, coordinates):
-        if np.array_equal(coordinates, problem.start()) and problem.parts[0].experiment.recordings[0].n_samples == 1000:
+        is_long = problem.parts[0].experiment.recordings[0].n_samples == 1000
+        if problem.response is None and is_long and np.array_equal(coordinates, problem.start()):
             started.append(problem.plant)
         return evaluate(problem, coordinates)
 
@@ -361,7 +362,7 @@ def test_an_input_that_decides_on_some_of_the_explanations_is_advised(monkeypatc
     told = distance.confusion(16.0)
     assert 2 * told / 3 < found.confusion_after < (2 * 0.5 + told) / 3
     assert found.confusion_after < found.confusion_before
-    assert f"if electrode rc and sensor lag are left, measure {found.measure}." in found.sentence
+    assert f"if electrode rc and sensor lag remain, measure {found.measure}." in found.sentence
     assert found.summary.undecided == found.undecided
 
 

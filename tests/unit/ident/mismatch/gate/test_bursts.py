@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from deatwin.ident.mismatch.gate.bursts import noisier, without_bursts
 from deatwin.ident.mismatch.gate.gate import Soundness, gate, split
@@ -34,10 +35,12 @@ def test_a_burst_is_marked_to_a_window(seed: int) -> None:
         30.0 * np.sin(np.linspace(0.0, np.pi, 200)),
         6.0 * np.sin(2 * np.pi * 0.2 * np.arange(200)),
         6.0 * np.sin(2 * np.pi * 0.45 * np.arange(200)),
+        6.0 * np.sin(2 * np.pi * 0.33 * np.arange(200)),
+        lfilter([4.0], [1.0, 0.9, 0.81], np.random.default_rng(4).standard_normal(200)),
         100.0 * (np.arange(200) == 77),
         30.0 * np.exp(-(np.arange(200) % 50) / 8) * np.cos(2 * np.pi * 0.15 * np.arange(200)),
     ],
-    ids=["a hump", "a tone", "a fast tone", "one value", "ringing"],
+    ids=["a hump", "a tone", "a fast tone", "a tone as white as noise", "a mode", "one value", "ringing"],
 )
 def test_what_is_no_white_noise_is_no_burst(added: np.ndarray) -> None:
     assert not marked(added).any()

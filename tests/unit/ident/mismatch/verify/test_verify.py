@@ -308,7 +308,7 @@ def test_a_delay_that_grows_is_none_though_it_grows_by_less_than_itself(growth, 
     assert answer.adequate is not refuted
     (constancy,) = found.constancies
     assert constancy.mends is refuted
-    assert any("delay" in failure and "most of what is left" in failure for failure in found.failures) is refuted
+    assert any("delay" in failure and "most of the remaining error" in failure for failure in found.failures) is refuted
     assert (found.whole is not None) is refuted  # the fit that constancy was told from is at hand
     if refuted:
         assert found.whole.residuals.size == sum(part.size for part in bench.everything)
