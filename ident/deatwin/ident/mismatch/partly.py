@@ -38,15 +38,25 @@ def acting(naming: Naming, bench: Bench, rng: np.random.Generator) -> tuple[Nami
     Returns
     -------
     tuple of Naming and Verification, or None
-        None where no effect is certain to act: each of two that run by one clock may be a part of what another one does.
+        None where no effect is certain to act: its strength may be 0, or each of two that run by one clock may be a part
+        of what another one does.
     """
     if naming.best is not None and of_one_clock(naming.best):
         return None
     found = led_by_what_acts(naming)
     if found is None or found.best is None or (naming.best and set(naming.best.effects) == set(found.best.effects)):
         return None
+    if not is_known(found.best):
+        return None
     verification = verify(found.base, found.best, rng, bench, found.candidates)
     return (found, verification) if verification.holds else None
+
+
+def is_known(candidate: Candidate) -> bool:
+    """Whether the 95 % intervals of its effects' strengths leave none of them out."""
+    fit = candidate.calibration
+    strengths = [f"{e.name}.{e.strength}" for e in fit.plant.effects if e.name in candidate.effects]
+    return all(low > 0.0 or high < 0.0 for low, high in map(fit.interval, strengths))
 
 
 def led_by_what_acts(naming: Naming) -> Naming | None:
