@@ -100,9 +100,12 @@ def check_motion(recording: Recording, widest: float) -> None:
     span = float(np.ptp(np.percentile(recording.outputs[0], _MOST_SAMPLES)))
     if span <= widest:
         return
-    text = f"{label(recording)}: the displacement moves over {1e3 * span:.3g} mm, in a frame of {1e3 * widest:.3g} mm"
+    text = f"{label(recording)}: the displacement moves over {1e3 * span:.3g} mm, in a rig of {1e3 * widest:.3g} mm"
     if 1e-3 * span <= widest:
-        text += "; this looks like µm: call the column displacement_um, or divide it by 1000"
+        text += (
+            "; this is a thousand times too much, as of µm under displacement_mm or of mm under displacement_m: correct "
+            "the unit in the column's name, or divide the column by 1000"
+        )
     raise DataError(text)
 
 

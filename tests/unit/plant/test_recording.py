@@ -111,8 +111,11 @@ class TestChecks:
     @pytest.mark.parametrize(
         ("size", "said"),
         [
-            (0.3, r"moves over 270 mm, in a frame of 80 mm; this looks like µm: call the column displacement_um"),
-            (300.0, r"moves over 2.7e\+05 mm, in a frame of 80 mm$"),
+            (
+                0.3,
+                r"moves over 270 mm, in a rig of 80 mm; this is a thousand times too much, as of µm under displacement_mm",
+            ),
+            (300.0, r"moves over 2.7e\+05 mm, in a rig of 80 mm$"),
         ],
     )
     def test_a_film_does_not_move_farther_than_its_frame_is_wide(self, size: float, said: str) -> None:
