@@ -40,8 +40,6 @@ its own could do, and of the rest."""
 LOOPS, LOOSE = frozenset({"coulomb_friction", "hysteresis"}), 0.1
 """Of these there are as many laws as makers of friction, and no two differ by a filter: either deviation. Measured
 between mechanisms by other laws and the catalogue's (docs/development/evidence.md)."""
-ADDED = frozenset({"periodic_disturbance", "sensor_drift", "sensor_jump"})
-"""They are added to the reading, whatever the plant does: their laws may miss something of the clock, not of the motion."""
 FAR = 1e-300
 """Of a size by which is divided."""
 
@@ -124,8 +122,7 @@ class Scale:
         """Rms of what the law of one effect may miss, SI: by another law of its own, and else."""
         # What the plant does without the effect may be no equilibrium: no effect does more than the whole motion.
         does = min(_rms(alone.contribution), float(np.std(self.error.readings)))
-        name = alone.effects[0]
-        own, other = (LOOSE, LOOSE) if name in LOOPS else (OWN, 0.0 if name in ADDED else OTHER)
+        own, other = (LOOSE, LOOSE) if alone.effects[0] in LOOPS else (OWN, OTHER)
         return own * does, other * does
 
     def bent(self, candidate: Candidate) -> float:

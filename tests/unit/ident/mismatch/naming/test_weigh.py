@@ -82,19 +82,6 @@ def test_what_is_far_more_than_an_error_of_the_law_is_a_second_effect(scale):
     assert min(odds(scale, 20.0 * OTHER, rng) for _ in range(5)) > STRONG
 
 
-def test_what_is_added_to_a_reading_errs_by_no_law_of_the_motion(scale):
-    """A gain that drifts beside a drift of the zero is a second effect; beside a creep it may be the creep's law."""
-    rng = np.random.default_rng(7)
-    drift = 2e-5 * (1.0 - np.exp(-TIMES / 10.0))
-    gain = drift * MOTION / np.sqrt(np.mean(MOTION**2))
-    left = NOISE * rng.standard_normal(TIMES.size) + 2.0 * OTHER * gain
-    creep, drifting = (
-        scale.of_two(fitted(left, (first, drift), (EFFECTS[2], gain)), fitted(left, (first, drift)))
-        for first in (FIRST, SECOND)
-    )
-    assert creep < STRONG < drifting
-
-
 def test_of_two_that_do_nothing_the_odds_are_at_most_those_beforehand(scale):
     rng = np.random.default_rng(5)
     assert np.mean([odds(scale, 0.0, rng) for _ in range(10)]) < pair_odds(3)
