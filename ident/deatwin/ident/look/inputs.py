@@ -1,4 +1,4 @@
-"""What kind of signal an input is: its shape, its levels, and the period after which it repeats itself."""
+"""Classify an input: find its shape, its levels, and the period after which it repeats itself."""
 
 from __future__ import annotations
 

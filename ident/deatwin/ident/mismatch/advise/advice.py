@@ -144,7 +144,7 @@ class Advice(Described):
 
     @property
     def _odds(self) -> str:
-        """What the best reading would bring beside the recordings at hand, if it would tell the explanations apart."""
+        """Say how likely the best further reading would make the truth, if it distinguishes the explanations."""
         best = next((one for one in self.readings if one.resolves), None)
         if best is None:
             return ""
@@ -155,7 +155,7 @@ class Advice(Described):
 
     @property
     def summary(self) -> AdviceSummary:
-        """What a diagnosis says of it; without an input it has no file and no seconds."""
+        """Summarise it as a diagnosis does; without an input it has no file and no seconds."""
         none = self.recording is None
         return AdviceSummary(
             file=None if none else INPUT_FILE,

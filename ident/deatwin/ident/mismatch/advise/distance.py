@@ -54,7 +54,7 @@ def confusion(squared: float) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Memory:
-    """What some recordings hold against a refit of the rival, to first order about its fitted parameters.
+    """Remember what recordings say against a refit of the rival, to first order about its fitted parameters.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class Memory:
 
     @classmethod
     def of(cls, truth: Calibration, rival: Calibration, parts: Sequence[Part]) -> Memory:
-        """What the recordings say to which both were fitted; no simulation is needed.
+        """Take it from the fits of both to the same recordings; no simulation is needed.
 
         Parameters
         ----------
@@ -184,7 +184,7 @@ def difference(
     steps: int = STEPS,
     response: Response | None = None,
 ) -> Difference | None:
-    """What a rival cannot imitate of a plant's readings, after a refit of all its parameters.
+    """Return the part of a plant's readings that a rival cannot imitate after a refit of all its parameters.
 
     To first order the refit is a projection off the rival's Jacobian. That errs where the two are far apart, so some
     steps with simulations come before it.
@@ -290,10 +290,10 @@ def _step(jacobian: np.ndarray, left: np.ndarray) -> np.ndarray:
 
 
 def _contains(rival: Plant, truth: Plant) -> bool:
-    """Whether a plant is another one with further effects, on the same rig."""
+    """Return whether a plant is another one with further effects, on the same rig."""
     return set(rival.effect_names) > set(truth.effect_names) and _form(rival) == _form(truth)
 
 
 def _form(plant: Plant) -> dict[str, object]:
-    """What the rig is, apart from its errors."""
+    """Describe the rig without its errors."""
     return {k: v for k, v in plant.rig.to_dict().items() if k not in ("noise", "model_error")}
