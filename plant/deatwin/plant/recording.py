@@ -186,13 +186,15 @@ class Recording:
         Parameters
         ----------
         name : str
-            Name of the reading.
+            Name of the reading; the first output is meant if it is empty.
 
         Returns
         -------
         array, shape (n,)
             SI; NaN where it was not measured.
         """
+        if not name:
+            return np.asarray(self.outputs[0])
         if name in self.output_names:
             return np.asarray(self.outputs[self.output_names.index(name)])
         return self.extras.get(name, np.full(self.n_samples, np.nan))

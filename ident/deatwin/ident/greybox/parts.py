@@ -112,13 +112,11 @@ class Part:
     def measured(self) -> np.ndarray:
         """Readings at the selected samples times the weight, concatenated over recordings, shape (n,), SI."""
         records = zip(self.experiment.recordings, self.masks, strict=True)
-        if not self.reading:
-            return np.concatenate([r.outputs[0, m] for r, m in records])
         return self.weight * np.concatenate([r.reading(self.reading)[m] for r, m in records])
 
     def row(self, rig: Rig) -> int:
         """Number of the reading among those of a rig, from 0."""
-        return [reading.name for reading in rig.further].index(self.reading) + 1 if self.reading else 0
+        return row_of(rig, self.reading)
 
     @cached_property
     def history(self) -> tuple[object, ...]:
@@ -127,6 +125,11 @@ class Part:
             (r.start, r.inputs.tobytes(), *((name, row.tobytes()) for name, row in r.extras.items()))
             for r in self.experiment.recordings
         )
+
+
+def row_of(rig: Rig, reading: str) -> int:
+    """Number of a reading among those of a rig, from 0; that of the first one if the name is empty."""
+    return [one.name for one in rig.further].index(reading) + 1 if reading else 0
 
 
 def whole_parts(experiments: Sequence[Experiment], rig: Rig) -> tuple[Part, ...]:

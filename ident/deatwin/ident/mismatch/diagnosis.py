@@ -82,7 +82,10 @@ def _readings(diagnosis: Diagnosis) -> Variables:
     if given.amended is not None:
         found["amended"] = ("sample", joined(given.amended) / size, amplitude)
     for one in diagnosis.further:
-        found[f"{one.reading}_measured"] = ("sample", np.concatenate([one.measured(record) for record in records]))
+        found[f"{one.reading}_measured"] = (
+            "sample",
+            np.concatenate([record.reading(one.reading) for record in records]),
+        )
         found[f"{one.reading}_base"] = ("sample", joined(one.base))
         if one.amended is not None:
             found[f"{one.reading}_amended"] = ("sample", joined(one.amended))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from deatwin.plant.amplitudes import reported_size, written_unit
-from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.recording import Experiment
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,20 +41,6 @@ class Readings:
     amended: tuple[tuple[np.ndarray, ...], ...] | None
     unseen: tuple[tuple[np.ndarray, ...], ...]
     reading: str = ""
-
-    def measured(self, record: Recording) -> np.ndarray:
-        """What was measured in a record, shape (n,), SI; nan where it was not.
-
-        Parameters
-        ----------
-        record : Recording
-            One of the experiments'.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-        """
-        return record.reading(self.reading) if self.reading else record.outputs[0]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -119,7 +105,7 @@ def laid_out(readings: Readings, size: float) -> tuple[Stretch, ...]:
                     clock=record.timepts,
                     axis=record.timepts + offset,
                     command=record.inputs[0],
-                    measured=readings.measured(record) / size,
+                    measured=record.reading(readings.reading) / size,
                     base=readings.base[number][place] / size,
                     amended=amended,
                     unseen=readings.unseen[number][place],

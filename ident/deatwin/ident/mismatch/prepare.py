@@ -88,10 +88,9 @@ def _bench(plant: Plant, checked: Gate, effects: Sequence[Effect], jobs: int, on
     weights = _weights(rig, checked)
     fitted, unseen, everything = split(checked, onset, weights)
     known = tuple(e for e in effects if plant.accepts(e))
-    beside_others: tuple[Alone, ...] = (Alone.AS_FIRST, Alone.AS_ANOTHER)
-    in_place: tuple[Alone, ...] = (Alone.TOLD,)
-    if not weights:
-        beside_others, in_place = (), (Alone.TOLD, Alone.AS_ANOTHER)
+    # Further readings tell these places apart; one alone tries them in the place of what was found, if they matter to it.
+    beside_others = {Alone.AS_FIRST, Alone.AS_ANOTHER} if weights else set()
+    in_place = {Alone.TOLD} if weights else {Alone.TOLD, Alone.AS_ANOTHER}
     return Bench(
         nominal=plant.with_rig(rig),
         stated_error=plant.rig.model_error,

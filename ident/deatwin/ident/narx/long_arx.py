@@ -128,11 +128,8 @@ def answer_chance(signals: Signals, which: int, longest: int) -> float:
     output that rings tells how long it has been held, so that it would foretell the next change.
     """
     n_inputs, hold = signals[0][0].shape[0], _hold(signals, which)
-    lags = [
-        range(1 + (longest - 1) // hold * hold, 0, -hold) if i == which else range(longest, 0, -1)
-        for i in range(n_inputs)
-    ]
-    past = [_inputs(signals, i, range(longest, 0, -1))[:, [longest - lag for lag in lags[i]]] for i in range(n_inputs)]
+    past = [_inputs(signals, i, range(longest, 0, -1)) for i in range(n_inputs)]
+    past[which] = past[which][:, ::-hold]  # one sample of each hold, the last one first
     output = _outputs(signals, longest)[0][:, :_ANSWERS]
     target = np.concatenate([inputs[which, longest:] for inputs, _ in signals])
     may_change = np.concatenate([_on_clock(inputs[which], hold)[longest:] for inputs, _ in signals])
@@ -150,7 +147,7 @@ def _hold(signals: Signals, which: int) -> int:
 
 def _on_clock(values: Array, hold: int) -> NDArray[np.bool_]:
     """Samples at which an input that is held for `hold` samples, or whole multiples, may change, shape (n,)."""
-    first = int(np.flatnonzero(np.diff(values))[:1].sum()) + 1
+    first = int(np.argmax(np.diff(values) != 0.0)) + 1
     return np.arange(values.size) % hold == first % hold
 
 

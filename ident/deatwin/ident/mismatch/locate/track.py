@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from deatwin.ident.greybox.parts import row_of
 from deatwin.plant.amplitudes import amplitude_unit
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
@@ -63,12 +64,8 @@ def readings(plant: Plant, experiments: Sequence[Experiment], reading: str = "")
     SimulationError
         If the plant cannot be simulated to the end.
     """
-    row = _row(plant, reading)
+    row = row_of(plant.rig, reading)
     return tuple(tuple(y[row] for y in plant.simulate(e).require().outputs) for e in experiments)
-
-
-def _row(plant: Plant, reading: str) -> int:
-    return [one.name for one in plant.rig.further].index(reading) + 1 if reading else 0
 
 
 def tracks(plant: Plant, experiments: Sequence[Experiment], reading: str = "") -> tuple[Track, ...]:
@@ -90,14 +87,14 @@ def tracks(plant: Plant, experiments: Sequence[Experiment], reading: str = "") -
     """
     rig = plant.rig
     size = amplitude_unit(rig.output_unit)[1]
-    row = _row(plant, reading)
+    row = row_of(plant.rig, reading)
     found = []
     for experiment in experiments:
         simulated = plant.simulate(experiment).require().outputs
         for record, rows in zip(experiment.recordings, simulated, strict=True):
             if record.n_samples < FEWEST:
                 continue  # a splinter between two gaps has no place of its own
-            motion, measured = rows[0] / size, record.reading(reading) if reading else record.outputs[0]
+            motion = rows[0] / size
             signals = {
                 rig.input_name: record.inputs[0],
                 rig.output_name: motion,
@@ -106,7 +103,7 @@ def tracks(plant: Plant, experiments: Sequence[Experiment], reading: str = "") -
             found.append(
                 Track(
                     timepts=record.timepts,
-                    residual=np.nan_to_num(measured - rows[row]),  # a missing value says nothing
+                    residual=np.nan_to_num(record.reading(reading) - rows[row]),  # a missing value says nothing
                     signals=signals,
                     sample_time=record.sample_time,
                 )

@@ -178,7 +178,7 @@ class Search(Tried):
 
         rest, full = self.tried[names].calibration.plant, self.tried[best].calibration.plant
         # What the set has at one place may be at another one, or may be what another effect does at a further place.
-        others = [e for e in (*self.bench.effects, *self.bench.elsewhere) if rest.lacks(e)]
+        others = [effect for effect in self.bench.everywhere if rest.lacks(effect)]
         return [effect for effect in others if effect.name not in full.effect_names and is_open(effect)]
 
     def _new(self, trials: Sequence[Trial], finished: Finished | None = None) -> list[Names]:

@@ -138,7 +138,7 @@ def search_over() -> Callable[..., Search]:
     """``search_over(*candidates)``: a search in which these were tried, the base plant first."""
 
     def make(*candidates: Candidate) -> Search:
-        bench = SimpleNamespace(effects=(), elsewhere=(), jobs=1, nominal=Nominal(), fitted=FITTED, everything=PARTS)
+        bench = SimpleNamespace(effects=(), everywhere=(), jobs=1, nominal=Nominal(), fitted=FITTED, everything=PARTS)
         search = Search(bench, candidates[0], ())
         search.tried.update({c.effects: c for c in candidates})
         search._together = list  # no pairs: nothing was screened

@@ -196,7 +196,7 @@ def test_what_comes_at_a_time_or_with_a_period_is_tried_again_where_another_effe
     tried = {"thermal_stiffness": 3.6, "creep": 3.6, "electrode_loss": 2.7}
     pairs = [candidate(*sorted(("sensor_jump", name)), rms=rms) for name, rms in tried.items()]
     search = search_over(candidate(rms=9.0), candidate("sensor_jump", rms=6.0), best, *pairs)
-    search.bench.effects = [ThermalStiffness(), Creep(), ElectrodeLoss(), Delay(), SensorJump()]
+    search.bench.everywhere = [ThermalStiffness(), Creep(), ElectrodeLoss(), Delay(), SensorJump()]
     # the creep has neither; with a lost electrode 1.81² µm² is left, and (1.5² + 1.2²) / (1.81² + 1.2²) is 0.78
     open_beside = [e.name for e in search._open_beside(("sensor_jump",), best.effects)]
     assert open_beside == ["thermal_stiffness", "electrode_loss", "delay"]
