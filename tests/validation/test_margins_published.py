@@ -10,10 +10,10 @@ the sampled loop has exactly the gain, phase and disk margins of the continuous 
 - Åström, Murray, Feedback Systems (2008), section 9.3: gain, phase and stability (modulus) margin, on 3/(s + 1)³.
 """
 
+import control
 import numpy as np
 import pytest
 
-from deatwin.control.stability.describing import Relay
 from deatwin.control.stability.limit_cycles import limit_cycles
 from deatwin.control.stability.margins import margins
 
@@ -93,11 +93,17 @@ def test_the_disk_margin_of_a_first_order_loop():
     assert found.gain[0] == np.inf
 
 
+def relay(level, band=0.0):
+    """N of a relay with hysteresis, by python-control."""
+    known = control.relay_hysteresis_nonlinearity(level, band)
+    return lambda amplitude, omega: control.describing_function(known, np.ravel(amplitude)).reshape(amplitude.shape)
+
+
 @pytest.mark.parametrize("level", [1.0, 2.5])
 def test_a_relay_with_an_integrator_and_two_lags(level):
     # 4 level/(pi A) * 1/6 = 1 at sqrt(2): A = 2 level/(3 pi).
     top, bottom = tustin([1.0], np.poly([0.0, -1.0, -2.0]))
-    found = limit_cycles(top, bottom, H, Relay(level=level), np.geomspace(0.01, 10, 100), np.geomspace(0.1, 20, 100))
+    found = limit_cycles(top, bottom, H, relay(level), np.geomspace(0.01, 10, 100), np.geomspace(0.1, 20, 100))
     assert len(found) == 1
     assert found[0].amplitude == pytest.approx(2 * level / (3 * np.pi), rel=1e-9)
     assert 2 * np.pi * found[0].frequency_Hz == pytest.approx(sampled(np.sqrt(2)), rel=1e-9)
@@ -111,9 +117,7 @@ def test_a_relay_with_hysteresis_and_an_integrator_with_a_lag():
     omega = roots[abs(roots.imag) < 1e-12].real.item()
     amplitude = np.hypot(band, 4 * level / (np.pi * (1 + omega**2)))
     top, bottom = tustin([1.0], [1.0, 1.0, 0.0])
-    found = limit_cycles(
-        top, bottom, H, Relay(level=level, hysteresis=band), np.geomspace(0.31, 10, 100), np.geomspace(0.1, 20, 100)
-    )
+    found = limit_cycles(top, bottom, H, relay(level, band), np.geomspace(0.31, 10, 100), np.geomspace(0.1, 20, 100))
     assert len(found) == 1
     assert found[0].amplitude == pytest.approx(amplitude, rel=1e-9)
     assert 2 * np.pi * found[0].frequency_Hz == pytest.approx(sampled(omega), rel=1e-9)

@@ -35,31 +35,15 @@ from deatwin.control.loop.predicted import PredictedLoop, predict_loop
 from deatwin.control.loop.references import sine_reference, step_reference, tone_reference
 from deatwin.control.loop.sine_response import SineResponse, sine_response
 from deatwin.control.stability.bands import MarginBand, UncertainMargin, band_margins
-from deatwin.control.stability.describing import (
-    Backlash,
-    BoucWen,
-    DeadZone,
-    DescribingFunction,
-    Quantiser,
-    RateLimiter,
-    Relay,
-    Saturation,
-    describing_function,
-    describing_function_of_run,
-)
 from deatwin.control.stability.limit_cycles import LimitCycle, LimitCycles, limit_cycles
 from deatwin.control.stability.margins import Margins, margins
 from deatwin.control.stability.polynomials import in_series
 
 __all__ = [
-    "Backlash",
-    "BoucWen",
     "Check",
     "ClosedLoop",
     "ControlError",
     "Controller",
-    "DeadZone",
-    "DescribingFunction",
     "Finding",
     "Frd",
     "GainSchedule",
@@ -80,10 +64,6 @@ __all__ = [
     "OperatingPoint",
     "PidGains",
     "PredictedLoop",
-    "Quantiser",
-    "RateLimiter",
-    "Relay",
-    "Saturation",
     "ScheduledController",
     "SineResponse",
     "Specification",
@@ -96,8 +76,6 @@ __all__ = [
     "closed_loop",
     "controller_from_dict",
     "controller_to_dict",
-    "describing_function",
-    "describing_function_of_run",
     "draw",
     "draw_plants",
     "from_control",

@@ -14,13 +14,14 @@ from deatwin.control.controllers.base import Controller
 from deatwin.control.linear.model import LinearModel
 from deatwin.control.loop.sine_response import SineResponse, sine_response
 from deatwin.control.progress import Progress
-from deatwin.control.stability.describing import Quantiser, Saturation
+from deatwin.control.stability.describing import quantiser, saturation
 from deatwin.control.stability.limit_cycles import LimitCycle, limit_cycles
 from deatwin.control.stability.loops import loop_margins
 from deatwin.control.stability.polynomials import in_series
 from deatwin.plant.model import Plant
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 
 SIZES = (0.02, 0.06, 0.2, 0.6, 0.95)
 """Amplitudes of the command at which the plant is measured, as shares of the room to its limits."""
@@ -117,9 +118,12 @@ def _of_limits(controller: Controller, linear: LinearModel, omega: Array) -> lis
     room = _room(controller)
     top, bottom = _loop(controller, linear)
     sizes = np.geomspace(1.001 * room, _LARGEST * room, _FINE)
-    limits = Saturation(limit=room)
+
+    def limits(amplitude: Array, omega: Array) -> Complex:
+        return saturation(room, amplitude)
+
     cycles = limit_cycles(top, bottom, controller.sample_time, limits, sizes, _between(omega))
-    return [("the limits of the command", c, _after(limits, c, linear)) for c in cycles]
+    return [("the limits of the command", c, _after(room, c, linear)) for c in cycles]
 
 
 def _of_codes(plant: Plant, controller: Controller, linear: LinearModel, omega: Array) -> list[_Found]:
@@ -128,7 +132,11 @@ def _of_codes(plant: Plant, controller: Controller, linear: LinearModel, omega: 
     step = plant.rig.chain.reading_step
     top, bottom = _loop(controller, linear)
     sizes = np.geomspace(0.51 * step, 20.0 * step, _FINE)
-    cycles = limit_cycles(top, bottom, controller.sample_time, Quantiser(step=step), sizes, _between(omega))
+
+    def codes(amplitude: Array, omega: Array) -> Complex:
+        return quantiser(step, amplitude)
+
+    cycles = limit_cycles(top, bottom, controller.sample_time, codes, sizes, _between(omega))
     return [("the codes of the sensor's converter", c, c.amplitude) for c in cycles]
 
 
@@ -150,10 +158,10 @@ def _loop(controller: Controller, linear: LinearModel) -> tuple[Array, Array]:
     return in_series(linear.numerator, top), in_series(linear.denominator, bottom)
 
 
-def _after(limits: Saturation, cycle: LimitCycle, linear: LinearModel) -> float:
+def _after(room: float, cycle: LimitCycle, linear: LinearModel) -> float:
     """Amplitude at the output of a cycle whose amplitude is known before the limits."""
-    omega = 2 * np.pi * cycle.frequency_Hz
-    passed = limits(cycle.amplitude, omega) * linear.response([omega])[0]
+    amplitude, omega = np.asarray(cycle.amplitude), 2 * np.pi * cycle.frequency_Hz
+    passed = saturation(room, amplitude) * linear.response([omega])[0]
     return float(cycle.amplitude * np.abs(passed))
 
 
