@@ -305,7 +305,7 @@ def test_nine_tenths_are_enough() -> None:
 
 def test_promises_are_counted_where_there_is_a_design() -> None:
     every = matters().promises
-    assert [p.quantity.column for p in every] == ["bandwidth_Hz", "overshoot_percent", "gain_margin", "rms_error_um"]
+    assert [p.quantity.name for p in every] == ["bandwidth", "overshoot", "gain margin", "rms error"]
     # The ends belong to an interval; the gain margin of 6.5 lies above 6.
     assert [p.kept for p in every] == [True, True, False, True]
     assert every[3].achieved == pytest.approx(7.5)  # µm
@@ -339,9 +339,10 @@ def test_the_page_is_whole(setting: Setting, tmp_path: Path, monkeypatch: pytest
     saved = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
     assert saved["sentence"] == result["sentence"]
     assert "check passes 5, of which 3 keep inside the predicted band; 3 break a limit" in saved["sentence"]
-    assert saved["tracking"]["specification"]["inverse"]["rms_error"] is None
-    assert saved["rates"]["unsound_not_passed"]["hits"] == 2
-    assert [trial["number"] for trial in saved["trials"]] == list(range(10))
+    tracking, _, _, _, rates, failed = saved["tables"]
+    assert [row[2] for row in tracking["rows"] if row[:2] == ["specification", "inverse"]] == ["–"]
+    assert rates["rows"][0][:2] == ["all", "10"] and rates["rows"][0][-1].startswith("2 of ")
+    assert [row[0] for row in failed["rows"]] == ["2", "3", "4"]
     page = (tmp_path / "report.html").read_text()
     assert page.count("<svg") == 2
     assert ">nan<" not in page and ">inf<" not in page

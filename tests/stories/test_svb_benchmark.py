@@ -24,6 +24,7 @@ from deatwin.scenarios.svb_benchmark.draws import (
     system_of,
     try_out,
 )
+from deatwin.scenarios.svb_benchmark.methods import METHODS
 from deatwin.scenarios.svb_benchmark.page import judge
 from deatwin.scenarios.svb_benchmark.study import CASES as CASES_FOLDER
 from deatwin.scenarios.svb_benchmark.study import WHITE, Answer, Case, Draws, Plan, Study, carry_out
@@ -92,7 +93,9 @@ def test_the_page_is_whole(setting: Setting, tmp_path: Path, monkeypatch: pytest
     result = svb_benchmark.run(replace(setting, progress=lambda share, text: shares.append(share)))
     assert shares == sorted(shares) and shares[-1] == pytest.approx(1.0)
     story_page(tmp_path, ("rates", "outcomes", "sweep"))
-    assert set(result["methods"]) == {"fro", "svb"} and set(result["oracles"]) == {"S2", "E1"}
+    titles = [table["title"] for table in result["tables"]]
+    assert all(title.startswith(METHODS[method].label) for title, method in zip(titles, SMALL.methods, strict=False))
+    assert [[row[0] for row in table["rows"]] for table in result["tables"][:3]] == [list(SMALL.systems)] * 3
     lines = (tmp_path / "trials.csv").read_text(encoding="utf-8").splitlines()
     assert len(lines) == 1 + 2 * 2
 

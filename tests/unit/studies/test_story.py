@@ -37,7 +37,8 @@ def test_a_story_ends_with_page_figures_result_and_record(tmp_path):
 
     result = finish(folder, record, page, extra=1)
 
-    assert list(result) == ["sentence", "measures", "extra"]
+    assert list(result) == ["sentence", "measures", "tables", "extra"]
+    assert result["tables"] == [{"title": "All", "columns": ["a"], "rows": [["1"]]}]
     assert json.loads((tmp_path / "tale.json").read_text()) == result
     assert result["measures"][0] == {"measure": "error", "demanded": "below 1e-06", "reached": "2e-09", "passed": True}
     assert reached(rows) == "1 of 2" and page.label == "1 of 2 measures reached" and not page.passed

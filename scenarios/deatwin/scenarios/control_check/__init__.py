@@ -8,8 +8,6 @@ diagnosis; and random rigs with random designs: how often a verdict keeps its wo
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
-from math import isfinite
 from typing import Any
 
 from deatwin.control.checking.specification import Specification
@@ -20,7 +18,6 @@ from deatwin.scenarios.control_check.concealed import (
     OTHER_TIMES,
     SECONDS,
     SLOW,
-    Concealed,
 )
 from deatwin.scenarios.control_check.matters import QUANTITIES, Promise
 from deatwin.scenarios.control_check.page import INVERSES, drawings, judge, tables
@@ -28,7 +25,6 @@ from deatwin.scenarios.control_check.rigs import CALIBRATED, CONCEALED
 from deatwin.scenarios.control_check.study import Study, carry_out
 from deatwin.scenarios.control_check.tracking import Tracking
 from deatwin.scenarios.control_check.trials import NO_MODEL, PASS, broken, caught, in_words, inside, sound
-from deatwin.studies.rates import Rate
 from deatwin.studies.report.prose import notes
 from deatwin.studies.report.story import Measure, StoryPage, finish, reached
 from deatwin.studies.stories import Setting
@@ -51,10 +47,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
         figures=drawings(study),
         tables=tables(study),
     )
-    return finish(folder, record, page, **_summary(study))
-
-
-# --- in words -------------------------------------------------------------------------------------------------------
+    return finish(folder, record, page)
 
 
 def _answer(study: Study, rows: Sequence[Measure]) -> str:
@@ -114,84 +107,3 @@ def _counted(study: Study) -> dict[str, Any]:
 
 def _kept(promises: Sequence[Promise]) -> str:
     return f"{sum(p.kept for p in promises)} of {len(promises)}"
-
-
-# --- as data --------------------------------------------------------------------------------------------------------
-
-
-def _summary(study: Study) -> dict[str, Any]:
-    """Return the findings as plain data, SI."""
-    outcomes = study.outcomes
-    return {
-        "tracking": {tracking.name: _tracked(tracking) for tracking in study.tracking},
-        "fleet": [
-            {
-                "actuator": r.actuator.name,
-                "stable": r.stable,
-                "overshoot": r.steps.overshoot,
-                "ripple": r.steps.ripple,
-                "tones_rms_error": r.tones.rms_error,
-            }
-            for r in study.fleet
-        ],
-        "models": [
-            {
-                "model": p.model,
-                "quantity": p.quantity.column,
-                "predicted": _finite(p.predicted.value),
-                "low": _finite(p.predicted.low),
-                "high": _finite(p.predicted.high),
-                "achieved": _finite(p.achieved),
-                "inside": p.kept,
-            }
-            for p in study.matters.promises
-        ],
-        "concealed": [_designs(one) for one in study.concealed],
-        "rates": {
-            "passed_inside_the_band": _rate(inside(outcomes)),
-            "passed_sound": _rate(sound(outcomes)),
-            "unsound_not_passed": _rate(caught(outcomes)),
-        },
-        "trials": [asdict(outcome) for outcome in outcomes],
-    }
-
-
-def _tracked(tracking: Tracking) -> dict[str, Any]:
-    return {
-        name: {
-            "rms_error": _finite(one.rms),
-            "gain_margin": _finite(float(one.margins.gain[0])),
-            "phase_margin_deg": _finite(float(one.margins.phase_deg[0])),
-            "status": one.run.status.name.lower(),
-        }
-        for name, one in tracking.tracked.items()
-    }
-
-
-def _designs(one: Concealed) -> dict[str, Any]:
-    return {
-        "effect": one.effect,
-        "diagnosis": one.diagnosis.verdict.value,
-        "causes": [cause.effect for cause in one.diagnosis.causes],
-        "designs": [
-            {
-                "source": d.source,
-                "closed_loop_time": d.controller.closed_loop_time,
-                "controller": d.controller.name,
-                "verdict": d.check.verdict.value,
-                "reason": d.check.reason,
-                "truth": d.truth.verdict.value,
-                "true_text": d.truth.text,
-            }
-            for d in (*one.designs, *one.at_other_times)
-        ],
-    }
-
-
-def _rate(rate: Rate) -> dict[str, Any]:
-    low, high = rate.interval
-    return {"hits": rate.hits, "count": rate.count, "low": low, "high": high}
-
-
-def _finite(value: float) -> float | None:
-    return value if isfinite(value) else None

@@ -84,12 +84,6 @@ class Quantity:
         """Name and unit."""
         return axis_label(self.name, self.unit)
 
-    @property
-    def column(self) -> str:
-        """Name and unit as the head of a column of a file."""
-        unit = {"%": "_percent", "µm": "_um", "Hz": "_Hz"}.get(self.unit, "")
-        return self.name.replace(" ", "_") + unit
-
 
 QUANTITIES = (
     Quantity(name="bandwidth", unit="Hz", scale=1.0),

@@ -12,10 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.scenarios.svb_benchmark.methods import METHODS
-from deatwin.scenarios.svb_benchmark.page import drawings, exact, judge, kept, oracles, tables
-from deatwin.scenarios.svb_benchmark.study import CASES, SWEPT, Plan, Study, carry_out
-from deatwin.studies.rates import Rate
+from deatwin.scenarios.svb_benchmark.page import drawings, judge, tables
+from deatwin.scenarios.svb_benchmark.study import CASES, SWEPT, Plan, carry_out
 from deatwin.studies.report.prose import notes
 from deatwin.studies.report.story import StoryPage, finish, reached
 from deatwin.studies.report.tables import csv_text
@@ -49,44 +47,4 @@ def run(setting: Setting) -> Mapping[str, Any]:
         figures=drawings(study),
         tables=tables(study),
     )
-    return finish(folder, record, page, **_summary(study))
-
-
-def _rate(rate: Rate) -> dict[str, Any]:
-    return {"hits": rate.hits, "count": rate.count, "interval": list(rate.interval)}
-
-
-def _summary(study: Study) -> dict[str, Any]:
-    """Return all rates as plain data."""
-    plan = study.plan
-    return {
-        "methods": {
-            method: {
-                "label": METHODS[method].label,
-                "systems": {
-                    system: {"kept": _rate(kept(study, system, method)), "exact": _rate(exact(study, system, method))}
-                    for system in plan.systems
-                },
-            }
-            for method in plan.methods
-        },
-        "oracles": {
-            system: {
-                name: {"threshold": oracle.threshold, "kept": _rate(oracle.kept), "exact": _rate(oracle.exact)}
-                for name, oracle in zip(("all_candidates", "true_terms"), oracles(study, system), strict=True)
-            }
-            for system in plan.systems
-        },
-        "coverage": [
-            {"system": system, "estimator": estimator, **_rate(Rate.of(flags.ravel().tolist()))}
-            for (system, estimator), flags in study.covered.items()
-        ],
-        "draws": {
-            system: {
-                "diverged": sum(draw.redraws for draw in draws),
-                "snr_db": float(np.median([draw.snr_db for draw in draws])),
-                "condition": float(np.median([draw.condition for draw in draws])),
-            }
-            for system, draws in study.contrasts.items()
-        },
-    }
+    return finish(folder, record, page)

@@ -92,11 +92,12 @@ def write_story(folder: ResultFolder, page: StoryPage, record: RunRecord) -> Non
 
 
 def finish(folder: ResultFolder, record: RunRecord, page: StoryPage, **more: Any) -> dict[str, Any]:
-    """Write figures' data, page, ``NAME.json`` and ``run.json``; return what ``NAME.json`` holds: sentence, measures
-    and `more`.
+    """Write figures' data, page, ``NAME.json`` and ``run.json``; return what ``NAME.json`` holds: sentence, measures,
+    tables and `more`.
     """
     write_story(folder, page, record)
-    result = {"sentence": page.sentence, "measures": [asdict(row) for row in page.rows], **more}
+    shown = {name: [asdict(one) for one in given] for name, given in (("measures", page.rows), ("tables", page.tables))}
+    result = {"sentence": page.sentence, **shown, **more}
     return end_run(folder, record, page.title, result)
 
 
