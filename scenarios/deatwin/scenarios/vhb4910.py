@@ -22,7 +22,7 @@ import numpy as np
 
 from deatwin.ident.mismatch import diagnose
 from deatwin.plant.errors import DataError
-from deatwin.plant.files import read_csv
+from deatwin.plant.files import read_recording
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.coupon import Coupon
@@ -158,7 +158,7 @@ def far_files(folder: Path) -> list[Path]:
 
 def pull(file: Path) -> Experiment:
     """One pull: stretch in, force out."""
-    measured = read_csv(file, input_column="#2", output_column="#3")[0]
+    measured = read_recording(file, input_column="#2", output_column="#3")
     stretch, force = 1 + measured.inputs[0] / LENGTH, measured.outputs[0]
     more = {"start": measured.start, "provenance": measured.provenance}
     return experiment_of(Coupon(length=LENGTH), stretch, force, measured.sample_time, **more)

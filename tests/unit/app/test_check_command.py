@@ -23,7 +23,7 @@ from deatwin.ident.narx import Frols, NarxModel, assessed, excited_band, free_ru
 from deatwin.plant import Creep, Plant
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.excitation import band_limited_noise
-from deatwin.plant.files import read_csv, read_recordings
+from deatwin.plant.files import read_recordings
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.studies.diagnosing import DiagnosisTask
 from deatwin.studies.folder import ResultFolder
@@ -236,7 +236,7 @@ def test_identify_tells_the_largest_residual(at_desk: Path) -> None:
     model = NarxModel.load(at_desk / "both.json")
     left = {}
     for name in ("noise.csv", "creeps.csv"):
-        record = read_csv(at_desk / name, input_column="stretch", output_column="force_N")[0]
+        record = read_recordings(at_desk / name, input_column="stretch", output_column="force_N")[0]
         left[name] = free_run_residual(model, record)
     largest = left["creeps.csv"]
     assert largest.rms > left["noise.csv"].rms

@@ -10,7 +10,7 @@ from strips import COLUMNS
 from deatwin.app.cli import main
 from deatwin.app.options import fold_experiments, unfold_experiment
 from deatwin.plant import Diaphragm, Experiment
-from deatwin.plant.files import read_commands, read_csv
+from deatwin.plant.files import read_commands, read_recordings
 from deatwin.plant.sources import load_plant
 
 
@@ -60,7 +60,7 @@ def test_simulate_writes_further_readings_too(on_bench: Path, capsys: pytest.Cap
 def test_an_effect_is_added(on_bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["simulate", "rig.toml", "first.csv", "--effect", "electrode_rc", "--out", "rc.csv", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["effects"] == ["electrode_rc"]
-    assert read_csv("rc.csv", input_column="low_mm")[0].n_samples == 200
+    assert read_recordings("rc.csv", input_column="low_mm")[0].n_samples == 200
 
 
 @pytest.mark.parametrize("method", ["svb", "frols", "lasso", "semp", "grow"])

@@ -11,7 +11,6 @@ from deatwin.plant.checks import require_excitation
 from deatwin.plant.errors import DataError
 from deatwin.plant.excitation import (
     band_limited_noise,
-    binary_sequence,
     linear_chirp,
     logarithmic_chirp,
     random_holds,
@@ -83,10 +82,6 @@ EXCITATION: list[tuple[Callable[[], object], str]] = [
     (lambda: triangles(H, rates=()), "0 rates"),
     (lambda: triangles(H, cycles=0), "0 cycles"),
     (lambda: triangles(H, upper=1.0), "lower < upper"),
-    (lambda: binary_sequence(RNG, H, bits=1), "2 to 20 bits"),
-    (lambda: binary_sequence(RNG, H, periods=0), "at least one period"),
-    (lambda: binary_sequence(RNG, H, lower=4.0), "lower < upper"),
-    (lambda: binary_sequence(RNG, H, hold=0.0), "hold 0 s"),
     *((lambda wrong=wrong: with_rests(wrong, 1.0, 1.0, 1.0), "one finite number") for wrong in ([], [[1.0]], [np.nan])),
     (lambda: with_alternating_polarity([1.0, np.nan], 1.0, 1.0), "one row of at least one finite number"),
     (lambda: with_rests([1.0], 1.0, every=0.1, rest=1.0), r"every 0\.1 s"),

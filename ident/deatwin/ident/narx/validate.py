@@ -29,6 +29,7 @@ from deatwin.plant.datasets import (
 )
 from deatwin.plant.documents import Saved
 from deatwin.plant.errors import ModelError, nearest
+from deatwin.plant.records import plain, read
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -296,30 +297,8 @@ class Validation(
             "gain_error_half_width": self.gain_error_half_width,
             "notes": list(self.notes),
             "diverged": [{"recording": record, "time_s": time} for record, time in self.diverged],
-            "tests": [
-                {
-                    "name": t.name,
-                    "output": t.output,
-                    "other": t.other,
-                    "lags": t.lags.tolist(),
-                    "values": t.values.tolist(),
-                    "n_samples": t.n_samples,
-                    "p_value": t.p_value,
-                    "level": t.level,
-                }
-                for t in self.tests
-            ],
-            "whiteness": [
-                {
-                    "output": w.output,
-                    "statistic": w.statistic,
-                    "dof": w.dof,
-                    "p_value": w.p_value,
-                    "share_outside": w.share_outside,
-                    "usual_outside": list(w.usual_outside),
-                }
-                for w in self.whiteness
-            ],
+            "tests": plain(self.tests),
+            "whiteness": plain(self.whiteness),
         }
 
 
@@ -412,12 +391,8 @@ def _fields_of(document: Mapping[str, Any]) -> dict[str, Any]:
         "one_step": Fit.read(document["one_step"]),
         "free_run": Fit.read(document["free_run"]),
         "diverged": tuple((int(item["recording"]), float(item["time_s"])) for item in document["diverged"]),
-        "tests": tuple(
-            CorrelationTest(**{**t, "lags": np.array(t["lags"], dtype=np.int64)}) for t in document["tests"]
-        ),
-        "whiteness": tuple(
-            Whiteness(**{**w, "usual_outside": tuple(w["usual_outside"])}) for w in document["whiteness"]
-        ),
+        "tests": tuple(read(CorrelationTest, test) for test in document["tests"]),
+        "whiteness": tuple(read(Whiteness, found) for found in document["whiteness"]),
         "n_samples": int(document["n_samples"]),
         "level": float(document["level"]),
         "exact": bool(document["exact"]),

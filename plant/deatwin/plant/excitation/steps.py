@@ -1,4 +1,4 @@
-"""Holds, staircases, triangles and binary sequences."""
+"""Holds, staircases and triangles."""
 
 from collections.abc import Sequence
 
@@ -143,53 +143,6 @@ def triangles(
     halves = [sample_count("half a cycle", 0.5 / rate, sample_time) for rate in rates]
     rise = [np.r_[np.arange(half), np.arange(half, 0, -1)] / half for half in halves]
     return lower + (upper - lower) * np.concatenate([np.tile(cycle, cycles) for cycle in rise])
-
-
-def binary_sequence(
-    rng: np.random.Generator,
-    sample_time: float,
-    lower: float = 1.1,
-    upper: float = 3.75,
-    bits: int = 8,
-    hold: float = 0.5,
-    periods: int = 1,
-) -> NDArray[np.float64]:
-    """Return whole periods of a maximum-length pseudo-random binary sequence.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Source of the sequence's starting point within its period.
-    sample_time : float
-        Time between two samples, s.
-    lower, upper : float
-        The two levels, V.
-    bits : int
-        Length of the shift register, 2 to 20; a period has ``2**bits - 1`` holds.
-    hold : float
-        Duration of each hold, s; rounded to whole samples.
-    periods : int
-        Number of periods, at least one.
-
-    Returns
-    -------
-    (n,) array
-        Commands, V.
-
-    Raises
-    ------
-    DataError
-        If the range is empty, bits or periods are out of range, or the hold is shorter than a sample.
-    """
-    from scipy.signal import max_len_seq  # loads slowly, and nothing else here needs scipy
-
-    _check_range(lower, upper)
-    if not 2 <= bits <= 20 or periods < 1:
-        raise DataError(f"{bits} bits, {periods} periods: need 2 to 20 bits and at least one period")
-    held = sample_count("hold", hold, sample_time)
-    register = int(rng.integers(1, 2**bits))  # all but the state of zeros, which the register never leaves
-    ones = max_len_seq(bits, state=(register >> np.arange(bits)) & 1)[0]
-    return np.tile(np.repeat(np.where(ones == 1, upper, lower), held), periods)
 
 
 def _check_range(lower: float, upper: float) -> None:

@@ -10,7 +10,6 @@ What `write_recording` writes reads back as the same recording to the last bit.
 
 from deatwin.plant.files.recordings import (
     read_commands,
-    read_csv,
     read_experiment,
     read_recording,
     read_recordings,
@@ -21,7 +20,6 @@ from deatwin.plant.files.recordings import (
 
 __all__ = [
     "read_commands",
-    "read_csv",
     "read_experiment",
     "read_recording",
     "read_recordings",

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import TypedDict, TypeVar, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -47,6 +47,21 @@ _WRITERS: dict[str, Callable[[Path, Recording], None]] = {
     ".tdms": write_tdms,
     ".nc": write_netcdf,
 }
+
+
+class _Options(TypedDict, total=False):
+    """Options of `read_recordings` that hold for a recording without gaps, too."""
+
+    input_column: str | None
+    output_column: str | None
+    time_column: str | None
+    dt: float | None
+    resample: float | None
+    reading: ReadingTime
+    input_unit: str | None
+    output_unit: str | None
+    rig: RigFile | None
+    readings: Sequence[Reading]
 
 
 def read_recordings(
@@ -124,52 +139,6 @@ def read_recordings(
     )
 
 
-def read_csv(
-    path: str | Path,
-    *,
-    input_column: str | None = None,
-    output_column: str | None = None,
-    time_column: str | None = None,
-    allow_gaps: bool = False,
-    dt: float | None = None,
-    resample: float | None = None,
-    reading: ReadingTime = ReadingTime.END_OF_HOLD,
-    input_unit: str | None = None,
-    output_unit: str | None = None,
-    rig: RigFile | None = None,
-    readings: Sequence[Reading] = (),
-) -> tuple[Recording, ...]:
-    """Read the recordings of a CSV file with any file name extension.
-
-    Parameters
-    ----------
-    path, input_column, output_column, time_column, allow_gaps, dt, resample, reading, input_unit, output_unit, rig, readings
-        Same as in `read_recordings`.
-
-    Returns
-    -------
-    tuple of Recording
-
-    Raises
-    ------
-    DataError
-        Same as for `read_recordings`.
-    """
-    asked = {"input": input_column, "output": output_column, "time": time_column}
-    units = {"input": input_unit, "output": output_unit}
-    return recordings_of_table(
-        read_table(path),
-        asked,
-        units,
-        allow_gaps=allow_gaps,
-        dt=dt,
-        resample=resample,
-        reading=reading,
-        rig=rig,
-        readings=readings or _readings(rig),
-    )
-
-
 def read_commands(
     path: str | Path,
     *,
@@ -204,26 +173,15 @@ def read_commands(
     )[0]
 
 
-def read_recording(
-    path: str | Path,
-    *,
-    input_column: str | None = None,
-    output_column: str | None = None,
-    time_column: str | None = None,
-    dt: float | None = None,
-    resample: float | None = None,
-    reading: ReadingTime = ReadingTime.END_OF_HOLD,
-    input_unit: str | None = None,
-    output_unit: str | None = None,
-    rig: RigFile | None = None,
-    readings: Sequence[Reading] = (),
-) -> Recording:
+def read_recording(path: str | Path, **options: Unpack[_Options]) -> Recording:
     """Read one recording without gaps.
 
     Parameters
     ----------
-    path, input_column, output_column, time_column, dt, resample, reading, input_unit, output_unit, rig, readings
-        Same as in `read_recordings`.
+    path : str or Path
+        File to read.
+    **options
+        Those of `read_recordings` but `allow_gaps`.
 
     Returns
     -------
@@ -234,35 +192,11 @@ def read_recording(
     DataError
         Same as for `read_recordings`.
     """
-    return read_recordings(
-        path,
-        input_column=input_column,
-        output_column=output_column,
-        time_column=time_column,
-        dt=dt,
-        resample=resample,
-        reading=reading,
-        input_unit=input_unit,
-        output_unit=output_unit,
-        rig=rig,
-        readings=readings,
-    )[0]
+    return read_recordings(path, allow_gaps=False, **options)[0]
 
 
 def read_experiment(
-    paths: Iterable[str | Path],
-    *,
-    input_column: str | None = None,
-    output_column: str | None = None,
-    time_column: str | None = None,
-    allow_gaps: bool = False,
-    dt: float | None = None,
-    resample: float | None = None,
-    reading: ReadingTime = ReadingTime.END_OF_HOLD,
-    input_unit: str | None = None,
-    output_unit: str | None = None,
-    rig: RigFile | None = None,
-    readings: Sequence[Reading] = (),
+    paths: Iterable[str | Path], *, allow_gaps: bool = False, **options: Unpack[_Options]
 ) -> Experiment:
     """Read the recordings of one experiment, which share one clock.
 
@@ -271,8 +205,10 @@ def read_experiment(
     paths : iterable of (str or Path)
         Files, in any order. Files with dates as times, and TDMS waveforms with a start time (``wf_start_time``), are
         placed on the clock of the earliest.
-    input_column, output_column, time_column, allow_gaps, dt, resample, reading, input_unit, output_unit, rig, readings
-        Same as in `read_recordings`, and the same for all files.
+    allow_gaps : bool, default False
+        If True, split records at their gaps and keep the clock; otherwise a gap is an error.
+    **options
+        Other options of `read_recordings`, the same for all files.
 
     Returns
     -------
@@ -283,25 +219,8 @@ def read_experiment(
     DataError
         Same as for `read_recordings` and `Experiment`.
     """
-    recordings = [
-        recording
-        for path in paths
-        for recording in read_recordings(
-            path,
-            input_column=input_column,
-            output_column=output_column,
-            time_column=time_column,
-            allow_gaps=allow_gaps,
-            dt=dt,
-            resample=resample,
-            reading=reading,
-            input_unit=input_unit,
-            output_unit=output_unit,
-            rig=rig,
-            readings=readings,
-        )
-    ]
-    return Experiment(recordings=on_one_clock(recordings))
+    files = (read_recordings(path, allow_gaps=allow_gaps, **options) for path in paths)
+    return Experiment(recordings=on_one_clock([recording for file in files for recording in file]))
 
 
 def write_recording(path: str | Path, recording: Recording) -> None:

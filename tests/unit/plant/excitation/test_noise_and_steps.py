@@ -11,7 +11,6 @@ from numpy.polynomial.hermite_e import HermiteE
 
 from deatwin.plant.excitation import (
     band_limited_noise,
-    binary_sequence,
     linear_chirp,
     logarithmic_chirp,
     random_holds,
@@ -183,24 +182,6 @@ class TestTriangles:
 
     def test_at_half_the_sample_rate_it_goes_to_and_fro(self) -> None:
         np.testing.assert_array_equal(triangles(SAMPLE_TIME, 1.0, 3.0, rates=(25.0,), cycles=2), [1.0, 3.0, 1.0, 3.0])
-
-
-class TestBinarySequence:
-    def test_it_is_of_maximum_length(self) -> None:
-        command = binary_sequence(np.random.default_rng(1), SAMPLE_TIME, 1.0, 3.0, bits=7, hold=0.1, periods=2)
-        assert command.shape == (2 * 127 * 5,)
-        np.testing.assert_array_equal(command[:635], command[635:])
-        held = command[:635].reshape(127, 5)
-        assert (held == held[:, :1]).all()
-        signs = held[:, 0] - 2.0
-        assert (signs == 1.0).sum() == 64 and (signs == -1.0).sum() == 63
-        circular = [signs @ np.roll(signs, k) for k in range(1, 127)]
-        assert circular == [-1.0] * 126  # the property that defines a maximum-length sequence
-
-    def test_the_generator_decides_where_it_begins(self) -> None:
-        first, again, other = (binary_sequence(np.random.default_rng(s), SAMPLE_TIME) for s in (2, 2, 3))
-        np.testing.assert_array_equal(first, again)
-        assert (first != other).any()
 
 
 class TestRearranged:

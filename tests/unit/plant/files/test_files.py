@@ -10,9 +10,9 @@ import pytest
 from deatwin.plant.errors import DataError
 from deatwin.plant.files import (
     read_commands,
-    read_csv,
     read_experiment,
     read_recording,
+    read_recordings,
     write_csv,
     write_recording,
     write_text_atomic,
@@ -189,7 +189,7 @@ class TestClock:
 
     def test_allowed_gaps_split_and_keep_the_clock(self, write) -> None:
         path = write([HEADER, *rows(50), *rows(20, start=3.0), *rows(30, start=9.0)])
-        pieces = read_csv(path, allow_gaps=True)
+        pieces = read_recordings(path, allow_gaps=True)
         assert [(piece.start, piece.n_samples) for piece in pieces] == [(0.0, 50), (3.0, 20), (9.0, 30)]
         assert {piece.sample_time for piece in pieces} == {0.02}
         assert pieces[1].provenance["rows"] == "52-71"

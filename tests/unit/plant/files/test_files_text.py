@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.files import read_commands, read_csv, read_recording, write_recording
+from deatwin.plant.files import read_commands, read_recording, read_recordings, write_recording
 from deatwin.plant.recording import Recording
 
 HEADER = "time_s,command_V,displacement_mm"
@@ -155,7 +155,7 @@ class TestDescription:
         path.write_text("\n".join(lines[:5] + lines[6:]))
         with pytest.raises(DataError, match=r"a gap from 0.04 s to 0.08 s"):
             read_recording(path)
-        assert [piece.start for piece in read_csv(path, allow_gaps=True)] == pytest.approx([0.0, 0.08])
+        assert [piece.start for piece in read_recordings(path, allow_gaps=True)] == pytest.approx([0.0, 0.08])
 
 
 def test_format_that_cannot_be_written(tmp_path: Path) -> None:
