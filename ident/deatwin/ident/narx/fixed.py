@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from deatwin.ident.narx.estimate import Estimate, Estimator, least_squares
 from deatwin.ident.narx.identifier import NarxIdentifier, Progress
@@ -12,6 +13,7 @@ from deatwin.ident.narx.terms import Term, TermTable
 from deatwin.plant.errors import ModelError
 
 
+@dataclass(kw_only=True, eq=False, repr=False)
 class Fixed(NarxIdentifier):
     """Estimate the parameters of given terms, by least squares or another estimator.
 
@@ -43,16 +45,10 @@ class Fixed(NarxIdentifier):
     [2.0]
     """
 
-    estimate_: Estimate
+    terms: NarxModel | Sequence[Term | str] | Mapping[str, Sequence[Term | str]]
+    estimator: Estimator = least_squares
 
-    def __init__(
-        self,
-        *,
-        terms: NarxModel | Sequence[Term | str] | Mapping[str, Sequence[Term | str]],
-        estimator: Estimator = least_squares,
-    ) -> None:
-        self.terms = terms
-        self.estimator = estimator
+    estimate_: Estimate = field(init=False)
 
     def _check(self) -> None:
         if isinstance(self.terms, str) or (not isinstance(self.terms, NarxModel) and len(self.terms) == 0):

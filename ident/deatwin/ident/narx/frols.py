@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,10 +11,9 @@ from numpy.typing import NDArray
 from deatwin.ident.narx.criteria import CRITERIA, criterion_values, free_run_errors, split
 from deatwin.ident.narx.estimate import Estimator, least_squares
 from deatwin.ident.narx.forward import SelectionStep, forward_selection
-from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
+from deatwin.ident.narx.identifier import CandidateSearch, FitStatus, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Regression
-from deatwin.ident.narx.terms import Lags, Rule
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError, nearest
 from deatwin.plant.recording import Recording
@@ -29,7 +27,8 @@ Array = NDArray[np.float64]
 _KNOWN = (*CRITERIA, "free_run", "none")
 
 
-class Frols(NarxIdentifier):
+@dataclass(kw_only=True, eq=False, repr=False)
+class Frols(CandidateSearch):
     """Choose terms one by one: always the one that explains most of the unexplained output.
 
     The error reduction ratio of a candidate p, orthogonalised against the chosen terms to w, is ``(w'y)^2 / (w'w
@@ -90,28 +89,10 @@ class Frols(NarxIdentifier):
     (2008) 759-771, doi:10.1093/biomet/asn034 (here with gamma = 1).
     """
 
-    def __init__(
-        self,
-        *,
-        output_lags: Lags = 2,
-        input_lags: Lags = 2,
-        degree: int = 2,
-        functions: Sequence[str] = (),
-        rule: Rule | None = None,
-        max_terms: int = 15,
-        criterion: str = "ebic",
-        held_out: float = 0.3,
-        estimator: Estimator = least_squares,
-    ) -> None:
-        self.output_lags = output_lags
-        self.input_lags = input_lags
-        self.degree = degree
-        self.functions = functions
-        self.rule = rule
-        self.max_terms = max_terms
-        self.criterion = criterion
-        self.held_out = held_out
-        self.estimator = estimator
+    max_terms: int = 15
+    criterion: str = "ebic"
+    held_out: float = 0.3
+    estimator: Estimator = least_squares
 
     def _check(self) -> None:
         if self.criterion not in _KNOWN:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from deatwin.ident.narx.excess import noisy_products
 from deatwin.ident.narx.grow_search import GrowSearch, GrowStep, run_error
-from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
+from deatwin.ident.narx.identifier import CandidateSearch, FitStatus, Progress
 from deatwin.ident.narx.late_inputs import late_inputs
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.output_error import with_correlated_error
 from deatwin.ident.narx.refine import least_error
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.single_output import single_output
-from deatwin.ident.narx.terms import Lags, Rule, Term
+from deatwin.ident.narx.terms import Term
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -34,7 +34,8 @@ Array = NDArray[np.float64]
 _SEARCH = 0.9
 
 
-class Grow(NarxIdentifier):
+@dataclass(kw_only=True, eq=False, repr=False)
+class Grow(CandidateSearch):
     """Grow a model from a linear one by the free-run error, and prune it.
 
     The start is the linear model of second order by least squares. The candidate that lowers the free-run error most,
@@ -96,26 +97,9 @@ class Grow(NarxIdentifier):
     299-342: the autoregressive model of the error.
     """
 
-    def __init__(
-        self,
-        *,
-        output_lags: Lags = 2,
-        input_lags: Lags = 2,
-        degree: int = 2,
-        functions: Sequence[str] = (),
-        rule: Rule | None = None,
-        max_terms: int = 15,
-        held_out: float = 1 / 3,
-        parts: int = 1,
-    ) -> None:
-        self.output_lags = output_lags
-        self.input_lags = input_lags
-        self.degree = degree
-        self.functions = functions
-        self.rule = rule
-        self.max_terms = max_terms
-        self.held_out = held_out
-        self.parts = parts
+    max_terms: int = 15
+    held_out: float = 1 / 3
+    parts: int = 1
 
     def _check(self) -> None:
         for name in ("max_terms", "parts"):
@@ -131,7 +115,7 @@ class Grow(NarxIdentifier):
         search = None
         with self._interrupt_noted():
             for number, part in enumerate(self._parts(single)):
-                search = GrowSearch(self, part)
+                search = GrowSearch(part, max_terms=self.max_terms, held_out=self.held_out)
                 search.run(_part_of(progress, number, self.parts))
                 if (grown := _refined(search.best(), part, single)) is not None:
                     found.append((grown, search))

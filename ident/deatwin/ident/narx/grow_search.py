@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,19 +52,12 @@ class GrowStep:
     held_out_error: float
 
 
-class GrowSettings(Protocol):
-    """The settings of `Grow` that its search follows."""
-
-    max_terms: int
-    held_out: float
-
-
 class GrowSearch:
     """Search on recordings of one output; an interrupt reaches the caller, and what was found until then is kept."""
 
-    def __init__(self, settings: GrowSettings, data: Regression) -> None:
-        self.max_terms = settings.max_terms
-        beginnings, self.held_out = split(data.recordings, settings.held_out, data.first)
+    def __init__(self, data: Regression, *, max_terms: int, held_out: float) -> None:
+        self.max_terms = max_terms
+        beginnings, self.held_out = split(data.recordings, held_out, data.first)
         self.data = replace(data, recordings=beginnings)
         self.data.require_samples_for(self.max_terms + 1)
         self.models: list[NarxModel] = []

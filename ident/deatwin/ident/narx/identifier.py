@@ -6,7 +6,7 @@ import inspect
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any, Self
 
@@ -278,6 +278,17 @@ class NarxIdentifier(Identifier, ABC):
     @abstractmethod
     def _learn(self, data: Regression, progress: Progress) -> NarxModel:
         """Set what is learned and return the model of one equation."""
+
+
+@dataclass(kw_only=True, eq=False, repr=False)
+class CandidateSearch(NarxIdentifier):
+    """An estimator that chooses its terms among the polynomial terms of lagged signals."""
+
+    output_lags: Lags = 2
+    input_lags: Lags = 2
+    degree: int = 2
+    functions: Sequence[str] = ()
+    rule: Rule | None = None
 
 
 def silent(share: float, doing: str) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar
 
@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from deatwin.ident.narx.criteria import free_run_errors, split
 from deatwin.ident.narx.estimate import least_squares
-from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
+from deatwin.ident.narx.identifier import CandidateSearch, FitStatus, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Regression
-from deatwin.ident.narx.terms import Lags, Rule, Term
+from deatwin.ident.narx.terms import Term
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, variable
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
@@ -69,7 +69,8 @@ class LassoPath(Described):
         return axes
 
 
-class Lasso(NarxIdentifier):
+@dataclass(kw_only=True, eq=False, repr=False)
+class Lasso(CandidateSearch):
     """Refit the structures along the LASSO path by least squares and keep the one with the best free run.
 
     Each recording is split. On the beginnings the regressors are standardised and the LASSO path is followed from the
@@ -115,24 +116,8 @@ class Lasso(NarxIdentifier):
     doi:10.1214/009053604000000067.
     """
 
-    def __init__(
-        self,
-        *,
-        output_lags: Lags = 2,
-        input_lags: Lags = 2,
-        degree: int = 2,
-        functions: Sequence[str] = (),
-        rule: Rule | None = None,
-        max_terms: int = 30,
-        held_out: float = 0.3,
-    ) -> None:
-        self.output_lags = output_lags
-        self.input_lags = input_lags
-        self.degree = degree
-        self.functions = functions
-        self.rule = rule
-        self.max_terms = max_terms
-        self.held_out = held_out
+    max_terms: int = 30
+    held_out: float = 0.3
 
     def _check(self) -> None:
         if self.max_terms < 1:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import KW_ONLY, dataclass, replace
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 _KNOWN = ("ebic", "bic", "aic", "none")
 
 
+@dataclass(eq=False, repr=False)
 class Narmax(NarxIdentifier):
     """Add a noise model to a process model: y(k) = f(y, u) + g(y, u, e) + e(k).
 
@@ -98,26 +99,15 @@ class Narmax(NarxIdentifier):
     {'y(k-1)': 0.8, 'u(k-1)': 1.0, 'e(k-1)': -0.8}
     """
 
-    def __init__(
-        self,
-        process: NarxIdentifier,
-        *,
-        noise_terms: Sequence[Term | str] | Mapping[str, Sequence[Term | str]] | None = None,
-        noise_lags: ChannelLags = 2,
-        noise_degree: int = 2,
-        max_noise_terms: int = 5,
-        criterion: str = "ebic",
-        tolerance: float = 1e-6,
-        max_iterations: int = 100,
-    ) -> None:
-        self.process = process
-        self.noise_terms = noise_terms
-        self.noise_lags = noise_lags
-        self.noise_degree = noise_degree
-        self.max_noise_terms = max_noise_terms
-        self.criterion = criterion
-        self.tolerance = tolerance
-        self.max_iterations = max_iterations
+    process: NarxIdentifier
+    _: KW_ONLY
+    noise_terms: Sequence[Term | str] | Mapping[str, Sequence[Term | str]] | None = None
+    noise_lags: ChannelLags = 2
+    noise_degree: int = 2
+    max_noise_terms: int = 5
+    criterion: str = "ebic"
+    tolerance: float = 1e-6
+    max_iterations: int = 100
 
     def _check(self) -> None:
         if not isinstance(self.process, NarxIdentifier):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +26,7 @@ _MOST = 1e6  # without the square of the number of samples: the noise is nothing
 _USUAL_STEPS = 40  # evaluations that a search takes, for the progress
 
 
+@dataclass(kw_only=True, eq=False, repr=False)
 class ThetaSmoother(VaryingParameters):
     """Kalman filter and fixed-interval smoother of parameters that follow random walks.
 
@@ -70,22 +71,13 @@ class ThetaSmoother(VaryingParameters):
        parameters in multilevel models", Psychometrika 78 (2013) 685-709, doi:10.1007/s11336-013-9328-2.
     """
 
-    filtered_: ThetaTrajectory
+    terms: Structure
+    drift: str = "each"
+    variances: str = "likelihood"
+    noise_variance: float | None = None
+    drift_variance: ArrayLike | None = None
 
-    def __init__(
-        self,
-        *,
-        terms: Structure,
-        drift: str = "each",
-        variances: str = "likelihood",
-        noise_variance: float | None = None,
-        drift_variance: ArrayLike | None = None,
-    ) -> None:
-        self.terms = terms
-        self.drift = drift
-        self.variances = variances
-        self.noise_variance = noise_variance
-        self.drift_variance = drift_variance
+    filtered_: ThetaTrajectory = field(init=False)
 
     def _check(self) -> None:
         super()._check()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -102,6 +103,7 @@ class VaryingParameters(NarxIdentifier):
         return f"{type(self).__name__}({', '.join(f'{name}={value!r}' for name, value in arguments.items())})"
 
 
+@dataclass(kw_only=True, eq=False, repr=False)
 class Rls(VaryingParameters):
     """Recursive least squares with exponential forgetting.
 
@@ -132,9 +134,8 @@ class Rls(VaryingParameters):
     Ljung, Soderstrom, "Theory and Practice of Recursive Identification", MIT Press 1983, section 2.2.
     """
 
-    def __init__(self, *, terms: Structure, forgetting: float = 0.999) -> None:
-        self.terms = terms
-        self.forgetting = forgetting
+    terms: Structure
+    forgetting: float = 0.999
 
     def _check(self) -> None:
         super()._check()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from deatwin.ident.narx.estimate import least_squares
 from deatwin.ident.narx.growth import grown, run_errors, white
-from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
+from deatwin.ident.narx.identifier import CandidateSearch, FitStatus, Progress
 from deatwin.ident.narx.late_inputs import late_inputs
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.semp_search import SempSearch, SempStep
-from deatwin.ident.narx.terms import Lags, Rule
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -31,7 +30,8 @@ Array = NDArray[np.float64]
 _CLEARLY_WORSE = 2.0
 
 
-class Semp(NarxIdentifier):
+@dataclass(kw_only=True, eq=False, repr=False)
+class Semp(CandidateSearch):
     """Choose terms by simulation-error minimisation with pruning (SEMP).
 
     In every step each candidate x is added to the model M on trial, the parameters are estimated by least squares, and
@@ -109,30 +109,11 @@ class Semp(NarxIdentifier):
     Int. J. Control 76 (2003) 1767-1781, doi:10.1080/00207170310001635419. Tests and exchanges are not from there.
     """
 
-    def __init__(
-        self,
-        *,
-        output_lags: Lags = 2,
-        input_lags: Lags = 2,
-        degree: int = 2,
-        functions: Sequence[str] = (),
-        rule: Rule | None = None,
-        max_terms: int = 15,
-        threshold: float | None = None,
-        level: float = 0.01,
-        significance: float | None = 0.01,
-        max_exchanges: int = 20,
-    ) -> None:
-        self.output_lags = output_lags
-        self.input_lags = input_lags
-        self.degree = degree
-        self.functions = functions
-        self.rule = rule
-        self.max_terms = max_terms
-        self.threshold = threshold
-        self.level = level
-        self.significance = significance
-        self.max_exchanges = max_exchanges
+    max_terms: int = 15
+    threshold: float | None = None
+    level: float = 0.01
+    significance: float | None = 0.01
+    max_exchanges: int = 20
 
     def _check(self) -> None:
         if self.max_terms < 1:

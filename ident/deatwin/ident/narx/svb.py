@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from deatwin.ident.narx.bayes import FLAT, Priors, RelevanceFit, Statistics, fit_relevance
 from deatwin.ident.narx.evidence import Move, climb, log_odds
 from deatwin.ident.narx.fixed import Fixed
-from deatwin.ident.narx.identifier import FitStatus, NarxIdentifier, Progress
+from deatwin.ident.narx.identifier import CandidateSearch, FitStatus, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.pruning import PruningStep, draw_bounds
 from deatwin.ident.narx.regression import Regression
-from deatwin.ident.narx.terms import Lags, Rule, Term
+from deatwin.ident.narx.terms import Term
 from deatwin.plant.errors import ModelError, nearest
 from deatwin.plant.recording import Recording
 
@@ -50,7 +50,8 @@ class CleanUpMove:
     log_odds: float
 
 
-class SvbNarx(NarxIdentifier):
+@dataclass(kw_only=True, eq=False, repr=False)
+class SvbNarx(CandidateSearch):
     """Choose terms by sparse variational Bayes: relevance determination, pruning, and the largest lower bound.
 
     With ``y | theta, tau ~ N(Phi theta, 1/tau)``, ``theta | tau, alpha ~ N(0, 1/(tau alpha))`` and gamma priors, the
@@ -125,36 +126,14 @@ class SvbNarx(NarxIdentifier):
     Drugowitsch, "Variational Bayesian inference for linear and logistic regression", arXiv:1310.5438.
     """
 
-    def __init__(
-        self,
-        *,
-        output_lags: Lags = 2,
-        input_lags: Lags = 2,
-        degree: int = 2,
-        functions: Sequence[str] = (),
-        rule: Rule | None = None,
-        clean_up: str = "evidence",
-        resolution: float = 100.0,
-        a0: float = 1e-2,
-        b0: float = 1e-4,
-        c0: float = 1e-2,
-        d0: float = 1e-4,
-        tolerance: float = 1e-2,
-        max_iterations: int = 500,
-    ) -> None:
-        self.output_lags = output_lags
-        self.input_lags = input_lags
-        self.degree = degree
-        self.functions = functions
-        self.rule = rule
-        self.clean_up = clean_up
-        self.resolution = resolution
-        self.a0 = a0
-        self.b0 = b0
-        self.c0 = c0
-        self.d0 = d0
-        self.tolerance = tolerance
-        self.max_iterations = max_iterations
+    clean_up: str = "evidence"
+    resolution: float = 100.0
+    a0: float = 1e-2
+    b0: float = 1e-4
+    c0: float = 1e-2
+    d0: float = 1e-4
+    tolerance: float = 1e-2
+    max_iterations: int = 500
 
     def _notes(self, recordings: tuple[Recording, ...]) -> tuple[str, ...]:
         settled = all(one.settled_ for one in self.equations_ or (self,))  # type: ignore[attr-defined]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from itertools import product
 
@@ -32,6 +32,7 @@ class Structure(StrEnum):
     WIENER_HAMMERSTEIN = "LNL"
 
 
+@dataclass(kw_only=True, eq=False, repr=False)
 class Cascade(StateSpaceIdentifier):
     """Cascade of linear dynamics and static functions with one input and one output, by the least free-run error.
 
@@ -72,22 +73,12 @@ class Cascade(StateSpaceIdentifier):
     Automatica 85 (2017) 272-292, doi:10.1016/j.automatica.2017.06.044.
     """
 
-    def __init__(
-        self,
-        *,
-        structure: str = "LN",
-        states: int = 2,
-        shape: Sequence[str] = ("v^2", "v^3"),
-        feedthrough: bool = True,
-        held_out: float = 0.2,
-        max_steps: int = 100,
-    ) -> None:
-        self.structure = structure
-        self.states = states
-        self.shape = shape
-        self.feedthrough = feedthrough
-        self.held_out = held_out
-        self.max_steps = max_steps
+    structure: str = "LN"
+    states: int = 2
+    shape: Sequence[str] = ("v^2", "v^3")
+    feedthrough: bool = True
+    held_out: float = 0.2
+    max_steps: int = 100
 
     @property
     def _order(self) -> int:

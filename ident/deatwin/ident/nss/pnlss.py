@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
 
+@dataclass(kw_only=True, eq=False, repr=False)
 class Pnlss(StateSpaceIdentifier):
     """Polynomial nonlinear state space, with functions as terms, by the least error of the free run.
 
@@ -68,34 +69,18 @@ class Pnlss(StateSpaceIdentifier):
     nonlinear state space models", Automatica 46 (2010) 647-656, doi:10.1016/j.automatica.2010.01.001.
     """
 
-    def __init__(
-        self,
-        *,
-        states: int = 2,
-        degrees: Sequence[int] = (2, 3),
-        output_degrees: Sequence[int] = (),
-        inputs_in_products: bool = True,
-        terms: Sequence[str] = (),
-        output_terms: Sequence[str] = (),
-        directions: int = 0,
-        starts: int = 1,
-        feedthrough: bool = True,
-        held_out: float = 0.2,
-        max_steps: int = 100,
-        seed: int = 0,
-    ) -> None:
-        self.states = states
-        self.degrees = degrees
-        self.output_degrees = output_degrees
-        self.inputs_in_products = inputs_in_products
-        self.terms = terms
-        self.output_terms = output_terms
-        self.directions = directions
-        self.starts = starts
-        self.feedthrough = feedthrough
-        self.held_out = held_out
-        self.max_steps = max_steps
-        self.seed = seed
+    states: int = 2
+    degrees: Sequence[int] = (2, 3)
+    output_degrees: Sequence[int] = ()
+    inputs_in_products: bool = True
+    terms: Sequence[str] = ()
+    output_terms: Sequence[str] = ()
+    directions: int = 0
+    starts: int = 1
+    feedthrough: bool = True
+    held_out: float = 0.2
+    max_steps: int = 100
+    seed: int = 0
 
     @property
     def _order(self) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -119,6 +120,7 @@ class LinearIdentifier(Identifier):
         )
 
 
+@dataclass(kw_only=True, eq=False, repr=False)
 class Arx(LinearIdentifier):
     """A y(k) = sum_i B_i u_i(k) + e(k) + offset, by least squares (QR).
 
@@ -141,11 +143,10 @@ class Arx(LinearIdentifier):
         Always `FitStatus.DONE`.
     """
 
-    def __init__(self, *, na: int = 2, nb: Counts = 2, nk: Counts = 1, offset: bool = True) -> None:
-        self.na = na
-        self.nb = nb
-        self.nk = nk
-        self.offset = offset
+    na: int = 2
+    nb: Counts = 2
+    nk: Counts = 1
+    offset: bool = True
 
     def _estimate(self, orders: Orders, data: Regression, progress: Progress) -> Minimum:
         found = LeastSquares()(*data.matrix())
@@ -154,6 +155,7 @@ class Arx(LinearIdentifier):
         return Minimum(found.theta * sign, found.theta_cov * np.outer(sign, sign), found.noise_variance, True)
 
 
+@dataclass(kw_only=True, eq=False, repr=False)
 class Armax(LinearIdentifier):
     """A y(k) = sum_i B_i u_i(k) + C e(k) + offset, by prediction-error minimisation.
 
@@ -178,14 +180,14 @@ class Armax(LinearIdentifier):
     Ljung, System Identification: Theory for the User, 2nd ed., 1999, sections 4.2, 7.2, 9.3 and 10.2.
     """
 
-    def __init__(self, *, na: int = 2, nb: Counts = 2, nc: int = 2, nk: Counts = 1, offset: bool = True) -> None:
-        self.na = na
-        self.nb = nb
-        self.nc = nc
-        self.nk = nk
-        self.offset = offset
+    na: int = 2
+    nb: Counts = 2
+    nc: int = 2
+    nk: Counts = 1
+    offset: bool = True
 
 
+@dataclass(kw_only=True, eq=False, repr=False)
 class OutputError(LinearIdentifier):
     """y(k) = sum_i (B_i/F_i) u_i(k) + e(k) + offset, by prediction-error minimisation.
 
@@ -209,13 +211,13 @@ class OutputError(LinearIdentifier):
     Ljung, System Identification: Theory for the User, 2nd ed., 1999, sections 4.2, 8.4, 9.3 and 10.2.
     """
 
-    def __init__(self, *, nb: Counts = 2, nf: Counts = 2, nk: Counts = 1, offset: bool = True) -> None:
-        self.nb = nb
-        self.nf = nf
-        self.nk = nk
-        self.offset = offset
+    nb: Counts = 2
+    nf: Counts = 2
+    nk: Counts = 1
+    offset: bool = True
 
 
+@dataclass(kw_only=True, eq=False, repr=False)
 class BoxJenkins(LinearIdentifier):
     """y(k) = sum_i (B_i/F_i) u_i(k) + (C/D) e(k) + offset, by prediction-error minimisation.
 
@@ -241,15 +243,12 @@ class BoxJenkins(LinearIdentifier):
     Ljung, System Identification: Theory for the User, 2nd ed., 1999, sections 4.2, 9.3 and 10.2.
     """
 
-    def __init__(
-        self, *, nb: Counts = 2, nc: int = 2, nd: int = 2, nf: Counts = 2, nk: Counts = 1, offset: bool = True
-    ) -> None:
-        self.nb = nb
-        self.nc = nc
-        self.nd = nd
-        self.nf = nf
-        self.nk = nk
-        self.offset = offset
+    nb: Counts = 2
+    nc: int = 2
+    nd: int = 2
+    nf: Counts = 2
+    nk: Counts = 1
+    offset: bool = True
 
 
 def _orders(
