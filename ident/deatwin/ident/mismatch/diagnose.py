@@ -17,6 +17,7 @@ from deatwin.ident.mismatch.discover.discover import discover
 from deatwin.ident.mismatch.excess import excess_over_floor
 from deatwin.ident.mismatch.findings import Findings
 from deatwin.ident.mismatch.gate.bursts import without_bursts
+from deatwin.ident.mismatch.gate.gaps import without_unknown
 from deatwin.ident.mismatch.gate.gate import Gate, Soundness, confirm, gate
 from deatwin.ident.mismatch.locate.location import locate
 from deatwin.ident.mismatch.locate.track import readings
@@ -93,9 +94,10 @@ def diagnose(
 
     tell(0.02, "calibrating the base plant")
     bench, base = prepare(plant, checked, effects, jobs=jobs)
-    calm = without_bursts(checked, base.chosen.calibration.plant)
-    if calm is not checked:
-        checked = calm
+    fitted_plant = base.chosen.calibration.plant
+    usable = without_unknown(without_bursts(checked, fitted_plant), fitted_plant, base.noise)
+    if usable is not checked:
+        checked = usable
         bench, base = prepare(plant, checked, effects, jobs=jobs)
     for form in (base.chosen, *base.rivals):  # what is wrong with the readings stands out whatever the form
         checked = confirm(checked, readings(form.calibration.plant, checked.experiments))
