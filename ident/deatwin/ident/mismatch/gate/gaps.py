@@ -24,8 +24,8 @@ def without_unknown(checked: Gate, plant: Plant, noise: float) -> Gate:
         if len(early.recordings) > len(masks):
             starts = {record.start for record in experiment.recordings}
             late, soon = (plant.simulate(one).require().outputs for one in (experiment, early))
-            soon = [rows for record, rows in zip(early.recordings, soon, strict=True) if record.start in starts]
-            for mask, one, other in zip(masks, late, soon, strict=True):
+            known = [rows for record, rows in zip(early.recordings, soon, strict=True) if record.start in starts]
+            for mask, one, other in zip(masks, late, known, strict=True):
                 mask[: np.flatnonzero(np.abs(other[0] - one[0]) > floor).max(initial=-1) + 1] = True
         marked.append(tuple(masks))
     every = np.concatenate([mask for masks in marked for mask in masks])
