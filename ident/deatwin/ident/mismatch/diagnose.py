@@ -25,13 +25,14 @@ from deatwin.ident.mismatch.naming.decide import Naming, nothing_tried, with_all
 from deatwin.ident.mismatch.naming.name import explanations
 from deatwin.ident.mismatch.naming.places import without_places
 from deatwin.ident.mismatch.naming.screen import footprints
-from deatwin.ident.mismatch.partly import acting
+from deatwin.ident.mismatch.partly import acting, explains_all
 from deatwin.ident.mismatch.prepare import prepare
 from deatwin.ident.mismatch.refit.base import Base, beside_rivals
 from deatwin.ident.mismatch.refit.search import refit
 from deatwin.ident.mismatch.steps import Step, base_step, fit_step, found_step, gate_step
 from deatwin.ident.mismatch.verdict import Verdict
 from deatwin.ident.mismatch.verify.standing import first_that_stands
+from deatwin.ident.mismatch.verify.verification import Verification
 from deatwin.ident.parallel import spawn_generators
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
@@ -147,7 +148,7 @@ def diagnose(
     keep(found_step("verify", verification if verification.ablations else None))
     base = base.in_form_of(naming.base)
     naming, elsewhere = without_places(naming)
-    verdict = _verdict(bench, checked, base, detection, naming, stands, part is not None)
+    verdict = _verdict(bench, checked, base, detection, naming, verification, stands, part is not None)
     answer = naming.best if naming.best is not None and verdict.has_causes else base.chosen
     left = locate(answer, bench, checked, for_rest) if verdict is Verdict.PARTLY else None
 
@@ -227,7 +228,14 @@ def _in_a_form_that_lacks_nothing(
 
 
 def _verdict(
-    bench: Bench, checked: Gate, base: Base, detection: Detection, naming: Naming, stands: bool, partly: bool
+    bench: Bench,
+    checked: Gate,
+    base: Base,
+    detection: Detection,
+    naming: Naming,
+    verification: Verification,
+    stands: bool,
+    partly: bool,
 ) -> Verdict:
     if checked.soundness is Soundness.FAULTY:
         return Verdict.DATA_FAULT
@@ -241,7 +249,9 @@ def _verdict(
         return Verdict.PARTLY
     if naming.best is None or not stands:
         return Verdict.DISTURBANCE if detection.disturbance else Verdict.UNKNOWN
-    return Verdict.AMBIGUOUS if naming.rivals else Verdict.NAMED
+    if naming.rivals:
+        return Verdict.AMBIGUOUS
+    return Verdict.NAMED if explains_all(naming.best, naming.base, verification.whole) else Verdict.PARTLY
 
 
 def _nominal_is_off(bench: Bench, base: Base) -> bool:
