@@ -33,6 +33,16 @@ def covariance(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
     return robust * np.outer(widen, widen) / np.outer(scale, scale)
 
 
+def with_errors(spread: np.ndarray, jacobian: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Covariance of least squares that also meets errors along columns, each as large as its deviation.
+
+    Shapes: `spread` (p, p), the covariance without them; `jacobian` (n, p); `columns` (n, k); returns (p, p).
+    """
+    scaled, scale = _unit_columns(jacobian)
+    carried = np.linalg.lstsq(scaled, columns, rcond=np.sqrt(RANK))[0] / scale[:, None]
+    return np.asarray(spread + carried @ carried.T)
+
+
 def white_variances(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
     """Variances of the coordinates if the residuals were white noise. Shapes: `residuals` (m,); `jacobian` (m, n);
     returns (n,).

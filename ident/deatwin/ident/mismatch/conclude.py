@@ -223,7 +223,7 @@ def _causes(findings: Findings) -> tuple[Cause, ...]:
             continue  # the plant on the bench had it already
         parameters = {}
         for parameter in effect.parameters:
-            low, high = final.interval(parameter.name)
+            low, high = findings.intervals.interval(parameter.name)
             value = final.plant.parameters[parameter.name].value
             short = parameter.name.removeprefix(f"{effect.name}.")
             parameters[short] = Interval(value=value, low=low, high=high, unit=parameter.unit)

@@ -17,6 +17,7 @@ from deatwin.ident.mismatch.discover.discover import discover
 from deatwin.ident.mismatch.excess import excess_over_floor
 from deatwin.ident.mismatch.findings import Findings
 from deatwin.ident.mismatch.gate.bursts import without_bursts
+from deatwin.ident.mismatch.gate.gaps import without_unknown
 from deatwin.ident.mismatch.gate.gate import Gate, Soundness, confirm, gate
 from deatwin.ident.mismatch.locate.location import locate
 from deatwin.ident.mismatch.locate.track import readings
@@ -24,13 +25,14 @@ from deatwin.ident.mismatch.naming.decide import Naming, nothing_tried, with_all
 from deatwin.ident.mismatch.naming.name import explanations
 from deatwin.ident.mismatch.naming.places import without_places
 from deatwin.ident.mismatch.naming.screen import footprints
-from deatwin.ident.mismatch.partly import acting
+from deatwin.ident.mismatch.partly import acting, explains_all
 from deatwin.ident.mismatch.prepare import prepare
 from deatwin.ident.mismatch.refit.base import Base, beside_rivals
 from deatwin.ident.mismatch.refit.search import refit
 from deatwin.ident.mismatch.steps import Step, base_step, fit_step, found_step, gate_step
 from deatwin.ident.mismatch.verdict import Verdict
 from deatwin.ident.mismatch.verify.standing import first_that_stands
+from deatwin.ident.mismatch.verify.verification import Verification
 from deatwin.ident.parallel import spawn_generators
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
@@ -93,9 +95,10 @@ def diagnose(
 
     tell(0.02, "calibrating the base plant")
     bench, base = prepare(plant, checked, effects, jobs=jobs)
-    calm = without_bursts(checked, base.chosen.calibration.plant)
-    if calm is not checked:
-        checked = calm
+    fitted_plant = base.chosen.calibration.plant
+    usable = without_unknown(without_bursts(checked, fitted_plant), fitted_plant, base.noise)
+    if usable is not checked:
+        checked = usable
         bench, base = prepare(plant, checked, effects, jobs=jobs)
     for form in (base.chosen, *base.rivals):  # what is wrong with the readings stands out whatever the form
         checked = confirm(checked, readings(form.calibration.plant, checked.experiments))
@@ -145,7 +148,7 @@ def diagnose(
     keep(found_step("verify", verification if verification.ablations else None))
     base = base.in_form_of(naming.base)
     naming, elsewhere = without_places(naming)
-    verdict = _verdict(bench, checked, base, detection, naming, stands, part is not None)
+    verdict = _verdict(bench, checked, base, detection, naming, verification, stands, part is not None)
     answer = naming.best if naming.best is not None and verdict.has_causes else base.chosen
     left = locate(answer, bench, checked, for_rest) if verdict is Verdict.PARTLY else None
 
@@ -225,7 +228,14 @@ def _in_a_form_that_lacks_nothing(
 
 
 def _verdict(
-    bench: Bench, checked: Gate, base: Base, detection: Detection, naming: Naming, stands: bool, partly: bool
+    bench: Bench,
+    checked: Gate,
+    base: Base,
+    detection: Detection,
+    naming: Naming,
+    verification: Verification,
+    stands: bool,
+    partly: bool,
 ) -> Verdict:
     if checked.soundness is Soundness.FAULTY:
         return Verdict.DATA_FAULT
@@ -239,7 +249,9 @@ def _verdict(
         return Verdict.PARTLY
     if naming.best is None or not stands:
         return Verdict.DISTURBANCE if detection.disturbance else Verdict.UNKNOWN
-    return Verdict.AMBIGUOUS if naming.rivals else Verdict.NAMED
+    if naming.rivals:
+        return Verdict.AMBIGUOUS
+    return Verdict.NAMED if explains_all(naming.best, naming.base, verification.whole) else Verdict.PARTLY
 
 
 def _nominal_is_off(bench: Bench, base: Base) -> bool:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
+from deatwin.ident.greybox.covariance import with_errors
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.advise.advice import Advice
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.detect.detection import Detection
 from deatwin.ident.mismatch.discover.discovery import Discovery
 from deatwin.ident.mismatch.gate.gate import Gate
+from deatwin.ident.mismatch.likelihood.several import own_errors
 from deatwin.ident.mismatch.locate.location import Location
 from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.contribution import readings_of_fit
 from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.ident.mismatch.refit.base import Base
 from deatwin.ident.mismatch.verdict import Verdict
@@ -80,6 +84,19 @@ class Findings:
         """The base plant as it is reported: fitted to all recordings where that took up what seemed to be missing."""
         taken_up = self.detection.taken_up
         return self.base.chosen.calibration if taken_up is None else taken_up
+
+    @cached_property
+    def intervals(self) -> Calibration:
+        """The answer whose parameters are as uncertain as the plant's own error makes them, too.
+
+        The errors that repeat, as the likelihood expects them, bend a fit the same way in every recording: residuals
+        tell nothing of that.
+        """
+        fit, whole = self.final, self.bench.everything
+        parts = whole if fit.residuals.size == sum(part.size for part in whole) else self.bench.fitted
+        rig, readings = self.bench.nominal.rig, readings_of_fit(parts, fit.residuals)
+        own = own_errors(rig, parts, readings, self.base.noise, self.bench.expected_error)
+        return replace(fit, covariance=with_errors(fit.covariance, fit.jacobian, own.columns))
 
     @property
     def unit(self) -> tuple[str, float]:

@@ -6,7 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.excess import excess_over_floor
 from deatwin.ident.mismatch.locate.location import Location
 from deatwin.ident.mismatch.located import Band, Unexplained
 from deatwin.ident.mismatch.naming.candidate import Candidate
@@ -15,7 +17,7 @@ from deatwin.ident.mismatch.naming.decide import STRONG, Naming, decide
 from deatwin.ident.mismatch.naming.limits import with_limits
 from deatwin.ident.mismatch.naming.tried import each_without_one
 from deatwin.ident.mismatch.naming.versus import advantage
-from deatwin.ident.mismatch.naming.worth import NEARLY_ALL, acts, explained, held_back_by, takes_most
+from deatwin.ident.mismatch.naming.worth import NEARLY_ALL, acts, explained, held_back_by, share_explained, takes_most
 from deatwin.ident.mismatch.verify.verification import Verification
 from deatwin.ident.mismatch.verify.verify import verify
 
@@ -50,6 +52,27 @@ def acting(naming: Naming, bench: Bench, rng: np.random.Generator) -> tuple[Nami
         return None
     verification = verify(found.base, found.best, rng, bench, found.candidates)
     return (found, verification) if verification.holds else None
+
+
+def explains_all(best: Candidate, base: Candidate, whole: Calibration | None) -> bool:
+    """Whether an explanation leaves no more than noise and model error, or no more than its laws may be to blame for.
+
+    Parameters
+    ----------
+    best, base : Candidate
+        With and without effects.
+    whole : Calibration or None
+        The explanation fitted to all recordings; None where that is not known.
+
+    Returns
+    -------
+    bool
+        False where something else is missing beside its effects.
+    """
+    error = best.fitted_test.model_error
+    residuals = (best.calibration if whole is None else whole).residuals
+    left, before = (excess_over_floor(r, best.noise, error) for r in (residuals, base.residuals))
+    return best.adequate or left.within_floor or share_explained(left, before) >= NEARLY_ALL
 
 
 def is_known(candidate: Candidate) -> bool:

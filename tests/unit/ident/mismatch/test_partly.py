@@ -11,7 +11,7 @@ from made_rigs import Bare
 from deatwin.ident.greybox import FitStatus
 from deatwin.ident.mismatch import Candidate, Naming, Verdict, diagnose
 from deatwin.ident.mismatch.located import Band, LocationSummary, PlaceSummary, Window
-from deatwin.ident.mismatch.partly import is_known, led_by_what_acts, unexplained
+from deatwin.ident.mismatch.partly import explains_all, is_known, led_by_what_acts, unexplained
 from deatwin.plant import (
     Builder,
     CoulombFriction,
@@ -73,6 +73,24 @@ def test_of_rivals_only_what_they_have_in_common_stands():
     assert found(friction, offset, lag, pairs[0], candidate("f", "l", rms=7.0)) == ("f", "o")
     assert found(offset, lag, *pairs) is None  # what was never tried alone does not stand alone
     assert found(candidate("f", rms=25.0), offset, lag, *pairs) is None  # nor what alone takes less than half
+
+
+@pytest.mark.parametrize(
+    ("rms", "late", "whole", "all_of_it"),
+    [
+        (2.3, 2.3, None, True),
+        (3.2, 3.2, None, False),
+        (3.2, 3.2, 2.3, True),
+        (2.6, 2.6, None, True),
+        (2.6, 4.0, 2.65, False),
+    ],
+    ids=["no more than noise and error", "78 %", "all once all is fitted", "94 %: its law may err", "89 % of all"],
+)
+def test_what_leaves_more_than_error_and_law_may_is_not_all(rms, late, whole, all_of_it):
+    """The base plant leaves 5.2: beyond a noise of 2 and an error of 1.2 that is 21.6, of which 0, 4.8 or 1.3 are left."""
+    fit = None if whole is None else candidate("lag", rms=whole).calibration
+    base = candidate(rms=5.2) if late < 4.0 else candidate(rms=4.5, unseen=4.5)
+    assert explains_all(candidate("lag", rms=rms, unseen=late), base, fit) is all_of_it
 
 
 def test_what_two_others_do_far_better_does_not_act():

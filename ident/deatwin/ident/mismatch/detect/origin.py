@@ -5,7 +5,8 @@ drifts of level and gain, steps of either, what depends on the farthest motion s
 as large as a mismatch, else nothing is said. Where commands were repeated, it comes back with them if it is the plant's
 and does not if it is a disturbance's. Without repeats only the weaker question is left whether it can be predicted, in
 parts of the recordings that the predictor has not seen, from the command, from the motion and from what they were:
-neither its value nor its size may be. Between the bounds nothing is decided.
+neither its value nor its size may be. Of white noise the size may be, as where a sensor's noise grows with the reading:
+no plant leaves what has no memory at all. Between the bounds nothing is decided.
 """
 
 from __future__ import annotations
@@ -18,8 +19,10 @@ import numpy as np
 from deatwin.ident.greybox.tangent import taken_off
 from deatwin.ident.mismatch.detect.leftover import Leftover
 from deatwin.ident.mismatch.detect.null import error_terms
+from deatwin.ident.mismatch.gate.bursts import BEND, WINDOW, has_lines
 from deatwin.ident.mismatch.gate.repeats import Repeats, repeatability
 from deatwin.ident.mismatch.result import OriginSummary
+from deatwin.ident.soundness import neighbours_deviation
 
 FOREIGN, OWN = 0.3, 0.5
 """A residual of which certainly less comes back is a disturbance's; of which certainly more, the plant's."""
@@ -118,9 +121,8 @@ def origin_of(left: Leftover, repeats: Repeats | None, practical: float) -> Orig
     """
     rest = without_forms(left)
     size = float(np.sqrt(max(np.mean(rest**2) - left.noise**2, 0.0)))
-    fewest = max(FEWEST_SAMPLES, FEWEST_SECONDS / left.sample_time)
-    enough = size >= practical and left.residual.size >= fewest
-    if not enough:
+    noise, samples = _is_noise(left), left.residual.size
+    if samples < FEWEST_SAMPLES or not (noise or (size >= practical and samples * left.sample_time >= FEWEST_SECONDS)):
         return OriginEvidence.none(size)
     if repeats is not None:
         found = repeatability(rest, repeats, left.noise)
@@ -131,9 +133,23 @@ def origin_of(left: Leftover, repeats: Repeats | None, practical: float) -> Orig
         terms = _predictors(left)
         low, share, high = _predictable(rest, terms, left.noise**2)
         tied = _predictable(rest**2 - np.mean(rest**2), terms, 0.0)[2] >= UNPREDICTED
-        foreign, own, by = high < UNPREDICTED and not tied, low > OWN, "prediction"
+        foreign = share < UNPREDICTED if noise else high < UNPREDICTED and not tied
+        own, by = low > OWN, "prediction"
     origin = Origin.DISTURBANCE if foreign else Origin.PLANT if own else Origin.UNDECIDED
     return OriginEvidence(origin=origin, by=by, share=share, low=low, high=high, left=size)
+
+
+def _is_noise(left: Leftover) -> bool:
+    """Whether most of what a residual has beyond the noise is white noise, too, whose level may change."""
+    pieces = [left.residual[r] for r in left.records if r.stop - r.start >= WINDOW]
+    if not pieces:
+        return False
+    bends = np.concatenate([neighbours_deviation(piece)[2:-2] for piece in pieces])
+    white, whole = float(np.mean(bends**2)) / BEND, float(np.mean(np.concatenate(pieces) ** 2))
+    if whole - white >= white - left.noise**2:
+        return False
+    levels = [np.sqrt(np.convolve(piece**2, np.ones(WINDOW) / WINDOW, "same")) for piece in pieces]
+    return not any(has_lines(piece / level) for piece, level in zip(pieces, levels, strict=True))
 
 
 def without_forms(left: Leftover) -> np.ndarray:

@@ -80,13 +80,13 @@ def noisier(residuals: Sequence[np.ndarray], commands: Sequence[np.ndarray], flo
             white, more = bends[run].mean() - level, values[run].var(axis=1).mean() - variance
             with_it = float(noisy[every >= np.median(brisk[run])].mean())
             stretch = slice(STRIDE * run[0], STRIDE * run[-1] + WINDOW)
-            if white / WHITE < more < WHITE * white and with_it < MOSTLY and not _has_lines(residual[stretch]):
+            if white / WHITE < more < WHITE * white and with_it < MOSTLY and not has_lines(residual[stretch]):
                 mask[stretch] = True
         found.append(mask)
     return found
 
 
-def _has_lines(values: np.ndarray) -> bool:
+def has_lines(values: np.ndarray) -> bool:
     """Whether the fast part of a stretch has its power at some frequencies, as no noise has; nan where unknown."""
     known = np.nan_to_num(values - np.nanmean(values))
     # Every second line, since a Hann window makes neighbours alike.

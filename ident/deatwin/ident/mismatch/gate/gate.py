@@ -67,6 +67,9 @@ class Gate(Described):
     bursts : mapping of str to tuple of tuple of ndarray of bool
         Likewise the samples at which a reading is much noisier than elsewhere, by its name, which is empty for the first
         one. They are reported and left out.
+    unknown : tuple of tuple of ndarray of bool
+        Likewise the samples that depend on when the command changed in a gap, of all readings; empty where there are none.
+        They are reported and left out.
     """
 
     experiments: tuple[Experiment, ...]
@@ -75,6 +78,7 @@ class Gate(Described):
     clipped: Masks
     jumps: Masks
     bursts: Mapping[str, Masks] = field(default_factory=dict)
+    unknown: Masks = ()
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
         "samples": several(lambda checked: samples(checked.experiments), "coords"),
@@ -99,18 +103,26 @@ class Gate(Described):
 
     @property
     def usable(self) -> Masks:
-        """The sound samples out of bursts; of a sensor that is dead all along, all: a fit needs some, whatever it is worth."""
+        """The sound samples that are not left out; of a sensor that is dead all along, all: a fit needs some, whatever it is worth."""
         everything = [mask for masks in self.sound for mask in masks]
         if sum(int(m.sum()) for m in everything) >= FEWEST_SOUND * sum(m.size for m in everything):
             return tuple(
-                tuple(mask & ~burst for mask, burst in zip(*pair, strict=True))
-                for pair in zip(self.sound, self._bursts(""), strict=True)
+                tuple(mask & ~out for mask, out in zip(*pair, strict=True))
+                for pair in zip(self.sound, self._left_out(""), strict=True)
             )
         return tuple(tuple(np.ones_like(mask) for mask in masks) for masks in self.sound)
 
     def _bursts(self, name: str) -> Masks:
         """The samples of a reading's bursts."""
         return self.bursts.get(name) or tuple(tuple(np.zeros_like(m) for m in masks) for masks in self.stuck)
+
+    def _left_out(self, name: str) -> Masks:
+        """The samples of a reading that are left out though they are sound."""
+        bursts = self._bursts(name)
+        if not self.unknown:
+            return bursts
+        pairs = zip(bursts, self.unknown, strict=True)
+        return tuple(tuple(one | other for one, other in zip(*pair, strict=True)) for pair in pairs)
 
     def known(self, name: str) -> Masks:
         """For each experiment and record, the samples of a further reading that count.
@@ -126,9 +138,9 @@ class Gate(Described):
         """
         return tuple(
             tuple(
-                np.isfinite(record.reading(name)) & ~burst for record, burst in zip(one.recordings, bursts, strict=True)
+                np.isfinite(record.reading(name)) & ~out for record, out in zip(one.recordings, left_out, strict=True)
             )
-            for one, bursts in zip(self.experiments, self._bursts(name), strict=True)
+            for one, left_out in zip(self.experiments, self._left_out(name), strict=True)
         )
 
     @property
@@ -150,6 +162,8 @@ class Gate(Described):
         for name, masks in self.bursts.items():
             said = f"the {name.replace('_', ' ') or 'reading'} is much noisier than elsewhere, and is left out,"
             found += self._described(masks, said)
+        if self.unknown:
+            found += self._described(self.unknown, "the reading depends on when the command changed, and is left out,")
         for experiment in self.experiments:
             for number, record in enumerate(experiment.recordings):
                 found += _coarse(_called(record, number), record)

@@ -306,6 +306,25 @@ def test_physics_that_does_not_come_back_is_no_disturbance(form, periods):
     assert origin(left, 1e-6 * excess, rng) is not Origin.DISTURBANCE
 
 
+@pytest.mark.parametrize(("seconds", "beside"), [(60.0, ""), (15.0, ""), (60.0, "memory"), (60.0, "mode")])
+def test_noise_that_grows_with_the_motion_is_a_disturbance_and_what_a_plant_lacks_beside_it_is_none(seconds, beside):
+    """Noise of 2 µm, three times as much two deviations off; 5 µm of memory or ringing are the plant's: 20 of 20 seeds."""
+    for seed in range(4):
+        left, rng = film(round(seconds / STEP), 60 + seed, holds=beside == "mode"), np.random.default_rng(seed)
+        moves = (left.readings - left.readings.mean()) / left.readings.std()
+        ringing = np.poly([0.9 * np.exp(2.2j), 0.9 * np.exp(-2.2j)]).real  # at 17.5 Hz, for half a second
+        missing = {
+            "": np.zeros(moves.size),
+            "memory": (lagged(left.readings, 1.0) / left.readings.std() - 1.0) ** 3,
+            "mode": lfilter([1.0], ringing, np.diff(left.commands**2, prepend=left.commands[0] ** 2)),
+        }[beside]
+        missing = after_fit(left, missing)
+        noise = after_fit(left, (1.0 + np.abs(moves)) * white(rng, moves.size))
+        residual = noise + 5e-6 * missing / max(missing.std(), 1e-9)
+        found = origin_of(left.with_residual(residual), None, MODEL_ERROR).origin
+        assert (found is Origin.DISTURBANCE) is not bool(beside)
+
+
 # --- on the engine's own objects -----------------------------------------------------------------------------------
 
 PLANT = Plant(rig=Diaphragm())

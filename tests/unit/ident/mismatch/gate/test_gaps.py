@@ -1,0 +1,50 @@
+"""Gaps in which the command changes: what is left out behind them is what nobody can know, and no more."""
+
+import numpy as np
+import pytest
+
+from deatwin.ident.mismatch.gate.gaps import without_unknown
+from deatwin.ident.mismatch.gate.gate import gate, split
+from deatwin.plant import Experiment, Planar, Plant, Reading, Recording
+
+PLANT = Plant(rig=Planar(noise=1e-6, model_error=0.0, further=(Reading(name="capacitance", noise=1e-15),)))
+
+
+def gapped(changes_at: int) -> Experiment:
+    """20 s of the plant's readings without those of samples 300 to 350; the command changes within or after these."""
+    step, count = PLANT.rig.sample_time, 1000
+    command = np.where(np.arange(count) < changes_at, 1.5, 2.5) + 0.2 * np.sin(np.arange(count) / 9.0) * (
+        np.abs(np.arange(count) - 325) > 60
+    )
+    blank = Recording.from_arrays(command, np.zeros((0, count)), step)
+    whole = PLANT.rig.with_effects().record(Experiment(recordings=(blank,)), np.random.default_rng(0)).recordings[0]
+    return Experiment(recordings=(whole.section(0, 300), whole.section(350, count)))
+
+
+def test_readings_count_again_where_the_time_of_the_change_no_longer_matters() -> None:
+    experiment = gapped(330)
+    checked = without_unknown(gate(PLANT, experiment), PLANT, PLANT.rig.noise)
+    before, after = checked.unknown[0]
+    assert not before.any()
+    first = int(after.sum())
+    assert 0 < first < after.size
+    assert after[:first].all()
+    residual = np.abs(experiment.recordings[1].outputs[0] - PLANT.simulate(experiment).require().outputs[1][0])
+    assert residual[:first].max() > 20 * PLANT.rig.noise
+    assert residual[first:].max() < 6 * PLANT.rig.noise  # one deviation of the noise's five is the gap's
+    assert not (split(checked)[2][0].masks[1] & after).any()
+    assert not checked.known("capacitance")[0][1][:first].any()
+    assert f"the reading depends on when the command changed, and is left out, in {first} samples" in checked.notes[0]
+
+
+@pytest.mark.parametrize("changes_at", [400, 2000], ids=["after it", "never"])
+def test_a_command_that_is_the_same_behind_a_gap_was_held(changes_at: int) -> None:
+    checked = gate(PLANT, gapped(changes_at))
+    assert without_unknown(checked, PLANT, PLANT.rig.noise) is checked
+
+
+def test_where_hardly_a_reading_would_count_all_do() -> None:
+    """Without noise or model error a difference counts as long as there is any."""
+    before, after = gapped(330).recordings
+    checked = gate(PLANT, Experiment(recordings=(before.section(260, 300), after)))
+    assert without_unknown(checked, PLANT, 0.0) is checked
