@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from deatwin.ident.greybox.parts import Part
+from deatwin.ident.greybox.parts import Part, settled
 from deatwin.ident.mismatch.datasets import samples
 from deatwin.ident.mismatch.gate import suspects
 from deatwin.ident.soundness import noise_of_bends, resolution, runs
@@ -67,6 +67,8 @@ class Gate(Described):
     bursts : mapping of str to tuple of tuple of ndarray of bool
         Likewise the samples at which a reading is much noisier than elsewhere, by its name, which is empty for the first
         one. They are reported and left out.
+    settled : tuple of tuple of ndarray of bool
+        Likewise the samples after the uncounted time of an unknown start. The others are reported and left out.
     """
 
     experiments: tuple[Experiment, ...]
@@ -75,6 +77,7 @@ class Gate(Described):
     clipped: Masks
     jumps: Masks
     bursts: Mapping[str, Masks] = field(default_factory=dict)
+    settled: Masks
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
         "samples": several(lambda checked: samples(checked.experiments), "coords"),
@@ -99,14 +102,14 @@ class Gate(Described):
 
     @property
     def usable(self) -> Masks:
-        """The sound samples out of bursts; of a sensor that is dead all along, all: a fit needs some, whatever it is worth."""
+        """The sound and settled samples out of bursts; of a sensor that is dead all along, all: a fit needs some, whatever it is worth."""
         everything = [mask for masks in self.sound for mask in masks]
         if sum(int(m.sum()) for m in everything) >= FEWEST_SOUND * sum(m.size for m in everything):
             return tuple(
-                tuple(mask & ~burst for mask, burst in zip(*pair, strict=True))
-                for pair in zip(self.sound, self._bursts(""), strict=True)
+                tuple(mask & ~burst & late for mask, burst, late in zip(*three, strict=True))
+                for three in zip(self.sound, self._bursts(""), self.settled, strict=True)
             )
-        return tuple(tuple(np.ones_like(mask) for mask in masks) for masks in self.sound)
+        return self.settled
 
     def _bursts(self, name: str) -> Masks:
         """The samples of a reading's bursts."""
@@ -126,9 +129,10 @@ class Gate(Described):
         """
         return tuple(
             tuple(
-                np.isfinite(record.reading(name)) & ~burst for record, burst in zip(one.recordings, bursts, strict=True)
+                np.isfinite(record.reading(name)) & ~burst & late
+                for record, burst, late in zip(one.recordings, *masks, strict=True)
             )
-            for one, bursts in zip(self.experiments, self._bursts(name), strict=True)
+            for one, *masks in zip(self.experiments, self._bursts(name), self.settled, strict=True)
         )
 
     @property
@@ -150,6 +154,8 @@ class Gate(Described):
         for name, masks in self.bursts.items():
             said = f"the {name.replace('_', ' ') or 'reading'} is much noisier than elsewhere, and is left out,"
             found += self._described(masks, said)
+        unsettled = tuple(tuple(~mask for mask in masks) for masks in self.settled)
+        found += self._described(unsettled, "the start is unknown, and what moved before it does not count,")
         for experiment in self.experiments:
             for number, record in enumerate(experiment.recordings):
                 found += _coarse(_called(record, number), record)
@@ -254,6 +260,7 @@ def gate(plant: Plant, experiments: Experiment | Sequence[Experiment]) -> Gate:
         outliers=tuple(tuple(suspects.spikes(r.outputs[0]) & suspects.quiet(r) for r in e.recordings) for e in given),
         clipped=tuple(tuple(suspects.clipped(r) for r in e.recordings) for e in given),
         jumps=tuple(tuple(suspects.jumps(r.outputs[0]) & suspects.quiet(r) for r in e.recordings) for e in given),
+        settled=tuple(settled(e, plant.rig) for e in given),
     )
 
 
