@@ -127,25 +127,38 @@ class Part:
         )
 
 
+LEAST_COUNTED = 0.9
+"""Share of an experiment whose readings count, however slowly the start is forgotten: a short recording needs them."""
+
+
+def settled(experiment: Experiment, rig: Rig) -> tuple[np.ndarray, ...]:
+    """Mask, for each recording, the samples that come after the uncounted time of an unknown start."""
+    lasts = experiment.recordings[-1].end - experiment.start
+    since = experiment.start + min(rig.start.uncounted, (1 - LEAST_COUNTED) * lasts) - rig.sample_time / 2
+    return tuple(r.timepts >= since for r in experiment.recordings)
+
+
 def row_of(rig: Rig, reading: str) -> int:
     """Number of a reading among those of a rig, from 0; that of the first one if the name is empty."""
     return [one.name for one in rig.further].index(reading) + 1 if reading else 0
 
 
 def whole_parts(experiments: Sequence[Experiment], rig: Rig) -> tuple[Part, ...]:
-    """All samples of experiments: of the first reading, then of each further one, weighted by its noise.
+    """All samples of experiments that count: of the first reading, then of each further one, weighted by its noise.
 
     Raises
     ------
     DataError
         If there are further readings, and the noise of the first one is not known.
     """
-    found = [Part.whole(experiment) for experiment in experiments]
+    found = [Part(experiment=experiment, masks=settled(experiment, rig)) for experiment in experiments]
     for reading in rig.further:
         if not rig.noise > 0.0:
             raise DataError(f"the rig states no noise of its {rig.output_name}: readings are weighted by their noise")
-        for experiment in experiments:
-            masks = tuple(np.isfinite(r.reading(reading.name)) for r in experiment.recordings)
+        for first in found[: len(experiments)]:
+            experiment = first.experiment
+            pairs = zip(experiment.recordings, first.masks, strict=True)
+            masks = tuple(mask & np.isfinite(r.reading(reading.name)) for r, mask in pairs)
             if any(mask.any() for mask in masks):
                 weight = rig.noise / reading.noise
                 found.append(Part(experiment=experiment, masks=masks, reading=reading.name, weight=weight))
@@ -166,18 +179,16 @@ def parts_of(records: Records, rig: Rig) -> tuple[Part, ...]:
     listed = (records,) if isinstance(records, Part | Experiment | Recording) else tuple(records)
     if not listed:
         raise DataError("no recording is given: a calibration needs at least one")
-    given = [_part(one) for one in listed]
-    experiments = [one.experiment for one, original in zip(given, listed, strict=True) if one is not original]
-    return (*given, *whole_parts(experiments, rig)[len(experiments) :])
+    whole = iter(whole_parts([_experiment(one) for one in listed if not isinstance(one, Part)], rig))
+    given = [one if isinstance(one, Part) else next(whole) for one in listed]
+    return (*given, *whole)
 
 
-def _part(given: object) -> Part:
-    if isinstance(given, Part):
-        return given
+def _experiment(given: object) -> Experiment:
     if isinstance(given, Recording):
-        return Part.whole(Experiment(recordings=(given,)))
+        return Experiment(recordings=(given,))
     if isinstance(given, Experiment):
-        return Part.whole(given)
+        return given
     raise DataError(
         f"a {type(given).__name__} is no recording: give a Recording, an Experiment, a Part of one, or a list of such"
     )

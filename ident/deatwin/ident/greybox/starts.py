@@ -93,12 +93,17 @@ def _rms(found: Minimum) -> float:
     return float(np.sqrt(np.mean(found.residuals**2)))
 
 
-def _same(best: Minimum, spread: float) -> float:
-    """The largest error that is no other than that of the best fit."""
+def largest_alike(residuals: np.ndarray, jacobian: np.ndarray) -> float:
+    """The largest rms error that is no other than that of a fit. Shapes: `residuals` (m,); `jacobian` (m, n)."""
     # Residuals that are correlated in time count as fewer samples: the variances tell how many.
-    white, robust = white_variances(best.residuals, best.jacobian), np.diag(covariance(best.residuals, best.jacobian))
+    white, robust = white_variances(residuals, jacobian), np.diag(covariance(residuals, jacobian))
     fewer = float(np.max(np.divide(robust, white, out=np.ones_like(white), where=white > 0.0)))
-    return max(np.sqrt(1.0 + _LIMIT * fewer / best.residuals.size) * _rms(best), EXACT * spread)
+    return float(np.sqrt((1.0 + _LIMIT * fewer / residuals.size) * np.mean(residuals**2)))
+
+
+def _same(best: Minimum, spread: float) -> float:
+    """The largest error that is no other than that of the best fit, or is rounding."""
+    return max(largest_alike(best.residuals, best.jacobian), EXACT * spread)
 
 
 def _agreeing(found: list[Minimum], limit: float) -> list[Minimum]:

@@ -21,6 +21,7 @@ from deatwin.ident.mismatch.naming.decide import Naming, is_possible
 from deatwin.ident.mismatch.naming.places import causes_of
 from deatwin.ident.mismatch.naming.worth import held_back_by, suffices, takes_most
 from deatwin.ident.mismatch.partly import unexplained
+from deatwin.ident.mismatch.refit.exchange import exchanged_lags
 from deatwin.ident.mismatch.refit.fitted import fitted_parameters
 from deatwin.ident.mismatch.refit.search import gap_around
 from deatwin.ident.mismatch.result import Errors, FitSummary, IndistinguishablePair, Output, UnseenErrors
@@ -93,6 +94,7 @@ def conclude(findings: Findings) -> Diagnosis:
             *(f"{name} could not be tried: no fit with it could be simulated" for name in findings.naming.failed),
             *(f"{name} ended on a bound of its range" for name in findings.final.at_bound),
             *_widened(findings.final.plant),
+            *exchanged_lags(findings.final),
             *_held_back(findings),
             *_alike_but_unlikely(findings),
         ),

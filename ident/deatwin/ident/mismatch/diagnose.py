@@ -28,6 +28,7 @@ from deatwin.ident.mismatch.naming.screen import footprints
 from deatwin.ident.mismatch.partly import acting, explains_all
 from deatwin.ident.mismatch.prepare import prepare
 from deatwin.ident.mismatch.refit.base import Base, beside_rivals
+from deatwin.ident.mismatch.refit.exchange import with_exchanged_lags
 from deatwin.ident.mismatch.refit.search import refit
 from deatwin.ident.mismatch.steps import Step, base_step, fit_step, found_step, gate_step
 from deatwin.ident.mismatch.verdict import Verdict
@@ -177,7 +178,7 @@ def diagnose(
             discovery=discovery,
             verdict=verdict,
             answer=answer,
-            final=refit(last, bench.everything) if whole is None else whole,
+            final=with_exchanged_lags(refit(last, bench.everything) if whole is None else whole, bench.everything),
             left=left,
             elsewhere=elsewhere if answer is naming.best else (),
         )

@@ -21,13 +21,15 @@ _REPAIRS = 7
 _LIKE_NUMBER = re.compile(r"[-+]?[\d.,]+([eE][-+]?\d+)?")
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[^\W\d_]+")
 _USUAL_WORDS = {
-    "input": "u uin vin input in cmd command control excitation drive voltage volt v reference ref setpoint target pwm "
+    "input": "u uin vin input in cmd command control excitation drive voltage volt v hv reference ref setpoint target pwm "
     "eingang soll stell spannung strom current torque",
     "output": "y out output displacement disp position pos weg x measured response encoder angle speed velocity level "
-    "ausgang ist auslenkung deflection temperature",
+    "ausgang ist auslenkung laser distance abstand deflection temperature",
 }
 _WORDS = {role: tuple(words.split()) for role, words in _USUAL_WORDS.items()}
 """Names that people give their inputs and outputs, the surest first; they only order a guess that is called one."""
+_UNITS = {"input": ("V", "A"), "output": ("m", "rad", "N")}
+"""SI units that inputs and outputs usually have, where no name of a column is usual."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,7 +132,7 @@ def _repair(table: Table, offered: ReadOptions, options: ReadOptions) -> ReadOpt
 
 
 def _guessed(table: Table, options: ReadOptions) -> ReadOptions:
-    """Return columns for the roles that no header gives, by the names that people use, else in their order."""
+    """Return columns for the roles that no header gives, by the names that people use, else by their units and their order."""
     bare, asked = with_stated_units(table, _roles(options))
     known: dict[str, int] = {}
     for role in ("input", "output"):
@@ -147,7 +149,16 @@ def _guessed(table: Table, options: ReadOptions) -> ReadOptions:
     found = NO_OPTIONS
     for role in (role for role in ("input", "output") if role not in known and free):
         other = _WORDS["output" if role == "input" else "input"]
-        best = min(free, key=lambda k: (_rank(table, k, _WORDS[role]), -_rank(table, k, other), k))
+        units = _UNITS[role]
+        best = min(
+            free,
+            key=lambda k: (
+                _rank(table, k, _WORDS[role]),
+                (*units, table.unit(k).si).index(table.unit(k).si),
+                -_rank(table, k, other),
+                k,
+            ),
+        )
         free.remove(best)
         found = found.with_column(role, table.unmistakable(best))
     return found

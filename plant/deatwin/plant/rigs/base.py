@@ -59,11 +59,15 @@ class StartProcedure:
         Time in which the command moves linearly to the first command, s.
     hold : float
         Time for which the first command is then held, s.
+    uncounted : float
+        Time from the first sample in which readings are not compared, s, since nobody knows what moved before it; at
+        most a tenth of the experiment.
     """
 
     rest_command: float = 0.0
     ramp: float = 0.0
     hold: float = 0.0
+    uncounted: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from deatwin.plant.laws.energies import ENERGIES
 from deatwin.plant.material import MATERIALS
 from deatwin.plant.prefixes import prefixed
 from deatwin.plant.readings import ELECTRICAL_UNITS
@@ -12,13 +13,20 @@ from deatwin.plant.rigs.rigreadings import READING_KEYS
 
 _HEAD = """\
 # {about}
-# Lines that begin with "# " explain. A line "#key = value" is an example: take its # away and put your value there.
+# Lines that begin with "# " explain. A line "#key = value" is an example: take its # away and put your value there. One with ## is an alternative.
 # Until the required keys have their values, every command that is given this file lists those that are missing.
-# A material that is not in the table: leave its key out, and write a section [material] with an energy.
 kind = "{kind}"
 """
 AT_MOST = "the recording shows at most this: put the data sheet's value here if you have it"
 """What the template says of a noise that a recording told."""
+_OWN_MATERIAL = f"""\
+##[material]  # a film of your own, instead of the key material in [film]
+# energy: one of {", ".join(ENERGIES)}, or a formula in I1 and I2
+##energy = "neo_hookean"
+##permittivity = 2.8
+##[material.parameters]  # of the energy, moduli in Pa; a fit starts from these values
+##shear_modulus = 300e3
+"""
 _SECTIONS = {
     "film": "the membrane",
     "load": "what the film moves",
@@ -70,6 +78,8 @@ def rig_template(
         for name, key in keys.items():
             lines += _entry(name, key, known.get(name), {**_EXAMPLES, **described.examples}[name])
         parts.append("\n".join(lines) + "\n")
+        if "material" in keys:
+            parts.append(_OWN_MATERIAL)
     for name, noise in noises.items() if "load" in described.sections else ():  # a coupon has no electrodes
         size, unit = prefixed(noise, ELECTRICAL_UNITS[name])
         lines = [

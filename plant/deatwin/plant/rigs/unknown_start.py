@@ -12,9 +12,9 @@ from deatwin.plant.substance import Material
 if TYPE_CHECKING:
     from deatwin.plant.effects.base import Effect
 
-SETTLING = StartProcedure(rest_command=0.0, ramp=0.0, hold=1.0)
+SETTLING = StartProcedure(rest_command=0.0, ramp=0.0, hold=1.0, uncounted=1.0)
 """The first command is held for a second: amplifier, electrode and motion settle in it, and memories, which are free
-before it, are free after it."""
+before it, are free after it. If they were moving when the recording began, they forget it in another second."""
 FARTHEST = {"1": 0.5, "V": 20e3}
 """Farthest displacement of a memory, by its unit: half of the film's stretch, more than any amplifier gives."""
 

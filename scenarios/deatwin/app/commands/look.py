@@ -191,12 +191,15 @@ def _rig_file(seen: Sequence[Seen], kind: str) -> str:
     from deatwin.plant.rigs.rigkeys import AGAINST
     from deatwin.plant.rigs.rigtemplate import AT_MOST, rig_template
 
+    highest_command = 100.0  # V: no signal generator and no output of a data-acquisition card gives more
     noises: dict[str, float] = {}
     known: dict[str, tuple[float | str, str]] = {}
     first = next((one.look for one in seen if one.look is not None), None)
     if first is not None:
         known["sample_rate_Hz"] = (1.0 / first.sample_time, "as recorded")
-        reading = next(channel for channel in first.channels if channel.role == "output")
+        drive, reading = (next(one for one in first.channels if one.role == role) for role in ("input", "output"))
+        if drive.unit == "V" and max(-drive.low, drive.high) > highest_command:
+            known["input"] = ("film voltage", "as high as the recorded input, no command is")
         if reading.unit == "m" and reading.noise:
             known["noise_um"] = (1e6 * reading.noise, AT_MOST)
         if reading.unit == "N" and reading.noise:

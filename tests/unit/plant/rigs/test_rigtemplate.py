@@ -51,3 +51,12 @@ def test_each_key_has_its_meaning_above_it(kind: str) -> None:
             at = next(k for k, line in enumerate(lines) if re.match(rf"#*{name} = ", line))
             assert lines[at - 1].startswith(f"# {name}: {key.about}")
             assert ("may be left out" in lines[at - 1]) == (not key.required)
+
+
+@every
+def test_its_own_material_is_read_in_place_of_the_key(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / "rig.toml"
+    text = re.sub(r"^#material = .*\n", "", rig_template(KNOWN, kind), flags=re.MULTILINE)
+    own = re.sub(r"^##(?=\[|energy|permittivity|shear)", "#", text, flags=re.MULTILINE)
+    path.write_text(re.sub(r"^#(?=[\w[])", "", own, flags=re.MULTILINE), encoding="utf-8")
+    assert load_plant(read_rig(path)).plant.parameters["shear_modulus"].value == 300e3

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from deatwin.ident.greybox.parts import Part
+from deatwin.ident.greybox.parts import Part, settled
 from deatwin.ident.mismatch.datasets import samples
 from deatwin.ident.mismatch.gate import suspects
 from deatwin.ident.soundness import noise_of_bends, resolution, runs
@@ -67,6 +67,8 @@ class Gate(Described):
     bursts : mapping of str to tuple of tuple of ndarray of bool
         Likewise the samples at which a reading is much noisier than elsewhere, by its name, which is empty for the first
         one. They are reported and left out.
+    settled : tuple of tuple of ndarray of bool
+        Likewise the samples after the uncounted time of an unknown start. The others are reported and left out.
     unknown : tuple of tuple of ndarray of bool
         Likewise the samples that depend on when the command changed in a gap, of all readings; empty where there are none.
         They are reported and left out.
@@ -79,6 +81,7 @@ class Gate(Described):
     jumps: Masks
     bursts: Mapping[str, Masks] = field(default_factory=dict)
     unknown: Masks = ()
+    settled: Masks
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
         "samples": several(lambda checked: samples(checked.experiments), "coords"),
@@ -110,7 +113,7 @@ class Gate(Described):
                 tuple(mask & ~out for mask, out in zip(*pair, strict=True))
                 for pair in zip(self.sound, self._left_out(""), strict=True)
             )
-        return tuple(tuple(np.ones_like(mask) for mask in masks) for masks in self.sound)
+        return self.settled
 
     def _bursts(self, name: str) -> Masks:
         """The samples of a reading's bursts."""
@@ -118,11 +121,13 @@ class Gate(Described):
 
     def _left_out(self, name: str) -> Masks:
         """The samples of a reading that are left out though they are sound."""
-        bursts = self._bursts(name)
-        if not self.unknown:
-            return bursts
-        pairs = zip(bursts, self.unknown, strict=True)
-        return tuple(tuple(one | other for one, other in zip(*pair, strict=True)) for pair in pairs)
+        kinds = [self._bursts(name), self._unsettled, *([self.unknown] if self.unknown else [])]
+        return tuple(tuple(np.any(masks, axis=0) for masks in zip(*one, strict=True)) for one in zip(*kinds, strict=True))
+
+    @property
+    def _unsettled(self) -> Masks:
+        """The samples in the uncounted time of an unknown start."""
+        return tuple(tuple(~mask for mask in masks) for masks in self.settled)
 
     def known(self, name: str) -> Masks:
         """For each experiment and record, the samples of a further reading that count.
@@ -164,6 +169,7 @@ class Gate(Described):
             found += self._described(masks, said)
         if self.unknown:
             found += self._described(self.unknown, "the reading depends on when the command changed, and is left out,")
+        found += self._described(self._unsettled, "the start is unknown, and what moved before it does not count,")
         for experiment in self.experiments:
             for number, record in enumerate(experiment.recordings):
                 found += _coarse(_called(record, number), record)
@@ -268,6 +274,7 @@ def gate(plant: Plant, experiments: Experiment | Sequence[Experiment]) -> Gate:
         outliers=tuple(tuple(suspects.spikes(r.outputs[0]) & suspects.quiet(r) for r in e.recordings) for e in given),
         clipped=tuple(tuple(suspects.clipped(r) for r in e.recordings) for e in given),
         jumps=tuple(tuple(suspects.jumps(r.outputs[0]) & suspects.quiet(r) for r in e.recordings) for e in given),
+        settled=tuple(settled(e, plant.rig) for e in given),
     )
 
 

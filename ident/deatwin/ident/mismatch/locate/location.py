@@ -191,7 +191,7 @@ def _of_further(base: Candidate, bench: Bench, checked: Gate) -> tuple[ReadingLo
 def _sound(checked: Gate, simulated: Sequence[np.ndarray]) -> list[Recording]:
     """A reading at fault says nothing of the response: the simulated one takes its place."""
     records = [record for experiment in checked.experiments for record in experiment.recordings]
-    masks = [mask for each in checked.sound for mask in each]
+    masks = [mask for each in checked.usable for mask in each]
     return [
         replace(record, outputs=np.where(mask, record.outputs, y))
         for record, mask, y in zip(records, masks, simulated, strict=True)

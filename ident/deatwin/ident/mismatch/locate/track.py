@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deatwin.ident.greybox.parts import row_of
+from deatwin.ident.greybox.parts import row_of, settled
 from deatwin.plant.amplitudes import amplitude_unit
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
@@ -91,7 +91,7 @@ def tracks(plant: Plant, experiments: Sequence[Experiment], reading: str = "") -
     found = []
     for experiment in experiments:
         simulated = plant.simulate(experiment).require().outputs
-        for record, rows in zip(experiment.recordings, simulated, strict=True):
+        for record, rows, counts in zip(experiment.recordings, simulated, settled(experiment, rig), strict=True):
             if record.n_samples < FEWEST:
                 continue  # a splinter between two gaps has no place of its own
             motion = rows[0] / size
@@ -103,7 +103,8 @@ def tracks(plant: Plant, experiments: Sequence[Experiment], reading: str = "") -
             found.append(
                 Track(
                     timepts=record.timepts,
-                    residual=np.nan_to_num(record.reading(reading) - rows[row]),  # a missing value says nothing
+                    # A missing value says nothing, nor does one that an unknown start still moves.
+                    residual=np.where(counts, np.nan_to_num(record.reading(reading) - rows[row]), 0.0),
                     signals=signals,
                     sample_time=record.sample_time,
                 )
