@@ -17,12 +17,15 @@ LONE = 5
 """Largest bends of a window that are left out: a single value far off makes so many, and is no burst."""
 TWICE = 2.0
 """How much noisier a burst is: white noise makes that of a window less than once in 60 000."""
-WHITE = 2.5
-"""How much larger, or smaller, the variance of a burst may be than its bends say of white noise: that of a window of
-white noise is so once in 1000. What is smooth, as the motion that a plant lacks, or correlated by a half, lies beyond."""
+HIDES = 0.25
+"""Share of a burst's power density from which that of the other windows hides it: what the plant lacks is slow, and lies
+in both."""
 SLOW, BARTLETT = 1 / 8, 1.95
-"""Frequency, in samples, below which missing physics may hide the noise, and Bartlett's limit for a cumulative periodogram
-at the 0.1 % level (Priestley, Spectral Analysis and Time Series, 1981, section 6.2.6): a tone or a mode is no burst."""
+"""Frequency, in samples, below which a stretch may lack more than the others, and Bartlett's limit for a cumulative
+periodogram at the 0.1 % level (Priestley, Spectral Analysis and Time Series, 1981, section 6.2.6): a tone, a mode or what
+is correlated is no burst,"""
+FEWEST_LINES = 16
+"""and of fewer lines a tone in their midst would not exceed it."""
 MOSTLY = 0.5
 """Share of the windows with a command as brisk that are noisy: above it the noise goes with the command."""
 TRIMMED = 0.66
@@ -67,32 +70,44 @@ def noisier(residuals: Sequence[np.ndarray], commands: Sequence[np.ndarray], flo
     if usual is None:
         return [np.zeros(residual.size, dtype=bool) for residual in residuals]
     level = _usual([bends.mean(axis=1) for bends, _ in windows])
-    variance = _usual([values.var(axis=1) for _, values in windows])
     loud = [power > TWICE**2 * max(usual, TRIMMED * floor**2) for power in powers]
+    calm = [values[power <= TWICE**2 * usual] for (_, values), power in zip(windows, powers, strict=True)]
+    others = _densities(np.concatenate(calm)).mean(axis=0) - level
     briskness = [_windows(command)[0].mean(axis=1) for command in commands]
     every, noisy = np.concatenate(briskness), np.concatenate(loud)
     found = []
-    for residual, (bends, values), high, brisk in zip(residuals, windows, loud, briskness, strict=True):
+    for residual, (bends, _), high, brisk in zip(residuals, windows, loud, briskness, strict=True):
         mask = np.zeros(residual.size, dtype=bool)
         for run in runs(high):
             if run.size * STRIDE < WINDOW:  # a burst is in as many windows; fewer are chance, or ring after a step
                 continue
-            white, more = bends[run].mean() - level, values[run].var(axis=1).mean() - variance
             with_it = float(noisy[every >= np.median(brisk[run])].mean())
             stretch = slice(STRIDE * run[0], STRIDE * run[-1] + WINDOW)
-            if white / WHITE < more < WHITE * white and with_it < MOSTLY and not _has_lines(residual[stretch]):
+            if with_it < MOSTLY and _is_white(residual[stretch], others < HIDES * (bends[run].mean() - level)):
                 mask[stretch] = True
         found.append(mask)
     return found
 
 
-def _has_lines(values: np.ndarray) -> bool:
-    """Whether the fast part of a stretch has its power at some frequencies, as no noise has; nan where unknown."""
-    known = np.nan_to_num(values - np.nanmean(values))
-    # Every second line, since a Hann window makes neighbours alike.
-    spectrum = np.abs(np.fft.rfft(known * np.hanning(known.size)))[int(SLOW * known.size) :: 2] ** 2
-    shares = np.cumsum(spectrum) / np.sum(spectrum)
-    return float(np.abs(shares - np.arange(1, shares.size + 1) / shares.size).max()) * np.sqrt(shares.size) > BARTLETT
+def _is_white(values: np.ndarray, clear: np.ndarray) -> bool:
+    """Whether a stretch has equal power at all frequencies at which a window of the others leaves them `clear`."""
+    frequency, densities = np.fft.rfftfreq(values.size), _densities(values)
+    seen = np.interp(frequency, np.fft.rfftfreq(WINDOW), clear) == 1.0
+    for lowest in (0.0, SLOW):
+        # Every second line, since a Hann window makes neighbours alike; the mean is no line.
+        lines = densities[1:][(seen & (frequency >= lowest))[1:]][::2]
+        shares = np.cumsum(lines) / np.sum(lines)
+        apart = float(np.abs(shares - np.arange(1, lines.size + 1) / lines.size).max(initial=0.0))
+        if lines.size < FEWEST_LINES or apart * np.sqrt(lines.size) > BARTLETT:
+            return False
+    return True
+
+
+def _densities(values: np.ndarray) -> np.ndarray:
+    """Power at each frequency along the last axis, about the mean; 1 is expected of white noise of unit variance."""
+    taper = np.hanning(values.shape[-1])
+    about = values - values.mean(axis=-1, keepdims=True)
+    return np.asarray(np.abs(np.fft.rfft(about * taper)) ** 2 / np.sum(taper**2))
 
 
 def _usual(powers: Sequence[np.ndarray]) -> float | None:
