@@ -17,6 +17,9 @@ LONE = 5
 """Largest bends of a window that are left out: a single value far off makes so many, and is no burst."""
 TWICE = 2.0
 """How much noisier a burst is: white noise makes that of a window less than once in 60 000."""
+WHITE = 2.5
+"""How much larger, or smaller, the power of a burst may be than its bends say of white noise: that of a window of white
+noise is so once in 1000. What is smooth, as the motion that a plant lacks, or correlated by a half, lies beyond."""
 HIDES = 0.25
 """Share of a burst's power density from which that of the other windows hides it: what the plant lacks is slow, and lies
 in both."""
@@ -81,24 +84,26 @@ def noisier(residuals: Sequence[np.ndarray], commands: Sequence[np.ndarray], flo
         for run in runs(high):
             if run.size * STRIDE < WINDOW:  # a burst is in as many windows; fewer are chance, or ring after a step
                 continue
+            white = bends[run].mean()
             with_it = float(noisy[every >= np.median(brisk[run])].mean())
             stretch = slice(STRIDE * run[0], STRIDE * run[-1] + WINDOW)
-            if with_it < MOSTLY and _is_white(residual[stretch], others < HIDES * (bends[run].mean() - level)):
+            if with_it < MOSTLY and _is_white(residual[stretch], white, others < HIDES * (white - level)):
                 mask[stretch] = True
         found.append(mask)
     return found
 
 
-def _is_white(values: np.ndarray, clear: np.ndarray) -> bool:
-    """Whether a stretch has equal power at all frequencies at which a window of the others leaves them `clear`."""
+def _is_white(values: np.ndarray, variance: float, clear: np.ndarray) -> bool:
+    """Whether a stretch has the power of white noise of a variance at all frequencies that the other windows leave `clear`."""
     frequency, densities = np.fft.rfftfreq(values.size), _densities(values)
     seen = np.interp(frequency, np.fft.rfftfreq(WINDOW), clear) == 1.0
     for lowest in (0.0, SLOW):
         # Every second line, since a Hann window makes neighbours alike; the mean is no line.
         lines = densities[1:][(seen & (frequency >= lowest))[1:]][::2]
+        if lines.size < FEWEST_LINES or not variance / WHITE < lines.mean() < WHITE * variance:
+            return False
         shares = np.cumsum(lines) / np.sum(lines)
-        apart = float(np.abs(shares - np.arange(1, lines.size + 1) / lines.size).max(initial=0.0))
-        if lines.size < FEWEST_LINES or apart * np.sqrt(lines.size) > BARTLETT:
+        if np.abs(shares - np.arange(1, lines.size + 1) / lines.size).max() * np.sqrt(lines.size) > BARTLETT:
             return False
     return True
 
