@@ -16,7 +16,7 @@ from deatwin.ident.mismatch.diagnosis import Diagnosis
 from deatwin.ident.mismatch.discover.discover import discover
 from deatwin.ident.mismatch.excess import excess_over_floor
 from deatwin.ident.mismatch.findings import Findings
-from deatwin.ident.mismatch.gate.bursts import without_bursts
+from deatwin.ident.mismatch.gate.beside import without_faults
 from deatwin.ident.mismatch.gate.gate import Gate, Soundness, confirm, gate
 from deatwin.ident.mismatch.locate.location import locate
 from deatwin.ident.mismatch.locate.track import readings
@@ -93,9 +93,9 @@ def diagnose(
 
     tell(0.02, "calibrating the base plant")
     bench, base = prepare(plant, checked, effects, jobs=jobs)
-    calm = without_bursts(checked, base.chosen.calibration.plant)
-    if calm is not checked:
-        checked = calm
+    sound = without_faults(checked, base.chosen.calibration.plant)
+    if sound is not checked:
+        checked = sound
         bench, base = prepare(plant, checked, effects, jobs=jobs)
     for form in (base.chosen, *base.rivals):  # what is wrong with the readings stands out whatever the form
         checked = confirm(checked, readings(form.calibration.plant, checked.experiments))

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from deatwin.ident.mismatch.gate.gate import Gate
-from deatwin.ident.soundness import neighbours_deviation, resolution, runs
-from deatwin.plant.model import Plant
+from deatwin.ident.soundness import neighbours_deviation, runs
 
 WINDOW, STRIDE = 50, 10
 """Samples over which the noise is told, and by which the window moves on."""
@@ -35,30 +32,6 @@ TRIMMED = 0.66
 """Mean square of white noise of unit variance without the largest `LONE` bends of a window."""
 BEND = 35.0 / 18.0
 """Variance of the distance of white noise of unit variance from the cubic through its neighbours."""
-
-
-def without_bursts(checked: Gate, plant: Plant) -> Gate:
-    """The recordings with the bursts of each reading marked, which stand out of what a calibrated plant leaves.
-
-    The same object where there are none.
-    """
-    outputs = [plant.simulate(experiment).require().outputs for experiment in checked.experiments]
-    commands = [record.inputs[0] for experiment in checked.experiments for record in experiment.recordings]
-    found = {}
-    for row, reading in enumerate(plant.rig.readings):
-        name = reading.name if row else ""
-        residuals, floor = [], reading.noise
-        for experiment, simulated, sound in zip(checked.experiments, outputs, checked.sound, strict=True):
-            for record, rows, mask in zip(experiment.recordings, simulated, sound, strict=True):
-                measured = record.reading(name) if name else np.where(mask, record.outputs[0], np.nan)
-                residuals.append(measured - rows[row])
-                known = measured[np.isfinite(measured)]
-                floor = max(floor, resolution(known) / float(np.sqrt(12.0)) if known.size else 0.0)
-        masks = iter(noisier(residuals, commands, floor))
-        marked = tuple(tuple(next(masks) for _ in experiment.recordings) for experiment in checked.experiments)
-        if any(mask.any() for each in marked for mask in each):
-            found[name] = marked
-    return replace(checked, bursts=found) if found else checked
 
 
 def noisier(residuals: Sequence[np.ndarray], commands: Sequence[np.ndarray], floor: float) -> list[np.ndarray]:

@@ -67,6 +67,8 @@ class Gate(Described):
     bursts : mapping of str to tuple of tuple of ndarray of bool
         Likewise the samples at which a reading is much noisier than elsewhere, by its name, which is empty for the first
         one. They are reported and left out.
+    stuck_further : mapping of str to tuple of tuple of ndarray of bool
+        Likewise the samples at which a further reading is stuck, by its name. They are reported and left out of it.
     """
 
     experiments: tuple[Experiment, ...]
@@ -75,6 +77,7 @@ class Gate(Described):
     clipped: Masks
     jumps: Masks
     bursts: Mapping[str, Masks] = field(default_factory=dict)
+    stuck_further: Mapping[str, Masks] = field(default_factory=dict)
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
         "samples": several(lambda checked: samples(checked.experiments), "coords"),
@@ -108,9 +111,14 @@ class Gate(Described):
             )
         return tuple(tuple(np.ones_like(mask) for mask in masks) for masks in self.sound)
 
+    @property
+    def _none(self) -> Masks:
+        """No samples at all."""
+        return tuple(tuple(np.zeros_like(mask) for mask in masks) for masks in self.stuck)
+
     def _bursts(self, name: str) -> Masks:
         """The samples of a reading's bursts."""
-        return self.bursts.get(name) or tuple(tuple(np.zeros_like(m) for m in masks) for masks in self.stuck)
+        return self.bursts.get(name) or self._none
 
     def known(self, name: str) -> Masks:
         """For each experiment and record, the samples of a further reading that count.
@@ -124,11 +132,13 @@ class Gate(Described):
         -------
         tuple of tuple of ndarray of bool
         """
+        marks = zip(self.experiments, self._bursts(name), self.stuck_further.get(name, self._none), strict=True)
         return tuple(
             tuple(
-                np.isfinite(record.reading(name)) & ~burst for record, burst in zip(one.recordings, bursts, strict=True)
+                np.isfinite(record.reading(name)) & ~burst & ~stuck
+                for record, burst, stuck in zip(one.recordings, bursts, still, strict=True)
             )
-            for one, bursts in zip(self.experiments, self._bursts(name), strict=True)
+            for one, bursts, still in marks
         )
 
     @property
@@ -147,9 +157,9 @@ class Gate(Described):
     def notes(self) -> tuple[str, ...]:
         """What is no fault of the recordings, but should be known: limits, jumps, coarse steps, gaps."""
         found = [*self._described(self.clipped, "the reading is at a limit"), *self._described(self.jumps, "jumps")]
-        for name, masks in self.bursts.items():
-            said = f"the {name.replace('_', ' ') or 'reading'} is much noisier than elsewhere, and is left out,"
-            found += self._described(masks, said)
+        for what, readings in (("is much noisier than elsewhere", self.bursts), ("is stuck", self.stuck_further)):
+            for name, masks in readings.items():
+                found += self._described(masks, f"the {name.replace('_', ' ') or 'reading'} {what}, and is left out,")
         for experiment in self.experiments:
             for number, record in enumerate(experiment.recordings):
                 found += _coarse(_called(record, number), record)
@@ -274,8 +284,6 @@ def _listed(experiments: Experiment | Sequence[Experiment]) -> tuple[Experiment,
 def confirm(checked: Gate, readings: Sequence[Sequence[np.ndarray]]) -> Gate:
     """Keep the outliers and jumps that also stand out of the residual: fast motion of the plant itself is neither.
 
-    A reading that was held until such a jump, with its noise, is stuck.
-
     Parameters
     ----------
     checked : Gate
@@ -287,14 +295,12 @@ def confirm(checked: Gate, readings: Sequence[Sequence[np.ndarray]]) -> Gate:
     -------
     Gate
     """
-    stuck, outliers, jumps = [], [], []
+    outliers, jumps = [], []
     for k, (experiment, simulated) in enumerate(zip(checked.experiments, readings, strict=True)):
         residuals = [r.outputs[0] - y for r, y in zip(experiment.recordings, simulated, strict=True)]
         outliers.append(tuple(m & suspects.spikes(e) for m, e in zip(checked.outliers[k], residuals, strict=True)))
         jumps.append(tuple(m & suspects.jumps(e) for m, e in zip(checked.jumps[k], residuals, strict=True)))
-        held = map(suspects.frozen, experiment.recordings, simulated, jumps[-1])
-        stuck.append(tuple(known | more for known, more in zip(checked.stuck[k], held, strict=True)))
-    return replace(checked, stuck=tuple(stuck), outliers=tuple(outliers), jumps=tuple(jumps))
+    return replace(checked, outliers=tuple(outliers), jumps=tuple(jumps))
 
 
 def split(

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from deatwin.ident.mismatch.gate.bursts import noisier, without_bursts
+from deatwin.ident.mismatch.gate.beside import without_faults
+from deatwin.ident.mismatch.gate.bursts import noisier
 from deatwin.ident.mismatch.gate.gate import Soundness, gate, split
 from deatwin.plant import Experiment, Planar, Plant, Reading, Recording
 
@@ -69,7 +70,7 @@ def test_a_burst_is_said_and_left_out_of_its_own_reading(row: int) -> None:
     (record,) = PLANT.record(blank, rng).recordings
     spoilt = np.array(record.outputs)
     spoilt[row, STRETCH] += 8.0 * PLANT.rig.readings[row].noise * rng.standard_normal(200)
-    checked = without_bursts(gate(PLANT, Experiment(recordings=(replace(record, outputs=spoilt),))), PLANT)
+    checked = without_faults(gate(PLANT, Experiment(recordings=(replace(record, outputs=spoilt),))), PLANT)
     assert checked.soundness is Soundness.SOUND
     assert f"the {('reading', 'capacitance')[row]} is much noisier than elsewhere" in checked.notes[0]
     parts = split(checked, weights={"capacitance": 1.0})[2]
