@@ -1,10 +1,16 @@
 """Readings that are held beside a plant that moves, in a plant whose closed form is known: a first-order lag."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from deatwin.ident.mismatch.gate.beside import without_faults
+from deatwin.ident.mismatch.gate.faults import faults_of
+from deatwin.ident.mismatch.gate.gate import Soundness, gate, split
 from deatwin.ident.mismatch.gate.suspects import held
+from deatwin.plant import Experiment, Planar, Plant, Reading, Recording
 
 STEP, NOISE, SIZE = 0.005, 2e-3, 3000
 
@@ -82,3 +88,24 @@ def test_missing_values_are_no_hold() -> None:
     reading = simulated + NOISE * rng.standard_normal(SIZE)
     reading[1000:1300] = np.nan
     assert not marked(reading, simulated, command).any()
+
+
+@pytest.mark.parametrize("row", [0, 1])
+def test_a_hold_is_the_fault_of_its_own_reading(row: int) -> None:
+    """Beside a sound displacement a capacitance that is held is left out; a displacement that is held makes the verdict."""
+    plant = Plant(rig=Planar(noise=2e-6, further=(Reading(name="capacitance", noise=1e-12),)))
+    rng = np.random.default_rng(5)
+    command = np.repeat(rng.uniform(0.5, 1.5, 100), 10)
+    blank = Experiment(recordings=(Recording.from_arrays(command, np.zeros((0, 1000)), plant.rig.sample_time),))
+    (record,) = plant.record(blank, rng).recordings
+    spoilt, stretch = np.array(record.outputs), slice(400, 600)
+    noise = spoilt[row] - plant.simulate(blank).require().outputs[0][row]
+    spoilt[row, stretch] = spoilt[row, 400] + noise[stretch]
+    given = gate(plant, Experiment(recordings=(replace(record, outputs=spoilt),)))
+    checked = without_faults(given, plant)
+    (fault,) = faults_of(checked)
+    assert fault.fault == f"the {('reading', 'capacitance')[row]} is stuck"
+    assert 200 <= fault.samples < 300
+    assert checked.soundness is (Soundness.FAULTY, Soundness.SOUND)[row]
+    parts = split(checked, weights={"capacitance": 1.0})[2]
+    assert [int(part.masks[0][stretch].sum()) for part in parts] == ([0, 200], [200, 0])[row]
