@@ -21,7 +21,7 @@ void run(int n, const double *u, double *y, int *status)
     int i, k;
     {name}_state state;
     {name}_real in[{N}_INPUTS], out[{N}_OUTPUTS];
-    {name}_init(&state);
+    {name}_init(&state);{clock}
     for (k = 0; k < n; k++) {{
         for (i = 0; i < {N}_INPUTS; i++) in[i] = ({name}_real)u[k * {N}_INPUTS + i];
         status[k] = {name}_step(&state, in, out);
@@ -33,10 +33,13 @@ void run(int n, const double *u, double *y, int *status)
 
 @pytest.fixture
 def run_c(c_compiler: str, tmp_path: Path) -> RunC:
-    """Compiles a source and runs it from its start: outputs (n, n_outputs) and what each step returned."""
+    """Compiles a source and runs it from rest, at a clock time if one is given: outputs (n, n_outputs) and what each step returned."""
 
-    def run(source: SampledSource, inputs: ArrayLike, *flags: str) -> tuple[Array, NDArray[np.int32]]:
-        harness = HARNESS.format(name=source.name, N=source.name.upper())
+    def run(
+        source: SampledSource, inputs: ArrayLike, *flags: str, start: float | None = None
+    ) -> tuple[Array, NDArray[np.int32]]:
+        clock = "" if start is None else f" state.start = {start!r};"
+        harness = HARNESS.format(name=source.name, N=source.name.upper(), clock=clock)
         (tmp_path / "tried.c").write_text(source.text + harness, encoding="utf-8")
         command = [c_compiler, *(flags or STRICT), "-O1", "-fPIC", "-shared", "tried.c", "-o", "tried.so", "-lm"]
         done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)

@@ -1,11 +1,23 @@
 """One sample of a plant as C, against deatwin's own simulation."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from deatwin.plant import Coupon, Creep, Delay, Diaphragm, Plant, Reading
+from deatwin.plant import (
+    Coupon,
+    Creep,
+    Delay,
+    Diaphragm,
+    Experiment,
+    PeriodicDisturbance,
+    Plant,
+    Reading,
+    Recording,
+    StartProcedure,
+)
 from deatwin.plant.effects import effect_named
 from deatwin.plant.errors import ModelError
 from deatwin.plant.export.plant_step import plant_source
@@ -58,6 +70,28 @@ def test_further_readings_are_outputs_behind_the_first(run_c: Any) -> None:
     further = expected.further[1:]
     np.testing.assert_allclose(found[:, 1:3], further, rtol=0, atol=1e-8 * np.ptp(further, axis=0).min(initial=1e-4))
     np.testing.assert_allclose(found[:, 3:], expected.watched.T, rtol=1e-8, atol=1e-12)
+
+
+class Ramped(Planar):
+    """A strip whose first command is ramped on and held before time 0."""
+
+    @property
+    def start(self) -> StartProcedure:
+        return StartProcedure(rest_command=0.0, ramp=2.0, hold=3.0)
+
+
+def test_the_start_procedure_played_on_its_clock_gives_what_simulate_does(run_c: Any) -> None:
+    """A tone shakes the film before time 0 already: 5 s, in which it goes through 9.5 periods."""
+    tone = replace(PeriodicDisturbance().placed("force"), amplitude=0.05, frequency=1.9)
+    plant = Plant(rig=Ramped(sample_time=0.02)).with_effects(tone)
+    held = commands(plant, 0.0, 2.0)
+    experiment = Experiment(recordings=(Recording.from_arrays(held, np.zeros((0, held.size)), 0.02),))
+    expected = plant.simulate(experiment).require().outputs[0][0]
+    before = plant.timeline(experiment)
+    assert before.start == pytest.approx(-5.0)
+    given = before.commands[:, None]
+    found, _ = run_c(plant_source(plant, name="film"), given, *LOOSE, start=before.start)
+    assert found[-held.size :, 0] == pytest.approx(expected, abs=1e-9 * np.ptp(expected))
 
 
 def test_a_measured_channel_is_an_input(run_c: Any) -> None:

@@ -16,7 +16,7 @@ from deatwin.ident.mismatch.diagnosis import Diagnosis
 from deatwin.ident.mismatch.discover.discover import discover
 from deatwin.ident.mismatch.excess import excess_over_floor
 from deatwin.ident.mismatch.findings import Findings
-from deatwin.ident.mismatch.gate.bursts import without_bursts
+from deatwin.ident.mismatch.gate.beside import without_faults
 from deatwin.ident.mismatch.gate.gaps import without_unknown
 from deatwin.ident.mismatch.gate.gate import Gate, Soundness, confirm, gate
 from deatwin.ident.mismatch.locate.location import locate
@@ -97,7 +97,7 @@ def diagnose(
     tell(0.02, "calibrating the base plant")
     bench, base = prepare(plant, checked, effects, jobs=jobs)
     fitted_plant = base.chosen.calibration.plant
-    usable = without_unknown(without_bursts(checked, fitted_plant), fitted_plant, base.noise)
+    usable = without_unknown(without_faults(checked, fitted_plant), fitted_plant, base.noise)
     if usable is not checked:
         checked = usable
         bench, base = prepare(plant, checked, effects, jobs=jobs)

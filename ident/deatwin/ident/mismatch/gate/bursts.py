@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from deatwin.ident.mismatch.gate.gate import Gate
-from deatwin.ident.soundness import neighbours_deviation, resolution, runs
-from deatwin.plant.model import Plant
+from deatwin.ident.soundness import neighbours_deviation, runs
 
 WINDOW, STRIDE = 50, 10
 """Samples over which the noise is told, and by which the window moves on."""
@@ -18,41 +15,23 @@ LONE = 5
 TWICE = 2.0
 """How much noisier a burst is: white noise makes that of a window less than once in 60 000."""
 WHITE = 2.5
-"""How much larger, or smaller, the variance of a burst may be than its bends say of white noise: that of a window of
-white noise is so once in 1000. What is smooth, as the motion that a plant lacks, or correlated by a half, lies beyond."""
+"""How much larger, or smaller, the power of a burst may be than its bends say of white noise: that of a window of white
+noise is so once in 1000. What is smooth, as the motion that a plant lacks, or correlated by a half, lies beyond."""
+HIDES = 0.25
+"""Share of a burst's power density from which that of the other windows hides it: what the plant lacks is slow, and lies
+in both."""
 SLOW, BARTLETT = 1 / 8, 1.95
-"""Frequency, in samples, below which missing physics may hide the noise, and Bartlett's limit for a cumulative periodogram
-at the 0.1 % level (Priestley, Spectral Analysis and Time Series, 1981, section 6.2.6): a tone or a mode is no burst."""
+"""Frequency, in samples, below which a stretch may lack more than the others, and Bartlett's limit for a cumulative
+periodogram at the 0.1 % level (Priestley, Spectral Analysis and Time Series, 1981, section 6.2.6): a tone, a mode or what
+is correlated is no burst,"""
+FEWEST_LINES = 16
+"""and of fewer lines a tone in their midst would not exceed it."""
 MOSTLY = 0.5
 """Share of the windows with a command as brisk that are noisy: above it the noise goes with the command."""
 TRIMMED = 0.66
 """Mean square of white noise of unit variance without the largest `LONE` bends of a window."""
 BEND = 35.0 / 18.0
 """Variance of the distance of white noise of unit variance from the cubic through its neighbours."""
-
-
-def without_bursts(checked: Gate, plant: Plant) -> Gate:
-    """The recordings with the bursts of each reading marked, which stand out of what a calibrated plant leaves.
-
-    The same object where there are none.
-    """
-    outputs = [plant.simulate(experiment).require().outputs for experiment in checked.experiments]
-    commands = [record.inputs[0] for experiment in checked.experiments for record in experiment.recordings]
-    found = {}
-    for row, reading in enumerate(plant.rig.readings):
-        name = reading.name if row else ""
-        residuals, floor = [], reading.noise
-        for experiment, simulated, sound in zip(checked.experiments, outputs, checked.sound, strict=True):
-            for record, rows, mask in zip(experiment.recordings, simulated, sound, strict=True):
-                measured = record.reading(name) if name else np.where(mask, record.outputs[0], np.nan)
-                residuals.append(measured - rows[row])
-                known = measured[np.isfinite(measured)]
-                floor = max(floor, resolution(known) / float(np.sqrt(12.0)) if known.size else 0.0)
-        masks = iter(noisier(residuals, commands, floor))
-        marked = tuple(tuple(next(masks) for _ in experiment.recordings) for experiment in checked.experiments)
-        if any(mask.any() for each in marked for mask in each):
-            found[name] = marked
-    return replace(checked, bursts=found) if found else checked
 
 
 def noisier(residuals: Sequence[np.ndarray], commands: Sequence[np.ndarray], floor: float) -> list[np.ndarray]:
@@ -67,20 +46,21 @@ def noisier(residuals: Sequence[np.ndarray], commands: Sequence[np.ndarray], flo
     if usual is None:
         return [np.zeros(residual.size, dtype=bool) for residual in residuals]
     level = _usual([bends.mean(axis=1) for bends, _ in windows])
-    variance = _usual([values.var(axis=1) for _, values in windows])
     loud = [power > TWICE**2 * max(usual, TRIMMED * floor**2) for power in powers]
+    calm = [values[power <= TWICE**2 * usual] for (_, values), power in zip(windows, powers, strict=True)]
+    others = _densities(np.concatenate(calm)).mean(axis=0) - level
     briskness = [_windows(command)[0].mean(axis=1) for command in commands]
     every, noisy = np.concatenate(briskness), np.concatenate(loud)
     found = []
-    for residual, (bends, values), high, brisk in zip(residuals, windows, loud, briskness, strict=True):
+    for residual, (bends, _), high, brisk in zip(residuals, windows, loud, briskness, strict=True):
         mask = np.zeros(residual.size, dtype=bool)
         for run in runs(high):
             if run.size * STRIDE < WINDOW:  # a burst is in as many windows; fewer are chance, or ring after a step
                 continue
-            white, more = bends[run].mean() - level, values[run].var(axis=1).mean() - variance
+            white = bends[run].mean()
             with_it = float(noisy[every >= np.median(brisk[run])].mean())
             stretch = slice(STRIDE * run[0], STRIDE * run[-1] + WINDOW)
-            if white / WHITE < more < WHITE * white and with_it < MOSTLY and not has_lines(residual[stretch]):
+            if with_it < MOSTLY and _is_white(residual[stretch], white, others < HIDES * (white - level)):
                 mask[stretch] = True
         found.append(mask)
     return found
@@ -88,11 +68,36 @@ def noisier(residuals: Sequence[np.ndarray], commands: Sequence[np.ndarray], flo
 
 def has_lines(values: np.ndarray) -> bool:
     """Whether the fast part of a stretch has its power at some frequencies, as no noise has; nan where unknown."""
-    known = np.nan_to_num(values - np.nanmean(values))
+    densities = _densities(np.nan_to_num(values - np.nanmean(values)))
     # Every second line, since a Hann window makes neighbours alike.
-    spectrum = np.abs(np.fft.rfft(known * np.hanning(known.size)))[int(SLOW * known.size) :: 2] ** 2
-    shares = np.cumsum(spectrum) / np.sum(spectrum)
-    return float(np.abs(shares - np.arange(1, shares.size + 1) / shares.size).max()) * np.sqrt(shares.size) > BARTLETT
+    return _is_uneven(densities[int(SLOW * values.size) :: 2])
+
+
+def _is_uneven(lines: np.ndarray) -> bool:
+    """Whether Bartlett's test finds the power of some lines of a spectrum larger than that of others."""
+    shares = np.cumsum(lines) / np.sum(lines)
+    return float(np.abs(shares - np.arange(1, lines.size + 1) / lines.size).max()) * np.sqrt(lines.size) > BARTLETT
+
+
+def _is_white(values: np.ndarray, variance: float, clear: np.ndarray) -> bool:
+    """Whether a stretch has the power of white noise of a variance at all frequencies that the other windows leave `clear`."""
+    frequency, densities = np.fft.rfftfreq(values.size), _densities(values)
+    seen = np.interp(frequency, np.fft.rfftfreq(WINDOW), clear) == 1.0
+    for lowest in (0.0, SLOW):
+        # Every second line, since a Hann window makes neighbours alike; the mean is no line.
+        lines = densities[1:][(seen & (frequency >= lowest))[1:]][::2]
+        if lines.size < FEWEST_LINES or not variance / WHITE < lines.mean() < WHITE * variance:
+            return False
+        if _is_uneven(lines):
+            return False
+    return True
+
+
+def _densities(values: np.ndarray) -> np.ndarray:
+    """Power at each frequency along the last axis, about the mean; 1 is expected of white noise of unit variance."""
+    taper = np.hanning(values.shape[-1])
+    about = values - values.mean(axis=-1, keepdims=True)
+    return np.asarray(np.abs(np.fft.rfft(about * taper)) ** 2 / np.sum(taper**2))
 
 
 def _usual(powers: Sequence[np.ndarray]) -> float | None:

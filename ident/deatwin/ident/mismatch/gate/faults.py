@@ -10,7 +10,8 @@ from deatwin.plant.recording import label
 def faults_of(checked: Gate) -> tuple[Fault, ...]:
     """One for each kind of fault in a recording."""
     found: list[Fault] = []
-    kinds = (("the reading is stuck", checked.stuck), ("the reading has outliers", checked.outliers))
+    kinds = [("the reading is stuck", checked.stuck), ("the reading has outliers", checked.outliers)]
+    kinds += [(f"the {name.replace('_', ' ')} is stuck", masks) for name, masks in checked.stuck_further.items()]
     for number, experiment in enumerate(checked.experiments):
         for place, record in enumerate(experiment.recordings):
             for fault, masks in kinds:

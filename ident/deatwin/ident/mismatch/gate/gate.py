@@ -67,6 +67,8 @@ class Gate(Described):
     bursts : mapping of str to tuple of tuple of ndarray of bool
         Likewise the samples at which a reading is much noisier than elsewhere, by its name, which is empty for the first
         one. They are reported and left out.
+    stuck_further : mapping of str to tuple of tuple of ndarray of bool
+        Likewise the samples at which a further reading is stuck, by its name. They are reported and left out of it.
     settled : tuple of tuple of ndarray of bool
         Likewise the samples after the uncounted time of an unknown start. The others are reported and left out.
     unknown : tuple of tuple of ndarray of bool
@@ -80,6 +82,7 @@ class Gate(Described):
     clipped: Masks
     jumps: Masks
     bursts: Mapping[str, Masks] = field(default_factory=dict)
+    stuck_further: Mapping[str, Masks] = field(default_factory=dict)
     unknown: Masks = ()
     settled: Masks
 
@@ -115,14 +118,26 @@ class Gate(Described):
             )
         return self.settled
 
+    @property
+    def _none(self) -> Masks:
+        """No samples at all."""
+        return tuple(tuple(np.zeros_like(mask) for mask in masks) for masks in self.stuck)
+
     def _bursts(self, name: str) -> Masks:
         """The samples of a reading's bursts."""
-        return self.bursts.get(name) or tuple(tuple(np.zeros_like(m) for m in masks) for masks in self.stuck)
+        return self.bursts.get(name) or self._none
 
     def _left_out(self, name: str) -> Masks:
         """The samples of a reading that are left out though they are sound."""
-        kinds = [self._bursts(name), self._unsettled, *([self.unknown] if self.unknown else [])]
-        return tuple(tuple(np.any(masks, axis=0) for masks in zip(*one, strict=True)) for one in zip(*kinds, strict=True))
+        kinds = (
+            self._bursts(name),
+            self.stuck_further.get(name, self._none),
+            self.unknown or self._none,
+            self._unsettled,
+        )
+        return tuple(
+            tuple(np.any(masks, axis=0) for masks in zip(*one, strict=True)) for one in zip(*kinds, strict=True)
+        )
 
     @property
     def _unsettled(self) -> Masks:
@@ -164,9 +179,9 @@ class Gate(Described):
     def notes(self) -> tuple[str, ...]:
         """What is no fault of the recordings, but should be known: limits, jumps, coarse steps, gaps."""
         found = [*self._described(self.clipped, "the reading is at a limit"), *self._described(self.jumps, "jumps")]
-        for name, masks in self.bursts.items():
-            said = f"the {name.replace('_', ' ') or 'reading'} is much noisier than elsewhere, and is left out,"
-            found += self._described(masks, said)
+        for what, readings in (("is much noisier than elsewhere", self.bursts), ("is stuck", self.stuck_further)):
+            for name, masks in readings.items():
+                found += self._described(masks, f"the {name.replace('_', ' ') or 'reading'} {what}, and is left out,")
         if self.unknown:
             found += self._described(self.unknown, "the reading depends on when the command changed, and is left out,")
         found += self._described(self._unsettled, "the start is unknown, and what moved before it does not count,")
@@ -295,8 +310,6 @@ def _listed(experiments: Experiment | Sequence[Experiment]) -> tuple[Experiment,
 def confirm(checked: Gate, readings: Sequence[Sequence[np.ndarray]]) -> Gate:
     """Keep the outliers and jumps that also stand out of the residual: fast motion of the plant itself is neither.
 
-    A reading that was held until such a jump, with its noise, is stuck.
-
     Parameters
     ----------
     checked : Gate
@@ -308,14 +321,12 @@ def confirm(checked: Gate, readings: Sequence[Sequence[np.ndarray]]) -> Gate:
     -------
     Gate
     """
-    stuck, outliers, jumps = [], [], []
+    outliers, jumps = [], []
     for k, (experiment, simulated) in enumerate(zip(checked.experiments, readings, strict=True)):
         residuals = [r.outputs[0] - y for r, y in zip(experiment.recordings, simulated, strict=True)]
         outliers.append(tuple(m & suspects.spikes(e) for m, e in zip(checked.outliers[k], residuals, strict=True)))
         jumps.append(tuple(m & suspects.jumps(e) for m, e in zip(checked.jumps[k], residuals, strict=True)))
-        held = map(suspects.frozen, experiment.recordings, simulated, jumps[-1])
-        stuck.append(tuple(known | more for known, more in zip(checked.stuck[k], held, strict=True)))
-    return replace(checked, stuck=tuple(stuck), outliers=tuple(outliers), jumps=tuple(jumps))
+    return replace(checked, outliers=tuple(outliers), jumps=tuple(jumps))
 
 
 def split(

@@ -4,7 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from deatwin.ident.soundness import at_limit, neighbours_deviation, noise_of_bends, resolution, runs, samples_in
+from deatwin.ident.soundness import (
+    RISE_SAMPLES,
+    at_limit,
+    neighbours_deviation,
+    noise_of_bends,
+    resolution,
+    runs,
+    samples_in,
+)
 from deatwin.plant.recording import Recording
 
 STUCK_SECONDS = 1.0
@@ -32,14 +40,18 @@ inertia that takes so long. A sensor comes back whenever it likes."""
 HOLDS = 0.9
 """Share of the other readings under the same commands that stand as one, where friction holds the plant there: the rest
 is for coming to rest late."""
+BY_CHANCE = 1e-9
+"""Probability of so many equal readings in a row below which it was no chance, in however long a recording."""
+USUALLY = (0.1, 0.9)
+"""Quantiles between which a plant moves: a peak of the current that comes a sample late does not count."""
 LOST_SAMPLES = 3
 """So many equal readings in a row are not those of a film in motion."""
 
 
 def stuck(record: Recording) -> np.ndarray:
-    """Runs of one and the same reading of a `record`, longer than a second, while the command moves.
+    """Runs of one and the same reading of a `record` while the command moves, longer than a second or up to a leap.
 
-    Readings in coarse steps stay the same over slow commands, too, but then go on by a step or two. And dry friction
+    Those up to a leap are longer than chance makes them. Readings in coarse steps stay the same over slow commands, too, but then go on by a step or two. And dry friction
     holds a plant, whose reading stands still without any noise if it is a counter's, until the command is large enough.
     """
     reading, command = record.outputs[0], record.inputs[0]
@@ -47,28 +59,40 @@ def stuck(record: Recording) -> np.ndarray:
     ends, near = (usual.max(), usual.min()), NEAR_STEPS * resolution(usual)
     mask = np.zeros(reading.size, dtype=bool)
     shortest = samples_in(STUCK_SECONDS, record.sample_time)
-    for same in runs(np.diff(reading) == 0.0):
+    equal, leaps = np.diff(reading) == 0.0, np.append(jumps(reading), False)
+    by_chance = min(shortest, max(RISE_SAMPLES, _longest_by_chance(equal)))
+    for same in runs(equal):
         first, last = same[0], same[-1] + 2
-        if last - first < shortest:
+        if last - first < (by_chance if leaps[last] else shortest):
             continue
         # A reading at the end of its range is clipped, not stuck: that is physics, and an effect of the catalogue. But
         # nothing clips under high commands and low ones alike.
         gradual = np.ptp(reading[max(first - 1, 0) : last + 1]) <= near
         moved = np.ptp(command[first:last]) / (np.ptp(command) or 1.0)
-        sound = gradual or reading[first] in ends or _may_be_held(record, (first, last), shortest, near)
+        sound = (
+            gradual or reading[first] in ends or _may_be_held(reading, command, record.sample_time, (first, last), near)
+        )
         if moved > (FROZEN if sound else MOVES):
             mask[first:last] = True
     return mask
 
 
-def _may_be_held(record: Recording, run: tuple[int, int], settling: int, near: float) -> bool:
-    """Whether friction may hold the plant in a `run` of one reading, from its first sample to before its last.
+def _longest_by_chance(equal: np.ndarray) -> float:
+    """Readings that one run of equal ones may hold by chance, if each is `equal` to the next as often as any other is."""
+    share = float(equal.mean())
+    return 1 + np.log(BY_CHANCE) / np.log(share) if 0.0 < share < 1.0 else np.inf
+
+
+def _may_be_held(
+    reading: np.ndarray, command: np.ndarray, sample_time: float, run: tuple[int, int], near: float
+) -> bool:
+    """Whether friction may hold the plant in a `run` of one `reading`, from its first sample to before its last.
 
     It lets go where the command leaps, or never did; and under commands as those of the run, which are too small for
-    it, it holds the plant at other times as well, within `near`, once that has had `settling` samples to come to rest.
+    it, it holds the plant at other times as well, within `near`, once that has had a second to come to rest.
     """
-    reading, command, (first, last) = record.outputs[0], record.inputs[0], run
-    delay = max(3, round(LETS_GO / record.sample_time))
+    first, last = run
+    delay, settling = max(3, round(LETS_GO / sample_time)), samples_in(STUCK_SECONDS, sample_time)
     step = np.abs(np.diff(command[max(last - delay - 1, 0) : last + 1]))
     leapt = np.flatnonzero(step > MOVES * np.ptp(command))
     if last < reading.size and leapt.size == 0:
@@ -83,21 +107,31 @@ def _may_be_held(record: Recording, run: tuple[int, int], settling: int, near: f
     return not stands or bool(np.concatenate(stands).mean() > HOLDS)
 
 
-def frozen(record: Recording, simulated: np.ndarray, jumps: np.ndarray) -> np.ndarray:
-    """Runs of a `record` longer than a second in which its reading is but noise, while the plant moves, up to a jump.
+def held(
+    reading: np.ndarray, simulated: np.ndarray, command: np.ndarray, sample_time: float, noise: float
+) -> np.ndarray:
+    """Runs in which a `reading` is but noise, for a second and longer, while the plant moves.
 
     A converter that holds its last value still has its noise. It comes back within a sample, to where the plant is by
-    then: no friction does. `simulated` (n,) are the calibrated plant's readings, SI, `jumps` (n,) marks those of the reading.
+    then, or never. What the plant did in the last second does not count: it may come late. Arrays of shape (n,); `simulated` is the calibrated plant's reading; nan where unknown.
     """
-    reading = record.outputs[0]
-    mask, shortest = np.zeros(reading.size, dtype=bool), samples_in(STUCK_SECONDS, record.sample_time)
-    far = SPIKE_DEVIATIONS * max(noise_of_bends(reading), resolution(reading) / 2)
-    for back in np.flatnonzero(jumps):
-        held = float(np.median(reading[max(back - shortest, 0) : back]))
-        away = np.flatnonzero(np.abs(reading[:back] - held) > far / 2)
+    mask, known = np.zeros(reading.size, dtype=bool), np.flatnonzero(np.isfinite(reading))
+    shortest = samples_in(STUCK_SECONDS, sample_time)
+    if known.size < shortest:
+        return mask
+    filled = np.interp(np.arange(reading.size), known, reading[known])
+    residual = filled - simulated
+    alive = max(noise, min(map(noise_of_bends, (filled, residual))), resolution(reading[known]) / 2)
+    far = SPIKE_DEVIATIONS * alive
+    for back in (*np.flatnonzero(jumps(filled) & jumps(residual)), reading.size):
+        value = float(np.median(filled[max(back - shortest, 0) : back]))
+        away = np.flatnonzero(~(np.abs(reading[:back] - value) <= far / 2))
         first = int(away[-1]) + 1 if away.size else 0
-        is_nearer = abs(reading[back] - simulated[back]) < abs(held - simulated[back])
-        if back - first >= shortest and is_nearer and np.ptp(simulated[first:back]) > 2 * far:
+        missed = simulated[first : max(back - shortest, first)]
+        if missed.size < RISE_SAMPLES or np.ptp(np.quantile(missed, USUALLY)) <= 2 * far:
+            continue
+        is_farther = back < reading.size and abs(residual[back]) >= abs(value - simulated[back])
+        if not is_farther and not _may_be_held(filled, command, sample_time, (first, int(back)), far / 2):
             mask[first:back] = True
     return mask
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from deatwin.ident.mismatch.gate.bursts import noisier, without_bursts
+from deatwin.ident.mismatch.gate.beside import without_faults
+from deatwin.ident.mismatch.gate.bursts import noisier
 from deatwin.ident.mismatch.gate.gate import Soundness, gate, split
 from deatwin.plant import Experiment, Planar, Plant, Reading, Recording
 
@@ -69,10 +70,27 @@ def test_a_burst_is_said_and_left_out_of_its_own_reading(row: int) -> None:
     (record,) = PLANT.record(blank, rng).recordings
     spoilt = np.array(record.outputs)
     spoilt[row, STRETCH] += 8.0 * PLANT.rig.readings[row].noise * rng.standard_normal(200)
-    checked = without_bursts(gate(PLANT, Experiment(recordings=(replace(record, outputs=spoilt),))), PLANT)
+    checked = without_faults(gate(PLANT, Experiment(recordings=(replace(record, outputs=spoilt),))), PLANT)
     assert checked.soundness is Soundness.SOUND
     assert f"the {('reading', 'capacitance')[row]} is much noisier than elsewhere" in checked.notes[0]
     parts = split(checked, weights={"capacitance": 1.0})[2]
     left = [not part.masks[0][650:750].any() for part in parts]
     assert left == [row == 0, row == 1]
     assert parts[row].size > 700 and parts[1 - row].size == 1000
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_burst_is_found_beside_missing_physics_many_times_as_large(seed: int) -> None:
+    """What a plant lacks is slow, and lies in the other windows as well: here filtered noise of forty deviations."""
+    rng = np.random.default_rng(20 + seed)
+    slow = lfilter([1.0], np.poly([0.97, 0.97]), rng.standard_normal(1500))
+    missing = slow * 40.0 / np.std(slow)
+    residual = missing + rng.standard_normal(1500)
+    assert not noisier([residual], [np.zeros(1500)], 1.0)[0].any()
+    residual[STRETCH] += 6.0 * rng.standard_normal(200)
+    (mask,) = noisier([residual], [np.zeros(1500)], 1.0)
+    assert mask[STRETCH].mean() > 0.9
+    assert mask.sum() <= 200 + 2 * 50
+    residual = missing + rng.standard_normal(1500)
+    residual[STRETCH] += 8.0 * np.sin(2 * np.pi * 0.33 * np.arange(200))
+    assert not noisier([residual], [np.zeros(1500)], 1.0)[0].any()

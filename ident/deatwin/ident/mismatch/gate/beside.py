@@ -1,0 +1,60 @@
+"""Faults of each reading that stand out beside a calibrated plant: stretches in which it is held, and bursts of noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from deatwin.ident.mismatch.gate.bursts import noisier
+from deatwin.ident.mismatch.gate.gate import Gate, Masks
+from deatwin.ident.mismatch.gate.suspects import held
+from deatwin.ident.soundness import resolution
+from deatwin.plant.model import Plant
+
+
+def without_faults(checked: Gate, plant: Plant) -> Gate:
+    """The recordings with the faults of each reading marked, which stand out beside a calibrated plant.
+
+    The same object where there are none.
+    """
+    outputs = [plant.simulate(experiment).require().outputs for experiment in checked.experiments]
+    commands = [record.inputs[0] for experiment in checked.experiments for record in experiment.recordings]
+    stuck: dict[str, Masks] = {}
+    bursts: dict[str, Masks] = {}
+    for row, reading in enumerate(plant.rig.readings):
+        name, simulated, measured = reading.name if row else "", [], []
+        for experiment, rows, sound in zip(checked.experiments, outputs, checked.sound, strict=True):
+            simulated += [each[row] for each in rows]
+            for record, mask in zip(experiment.recordings, sound, strict=True):
+                measured.append(record.reading(name) if name else np.where(mask, record.outputs[0], np.nan))
+        still = [
+            held(*three, plant.rig.sample_time, reading.noise)
+            for three in zip(measured, simulated, commands, strict=True)
+        ]
+        alive = [np.where(mask, np.nan, values) for mask, values in zip(still, measured, strict=True)]
+        steps = [resolution(known) for known in (values[np.isfinite(values)] for values in alive) if known.size]
+        residuals = [values - y for values, y in zip(alive, simulated, strict=True)]
+        noisy = noisier(residuals, commands, max([reading.noise, *(step / np.sqrt(12.0) for step in steps)]))
+        for found, masks in ((stuck, still), (bursts, noisy)):
+            if any(mask.any() for mask in masks):
+                found[name] = _of_each(checked, masks)
+    if not stuck and not bursts:
+        return checked
+    own = stuck.pop("", None)
+    return replace(
+        checked, bursts=bursts, stuck_further=stuck, stuck=_either(checked.stuck, own) if own else checked.stuck
+    )
+
+
+def _of_each(checked: Gate, masks: Sequence[np.ndarray]) -> Masks:
+    """Masks of all records, one after another, for each experiment."""
+    following = iter(masks)
+    return tuple(tuple(next(following) for _ in experiment.recordings) for experiment in checked.experiments)
+
+
+def _either(one: Masks, other: Masks) -> Masks:
+    """Samples that are marked in either."""
+    pairs = zip(one, other, strict=True)
+    return tuple(tuple(a | b for a, b in zip(*pair, strict=True)) for pair in pairs)
