@@ -61,21 +61,33 @@ class Row:
 
 def run(setting: Setting) -> Mapping[str, Any]:
     """Learn, run free, and write the table; Ctrl-C ends with the models that were learned until then."""
-    tasks = standard_tasks(setting.data)
+    tasks, left_out = standard_tasks(setting.data)
     record = setting.record(hashes(path for task in tasks for path in task.data.files))
-    jobs = [(method, task.data) for task in tasks for method in task.methods]
-    jobs.sort(key=_length, reverse=setting.jobs != 1)  # the longest first, unless an interrupt would keep less of them
+    jobs = _ordered([(method, task.data) for task in tasks for method in task.methods], setting.jobs)
     done: list[Outcome] = []
     plants: list[Judged] = []
     try:
         _learn(jobs, setting, done)
         setting.progress(0.95, "plants")
-        plants += calibrated(setting.data, setting.jobs)
+        plants += calibrated(setting.data, setting.jobs, [task.data.title for task in tasks])
     except KeyboardInterrupt:
         if done:
-            _written(setting, record, tasks, done, plants, f"Interrupted after {len(done)} of {len(jobs)} models. ")
+            ended = f"Interrupted after {len(done)} of {len(jobs)} models. "
+            _written(setting, record, tasks, done, plants, left_out, ended)
         raise
-    return _written(setting, record, tasks, done, plants)
+    return _written(setting, record, tasks, done, plants, left_out)
+
+
+def _ordered(jobs: Sequence[tuple[str, DataSet]], workers: int) -> list[tuple[str, DataSet]]:
+    """Return the jobs as they begin: the shortest first, so that an interrupt keeps what it can.
+
+    Of several workers one takes the longest meanwhile; the other long ones follow the short ones, for an early end.
+    """
+    rising = sorted(jobs, key=_length)
+    if workers == 1:
+        return rising
+    short = [job for job in rising[:-1] if _length(job) == 1.0]
+    return [rising[-1], *short, *rising[-2 : len(short) - 1 : -1]]
 
 
 def _length(job: tuple[str, DataSet]) -> float:
@@ -105,6 +117,7 @@ def _written(
     tasks: Sequence[Task],
     done: list[Outcome],
     plants: list[Judged],
+    left_out: Sequence[str],
     ended: str = "",
 ) -> Mapping[str, Any]:
     """Judge the models, and write the page."""
@@ -113,15 +126,17 @@ def _written(
     rows = [row for task, outcome in wanted if outcome for row in _judged(task, outcome)]
     rows += [_of_plant(one) for one in plants]
     measures = [_measure(row) for row in rows if row.model in CLAIMED]
+    notes = [Note(title="Rules", paragraphs=WORDS.texts("standard_tasks.notes"))]
+    notes += [Note(title="Left out", paragraphs=left_out)] if left_out else []
     page = StoryPage(
         title="standard-tasks",
         sentence=f"{ended}The standard tasks, free runs over the official test parts: {reached(measures)} goals reached.",
         rows=measures,
         figures=[_drawn(rows)],
-        notes=[Note(title="Rules", paragraphs=WORDS.texts("standard_tasks.notes"))],
+        notes=notes,
         tables=[_table(rows)],
     )
-    return finish(setting.folder, record, page, errors=[_plain(row) for row in rows])
+    return finish(setting.folder, record, page, errors=[_plain(row) for row in rows], notes=left_out)
 
 
 def _judged(task: Task, outcome: Outcome) -> list[Row]:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from deatwin.ident.nss import Cascade, Pnlss
 from deatwin.ident.nss.basis import monomials
+from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording
 from deatwin.scenarios.real_physics import bouc_wen, emps
 from deatwin.studies.public.black_boxes import GROWN, LINEAR, REFINED
@@ -100,9 +101,18 @@ class Task:
         return (*self.data.further, *METHODS)
 
 
-def standard_tasks(data: Path | None) -> tuple[Task, ...]:
-    """Return the tasks with the recordings of a folder."""
-    return (_silverbox(data), _tanks(data), _emps(data), _bouc_wen(data))
+def standard_tasks(data: Path | None) -> tuple[tuple[Task, ...], tuple[str, ...]]:
+    """Return the tasks whose recordings are at hand, and a line on each of the others."""
+    tasks, lines = [], []
+    makers = {"Silverbox": _silverbox, "Cascaded tanks": _tanks, "EMPS": _emps, "Bouc-Wen": _bouc_wen}
+    for title, make in makers.items():
+        try:
+            tasks.append(make(data))
+        except DataError as error:
+            lines.append(f"{title} left out: {error}")
+    if not tasks:
+        raise DataError("; ".join(lines))
+    return tuple(tasks), tuple(lines)
 
 
 def _silverbox(data: Path | None) -> Task:
