@@ -71,10 +71,10 @@ def test_an_interrupt_keeps_the_models_that_were_learned(setting: Setting) -> No
         standard_tasks.run(replace(setting, progress=interrupt))
     kept = json.loads((setting.folder.path / "standard-tasks.json").read_text(encoding="utf-8"))
     assert kept["sentence"].startswith("Interrupted after 1 of 2 models. ")
-    assert [row["model"] for row in kept["errors"]] == [STATES]
+    assert [row["model"] for row in kept["errors"]] == [LINEAR]
     assert told == [
-        "0 of 2 models, still Drained tanks: nonlinear state space",
-        "1 of 2 models, still Drained tanks: output error, linear",
+        "0 of 2 models, still Drained tanks: output error, linear",
+        "1 of 2 models, still Drained tanks: nonlinear state space",
         "2 of 2 models",
     ]
 

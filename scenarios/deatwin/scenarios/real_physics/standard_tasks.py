@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +21,7 @@ from deatwin.ident.parallel import jobs_as_they_end
 from deatwin.scenarios.real_physics.grey_boxes import Judged, calibrated
 from deatwin.scenarios.real_physics.task_parts import CUBIC, STATES, Task, standard_tasks
 from deatwin.studies.provenance import RunRecord, hashes
-from deatwin.studies.public.black_boxes import GROWN, Outcome, free, learned
+from deatwin.studies.public.black_boxes import GROWN, LINEAR, Outcome, free, learned
 from deatwin.studies.public.records import DataSet
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import Hue
@@ -41,7 +42,8 @@ PLANTS = {
 }
 """Test and model of calibrated plants that the scenario of the grey boxes calls otherwise."""
 LONGEST = {("silverbox", STATES): 60.0, ("bouc_wen", STATES): 50.0, ("silverbox", GROWN): 10.0}
-"""How long these take, compared with the others: for the progress, and because several workers begin with the longest."""
+USUAL, QUICK = 1.0, 0.2
+"""How long models take, compared with each other: for the progress, and for the order; linear ones are quick."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,13 +88,13 @@ def _ordered(jobs: Sequence[tuple[str, DataSet]], workers: int) -> list[tuple[st
     rising = sorted(jobs, key=_length)
     if workers == 1:
         return rising
-    short = [job for job in rising[:-1] if _length(job) == 1.0]
+    short = [job for job in rising[:-1] if _length(job) <= USUAL]
     return [rising[-1], *short, *rising[-2 : len(short) - 1 : -1]]
 
 
 def _length(job: tuple[str, DataSet]) -> float:
     method, data = job
-    return LONGEST.get((data.name, method), 1.0)
+    return LONGEST.get((data.name, method), QUICK if method == LINEAR else USUAL)
 
 
 def _learn(jobs: list[tuple[str, DataSet]], setting: Setting, done: list[Outcome]) -> None:
@@ -105,10 +107,11 @@ def _learn(jobs: list[tuple[str, DataSet]], setting: Setting, done: list[Outcome
         setting.progress(0.95 * share, f"{len(jobs) - len(left)} of {len(jobs)} models{''.join(still)}")
 
     tell()
-    for number, outcome in jobs_as_they_end(learned, jobs, workers=setting.jobs):
-        left.discard(number)
-        tell()  # which raises where a fit was interrupted: what it found until then is no result
-        done.append(outcome)
+    with closing(jobs_as_they_end(learned, jobs, workers=setting.jobs)) as running:  # which ends the workers at once
+        for number, outcome in running:
+            left.discard(number)
+            tell()  # which raises where a fit was interrupted: what it found until then is no result
+            done.append(outcome)
 
 
 def _written(
