@@ -41,7 +41,7 @@ def setting(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Setting:
         scale=1.0,
         further={STATES: Pnlss(states=2, degrees=(), feedthrough=False)},
     )
-    test = task_parts.Test(name="validation", recording=data.test, goal=1e-3, published="", shown=1)
+    test = task_parts.Test(name="validation", recording=data.test, goal=1e-3, shown=1)
     monkeypatch.setattr(task_parts, "METHODS", (LINEAR,))
     monkeypatch.setattr(
         standard_tasks, "standard_tasks", lambda _: ((Task(data=data, tests=(test,), same_start=True),), ())

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from deatwin.ident.nss import NonlinearStateSpace
 from deatwin.ident.parallel import jobs_as_they_end
 from deatwin.scenarios.real_physics.grey_boxes import Judged, calibrated
+from deatwin.scenarios.real_physics.published import said, sources
 from deatwin.scenarios.real_physics.task_parts import CUBIC, STATES, Task, standard_tasks
 from deatwin.studies.provenance import RunRecord, hashes
 from deatwin.studies.public.black_boxes import GROWN, LINEAR, Outcome, free, learned
@@ -35,12 +36,6 @@ WORDS = Words(__package__)
 PLANT, UNEVEN = "calibrated plant", "calibrated plant, uneven friction"
 CLAIMED = (GROWN, STATES, CUBIC, PLANT, UNEVEN)
 """Recipes that stand for deatwin; the others stand beside them."""
-PLANTS = {
-    "Cascaded tanks": ("Cascaded tanks, validation", PLANT),
-    "EMPS, four parameters": ("EMPS, pulses", PLANT),
-    "EMPS, uneven friction": ("EMPS, pulses", UNEVEN),
-}
-"""Test and model of calibrated plants that the scenario of the grey boxes calls otherwise."""
 LONGEST = {("silverbox", STATES): 60.0, ("bouc_wen", STATES): 50.0, ("silverbox", GROWN): 10.0}
 USUAL, QUICK = 1.0, 0.2
 """How long models take, compared with each other: for the progress, and for the order; linear ones are quick."""
@@ -57,7 +52,6 @@ class Row:
     unit: str
     seconds: float
     goal: float
-    published: str
     said: str = ""  # Why there is no error
 
 
@@ -137,7 +131,7 @@ def _written(
         rows=measures,
         figures=[_drawn(rows)],
         notes=notes,
-        tables=[_table(rows)],
+        tables=[_table(rows), sources()],
     )
     return finish(setting.folder, record, page, errors=[_plain(row) for row in rows], notes=left_out)
 
@@ -161,7 +155,6 @@ def _judged(task: Task, outcome: Outcome) -> list[Row]:
                 unit=task.data.unit,
                 seconds=outcome.seconds,
                 goal=test.goal,
-                published=test.published,
                 said=said,
             )
         )
@@ -177,16 +170,14 @@ def _size(outcome: Outcome) -> str:
 
 def _of_plant(one: Judged) -> Row:
     """Return the line of a calibrated plant; its run counts from the first sample on."""
-    task, model = PLANTS.get(one.task.name, (one.task.name, PLANT))
     return Row(
-        task=task,
-        model=model,
+        task=one.task.test,
+        model=UNEVEN if "uneven" in one.task.name else PLANT,
         size=f"{len(one.fit.names)} parameters",
         error=one.error,
         unit=one.task.unit,
         seconds=one.seconds,
         goal=one.task.goal,
-        published=one.task.published,
     )
 
 
@@ -208,7 +199,7 @@ def _table(rows: list[Row]) -> Table:
             "size": lambda row: row.size,
             "error": lambda row: row.said or f"{row.error:.3g} {row.unit}",
             "time to learn (s)": lambda row: f"{row.seconds:.1f}",
-            "published": lambda row: row.published,
+            "published": lambda row: said(row.task),
         },
     )
 
