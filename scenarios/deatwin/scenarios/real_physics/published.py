@@ -6,10 +6,7 @@ from dataclasses import dataclass
 
 from deatwin.studies.report.story import Table
 
-_COPY = (
-    "a public transcription of tables 3 and 4 of Champneys et al., not the paper itself; its linear rows for the Silverbox, "
-    "6.96, 14.4 and 6.58 mV, are what our linear model gives"
-)
+_COPY = "transcription of tables 3 and 4 of Champneys et al. (secondary)"
 _LATEX = "the authors' LaTeX, github.com/forgi86/dynonet, doc/paper/ms.tex"
 _UNSEEN = "not read at its source, nor in a list that could be checked"
 _BASELINES = "Champneys et al., IFAC-PapersOnLine 58 (2024), doi:10.1016/j.ifacol.2024.08.574, arXiv:2405.10779v2"
