@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from deatwin.ident.nss import Pnlss
+from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording
 from deatwin.scenarios.real_physics import standard_tasks, task_parts
 from deatwin.scenarios.real_physics.task_parts import STATES, Task
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.public.black_boxes import LINEAR
 from deatwin.studies.public.records import Candidates, DataSet
+from deatwin.studies.public.sources import data_folder
 from deatwin.studies.stories import Setting
 
 
@@ -39,9 +41,11 @@ def setting(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Setting:
         scale=1.0,
         further={STATES: Pnlss(states=2, degrees=(), feedthrough=False)},
     )
-    test = task_parts.Test(name="validation", recording=data.test, goal=1e-3, published="", shown=1)
+    test = task_parts.Test(name="validation", recording=data.test, goal=1e-3, shown=1)
     monkeypatch.setattr(task_parts, "METHODS", (LINEAR,))
-    monkeypatch.setattr(standard_tasks, "standard_tasks", lambda _: (Task(data=data, tests=(test,), same_start=True),))
+    monkeypatch.setattr(
+        standard_tasks, "standard_tasks", lambda _: ((Task(data=data, tests=(test,), same_start=True),), ())
+    )
     monkeypatch.setattr(standard_tasks, "calibrated", lambda *_: [])
     return Setting(
         folder=ResultFolder(tmp_path), data=None, command=["test"], jobs=1, seed=0, progress=lambda share, text: None
@@ -67,9 +71,34 @@ def test_an_interrupt_keeps_the_models_that_were_learned(setting: Setting) -> No
         standard_tasks.run(replace(setting, progress=interrupt))
     kept = json.loads((setting.folder.path / "standard-tasks.json").read_text(encoding="utf-8"))
     assert kept["sentence"].startswith("Interrupted after 1 of 2 models. ")
-    assert [row["model"] for row in kept["errors"]] == [STATES]
+    assert [row["model"] for row in kept["errors"]] == [LINEAR]
     assert told == [
-        "0 of 2 models, still Drained tanks: nonlinear state space",
-        "1 of 2 models, still Drained tanks: output error, linear",
+        "0 of 2 models, still Drained tanks: output error, linear",
+        "1 of 2 models, still Drained tanks: nonlinear state space",
         "2 of 2 models",
     ]
+
+
+def test_several_workers_begin_with_the_longest_and_the_short_ones() -> None:
+    lengths = {"a": 1.0, "b": 60.0, "c": 1.0, "d": 50.0, "e": 10.0, "f": 1.0}
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(standard_tasks, "_length", lambda job: lengths[job[0]])
+        jobs = [(name, None) for name in lengths]
+        assert [name for name, _ in standard_tasks._ordered(jobs, 2)] == ["b", "a", "c", "f", "d", "e"]
+        assert [name for name, _ in standard_tasks._ordered(jobs, 1)] == ["a", "c", "f", "e", "d", "b"]
+        assert [name for name, _ in standard_tasks._ordered(jobs[1:2], 2)] == ["b"]
+
+
+def test_data_sets_that_are_not_at_hand_are_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    there = drained(0)
+    tasks = {"_silverbox": None, "_tanks": there, "_emps": None, "_bouc_wen": None}
+    for maker, task in tasks.items():
+        name = maker.strip("_")
+        monkeypatch.setattr(task_parts, maker, lambda data, name=name, task=task: task or data_folder(data, name))
+    found, lines = task_parts.standard_tasks(tmp_path)
+    assert found == (there,)
+    assert [line.split(" left out: ")[0] for line in lines] == ["Silverbox", "EMPS", "Bouc-Wen"]
+    assert all("no such folder" in line and "\n" not in line for line in lines)
+    monkeypatch.setattr(task_parts, "_tanks", lambda data: data_folder(data, "tanks"))
+    with pytest.raises(DataError, match=r"Silverbox left out.*Cascaded tanks left out.*Bouc-Wen left out"):
+        task_parts.standard_tasks(tmp_path)

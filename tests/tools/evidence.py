@@ -27,6 +27,7 @@ from typing import Any
 
 from control_story import STORY, story_blocks, story_data
 from measured import MEASURED, measured_blocks, measured_data
+from records import RECORDS, record_blocks
 
 from deatwin.plant.errors import DataError, DeatwinError
 from deatwin.plant.safe_read import clipped
@@ -49,7 +50,13 @@ FIGURE = """
 
 ![Confusion of families, naming by strength, stated probabilities, errors on held-out data]({name}.svg)
 """
-DATA = {"control-check": TRIALS, "control-story": STORY, STUDY: CONCEALED, LONG_STUDY: CONCEALED, "scenarios": MEASURED}
+DATA = {
+    "control-check": TRIALS,
+    "control-story": STORY,
+    STUDY: CONCEALED,
+    LONG_STUDY: CONCEALED,
+    "scenarios": MEASURED,
+} | {"records": RECORDS}
 """Files in ``docs/data/`` by their names without ending, with their schemas."""
 BLOCK = re.compile(r"(<!-- made by evidence: ([\w-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 Data = Mapping[str, Mapping[str, Any]]
@@ -89,8 +96,10 @@ def blocks(data: Data) -> dict[str, list[str]]:
         story = story_blocks(data["control-story"])
     with _as_written("scenarios"):
         measured = measured_blocks(data["scenarios"])
+    with _as_written("records"):
+        records = record_blocks(data["records"], data["scenarios"])
     studies = markdown_table(["study", "cases", "goals met, of those with a case", "run"], [concealed, long, checked])
-    return {**control, "studies": studies, "concealed-missed": missed, **story, **measured}
+    return {**control, "studies": studies, "concealed-missed": missed, **story, **measured, **records}
 
 
 def _of_trials(trials: Mapping[str, Any]) -> tuple[dict[str, list[str]], list[str]]:

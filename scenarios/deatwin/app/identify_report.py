@@ -25,6 +25,7 @@ from deatwin.studies.report.tabulated import drawn_table
 if TYPE_CHECKING:
     from deatwin.ident.look import BestLinearApproximation
     from deatwin.ident.narx import NarxModel, NarxResponse, Unstable, Validation
+    from deatwin.ident.nss import NonlinearStateSpace
     from deatwin.plant.recording import Recording
 
 
@@ -53,14 +54,15 @@ class Tested:
 class Identified:
     """A model and what it was judged on."""
 
-    model: NarxModel
-    method: str  # That chose its terms
+    model: NarxModel | NonlinearStateSpace
+    told: str  # Its kind, size and method, in words
     unseen: Sequence[Recording]  # The part of each recording that was not fitted
     tested: Tested
     complete: bool = True  # False if the search for terms was interrupted
     notes: Sequence[str] = ()  # About the fit
     clocks: Sequence[str] = ()  # About the sampling of the recordings
     linear: Sequence[float] = ()  # Free-run error of a linear model on each held-out part, SI; empty without one
+    linear_as: str = "with the same lags"  # What that model has in common with this one
     best_linear: BestLinearApproximation | None = None  # Of periodic recordings
 
     @property
@@ -101,10 +103,15 @@ class Identified:
 
 
 def write_identified(found: Identified, folder: ResultFolder, record: RunRecord) -> None:
-    """Write figures' data and the report."""
+    """Write figures' data, the report and the record."""
+    from deatwin.ident.narx import NarxModel
+
     runs = [found.run(part) for part in found.unseen]
     drawings = [_free_run(found, number, part, run) for number, (part, run) in _first(found, runs)]
-    drawings.append(_terms(found))
+    tables, model = [], found.model
+    if isinstance(model, NarxModel):
+        drawings.append(_terms(model))
+        tables.append(_table(model))
     if found.best_linear is not None:
         drawings.append(periodic_drawing(found.best_linear))
     if found.tested.validation is not None and found.tested.validation.tests:
@@ -112,7 +119,7 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
     rows = _rows(found, runs)
     worst = max(runs, key=lambda run: run.rms_error)
     sentence = (
-        f"A NARX model of {len(found.model.terms)} terms ({found.method}): on held-out data its {found.judged} has an "
+        f"{found.told}: on held-out data its {found.judged} has an "
         f"error of {found.amount(worst.rms_error)} rms{' at most' if len(runs) > 1 else ''}"
         f"{_beside(found)}. {reached(rows)} measures reached."
     )
@@ -131,10 +138,12 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
         notes.append(Note(title="Interrupted", paragraphs=["The search for terms was stopped before its end."]))
     if found.notes:
         notes.append(Note(title="About the fit", paragraphs=[f"{note[:1].upper()}{note[1:]}." for note in found.notes]))
-    page = StoryPage(
-        title="identify", sentence=sentence, rows=rows, notes=notes, figures=drawings, tables=[_table(found.model)]
-    )
+    if not tables:
+        notes.append(Note(title="The model", paragraphs=["Of scaled signals."], code=str(model)))
+    page = StoryPage(title="identify", sentence=sentence, rows=rows, notes=notes, figures=drawings, tables=tables)
     write_story(folder, page, record)
+    folder.remove_former(r"figures/\w+\.csv")
+    record.save(folder)
 
 
 def _beside(found: Identified) -> str:
@@ -186,9 +195,8 @@ def _free_run(found: Identified, number: int, part: Recording, run: NarxResponse
         return Drawing.of(figure, name, title, caption, {"time_s": timepts, "input": command, **outputs})
 
 
-def _terms(found: Identified) -> Drawing:
+def _terms(model: NarxModel) -> Drawing:
     """Each parameter in units of its standard deviation: from two on it is told from zero."""
-    model = found.model
     spread = np.sqrt(np.maximum(model.theta_cov.diagonal(), 0.0))
     certainty = np.abs(model.theta) / np.where(spread > 0, spread, np.nan)
     order = np.argsort(np.nan_to_num(certainty))
@@ -231,7 +239,7 @@ def _rows(found: Identified, runs: Sequence[NarxResponse]) -> list[Measure]:
         rows.append(
             Measure(
                 f"{found.judged} compared with a linear model, {label(part)}",
-                f"below {found.amount(linear)} rms, the error of a linear output-error model with the same lags",
+                f"below {found.amount(linear)} rms, the error of a linear output-error model {found.linear_as}",
                 f"{found.amount(run.rms_error)} rms",
                 run.status.ok and run.rms_error < linear,
             )

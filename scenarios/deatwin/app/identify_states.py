@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from deatwin.studies.voice import Voice, complain
 
 if TYPE_CHECKING:
+    from deatwin.app.identify_report import Identified
+    from deatwin.ident.look import BestLinearApproximation
+    from deatwin.ident.nss import Pnlss
     from deatwin.plant.recording import Recording
 
 _USELESS = (
@@ -19,25 +22,23 @@ _USELESS = (
 
 def identify_states(
     out: Path,
+    identifier: Pnlss,
     training: Sequence[Recording],
     unseen: Sequence[Recording],
-    *,
-    states: int,
-    degree: int,
-    functions: Sequence[str],
+    periodic: BestLinearApproximation | None,
     notes: Sequence[str],
     voice: Voice,
+    report_of: Callable[[Identified], None],
 ) -> bool:
-    """Fit, save and judge; return whether the search was completed."""
+    """Fit, save, judge and report; return whether the search was completed."""
     import numpy as np
     import typer
 
+    from deatwin.app.identify_report import Identified, Tested, linear_errors
     from deatwin.ident.narx.recorded_pole import recorded_pole
     from deatwin.ident.narx.unstable import unstable_pole_lacked
-    from deatwin.ident.nss import Pnlss
     from deatwin.plant.recording import label
 
-    identifier = Pnlss(states=states, degrees=tuple(range(2, degree + 1)), terms=tuple(functions))
     with voice.progress("fitting a nonlinear state space") as progress:
         try:
             identifier.fit(training, progress=progress)
@@ -70,6 +71,21 @@ def identify_states(
         lines.append(identifier.status_.value)
     for line in (*lines, f"model: {out}"):
         voice.say(line)
+    states = model.n_states
+    report_of(
+        Identified(
+            model=model,
+            told=f"A nonlinear state space of order {states} with {model.theta.size} weights",
+            unseen=unseen,
+            tested=Tested(why_not="the model is fitted to the free run, whose error holds all that it leaves out"),
+            complete=identifier.status_.ok,
+            notes=found,
+            clocks=notes,
+            linear=linear_errors(range(states + 1), states, training, unseen),
+            linear_as="of the same order",
+            best_linear=periodic,
+        )
+    )
     document = {"out": str(out), "complete": identifier.status_.ok, "notes": found, "unseen": errors}
     voice.result({**document, "clocks": list(notes)})
     return identifier.status_.ok

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
+from deatwin.app.identify_periodic import degree_remarks
 from deatwin.app.thinning import advised
 from deatwin.ident.look import Look
 from deatwin.ident.look.inputs import InputShape
@@ -54,6 +55,8 @@ def next_step(seen: Sequence[Seen], rig: str | None = None) -> Next:
     words, choice = [*(file.path for file, _ in alike), *first.options], look.sampling
     if choice is not None and advised(records, choice):
         words += ["--decimate", "auto"]
+    if degree_remarks(look.best_linear, 2):  # the degree unless one is given
+        words += ["--degree", "3"]
     return Next(
         sentence=f"identify a model from the data alone{left_out}",
         command=shlex.join(["deatwin", "identify", *words, "--out", "narx.json"]),

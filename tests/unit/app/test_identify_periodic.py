@@ -26,4 +26,6 @@ def test_an_odd_distortion_asks_for_an_odd_degree(
         == 0
     )
     assert ("try terms of odd degree, --degree 3" in capsys.readouterr().out) is said
+    assert main(["look", str(tmp_path / "a.csv")]) == 0
+    assert ("--degree 3" in capsys.readouterr().out) is said
     assert "Without a model" in (out / "report.html").read_text(encoding="utf-8")

@@ -50,6 +50,9 @@ def test_ctrl_c_leaves_the_best_model(folder, monkeypatch, capsys):
 @pytest.mark.parametrize(("pole", "told"), [(0.8, False), (1.02, True)])
 def test_an_unstable_plant_is_noted(folder, capsys, pole, told):
     recorded(pole)
-    assert main(ARGUMENTS) == 0
+    assert main([*ARGUMENTS, "--report", "told"]) == 0
     said = capsys.readouterr().out
     assert ("note: " in said) is told and ("unstable pole, |z| = 1.02" in said) is told
+    page = (folder / "told" / "report.html").read_text(encoding="utf-8")
+    assert "A nonlinear state space of order 1" in page and "linear output-error model of the same order" in page
+    assert ("unstable pole" in page) is told and (folder / "told" / "figures" / "free_run_1.csv").is_file()

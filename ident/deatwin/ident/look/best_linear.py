@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.look.approximation import Array, BestLinearApproximation, Complex, Lines
-from deatwin.ident.look.inputs import period_of
 from deatwin.ident.narx.regression import Recordings, flatten, require_alike
+from deatwin.ident.narx.repeats import period_of
 from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording, label
 

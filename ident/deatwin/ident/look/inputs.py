@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.levels import few_levels
+from deatwin.ident.narx.repeats import period_of
 from deatwin.ident.soundness import noise_of_bends, runs
 
 Array = NDArray[np.float64]
@@ -30,9 +31,6 @@ _CLEAR, _SAME_SPEED = 30.0, 0.1
 _SLOW_LINES = 3
 _TONE_LINES = 9
 """Three tones hold 90 % of their power in three lines each behind a Hann window, whose main lobe is that wide."""
-_ALIKE = 0.02
-"""Share of twice the variance by which a signal differs from itself a period later, at most: a tone of 16 samples whose
-period is half a sample off the clock differs by as much."""
 _FEWEST = 16
 """Samples below which no shape is told."""
 
@@ -131,28 +129,3 @@ def _tonal(values: Array) -> bool:
     power = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(values.size))) ** 2
     few = np.sort(power[_SLOW_LINES:])[-_TONE_LINES:]
     return values.size > 8 * _TONE_LINES and bool(few.sum() > _PURE * power.sum())
-
-
-def period_of(values: Array) -> float | None:
-    """Return the number of samples after which a signal repeats itself, at least twice; None where it does not.
-
-    The signal is compared with itself at all shifts, from the first one at which it has become another on, and for the
-    last time half the record later, so that slow growth does not pass for repetition.
-    """
-    n, left = values.size, values - values.mean()
-    size = 1 << (2 * n - 1).bit_length()
-    products = np.fft.irfft(np.abs(np.fft.rfft(left, size)) ** 2, size)[: n // 2 + 1]
-    squares = np.concatenate([[0.0], np.cumsum(left**2)])
-    shifts = np.arange(products.size)
-    sums = squares[n - shifts] + squares[n] - squares[shifts]
-    apart = (sums - 2.0 * products) / np.maximum(sums, np.finfo(float).tiny)  # 0: alike, 1: as two signals
-    other = np.flatnonzero(apart > 0.5)
-    alike = other[0] + np.flatnonzero(apart[other[0] :] <= _ALIKE) if other.size else other
-    if not alike.size:
-        return None
-    first = int(alike[0])
-    first += int(np.argmin(apart[first : first + max(1, first // 4)]))
-    times = (n // 2) // first
-    about, width = times * first, max(1, first // 4)
-    last = about - width + int(np.argmin(apart[about - width : about + width + 1]))
-    return last / times if apart[last] <= 2.0 * _ALIKE else None

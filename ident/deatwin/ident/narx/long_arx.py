@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx.repeats import periods_apart
+
 Array = NDArray[np.float64]
 Signals = Sequence[tuple[Array, Array]]
 """Inputs, (n_inputs, n), and output, (n,), of each recording, scaled to a variance of 1."""
@@ -126,17 +128,43 @@ def answer_chance(signals: Signals, which: int, longest: int) -> float:
 
     An input that is held for so many samples is tested where it may change. In between it is its own past, and an
     output that rings tells how long it has been held, so that it would foretell the next change.
+
+    Of an input that repeats itself only what differs between periods is tested. What repeats is no chance: a few lags
+    of the output, with the nonlinear distortion in them, foretell it in every period alike, where nothing answers. What
+    differs may come of the noise alone, and the input's own past then tells the output's, so that an answer within the
+    sample shows in the present output only. That must agree neither with an input that acts within the sample as what
+    repeats says, nor with one that does not act, as where it is noise of its reading.
     """
-    n_inputs, hold = signals[0][0].shape[0], _hold(signals, which)
+    n_inputs = signals[0][0].shape[0]
+    apart = [periods_apart(inputs[which], inputs, output, longest) for inputs, output in signals]
+    signals = [one for series in apart for one in series[1:] or series]
+    longest = enough_lags(signals, n_inputs, longest)
+    if not longest:
+        return 1.0
+    hold = _hold(signals, which)
     past = [_inputs(signals, i, range(longest, 0, -1)) for i in range(n_inputs)]
     past[which] = past[which][:, ::-hold]  # one sample of each hold, the last one first
-    output = _outputs(signals, longest)[0][:, :_ANSWERS]
+    output, present = _outputs(signals, longest)
     target = np.concatenate([inputs[which, longest:] for inputs, _ in signals])
+    tested = [output[:, :_ANSWERS]]
+    if all(len(series) > 1 for series in apart):
+        acts = _at_once([series[0] for series in apart], which, longest)
+        tested = [np.column_stack([present - b * target, *tested]) for b in {0.0, acts}]
     may_change = np.concatenate([_on_clock(inputs[which], hold)[longest:] for inputs, _ in signals])
-    rows = np.column_stack([np.ones(target.size), *past, output])[may_change]
-    if rows.shape[0] < _FOR_EACH * rows.shape[1]:
+    fixed = np.column_stack([np.ones(target.size), *past])
+    if may_change.sum() < _FOR_EACH * (fixed.shape[1] + tested[0].shape[1]):
         return 1.0
-    return _Scores.of(rows, target[may_change], output.shape[1]).p_value()
+    return max(
+        _Scores.of(np.column_stack([fixed, one])[may_change], target[may_change], one.shape[1]).p_value()
+        for one in tested
+    )
+
+
+def _at_once(signals: Signals, which: int, longest: int) -> float:
+    """Return the coefficient of an input in the same sample; 0 where there are too few samples to tell."""
+    n_inputs = signals[0][0].shape[0]
+    longest = enough_lags(signals, n_inputs, longest)
+    return float(LongArx.of(signals, longest, shortest=[0] * n_inputs).b[which, 0]) if longest else 0.0
 
 
 def _hold(signals: Signals, which: int) -> int:

@@ -23,11 +23,8 @@ from deatwin.studies.voice import Voice, complain
 
 if TYPE_CHECKING:
     from deatwin.app.identify_report import Tested
-    from deatwin.ident.look import BestLinearApproximation
     from deatwin.ident.narx import NarxIdentifier, NarxModel
     from deatwin.plant.recording import Recording
-    from deatwin.studies.folder import ResultFolder
-    from deatwin.studies.provenance import RunRecord
 
 
 class Method(StrEnum):
@@ -142,13 +139,14 @@ def identify(
     from deatwin.app.identify_lags import FIRST, LAST, OUTPUT_LAGS, bounded, choose_input_lags, disagreements
     from deatwin.app.identify_noise import biased_by_noise, outlying
     from deatwin.app.identify_periodic import approximated, degree_remarks
-    from deatwin.app.identify_report import linear_errors
+    from deatwin.app.identify_report import Identified, linear_errors, write_identified
     from deatwin.app.identify_states import identify_states
     from deatwin.app.thinning import lost, thinned
     from deatwin.ident.narx import Reliance
     from deatwin.ident.narx.assessed import HELD_OUT, assessed, band_excited, hold_out
     from deatwin.ident.narx.excited import BAND_KEY
     from deatwin.ident.narx.levels import remarks_on_levels
+    from deatwin.ident.nss import Pnlss
     from deatwin.plant.checks import require_excitation
     from deatwin.plant.files import read_recordings
     from deatwin.plant.recording import label
@@ -160,8 +158,6 @@ def identify(
     if last < first:
         raise typer.BadParameter(f"the last lag, {last}, lies before the first, {first}", param_hint="--input-lags")
     _refuse_idle(context, method)
-    if method is Method.NSS and report is not None:
-        raise typer.BadParameter("reports are of NARX models; leave it out with --method nss", param_hint="--report")
     reading = ReadingTime.START_OF_HOLD if first else ReadingTime.END_OF_HOLD
     voice = Voice(as_json=as_json, quiet=quiet)
     require_place(out, recordings)
@@ -175,17 +171,15 @@ def identify(
         fewer = thinned(records, decimation, reading, held_out=HELD_OUT)
         whole, records, notes = records, fewer.records, [*notes, *fewer.notes]
         training, unseen = hold_out(records)
+
+        def report_of(found: Identified) -> None:
+            if folder is not None:
+                write_identified(found, folder, record)
+                voice.say(f"report: {folder.path / 'report.html'}")
+
         if method is Method.NSS:
-            complete = identify_states(
-                out,
-                training,
-                unseen,
-                states=states,
-                degree=degree,
-                functions=functions or (),
-                notes=notes,
-                voice=voice,
-            )
+            identifier = Pnlss(states=states, degrees=tuple(range(2, degree + 1)), terms=tuple(functions or ()))
+            complete = identify_states(out, identifier, training, unseen, approximated(whole), notes, voice, report_of)
             if not complete:
                 raise typer.Exit(130)
             return
@@ -231,10 +225,19 @@ def identify(
             linear = (
                 linear_errors(chosen.lags, output_lags or OUTPUT_LAGS, training, unseen) if tested.pole is None else []
             )
-            _write_report(
-                folder, record, model, method, unseen, tested, identifier.status_.ok, found, notes, linear, periodic
+            report_of(
+                Identified(
+                    model=model,
+                    told=f"A NARX model of {len(model.terms)} terms ({method})",
+                    unseen=unseen,
+                    tested=tested,
+                    complete=identifier.status_.ok,
+                    notes=found,
+                    clocks=notes,
+                    linear=linear,
+                    best_linear=periodic,
+                )
             )
-            voice.say(f"report: {folder.path / 'report.html'}")
         terms = {str(term): float(value) for term, value in zip(model.terms, model.theta, strict=True)}
         voice.result(
             {
@@ -281,37 +284,6 @@ def _fit(identifier: NarxIdentifier, training: Sequence[Recording], records: Seq
             if sum(part.n_samples for part in training) >= LEAST:
                 raise
             raise ModelError(f"{', '.join(dict.fromkeys(label(record) for record in records))}: {error}") from None
-
-
-def _write_report(
-    folder: ResultFolder,
-    record: RunRecord,
-    model: NarxModel,
-    method: Method,
-    unseen: Sequence[Recording],
-    tested: Tested,
-    complete: bool,
-    notes: Sequence[str],
-    clocks: list[str],
-    linear: Sequence[float],
-    periodic: BestLinearApproximation | None,
-) -> None:
-    from deatwin.app.identify_report import Identified, write_identified
-
-    found = Identified(
-        model=model,
-        method=method.value,
-        unseen=unseen,
-        tested=tested,
-        complete=complete,
-        notes=notes,
-        clocks=clocks,
-        linear=linear,
-        best_linear=periodic,
-    )
-    write_identified(found, folder, record)
-    folder.remove_former(r"figures/\w+\.csv")
-    record.save(folder)
 
 
 def _identifier(method: Method, lags: dict[str, Any], max_terms: int) -> NarxIdentifier:

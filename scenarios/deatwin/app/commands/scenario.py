@@ -67,7 +67,8 @@ def scenario(
     with results(out or Path(f"deatwin-{name}"), voice, name) as (folder, progress):
         given = {"data": data, "command": context.obj, "jobs": jobs, "seed": seed, "size": size}
         result = chosen.run(Setting(folder=folder, progress=progress, **given))
-    voice.say(str(result["sentence"]))
+    for text in (result["sentence"], *result.get("notes", ())):
+        voice.say(str(text))
     voice.say(folder.summary)
     voice.result(result)
 

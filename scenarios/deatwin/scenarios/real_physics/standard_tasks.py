@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,9 +19,10 @@ from numpy.typing import NDArray
 from deatwin.ident.nss import NonlinearStateSpace
 from deatwin.ident.parallel import jobs_as_they_end
 from deatwin.scenarios.real_physics.grey_boxes import Judged, calibrated
+from deatwin.scenarios.real_physics.published import said, sources
 from deatwin.scenarios.real_physics.task_parts import CUBIC, STATES, Task, standard_tasks
 from deatwin.studies.provenance import RunRecord, hashes
-from deatwin.studies.public.black_boxes import GROWN, Outcome, free, learned
+from deatwin.studies.public.black_boxes import GROWN, LINEAR, Outcome, free, learned
 from deatwin.studies.public.records import DataSet
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import Hue
@@ -34,14 +36,9 @@ WORDS = Words(__package__)
 PLANT, UNEVEN = "calibrated plant", "calibrated plant, uneven friction"
 CLAIMED = (GROWN, STATES, CUBIC, PLANT, UNEVEN)
 """Recipes that stand for deatwin; the others stand beside them."""
-PLANTS = {
-    "Cascaded tanks": ("Cascaded tanks, validation", PLANT),
-    "EMPS, four parameters": ("EMPS, pulses", PLANT),
-    "EMPS, uneven friction": ("EMPS, pulses", UNEVEN),
-}
-"""Test and model of calibrated plants that the scenario of the grey boxes calls otherwise."""
 LONGEST = {("silverbox", STATES): 60.0, ("bouc_wen", STATES): 50.0, ("silverbox", GROWN): 10.0}
-"""How long these take, compared with the others: for the progress, and because several workers begin with the longest."""
+USUAL, QUICK = 1.0, 0.2
+"""How long models take, compared with each other: for the progress, and for the order; linear ones are quick."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,32 +52,43 @@ class Row:
     unit: str
     seconds: float
     goal: float
-    published: str
     said: str = ""  # Why there is no error
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
     """Learn, run free, and write the table; Ctrl-C ends with the models that were learned until then."""
-    tasks = standard_tasks(setting.data)
+    tasks, left_out = standard_tasks(setting.data)
     record = setting.record(hashes(path for task in tasks for path in task.data.files))
-    jobs = [(method, task.data) for task in tasks for method in task.methods]
-    jobs.sort(key=_length, reverse=setting.jobs != 1)  # the longest first, unless an interrupt would keep less of them
+    jobs = _ordered([(method, task.data) for task in tasks for method in task.methods], setting.jobs)
     done: list[Outcome] = []
     plants: list[Judged] = []
     try:
         _learn(jobs, setting, done)
         setting.progress(0.95, "plants")
-        plants += calibrated(setting.data, setting.jobs)
+        plants += calibrated(setting.data, setting.jobs, [task.data.title for task in tasks])
     except KeyboardInterrupt:
         if done:
-            _written(setting, record, tasks, done, plants, f"Interrupted after {len(done)} of {len(jobs)} models. ")
+            ended = f"Interrupted after {len(done)} of {len(jobs)} models. "
+            _written(setting, record, tasks, done, plants, left_out, ended)
         raise
-    return _written(setting, record, tasks, done, plants)
+    return _written(setting, record, tasks, done, plants, left_out)
+
+
+def _ordered(jobs: Sequence[tuple[str, DataSet]], workers: int) -> list[tuple[str, DataSet]]:
+    """Return the jobs as they begin: the shortest first, so that an interrupt keeps what it can.
+
+    Of several workers one takes the longest meanwhile; the other long ones follow the short ones, for an early end.
+    """
+    rising = sorted(jobs, key=_length)
+    if workers == 1:
+        return rising
+    short = [job for job in rising[:-1] if _length(job) <= USUAL]
+    return [rising[-1], *short, *rising[-2 : len(short) - 1 : -1]]
 
 
 def _length(job: tuple[str, DataSet]) -> float:
     method, data = job
-    return LONGEST.get((data.name, method), 1.0)
+    return LONGEST.get((data.name, method), QUICK if method == LINEAR else USUAL)
 
 
 def _learn(jobs: list[tuple[str, DataSet]], setting: Setting, done: list[Outcome]) -> None:
@@ -93,10 +101,11 @@ def _learn(jobs: list[tuple[str, DataSet]], setting: Setting, done: list[Outcome
         setting.progress(0.95 * share, f"{len(jobs) - len(left)} of {len(jobs)} models{''.join(still)}")
 
     tell()
-    for number, outcome in jobs_as_they_end(learned, jobs, workers=setting.jobs):
-        left.discard(number)
-        tell()  # which raises where a fit was interrupted: what it found until then is no result
-        done.append(outcome)
+    with closing(jobs_as_they_end(learned, jobs, workers=setting.jobs)) as running:  # which ends the workers at once
+        for number, outcome in running:
+            left.discard(number)
+            tell()  # which raises where a fit was interrupted: what it found until then is no result
+            done.append(outcome)
 
 
 def _written(
@@ -105,6 +114,7 @@ def _written(
     tasks: Sequence[Task],
     done: list[Outcome],
     plants: list[Judged],
+    left_out: Sequence[str],
     ended: str = "",
 ) -> Mapping[str, Any]:
     """Judge the models, and write the page."""
@@ -113,15 +123,17 @@ def _written(
     rows = [row for task, outcome in wanted if outcome for row in _judged(task, outcome)]
     rows += [_of_plant(one) for one in plants]
     measures = [_measure(row) for row in rows if row.model in CLAIMED]
+    notes = [Note(title="Rules", paragraphs=WORDS.texts("standard_tasks.notes"))]
+    notes += [Note(title="Left out", paragraphs=left_out)] if left_out else []
     page = StoryPage(
         title="standard-tasks",
         sentence=f"{ended}The standard tasks, free runs over the official test parts: {reached(measures)} goals reached.",
         rows=measures,
         figures=[_drawn(rows)],
-        notes=[Note(title="Rules", paragraphs=WORDS.texts("standard_tasks.notes"))],
-        tables=[_table(rows)],
+        notes=notes,
+        tables=[_table(rows), sources()],
     )
-    return finish(setting.folder, record, page, errors=[_plain(row) for row in rows])
+    return finish(setting.folder, record, page, errors=[_plain(row) for row in rows], notes=left_out)
 
 
 def _judged(task: Task, outcome: Outcome) -> list[Row]:
@@ -143,7 +155,6 @@ def _judged(task: Task, outcome: Outcome) -> list[Row]:
                 unit=task.data.unit,
                 seconds=outcome.seconds,
                 goal=test.goal,
-                published=test.published,
                 said=said,
             )
         )
@@ -159,16 +170,14 @@ def _size(outcome: Outcome) -> str:
 
 def _of_plant(one: Judged) -> Row:
     """Return the line of a calibrated plant; its run counts from the first sample on."""
-    task, model = PLANTS.get(one.task.name, (one.task.name, PLANT))
     return Row(
-        task=task,
-        model=model,
+        task=one.task.test,
+        model=UNEVEN if "uneven" in one.task.name else PLANT,
         size=f"{len(one.fit.names)} parameters",
         error=one.error,
         unit=one.task.unit,
         seconds=one.seconds,
         goal=one.task.goal,
-        published=one.task.published,
     )
 
 
@@ -190,7 +199,7 @@ def _table(rows: list[Row]) -> Table:
             "size": lambda row: row.size,
             "error": lambda row: row.said or f"{row.error:.3g} {row.unit}",
             "time to learn (s)": lambda row: f"{row.seconds:.1f}",
-            "published": lambda row: row.published,
+            "published": lambda row: said(row.task),
         },
     )
 

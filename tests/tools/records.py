@@ -1,0 +1,42 @@
+"""What was tried where a goal was missed, and checks whose figures tests measure: kept by hand, shown as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from deatwin.scenarios.real_physics.published import sources
+from deatwin.studies.report.tables import markdown_table
+
+RECORDS = "deatwin/records/1"
+"""Schema of what is kept by hand."""
+
+
+def record_blocks(records: Mapping[str, Any], measured: Mapping[str, Any]) -> dict[str, list[str]]:
+    """The lines of the blocks; errors are those of the last run of the standard tasks."""
+    errors = {
+        (row["task"], row["model"]): f"{row['error']:.3g} {row['unit']}" for row in measured["tasks"] if row["error"]
+    }
+    published = sources()
+    return {
+        "tasks-tried": markdown_table(
+            ["test part", "model, error", "goal", "what was tried"],
+            [
+                [
+                    row["task"],
+                    "; ".join(f"{model} {errors[row['task'], model]}" for model in row["models"]),
+                    row["goal"],
+                    row["tried"],
+                ]
+                for row in records["tried"]
+            ],
+        ),
+        "tasks-published": markdown_table(published.columns, published.rows),
+        "checks": markdown_table(
+            ["question", "source", "demanded", "reached", "test"],
+            [
+                [*(row[key] for key in ("question", "source", "demanded", "reached")), f"`{row['test']}`"]
+                for row in records["checks"]
+            ],
+        ),
+    }
