@@ -1,11 +1,12 @@
 """What is written into a file is read back, to the last bit."""
 
+import sys
 import tempfile
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from rig_files import SOUND
@@ -27,8 +28,6 @@ signal_names = st.one_of(
 )
 signal_units = st.sampled_from(["", *sorted({unit.si for unit in UNITS.values()} - {""}), "m/s", "%"])
 packages = {".csv": [], ".mat": [], ".tdms": ["nptdms"], ".nc": ["xarray", "h5netcdf", "h5py"]}
-apart = (".mat", ".nc")
-"""Formats that are unpacked in a process of their own, which takes a second or two each time."""
 
 
 @st.composite
@@ -53,22 +52,16 @@ def recordings(draw: st.DrawFn) -> Recording:
     )
 
 
-@pytest.mark.parametrize("ending", sorted(set(packages) - set(apart)))
-@settings(deadline=None, max_examples=60)
+@pytest.fixture(autouse=True)
+def in_one_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No process tries a file first, as in a program of one file: tests/unit/plant/files/test_apart.py has that."""
+    monkeypatch.setattr(sys, "frozen", True, raising=False)
+
+
+@pytest.mark.parametrize("ending", packages)
+@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(recording=recordings())
 def test_recordings_survive_bit_for_bit(ending: str, recording: Recording) -> None:
-    survives(ending, recording)
-
-
-@pytest.mark.parametrize("ending", apart)
-@settings(deadline=None, max_examples=20)
-@given(recording=recordings())
-def test_recordings_that_are_unpacked_apart_survive_bit_for_bit(ending: str, recording: Recording) -> None:
-    survives(ending, recording)
-
-
-def survives(ending: str, recording: Recording) -> None:
-    """What comes back from a file is what was written."""
     for package in packages[ending]:
         pytest.importorskip(package)
     with tempfile.TemporaryDirectory() as folder:
@@ -86,7 +79,7 @@ def survives(ending: str, recording: Recording) -> None:
     assert {key: found.get(f"origin.{key}", found.get(key)) for key in recording.provenance} == recording.provenance
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(columns=arrays(np.float64, st.tuples(st.integers(1, 4), lengths), elements=finite))
 def test_numbers_survive_bit_for_bit(columns: np.ndarray) -> None:
     with tempfile.TemporaryDirectory() as folder:
@@ -95,7 +88,7 @@ def test_numbers_survive_bit_for_bit(columns: np.ndarray) -> None:
         np.testing.assert_array_equal(read_table(path).si(list(range(len(columns)))), columns)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     command=arrays(np.float64, lengths, elements=moderate),
     displacement=arrays(np.float64, lengths, elements=moderate),
@@ -116,7 +109,7 @@ def test_plain_recordings_survive_without_a_description(
     assert (again.sample_time, again.start) == (recording.sample_time, recording.start)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     thickness=st.floats(0.001, 10.0),
     electrode=st.floats(1.0, 79.0),
