@@ -1,6 +1,5 @@
 """What is written into a file is read back, to the last bit."""
 
-import sys
 import tempfile
 from pathlib import Path
 
@@ -52,16 +51,10 @@ def recordings(draw: st.DrawFn) -> Recording:
     )
 
 
-@pytest.fixture(autouse=True)
-def in_one_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No process tries a file first, as in a program of one file: tests/unit/plant/files/test_apart.py has that."""
-    monkeypatch.setattr(sys, "frozen", True, raising=False)
-
-
 @pytest.mark.parametrize("ending", packages)
 @settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(recording=recordings())
-def test_recordings_survive_bit_for_bit(ending: str, recording: Recording) -> None:
+def test_recordings_survive_bit_for_bit(in_one_process: None, ending: str, recording: Recording) -> None:
     for package in packages[ending]:
         pytest.importorskip(package)
     with tempfile.TemporaryDirectory() as folder:
@@ -79,7 +72,7 @@ def test_recordings_survive_bit_for_bit(ending: str, recording: Recording) -> No
     assert {key: found.get(f"origin.{key}", found.get(key)) for key in recording.provenance} == recording.provenance
 
 
-@settings(deadline=None, max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, max_examples=50)
 @given(columns=arrays(np.float64, st.tuples(st.integers(1, 4), lengths), elements=finite))
 def test_numbers_survive_bit_for_bit(columns: np.ndarray) -> None:
     with tempfile.TemporaryDirectory() as folder:
@@ -88,7 +81,7 @@ def test_numbers_survive_bit_for_bit(columns: np.ndarray) -> None:
         np.testing.assert_array_equal(read_table(path).si(list(range(len(columns)))), columns)
 
 
-@settings(deadline=None, max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, max_examples=50)
 @given(
     command=arrays(np.float64, lengths, elements=moderate),
     displacement=arrays(np.float64, lengths, elements=moderate),
@@ -109,7 +102,7 @@ def test_plain_recordings_survive_without_a_description(
     assert (again.sample_time, again.start) == (recording.sample_time, recording.start)
 
 
-@settings(deadline=None, max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, max_examples=50)
 @given(
     thickness=st.floats(0.001, 10.0),
     electrode=st.floats(1.0, 79.0),
