@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from deatwin.ident.nss import Pnlss
 from deatwin.plant.recording import Recording
 from deatwin.scenarios.real_physics import standard_tasks, task_parts
 from deatwin.scenarios.real_physics.task_parts import STATES, Task
-from deatwin.studies.folder import ResultFolder
 from deatwin.studies.public.black_boxes import LINEAR
 from deatwin.studies.public.records import Candidates, DataSet
 from deatwin.studies.stories import Setting
@@ -28,7 +26,7 @@ def drained(seed: int) -> Recording:
 
 
 @pytest.fixture
-def setting(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Setting:
+def setting(setting: Setting, monkeypatch: pytest.MonkeyPatch) -> Setting:
     data = DataSet(
         name="drained",
         title="Drained tanks",
@@ -43,9 +41,7 @@ def setting(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Setting:
     monkeypatch.setattr(task_parts, "METHODS", (LINEAR,))
     monkeypatch.setattr(standard_tasks, "standard_tasks", lambda _: (Task(data=data, tests=(test,), same_start=True),))
     monkeypatch.setattr(standard_tasks, "calibrated", lambda *_: [])
-    return Setting(
-        folder=ResultFolder(tmp_path), data=None, command=["test"], jobs=1, seed=0, progress=lambda share, text: None
-    )
+    return setting
 
 
 def test_a_state_space_begins_where_the_training_part_began(setting: Setting) -> None:
