@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
+from slopes import differences
 
 from deatwin.ident.narx import Frols, NarxModel
 from deatwin.ident.narx.fixed import Fixed
@@ -130,10 +131,8 @@ def test_errors_and_slopes_of_noise_terms_of_all_kinds():
     model = whole.model(np.delete(theta, range(2, 6)), np.zeros((6, 6)), 0.0, identifier=None)
     for record, e in zip(recordings, errors.spread(point.errors), strict=True):
         np.testing.assert_allclose(e[0, 2:] * data.output_scale, model.predict(record).residuals[0], atol=1e-11)
-    for j in range(theta.size):
-        step = np.eye(theta.size)[j] * 1e-6
-        up, down = (errors.at(theta + sign * step, zero).errors for sign in (1, -1))
-        np.testing.assert_allclose(point.slopes[j], -(up - down) / 2e-6, rtol=1e-6, atol=1e-7)
+    slopes = differences(lambda t: -errors.at(t, zero).errors, theta, 1e-6)
+    np.testing.assert_allclose(point.slopes, slopes.T, rtol=1e-6, atol=1e-7)
 
 
 def test_what_does_not_forget_its_start_is_refused():
