@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from stopping import StopAt
 
 from deatwin.ident.nss import Pnlss
 from deatwin.plant.recording import Recording
@@ -52,19 +53,13 @@ def test_a_state_space_begins_where_the_training_part_began(setting: Setting) ->
 
 
 def test_an_interrupt_keeps_the_models_that_were_learned(setting: Setting) -> None:
-    told: list[str] = []
-
-    def interrupt(share: float, text: str) -> None:
-        told.append(text)
-        if len(told) == 3:  # the second model has ended, perhaps before its time
-            raise KeyboardInterrupt
-
+    stop = StopAt(3)  # the second model has ended, perhaps before its time
     with pytest.raises(KeyboardInterrupt):
-        standard_tasks.run(replace(setting, progress=interrupt))
+        standard_tasks.run(replace(setting, progress=stop))
     kept = json.loads((setting.folder.path / "standard-tasks.json").read_text(encoding="utf-8"))
     assert kept["sentence"].startswith("Interrupted after 1 of 2 models. ")
     assert [row["model"] for row in kept["errors"]] == [STATES]
-    assert told == [
+    assert [text for _, text in stop.told] == [
         "0 of 2 models, still Drained tanks: nonlinear state space",
         "1 of 2 models, still Drained tanks: output error, linear",
         "2 of 2 models",

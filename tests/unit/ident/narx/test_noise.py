@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 from slopes import differences
+from stopping import StopAt
 
 from deatwin.ident.narx import Frols, NarxModel
 from deatwin.ident.narx.fixed import Fixed
@@ -290,14 +291,8 @@ def test_an_exact_recording_leaves_no_noise_and_says_so():
 
 
 def test_an_interrupt_keeps_the_process_model():
-    told = []
-
-    def interrupt(share, doing):
-        told.append(doing)
-        if "noise model" in doing:
-            raise KeyboardInterrupt
-
-    narmax = Narmax(Fixed(terms=["y(k-1)", "u(k-1)"])).fit(armax(0), progress=interrupt)
+    stop = StopAt(lambda doing: "noise model" in doing)
+    narmax = Narmax(Fixed(terms=["y(k-1)", "u(k-1)"])).fit(armax(0), progress=stop)
     assert narmax.status_ is FitStatus.INTERRUPTED and narmax.noise_terms_ == ()
     plain = Fixed(terms=["y(k-1)", "u(k-1)"]).fit(armax(0).section(1, 500))  # e(k-2) takes one sample more
     np.testing.assert_allclose(narmax.model_.theta, plain.model_.theta, rtol=1e-9)

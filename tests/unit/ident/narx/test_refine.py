@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from slopes import differences
+from stopping import StopAt
 
 from deatwin.ident.narx import NarxModel, generate_terms
 from deatwin.ident.narx.linear import OutputError
@@ -94,15 +95,9 @@ def test_several_recordings_count_together_and_the_one_step_error_is_kept() -> N
 def test_the_best_so_far_survives_an_interrupt() -> None:
     recording = measured(np.random.default_rng(5))
     start = plant(**{"y(k-1)": 0.8, "u(k-1)": 0.3})
-    shares: list[float] = []
-
-    def interrupt(share: float, text: str) -> None:
-        shares.append(share)
-        if len(shares) == 4:
-            raise KeyboardInterrupt
-
-    found = refine(start, recording, progress=interrupt)
-    assert len(shares) == 4
+    stop = StopAt(4)
+    found = refine(start, recording, progress=stop)
+    assert len(stop.told) == 4
     assert plant().simulate(recording).rms_error * 0.9 < found.simulate(recording).rms_error
     assert found.simulate(recording).rms_error < start.simulate(recording).rms_error
 
