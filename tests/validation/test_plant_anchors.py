@@ -7,8 +7,9 @@ first term that the closed form leaves out, or rounding where nothing is left ou
 import casadi as ca
 import numpy as np
 import pytest
+from runs import readings as simulate
 
-from deatwin.plant import Diaphragm, Experiment, Plant, Recording
+from deatwin.plant import Diaphragm, Plant
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.laws.dielectric import VACUUM_PERMITTIVITY
 from deatwin.plant.rest import rest_state
@@ -17,11 +18,6 @@ GRAVITY = 9.80665
 RIG = Diaphragm()
 MU, LIMIT, PERMITTIVITY = 25e3, 107.0, 4.5
 NOISE = band_limited_noise(np.random.default_rng(4), 10.0, 0.02)
-
-
-def simulate(plant, commands):
-    record = Recording.from_arrays(commands, np.zeros(len(commands)), plant.rig.sample_time)
-    return plant.simulate(Experiment(recordings=(record,))).require().outputs[0][0]
 
 
 def at_rest(plant, command=0.0):
