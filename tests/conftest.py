@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 import os
 import signal
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -51,6 +52,12 @@ def as_loud_as_ever() -> Iterator[None]:
 def uncompiled(monkeypatch: pytest.MonkeyPatch) -> None:
     """Plants run in CasADi's own machine: small ones are done before they would be compiled."""
     monkeypatch.setenv("DEATWIN_COMPILER", "")
+
+
+@pytest.fixture
+def in_one_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No process of its own tries a file first, as in a program of one file: tests/unit/plant/files/test_apart.py."""
+    monkeypatch.setattr(sys, "frozen", True, raising=False)
 
 
 @pytest.fixture

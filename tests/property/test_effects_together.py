@@ -5,11 +5,13 @@ import itertools
 import pkgutil
 import re
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
+from runs import readings
 
-from deatwin.plant import Diaphragm, Effect, Experiment, Plant, Recording, effects
+from deatwin.plant import Diaphragm, Effect, Plant, effects
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.places import everywhere
 
@@ -37,6 +39,7 @@ def off(effect):
     return replace(effect, **{effect.strength: 0.0})
 
 
+read = partial(readings, start=5.0)
 pytestmark = pytest.mark.usefixtures("uncompiled")
 
 
@@ -46,11 +49,6 @@ def commands(count=40, seed=4):
     held = rng.uniform(1.0, 3.0, -(-count // 8)).repeat(8)[:count]
     held[count // 2 : count // 2 + 4] = 0.0
     return held
-
-
-def read(plant, inputs, start=5.0):
-    record = Recording.from_arrays(inputs, np.zeros(inputs.size), SAMPLE, start=start)
-    return plant.simulate(Experiment(recordings=(record,))).require().outputs[0][0]
 
 
 def test_there_are_effects_to_test():

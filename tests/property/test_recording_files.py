@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from rig_files import SOUND
@@ -27,8 +27,6 @@ signal_names = st.one_of(
 )
 signal_units = st.sampled_from(["", *sorted({unit.si for unit in UNITS.values()} - {""}), "m/s", "%"])
 packages = {".csv": [], ".mat": [], ".tdms": ["nptdms"], ".nc": ["xarray", "h5netcdf", "h5py"]}
-apart = (".mat", ".nc")
-"""Formats that are unpacked in a process of their own, which takes a second or two each time."""
 
 
 @st.composite
@@ -53,22 +51,10 @@ def recordings(draw: st.DrawFn) -> Recording:
     )
 
 
-@pytest.mark.parametrize("ending", sorted(set(packages) - set(apart)))
-@settings(deadline=None, max_examples=60)
+@pytest.mark.parametrize("ending", packages)
+@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(recording=recordings())
-def test_recordings_survive_bit_for_bit(ending: str, recording: Recording) -> None:
-    survives(ending, recording)
-
-
-@pytest.mark.parametrize("ending", apart)
-@settings(deadline=None, max_examples=20)
-@given(recording=recordings())
-def test_recordings_that_are_unpacked_apart_survive_bit_for_bit(ending: str, recording: Recording) -> None:
-    survives(ending, recording)
-
-
-def survives(ending: str, recording: Recording) -> None:
-    """What comes back from a file is what was written."""
+def test_recordings_survive_bit_for_bit(in_one_process: None, ending: str, recording: Recording) -> None:
     for package in packages[ending]:
         pytest.importorskip(package)
     with tempfile.TemporaryDirectory() as folder:

@@ -1,13 +1,19 @@
-"""Sensitivities of a plant against differences of its simulations."""
+"""Derivatives against differences: of any function, and of the simulations of a plant."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.plant import Plant
+
+
+def differences(function: Callable[[NDArray[np.float64]], object], at: NDArray[np.float64], step: float) -> np.ndarray:
+    """Central differences of a function by each entry of its argument, along a last axis of the result."""
+    sides = [[np.asarray(function(at + shift)) for shift in (row, -row)] for row in step * np.eye(len(at))]
+    return np.stack([(up - down) / (2 * step) for up, down in sides], axis=-1)
 
 
 def slope_errors(

@@ -5,11 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from runs import readings
 from scipy.integrate import solve_ivp
 
 from deatwin.ident.greybox.fit import calibrate
 from deatwin.ident.greybox.parts import Part
-from deatwin.plant import Experiment, Plant, Recording
+from deatwin.plant import Experiment, Plant
 from deatwin.scenarios.real_physics import bouc_wen, cascaded_tanks, emps, silverbox
 from deatwin.scenarios.real_physics.signals import derivatives, held
 
@@ -20,11 +21,6 @@ def needs(name: str) -> pytest.MarkDecorator:
     return pytest.mark.skipif(
         not (DATA / name).is_dir(), reason=f"the recordings {name} are absent: DEATWIN_DATA names their folder"
     )
-
-
-def readings(plant: Plant, commands: np.ndarray, **channels: np.ndarray) -> np.ndarray:
-    record = Recording.from_arrays(commands, np.zeros(len(commands)), plant.rig.sample_time, extras=channels)
-    return plant.simulate(Experiment(recordings=(record,))).require().outputs[0][0]
 
 
 def rms(values: np.ndarray) -> float:

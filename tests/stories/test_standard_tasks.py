@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from stopping import StopAt
 
 from deatwin.ident.nss import Pnlss
 from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording
 from deatwin.scenarios.real_physics import standard_tasks, task_parts
 from deatwin.scenarios.real_physics.task_parts import STATES, Task
-from deatwin.studies.folder import ResultFolder
 from deatwin.studies.public.black_boxes import LINEAR
 from deatwin.studies.public.records import Candidates, DataSet
 from deatwin.studies.public.sources import data_folder
@@ -30,7 +30,7 @@ def drained(seed: int) -> Recording:
 
 
 @pytest.fixture
-def setting(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Setting:
+def setting(setting: Setting, monkeypatch: pytest.MonkeyPatch) -> Setting:
     data = DataSet(
         name="drained",
         title="Drained tanks",
@@ -47,9 +47,7 @@ def setting(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Setting:
         standard_tasks, "standard_tasks", lambda _: ((Task(data=data, tests=(test,), same_start=True),), ())
     )
     monkeypatch.setattr(standard_tasks, "calibrated", lambda *_: [])
-    return Setting(
-        folder=ResultFolder(tmp_path), data=None, command=["test"], jobs=1, seed=0, progress=lambda share, text: None
-    )
+    return setting
 
 
 def test_a_state_space_begins_where_the_training_part_began(setting: Setting) -> None:
@@ -60,19 +58,13 @@ def test_a_state_space_begins_where_the_training_part_began(setting: Setting) ->
 
 
 def test_an_interrupt_keeps_the_models_that_were_learned(setting: Setting) -> None:
-    told: list[str] = []
-
-    def interrupt(share: float, text: str) -> None:
-        told.append(text)
-        if len(told) == 3:  # the second model has ended, perhaps before its time
-            raise KeyboardInterrupt
-
+    stop = StopAt(3)  # the second model has ended, perhaps before its time
     with pytest.raises(KeyboardInterrupt):
-        standard_tasks.run(replace(setting, progress=interrupt))
+        standard_tasks.run(replace(setting, progress=stop))
     kept = json.loads((setting.folder.path / "standard-tasks.json").read_text(encoding="utf-8"))
     assert kept["sentence"].startswith("Interrupted after 1 of 2 models. ")
     assert [row["model"] for row in kept["errors"]] == [LINEAR]
-    assert told == [
+    assert [text for _, text in stop.told] == [
         "0 of 2 models, still Drained tanks: output error, linear",
         "1 of 2 models, still Drained tanks: nonlinear state space",
         "2 of 2 models",

@@ -1,10 +1,8 @@
 """The parts of the benchmark against closed forms and brute force, and its page on few draws."""
 
 import math
-from collections import Counter
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -26,8 +24,7 @@ from deatwin.scenarios.svb_benchmark.draws import (
 )
 from deatwin.scenarios.svb_benchmark.methods import METHODS
 from deatwin.scenarios.svb_benchmark.page import judge
-from deatwin.scenarios.svb_benchmark.study import CASES as CASES_FOLDER
-from deatwin.scenarios.svb_benchmark.study import WHITE, Answer, Case, Draws, Plan, Study, carry_out
+from deatwin.scenarios.svb_benchmark.study import WHITE, Answer, Draws, Plan, Study, carry_out
 from deatwin.studies.stories import Setting
 
 SMALL = Plan(systems=("S2", "E1"), methods=("fro", "svb"), draws=1, swept_draws=1, sampled_draws=1, levels=(0.004,))
@@ -100,58 +97,13 @@ def test_the_page_is_whole(setting: Setting, tmp_path: Path, monkeypatch: pytest
     assert len(lines) == 1 + 2 * 2
 
 
-MANY = Plan(systems=("S2",), methods=("fro", "svb"), draws=12, swept_draws=1, sampled_draws=1, levels=(0.004,))
-CASES = 12 + 7 + 1 + 1
-"""Draws, systems whose intervals are looked at, a draw of one level, one beside the sampler."""
-
-
-def noted(folder: Path, refused: tuple[str, ...] = ()) -> Study:
-    """Run the study in this process, noting which case is begun."""
-
-    def note(seed: int, case: Case) -> dict[str, Any]:
-        assert case.name not in refused, "a case that is through is run again"
-        with (folder / "begun.log").open("a") as log:
-            log.write(f"{case.name}\n")
-        return plain(case.answer(seed))
-
-    folder.mkdir(exist_ok=True)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(draws, "FLIPS", 100)
-        patch.setattr(draws, "BURN_IN", 10)
-        patch.setattr(study, "_answered", note)
-        patch.setattr(study, "PACKAGES", ())  # their sources may be worked on between one process and the next
-        return carry_out(folder, 0, MANY, jobs=1, tell=lambda *_: None)
-
-
-def begun(folder: Path) -> Counter[str]:
-    return Counter((folder / "begun.log").read_text().split())
-
-
-def test_a_study_is_gone_on_with_and_no_draw_is_lost_or_repeated(tmp_path: Path) -> None:
-    expected = noted(tmp_path)
-    names = set(begun(tmp_path))
-    assert len(names) == begun(tmp_path).total() == CASES
-    files = sorted(path for path in (tmp_path / CASES_FOLDER).iterdir() if path.name[0] != ".")
-    for path in files[::2]:
-        path.unlink()
-    kept = {path.stem: path.stat().st_mtime_ns for path in files[1::2]}
-    found = noted(tmp_path, refused=tuple(kept))
-    assert begun(tmp_path) == dict.fromkeys(kept, 1) | dict.fromkeys(names - set(kept), 2)
-    assert {path.stem: path.stat().st_mtime_ns for path in files[1::2]} == kept
-    assert [replace(t, seconds=0.0) for t in found.trials] == [replace(t, seconds=0.0) for t in expected.trials]
-    assert found.contrasts == expected.contrasts
-    np.testing.assert_array_equal(found.comparisons[0].mass, expected.comparisons[0].mass)
-    np.testing.assert_array_equal(found.covered["S1", "least squares"], expected.covered["S1", "least squares"])
-    noted(tmp_path, refused=tuple(names))  # nothing is left to do
-
-
 def test_draws_of_another_seed_plan_or_code_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     plan = asdict(SMALL)
     Draws(tmp_path, 0, plan)
     with pytest.raises(DataError, match=r"another seal \(seed: 0 there, 1 now\)"):
         Draws(tmp_path, 1, plan)
     with pytest.raises(DataError, match=r"another seal \(plan: "):
-        Draws(tmp_path, 0, asdict(MANY))
+        Draws(tmp_path, 0, asdict(Plan()))
     monkeypatch.setattr(study, "OWN", study.OWN[1:])
     with pytest.raises(DataError, match=r"another seal \(code: [0-9a-f]{12} there, [0-9a-f]{12} now\)"):
         Draws(tmp_path, 0, plan)

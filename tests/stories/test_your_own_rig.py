@@ -88,13 +88,10 @@ def test_the_drag_of_another_integrator_is_named(diagnosis: Diagnosis) -> None:
 
 
 def test_the_page_is_a_notebook_with_the_file(
-    driven: Drives, diagnosis: Diagnosis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    driven: Drives, diagnosis: Diagnosis, setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(your_own_rig, "diagnosed", lambda *_: diagnosis)
     monkeypatch.setattr(your_own_rig, "DRIVERS", dict.fromkeys(("here", "elsewhere"), lambda *_: driven))
-    setting = Setting(
-        folder=ResultFolder(tmp_path), data=None, command=["test"], jobs=1, seed=0, progress=lambda share, text: None
-    )
     result = story("your-own-rig").run(setting)
     assert [row["measure"] for row in result["measures"] if not row["passed"]] == []
     assert len(result["measures"]) == 9
@@ -109,13 +106,10 @@ def test_the_page_is_a_notebook_with_the_file(
 
 
 def test_a_page_that_finds_nothing_says_so(
-    driven: Drives, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, diagnosis: Diagnosis
+    driven: Drives, setting: Setting, monkeypatch: pytest.MonkeyPatch, diagnosis: Diagnosis
 ) -> None:
     blind = replace(diagnosis, causes=())
     monkeypatch.setattr(your_own_rig, "diagnosed", lambda *_: blind)
     monkeypatch.setattr(your_own_rig, "DRIVERS", dict.fromkeys(("here", "elsewhere"), lambda *_: driven))
-    setting = Setting(
-        folder=ResultFolder(tmp_path), data=None, command=["test"], jobs=1, seed=0, progress=lambda share, text: None
-    )
     missed = [row["measure"] for row in story("your-own-rig").run(setting)["measures"] if not row["passed"]]
     assert len(missed) == 4 and all("documented" in measure or "drag" in measure for measure in missed)

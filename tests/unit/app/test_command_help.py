@@ -77,18 +77,6 @@ def test_each_argument_and_option_says_what_it_is(name: str) -> None:
         assert parameter.name == "help" or re.search(r"\w.*\.$", parameter.help or ""), parameter.name
 
 
-@pytest.mark.parametrize("name", COMMANDS)
-def test_the_help_shows_all_of_them(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([name, "--help"]) == 0
-    shown = capsys.readouterr().out
-    for parameter in COMMANDS[name].params:
-        word = parameter.opts[0] if parameter.param_type_name == "option" else parameter.metavar.split(".")[0]
-        assert word in shown, word
-    assert f"deatwin {name} " in shown
-    usage, _, rest = shown.partition("\n\n")
-    assert not re.search(r"\.\.\..\.\.\.", usage + rest.partition("\n\n")[0]) and "<list[" not in shown
-
-
 @pytest.mark.parametrize("shared", SHARED)
 def test_a_shared_option_is_the_same_in_all_commands(shared: str) -> None:
     functions = [command.callback for command in app.registered_commands if command.callback]

@@ -12,6 +12,7 @@ import pytest
 from deatwin.app.cli import main
 from deatwin.app.commands import doctor as command
 from deatwin.app.commands.doctor import OPTIONAL, SLOWER
+from deatwin.plant import Plant, effects
 from deatwin.plant.integrator import compiled
 
 ROOT = Path(__file__).parents[3]
@@ -43,6 +44,18 @@ def test_no_advice_needs_an_index_that_has_deatwin() -> None:
         assert requirement == part.package + part.versions
     for path in (file for part in ("plant", "ident", "control", "scenarios") for file in (ROOT / part).rglob("*.py")):
         assert not re.search(r"pip install \W*deatwin", path.read_text(encoding="utf-8")), path
+
+
+def test_the_plants_that_a_diagnosis_asks_for_are_compiled(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With the ball bonded and sliding: the film as it is, a finer one, and the film with each effect."""
+    made: list[Plant] = []
+    monkeypatch.setattr(effects, "catalogue", lambda: (effects.Creep(),))
+    monkeypatch.setattr(command, "_compile", made.append)
+    assert main(["doctor", "--warm", "--jobs", "1"]) == 0
+    assert [plant.effect_names for plant in made] == [(), (), ("creep",)] * 2
+    assert "6 plants are compiled" in capsys.readouterr().out
 
 
 def test_what_is_absent_comes_with_its_command(

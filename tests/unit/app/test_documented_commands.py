@@ -33,6 +33,7 @@ STEP = 0.02
 SHAKER = "docs/how-to/own-plant.md"
 """Its commands are for a plant with another sample time."""
 ELSEWHERE = {
+    "doctor --warm": "tests/unit/app/test_doctor.py, with one effect of the catalogue",
     "view measurements": "tests/browser/test_view.py, a step of .ci/run, with the extra `view`",
     "diagnose motor:plant recording.csv --out found": "tests/unit/app/test_worked_rigs.py, in Python, with the other rigs",
     "diagnose plate:plant heated.csv --out plate": "tests/unit/ident/mismatch/test_foreign.py, in Python, with another model",

@@ -450,7 +450,7 @@ def said(text: str) -> str:
 
 
 @pytest.fixture
-def at_desk(desk: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def at_desk(desk: Path, monkeypatch: pytest.MonkeyPatch, in_one_process: None) -> Iterator[Path]:
     """The same, as the working folder, without public recordings; results of a test do not stay."""
     monkeypatch.chdir(desk)
     monkeypatch.delenv("DEATWIN_DATA", raising=False)

@@ -144,26 +144,6 @@ def test_a_help_keeps_to_the_width_and_shows_flags_without_a_type(name: str, tex
     assert "bool" not in texts[name].lower()
 
 
-@pytest.mark.parametrize("rule", MASKS)
-def test_each_rule_masks_something(rule: str, texts: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
-    samples = {
-        "what pads a line to the width": ("Usage:   ", "Usage:"),
-        "version of deatwin": ("deatwin 0.1.0", "deatwin VERSION"),
-        "versions of what must be there": ("numpy          2.4.6", "numpy          VERSION"),
-        "what may be there": (
-            'fmpy           absent: pip install "fmpy>=0.3.20" (export of FMUs)',
-            "fmpy           VERSION OR ABSENT (export of FMUs)",
-        ),
-        "the machine's compiler": ("compiler       /usr/bin/cc", "compiler       COMPILER"),
-        "whether there is one": ("       until then slower by", "       IF ABSENT slower by"),
-        "folders of the user": ("cache          /somewhere: 3 files, 1.0 MB", "cache          FOLDER"),
-    }
-    given, expected = samples[rule]
-    assert masked(given) == expected
-    monkeypatch.delitem(MASKS, rule)
-    assert rule == "version of deatwin" or masked(given) == given
-
-
 def test_a_release_is_found_in_both_places(capsys: pytest.CaptureFixture[str]) -> None:
     from deatwin.app.cli import main
 
@@ -173,9 +153,3 @@ def test_a_release_is_found_in_both_places(capsys: pytest.CaptureFixture[str]) -
     capsys.readouterr()
     assert main(["doctor", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["versions"]["deatwin"] == version("deatwin")
-
-
-def test_renewing_leaves_what_is_printed_and_nothing_else(tmp_path: Path) -> None:
-    (tmp_path / "former.txt").write_text("of a command that is gone")
-    renew(tmp_path, {"now": "new\n"})
-    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"now.txt": "new\n", MADE_WITH: made_with()}

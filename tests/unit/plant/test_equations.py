@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-import numpy as np
 import pytest
 
 from deatwin.plant import Coupon, Creep, Diaphragm, Hysteresis, ParameterSet, Plant, RigError
@@ -25,13 +24,6 @@ def test_an_unknown_signal_gets_the_near_one():
         build.signal("velocty")
 
 
-def test_a_state_without_a_rate_is_refused():
-    build = builder()
-    build.state("charge", scale=1.0)
-    with pytest.raises(RigError, match="no rate is given for state charge"):
-        build.finish(build.command)
-
-
 def test_a_coordinate_without_a_balance_is_refused():
     build = builder()
     build.coordinate("stretch", scale=1.0)
@@ -42,18 +34,6 @@ def test_a_coordinate_without_a_balance_is_refused():
 def test_a_parameter_that_the_plant_lacks_is_refused():
     with pytest.raises(RigError, match="there is no parameter 'gain'"):
         builder().parameter("gain")
-
-
-def test_a_rig_may_have_nothing_to_solve_for(experiment):
-    plant = Plant(rig=Coupon())
-    assert plant.equations.states == plant.equations.coordinates == ()
-    assert plant.simulate(experiment(np.linspace(1.0, 2.0, 50))).status.ok
-
-
-def test_a_rig_may_have_one_state_and_no_coordinate(experiment):
-    plant = Plant(rig=Coupon()).with_effects(Creep())
-    assert plant.equations.states == ("creep_stretch",)
-    assert plant.simulate(experiment(np.linspace(1.0, 2.0, 50))).status.ok
 
 
 def test_sizes_of_a_rig_do_not_change_its_code():

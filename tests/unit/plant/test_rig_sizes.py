@@ -5,8 +5,9 @@ from functools import cache
 
 import numpy as np
 import pytest
+import runs
 
-from deatwin.plant import Creep, Effect, Experiment, Parameter, Plant, Recording, Rig, catalogue
+from deatwin.plant import Creep, Effect, Parameter, Plant, Rig, catalogue
 from deatwin.plant.effects.base import Place
 from deatwin.plant.rigs.coupon import Coupon
 from deatwin.plant.rigs.planar import BlockedPlanar
@@ -24,9 +25,7 @@ pytestmark = pytest.mark.usefixtures("uncompiled")
 
 
 def readings(plant: Plant) -> np.ndarray:
-    commands = COMMANDS[plant.rig.kind]
-    record = Recording.from_arrays(commands, np.zeros(len(commands)), plant.rig.sample_time, start=START)
-    return plant.simulate(Experiment(recordings=(record,))).require().outputs[0][0]
+    return runs.readings(plant, COMMANDS[plant.rig.kind], start=START)
 
 
 @cache

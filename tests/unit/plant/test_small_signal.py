@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from slopes import differences
 
 from deatwin.plant import (
     Creep,
@@ -57,18 +58,13 @@ def test_derivatives_are_those_of_the_step_that_simulates():
     for _ in range(2000):
         x = after(x, inputs)[:-1] * scale
     size = 1e-5
-    by_state = [
-        (after(x + size * e * scale, inputs) - after(x - size * e * scale, inputs)) / (2 * size) for e in np.eye(x.size)
-    ]
-    by_input = [
-        (after(x, inputs + size * e) - after(x, inputs - size * e)) / (2 * size)
-        for e in np.eye(inputs.size)[: 1 + equations.history]
-    ]
+    by_state = differences(lambda moved: after(moved * scale, inputs), x / scale, size)
+    by_input = differences(lambda moved: after(x, moved), inputs, size)[:, : 1 + equations.history]
     whole = np.vstack([np.column_stack([small.a, small.b]), np.concatenate([small.c, small.d])])
-    differences = np.column_stack([*by_state, *by_input])
+    found = np.hstack([by_state, by_input])
     # Newton's rounding by the size of the difference, and its square by the curvature.
-    np.testing.assert_allclose(whole[:-1], differences[:-1], atol=1e-6)
-    np.testing.assert_allclose(whole[-1], differences[-1], atol=1e-9)
+    np.testing.assert_allclose(whole[:-1], found[:-1], atol=1e-6)
+    np.testing.assert_allclose(whole[-1], found[-1], atol=1e-9)
 
 
 def test_a_dead_time_of_whole_samples_only_moves_the_columns():

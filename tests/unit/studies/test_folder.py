@@ -11,7 +11,6 @@ from deatwin.app.cli import main
 from deatwin.app.demo import RIG
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.files import write_csv
-from deatwin.studies import diagnosing
 
 
 @pytest.fixture
@@ -43,18 +42,6 @@ def test_bad_data_leaves_no_folder(at_desk: Path, given: list[str], capsys: pyte
     (at_desk / "results").mkdir()  # not made by the command: it stays
     assert main([*given, "--out", "results/new"]) == 1
     assert not list((at_desk / "results").iterdir())
-
-
-def test_an_interrupted_diagnosis_leaves_no_folder(
-    at_desk: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def stopped(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(diagnosing.DiagnosisTask, "run", stopped)
-    assert main(["diagnose", "rig.toml", "short.csv", "--out", "new"]) == 130
-    assert "nothing was written" in capsys.readouterr().err
-    assert not Path("new").exists()
 
 
 def test_an_identification_that_fails_leaves_no_folder_for_its_report(at_desk: Path) -> None:

@@ -156,23 +156,6 @@ def test_a_story_becomes_data_and_its_tables_and_leaves_those_of_trials_alone(st
     assert (docs / "control-check.md").read_text(encoding="utf-8") == page
 
 
-@pytest.mark.parametrize(
-    ("name", "content", "message"),
-    [
-        ("run.json", "{", "run.json: not a readable JSON file"),
-        ("control-check.json", "[]", "control-check.json: it must hold an object"),
-        ("control-check.json", json.dumps({**STORY, "tables": [{}]}), "control-check.json or run.json is no story's"),
-        ("control-check.json", json.dumps({**STORY, "tables": None}), "control-check.json or run.json is no story's"),
-    ],
-)
-def test_a_folder_without_a_story_changes_nothing(story, docs, name, content, message, capsys) -> None:
-    (story / name).write_text(content, encoding="utf-8")
-    before = {path: path.read_bytes() for path in docs.rglob("*") if path.is_file()}
-    assert evidence.main([str(docs), "--control-story", str(story)]) == 1
-    assert message in capsys.readouterr().err
-    assert before == {path: path.read_bytes() for path in docs.rglob("*") if path.is_file()}
-
-
 MISSED = {"measure": "smooth |H(f)|", "demanded": "below 1", "reached": "2", "passed": False}
 SILVERBOX = {
     "verdict": "named",
@@ -237,26 +220,6 @@ def test_a_black_box_is_ahead_where_it_errs_less(amended: float, verdict: str, s
     assert f"it is ahead on {ahead} of 1." in made[-1]
 
 
-@pytest.mark.parametrize(
-    ("name", "content", "message"),
-    [
-        ("semp-fleet/run.json", None, "run.json"),
-        ("semp-fleet/semp-fleet.json", "[]", "semp-fleet.json: it must hold"),
-        ("semp-fleet/semp-fleet.json", '{"measures": [{}]}', "is not that scenario's: KeyError('measure')"),
-        ("silverbox/silverbox.json", '{"measures": []}', "is not that scenario's: KeyError('held_out')"),
-    ],
-)
-def test_a_folder_without_what_its_scenario_reached_changes_nothing(scenarios, docs, name, content, message, capsys):
-    if content is None:
-        (scenarios / name).unlink()
-    else:
-        (scenarios / name).write_text(content, encoding="utf-8")
-    before = {path: path.read_bytes() for path in docs.rglob("*") if path.is_file()}
-    assert evidence.main([str(docs), "--scenarios", str(scenarios)]) == 1
-    assert message in capsys.readouterr().err
-    assert before == {path: path.read_bytes() for path in docs.rglob("*") if path.is_file()}
-
-
 def test_a_folder_without_any_scenario_is_refused(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="holds no scenario's results in a folder of its name"):
         measured_data(tmp_path)
@@ -266,22 +229,6 @@ def test_trials_of_two_runs_are_not_put_together(results: Path) -> None:
     put(results, outcome(5, "pass", 1.0, True), seed=10)
     with pytest.raises(DataError, match="its trials are of 2 seeds or codes"):
         evidence.trials_data(results)
-
-
-@pytest.mark.parametrize(
-    ("spoil", "message"),
-    [
-        (lambda folder: write_case(folder / "trials/002.nc", {}), r"002\.nc: it is no trial"),
-        (lambda folder: (folder / "trials/002.nc").write_text("[1]"), r"002\.nc: no file of a case"),
-        (lambda folder: shutil.rmtree(folder / "trials"), "it holds no trials"),
-    ],
-)
-def test_a_folder_without_sound_trials_changes_nothing(results, docs, spoil, message, capsys) -> None:
-    spoil(results)
-    before = {path: path.read_bytes() for path in docs.rglob("*") if path.is_file()}
-    assert evidence.main([str(docs), "--control-check", str(results)]) == 1
-    assert message.replace("\\", "") in capsys.readouterr().err
-    assert before == {path: path.read_bytes() for path in docs.rglob("*") if path.is_file()}
 
 
 def test_data_of_another_schema_and_unknown_blocks_are_refused(docs: Path) -> None:
@@ -302,3 +249,38 @@ def test_trials_are_read_as_the_scenario_writes_them(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-4])
     with pytest.raises(DataError, match=r"002\.nc: damaged or altered"):
         evidence.trials_data(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("option", "name", "content", "message"),
+    [
+        ("control-story", "run.json", "{", "run.json: not a readable JSON file"),
+        ("control-story", "control-check.json", "[]", "control-check.json: it must hold an object"),
+        ("control-story", "control-check.json", json.dumps({**STORY, "tables": [{}]}), "or run.json is no story's"),
+        ("control-story", "control-check.json", json.dumps({**STORY, "tables": None}), "or run.json is no story's"),
+        ("scenarios", "semp-fleet/run.json", None, "run.json"),
+        ("scenarios", "semp-fleet/semp-fleet.json", "[]", "semp-fleet.json: it must hold"),
+        (
+            "scenarios",
+            "semp-fleet/semp-fleet.json",
+            '{"measures": [{}]}',
+            "is not that scenario's: KeyError('measure')",
+        ),
+        ("scenarios", "silverbox/silverbox.json", '{"measures": []}', "is not that scenario's: KeyError('held_out')"),
+        ("control-check", "trials/002.nc", {}, "002.nc: it is no trial"),
+        ("control-check", "trials/002.nc", "[1]", "002.nc: no file of a case"),
+        ("control-check", "trials", None, "it holds no trials"),
+    ],
+)
+def test_a_folder_that_lacks_something_changes_nothing(option, name, content, message, request, docs, capsys) -> None:
+    folder = request.getfixturevalue({"control-story": "story", "control-check": "results"}.get(option, option))
+    if content is None:
+        shutil.rmtree(folder / name) if (folder / name).is_dir() else (folder / name).unlink()
+    elif isinstance(content, dict):
+        write_case(folder / name, content)
+    else:
+        (folder / name).write_text(content, encoding="utf-8")
+    before = {path: path.read_bytes() for path in docs.rglob("*") if path.is_file()}
+    assert evidence.main([str(docs), f"--{option}", str(folder)]) == 1
+    assert message in capsys.readouterr().err
+    assert before == {path: path.read_bytes() for path in docs.rglob("*") if path.is_file()}

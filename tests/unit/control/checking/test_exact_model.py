@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from made_models import controller_of
 from made_narx import trajectory_of
+from stopping import StopAt
 
 from deatwin.control import (
     Check,
@@ -104,16 +105,8 @@ def test_the_same_seed_gives_the_same_bytes_and_progress_goes_from_0_to_1(checke
 
 @pytest.mark.parametrize("calls", [1, 3, 8])
 def test_an_interrupt_passes_through(checked, exact, rig, calls):
-    count = 0
-
-    def stop(share):
-        nonlocal count
-        count += 1
-        if count == calls:
-            raise KeyboardInterrupt
-
     with pytest.raises(KeyboardInterrupt):
-        checked(exact(), rig, progress=stop)
+        checked(exact(), rig, progress=StopAt(calls))
 
 
 def test_a_specification_that_cannot_be_met_fails_with_its_reason(checked, exact, document_of, rig, fast, tmp_path):

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from stopping import StopAt
 
 from deatwin.control import ControlError, closed_loop, lambda_tuning, linearise, sine_reference, step_reference
 from deatwin.control.linear.plant import linearise_plant
@@ -153,12 +154,8 @@ def test_progress_is_told_and_may_end_the_run(plant, controller, linear):
     closed_loop(plant, controller, reference, rng=np.random.default_rng(0), progress=shares.append)
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
-
-    def stop(share):
-        raise KeyboardInterrupt
-
     with pytest.raises(KeyboardInterrupt):
-        closed_loop(plant, controller, reference, rng=np.random.default_rng(0), progress=stop)
+        closed_loop(plant, controller, reference, rng=np.random.default_rng(0), progress=StopAt(1))
 
 
 def test_a_controller_of_another_sample_time_is_refused(plant, controller):

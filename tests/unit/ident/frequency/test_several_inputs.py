@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from slopes import differences
 
 from deatwin.ident.frequency import (
     NofrfWarning,
@@ -72,20 +73,14 @@ def test_kernels_of_second_order_are_the_closed_forms() -> None:
 
 
 def test_derivatives_and_values_at_other_parameters() -> None:
+    def values(theta: np.ndarray) -> np.ndarray:
+        return gfrf(replace(MODEL, theta=theta), 2, W, inputs=["u1", "u2"]).values
+
     found = gfrf(MODEL, 2, W, inputs=["u1", "u2"])
-    step = 1e-6 * np.eye(MODEL.theta.size)
-    for m in range(MODEL.theta.size):
-        ends = [
-            gfrf(replace(MODEL, theta=MODEL.theta + s * step[m]), 2, W, inputs=["u1", "u2"]).values for s in (1, -1)
-        ]
-        np.testing.assert_allclose(found.gradient[:, m], (ends[0] - ends[1]) / 2e-6, atol=1e-7)
+    np.testing.assert_allclose(found.gradient, differences(values, MODEL.theta, 1e-6), atol=1e-7)
     assert found.evaluate is not None
-    moved = found.evaluate(MODEL.theta[None] + 10 * step[:1])
-    np.testing.assert_allclose(
-        moved.values[0],
-        gfrf(replace(MODEL, theta=MODEL.theta + 10 * step[0]), 2, W, inputs=["u1", "u2"]).values,
-        rtol=1e-10,
-    )
+    other = MODEL.theta + 1e-5 * np.eye(MODEL.theta.size)[0]
+    np.testing.assert_allclose(found.evaluate(other[None]).values[0], values(other), rtol=1e-10)
     assert found.band().high.shape == (20,) and found.label == r"$H_2^{\mathrm{u1,u2}}$"
 
 

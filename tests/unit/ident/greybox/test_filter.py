@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 from made_rigs import Bare
+from runs import readings as simulated
 from scipy.linalg import expm
 
 from deatwin.ident.greybox import Part
@@ -26,11 +27,6 @@ STEP = 0.02
 
 def part_of(commands: np.ndarray, readings: np.ndarray) -> Part:
     return Part.whole(Experiment(recordings=(Recording.from_arrays(commands, readings, STEP),)))
-
-
-def simulated(plant: Plant, commands: np.ndarray) -> np.ndarray:
-    record = Recording.from_arrays(commands, np.zeros_like(commands), STEP)
-    return plant.simulate(Experiment(recordings=(record,))).require().outputs[0][0]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from stopping import StopAt
 
 from deatwin.ident.greybox import Calibration, FitStatus, Part, calibrate
 from deatwin.ident.greybox.covariance import covariance
@@ -252,19 +253,12 @@ def test_progress_grows_and_counts_simulations(plant):
     assert told[0][1] == "fit from the given values, 1 simulations"
 
 
-@pytest.mark.parametrize("after", [2, 12, 40])
-def test_an_interrupt_keeps_the_best_so_far(plant, after):
+@pytest.mark.parametrize("call", [3, 13, 41])
+def test_an_interrupt_keeps_the_best_so_far(plant, call):
     experiment = recorded(plant.with_values(TRUTH), noise_command(4), 4)
-    count = 0
-
-    def interrupt(share, doing):
-        nonlocal count
-        count += 1
-        if count > after:
-            raise KeyboardInterrupt
-
-    found = calibrate(plant, experiment, progress=interrupt)
-    if count <= after:
+    stop = StopAt(call)
+    found = calibrate(plant, experiment, progress=stop)
+    if len(stop.told) < call:
         pytest.skip("the search ended before")
     assert found.status is FitStatus.INTERRUPTED
     assert found.status.ok
@@ -273,4 +267,4 @@ def test_an_interrupt_keeps_the_best_so_far(plant, after):
     start = problem.evaluate(problem.start())[0]
     assert found.rms < np.sqrt(np.mean(start**2))
     with pytest.raises(KeyboardInterrupt):
-        calibrate(plant, experiment, progress=lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+        calibrate(plant, experiment, progress=StopAt(1))

@@ -39,15 +39,15 @@ WRONG_PARAMETERS = {"shear_modulus": 29e3, "stretch_limit": 140.0, "permittivity
 CATALOGUE = [Creep(), ElectrodeRC(), PermittivityDrift()]
 
 
-def recorded(*effects, seed: int = 0, values=WRONG_PARAMETERS) -> Experiment:
-    """Noise and holds by a plant with other parameters and concealed effects."""
+def recorded(*effects, seed: int = 0, values=WRONG_PARAMETERS, share: float = 1.0) -> Experiment:
+    """A minute of noise and 40 s of holds, or a share of each, by a plant with other parameters and concealed effects."""
     rng = np.random.default_rng(seed)
-    noise = band_limited_noise(rng, 60.0, 0.02)
-    holds = random_holds(rng, 40.0, 0.02, 1.2, 3.1)
+    noise = band_limited_noise(rng, 60.0 * share, 0.02)
+    holds = random_holds(rng, 40.0 * share, 0.02, 1.2, 3.1)
     blank = Experiment(
         recordings=(
             Recording.from_arrays(noise, np.zeros_like(noise), 0.02),
-            Recording.from_arrays(holds, np.zeros_like(holds), 0.02, start=60.0),
+            Recording.from_arrays(holds, np.zeros_like(holds), 0.02, start=60.0 * share),
         )
     )
     return NOMINAL.with_values(values).with_effects(*effects).record(blank, rng)
@@ -108,12 +108,12 @@ def test_clean_data_only_want_other_parameters(clean):
 
 
 def test_clean_data_of_the_nominal_plant_lack_nothing():
-    found = diagnose(NOMINAL, recorded(values={}, seed=3), effects=CATALOGUE)
+    found = diagnose(NOMINAL, recorded(values={}, seed=3, share=0.5), effects=CATALOGUE)
     assert found.verdict is Verdict.NONE
 
 
 def test_physics_outside_the_catalogue_is_unknown():
-    experiment = recorded(Creep(modulus=50e3, time=20.0), seed=4)
+    experiment = recorded(Creep(modulus=50e3, time=20.0), seed=4, share=0.5)
     found = diagnose(NOMINAL, experiment, effects=[ElectrodeRC()])
     assert found.verdict is Verdict.UNKNOWN
     assert found.causes == ()
@@ -124,7 +124,7 @@ def test_physics_outside_the_catalogue_is_unknown():
 
 def test_a_lag_is_named_though_readings_taken_a_sample_early_would_leave_little():
     """In that form of the rig nothing is missing for certain, so it calibrates best; but what it leaves is detected."""
-    experiment = recorded(SensorLag(time=0.017, inertia=0.4))
+    experiment = recorded(SensorLag(time=0.017, inertia=0.4), share=0.5)
     steps = {}
     diagnosis = diagnose(
         NOMINAL,
@@ -277,14 +277,14 @@ def test_the_plant_of_a_refuted_explanation_is_not_the_answer(monkeypatch):
         return replace(found, gain_low=-1e-9, counts=False, ablations=(), whole=amended.calibration)
 
     monkeypatch.setattr(standing, "verify", refuting)
-    found = diagnose(NOMINAL, recorded(Creep(modulus=50e3, time=20.0)), effects=[Creep()])
+    found = diagnose(NOMINAL, recorded(Creep(modulus=50e3, time=20.0), share=0.5), effects=[Creep()])
     assert found.verdict is Verdict.UNKNOWN
     assert "it is not certain that the error on held-out data falls" in found.warnings
     assert "creep" not in found.model.plant.effect_names
 
 
-def test_a_fault_of_the_recording_is_said_before_physics(creeping):
-    experiment = recorded(Creep(modulus=50e3, time=20.0))
+def test_a_fault_of_the_recording_is_said_before_physics():
+    experiment = recorded(Creep(modulus=50e3, time=20.0), share=0.5)
     first, second = experiment.recordings
     outputs = first.outputs.copy()
     outputs[0, 1000:1300] = np.median(outputs)

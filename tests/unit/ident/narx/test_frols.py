@@ -4,12 +4,13 @@ import math
 
 import numpy as np
 import pytest
+from stopping import StopAt
 
 from deatwin.ident.narx import Frols, regression
 from deatwin.ident.narx.criteria import criterion_values
 from deatwin.ident.narx.forward import forward_selection
 from deatwin.ident.narx.shrinkage import Ridge
-from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.recording import Recording
 
 
 def bilinear(n=400, seed=0, noise=0.01, start=0.0, units=(1.0, 1.0)):
@@ -30,19 +31,6 @@ def test_finds_terms_parameters_and_noise():
     assert frols.model_.noise_variance == pytest.approx(1e-4, rel=0.2)
     assert len(frols.path_) == frols.criterion_.size == 10 and frols.err_.size == 3
     assert 0.99 < frols.err_.sum() < 1.0
-
-
-def test_each_recording_starts_with_its_own_lags():
-    parts = [bilinear(150, seed=1), bilinear(250, seed=2, start=100.0)]
-    together = Frols(degree=2).fit(Experiment(recordings=tuple(parts)))
-    assert together.model_.provenance["samples"] == str(148 + 248)
-    np.testing.assert_array_equal(Frols(degree=2).fit(parts).model_.theta, together.model_.theta)
-    rows, targets = [], []
-    for part in parts:
-        rows.append(together.model_.table.rows(part.inputs, part.outputs, 2, part.n_samples))
-        targets.append(part.outputs[0, 2:])
-    theta, *_ = np.linalg.lstsq(np.concatenate(rows, axis=1).T, np.concatenate(targets))
-    np.testing.assert_allclose(together.model_.theta, theta, rtol=1e-10)
 
 
 def test_blocks_and_whole_agree(monkeypatch):
@@ -195,13 +183,9 @@ def test_the_path_is_drawn():
 
 
 def test_an_interrupted_free_run_keeps_the_models_that_were_run():
-    told = []
-
-    def interrupt(share, doing):
-        told.append(share)
-        if doing == "free run with 4 terms":
-            raise KeyboardInterrupt
-
-    frols = Frols(criterion="free_run", max_terms=8, degree=3).fit(bilinear(), progress=interrupt)
+    stop = StopAt(lambda doing: doing == "free run with 4 terms")
+    frols = Frols(criterion="free_run", max_terms=8, degree=3).fit(bilinear(), progress=stop)
     assert not frols.status_.ok and np.isfinite(frols.criterion_).sum() == 4 and len(frols.path_) == 8
-    assert len(frols.terms_) == 1 + int(np.argmin(frols.criterion_[:4])) and np.all(np.diff(told) > 0)
+    assert len(frols.terms_) == 1 + int(np.argmin(frols.criterion_[:4])) and np.all(
+        np.diff([share for share, _ in stop.told]) > 0
+    )

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from stopping import StopAt
 
 from deatwin.ident.narx import Fixed, Frols, Grow, NarxModel, refine
 from deatwin.ident.narx.grow_search import linear_start
@@ -142,15 +143,8 @@ def test_exact_recordings_give_the_exact_model():
 
 @pytest.mark.parametrize("place", [1, 4, 12])
 def test_an_interrupt_keeps_the_best_so_far(place):
-    told = []
-
-    def interrupt(share, doing):
-        told.append(share)
-        if len(told) == place:
-            raise KeyboardInterrupt
-
     grow = Grow(degree=3, max_terms=6)
-    grow.fit(record(0), progress=interrupt)
+    grow.fit(record(0), progress=StopAt(place))
     assert grow.status_ is FitStatus.INTERRUPTED and len(grow.path_) == place
     assert grow.terms_ in {step.terms for step in grow.path_} and len(grow.terms_) <= 6
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from stopping import StopAt
 
 from deatwin.ident.narx import Fixed, NarxModel, Semp, refine
 from deatwin.ident.narx.growth import held_out_errors, smallest_adequate, white, worse
@@ -92,10 +93,7 @@ def test_white_errors_are_left_to_least_squares():
 
 
 def test_an_interrupt_of_the_growth_is_noted():
-    def interrupt(share, doing):
-        if "growing" in doing and "4 terms" in doing:
-            raise KeyboardInterrupt
-
-    semp = Semp(output_lags=2, input_lags=2, degree=2).fit(slow_plant(0, noise=0.1), progress=interrupt)
+    stop = StopAt(lambda doing: "growing" in doing and "4 terms" in doing)
+    semp = Semp(output_lags=2, input_lags=2, degree=2).fit(slow_plant(0, noise=0.1), progress=stop)
     assert not semp.status_.ok and semp.model_.simulate(slow_plant(0)).status.ok
     assert isinstance(refine(semp.model_, slow_plant(0)), NarxModel)

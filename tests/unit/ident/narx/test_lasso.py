@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from stopping import StopAt
 
 from deatwin.ident.narx.identifier import FitStatus
 from deatwin.ident.narx.lasso import Lasso, lasso_path
@@ -102,14 +103,7 @@ def test_true_terms_are_kept_among_165_candidates(name):
 
 
 def test_an_interrupt_keeps_the_best_knot():
-    told = []
-
-    def interrupt(share, doing):
-        told.append(share)
-        if len(told) == 5:
-            raise KeyboardInterrupt
-
-    lasso = Lasso(degree=2).fit(bilinear(), progress=interrupt)
+    lasso = Lasso(degree=2).fit(bilinear(), progress=StopAt(5))
     assert lasso.status_ is FitStatus.INTERRUPTED
     assert np.all(np.isinf(lasso.path_.errors[5:])) and lasso.path_.chosen < 5
 

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
+from slopes import differences
+from stopping import StopAt
 
 from deatwin.ident.narx import Frols, NarxModel
 from deatwin.ident.narx.fixed import Fixed
@@ -130,10 +132,8 @@ def test_errors_and_slopes_of_noise_terms_of_all_kinds():
     model = whole.model(np.delete(theta, range(2, 6)), np.zeros((6, 6)), 0.0, identifier=None)
     for record, e in zip(recordings, errors.spread(point.errors), strict=True):
         np.testing.assert_allclose(e[0, 2:] * data.output_scale, model.predict(record).residuals[0], atol=1e-11)
-    for j in range(theta.size):
-        step = np.eye(theta.size)[j] * 1e-6
-        up, down = (errors.at(theta + sign * step, zero).errors for sign in (1, -1))
-        np.testing.assert_allclose(point.slopes[j], -(up - down) / 2e-6, rtol=1e-6, atol=1e-7)
+    slopes = differences(lambda t: -errors.at(t, zero).errors, theta, 1e-6)
+    np.testing.assert_allclose(point.slopes, slopes.T, rtol=1e-6, atol=1e-7)
 
 
 def test_what_does_not_forget_its_start_is_refused():
@@ -291,14 +291,8 @@ def test_an_exact_recording_leaves_no_noise_and_says_so():
 
 
 def test_an_interrupt_keeps_the_process_model():
-    told = []
-
-    def interrupt(share, doing):
-        told.append(doing)
-        if "noise model" in doing:
-            raise KeyboardInterrupt
-
-    narmax = Narmax(Fixed(terms=["y(k-1)", "u(k-1)"])).fit(armax(0), progress=interrupt)
+    stop = StopAt(lambda doing: "noise model" in doing)
+    narmax = Narmax(Fixed(terms=["y(k-1)", "u(k-1)"])).fit(armax(0), progress=stop)
     assert narmax.status_ is FitStatus.INTERRUPTED and narmax.noise_terms_ == ()
     plain = Fixed(terms=["y(k-1)", "u(k-1)"]).fit(armax(0).section(1, 500))  # e(k-2) takes one sample more
     np.testing.assert_allclose(narmax.model_.theta, plain.model_.theta, rtol=1e-9)

@@ -5,6 +5,7 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
+from stopping import StopAt
 
 from deatwin.ident.narx import FitStatus, NarxModel
 from deatwin.ident.narx.random_walk import ThetaSmoother
@@ -257,16 +258,10 @@ def test_several_outputs_each_have_their_equation():
 
 def test_an_interrupt_keeps_the_best_so_far():
     recording, _ = drifting(11, 200)
-    told = []
-
-    def stop(share, doing):
-        told.append((share, doing))
-        if len(told) == 7:
-            raise KeyboardInterrupt
-
+    stop = StopAt(7)
     smoother = ThetaSmoother(terms=TERMS).fit(recording, progress=stop)
     assert smoother.status_ is FitStatus.INTERRUPTED and smoother.trajectory_.theta.shape == (3, 199)
-    assert all(0 < share < 1 for share, _ in told) and "log likelihood" in told[0][1]
+    assert all(0 < share < 1 for share, _ in stop.told) and "log likelihood" in stop.told[0][1]
     whole = ThetaSmoother(terms=TERMS).fit(recording)
     assert whole.trajectory_.log_likelihood >= smoother.trajectory_.log_likelihood
 

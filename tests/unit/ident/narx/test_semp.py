@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from stopping import StopAt
 
 from deatwin.ident.narx import semp as module
 from deatwin.ident.narx.identifier import FitStatus
@@ -190,20 +191,14 @@ def test_an_exact_record_gives_the_exact_model():
 
 
 def test_an_interrupt_keeps_the_best_so_far():
-    told = []
-
-    def interrupt(share, doing):
-        told.append((share, doing))
-        if len(told) == 2:
-            raise KeyboardInterrupt
-
+    stop = StopAt(2)
     semp = Semp(output_lags=2, input_lags=2, degree=3)
     whole = Semp(output_lags=2, input_lags=2, degree=3).fit(draw("S4", 0))
-    semp.fit(draw("S4", 0), progress=interrupt)
+    semp.fit(draw("S4", 0), progress=stop)
     assert semp.status_ is FitStatus.INTERRUPTED and whole.status_ is FitStatus.DONE
     assert semp.path_ == whole.path_[:2]
     assert semp.model_.terms == semp.path_[1].terms
-    assert [share for share, _ in told] == [pytest.approx(1 / 15), pytest.approx(2 / 15), 1.0]
+    assert [share for share, _ in stop.told] == [pytest.approx(1 / 15), pytest.approx(2 / 15), 1.0]
 
 
 def test_draws_the_reduction_ratios_and_the_threshold():

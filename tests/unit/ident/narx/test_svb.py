@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy import integrate
 from scipy.special import gammaln
+from stopping import StopAt
 
 from deatwin.ident.narx import SvbNarx, svb
 from deatwin.ident.narx.bayes import Priors, Statistics, fit_relevance, invert_triangle, posterior
@@ -160,24 +161,14 @@ def test_candidates_that_are_zero_take_no_part():
 
 
 def test_an_interrupt_keeps_the_best_so_far():
-    def stop_after(steps):
-        told = []
-
-        def progress(share, doing):
-            told.append(share)
-            if len(told) == steps:
-                raise KeyboardInterrupt
-
-        return progress
-
     whole = SvbNarx().fit(bilinear())
-    part = SvbNarx().fit(bilinear(), progress=stop_after(4))
+    part = SvbNarx().fit(bilinear(), progress=StopAt(4))
     assert part.status_ is FitStatus.INTERRUPTED and whole.status_ is FitStatus.DONE
     assert [step.terms for step in part.path_] == [step.terms for step in whole.path_[:4]]
     assert part.lower_bound_ == max(step.lower_bound for step in whole.path_[:4]) and part.moves_ == ()
 
     cleaning = SvbNarx()
-    cleaning.fit(bilinear(), progress=stop_after(len(whole.path_) + 1))
+    cleaning.fit(bilinear(), progress=StopAt(len(whole.path_) + 1))
     assert cleaning.status_ is FitStatus.INTERRUPTED and len(cleaning.moves_) == 1
     assert cleaning.terms_ == cleaning.moves_[0].terms
 

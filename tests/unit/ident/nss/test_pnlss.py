@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import dlsim, lfilter
 from scipy.stats import binom
+from stopping import StopAt
 
 from deatwin.ident.narx import FitStatus
 from deatwin.ident.nss import NonlinearStateSpace, Pnlss
@@ -224,10 +225,7 @@ def test_both_errors_are_of_all_samples():
 
 
 def test_an_interrupt_that_the_progress_raises_keeps_the_model():
-    def stop(share, text):
-        if text.startswith("step 2") or text == "done":
-            raise KeyboardInterrupt
-
+    stop = StopAt(lambda doing: doing.startswith("step 2") or doing == "done")
     fitted = Pnlss(**DUFFING).fit(duffing(np.random.default_rng(10), 200, noise=0.1), progress=stop)
     assert fitted.status_ is FitStatus.INTERRUPTED and fitted.model_.simulate(np.ones(9)).status.ok
 

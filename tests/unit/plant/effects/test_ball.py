@@ -6,10 +6,11 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 from made_rigs import Bare
+from runs import readings
 from scipy.integrate import cumulative_trapezoid, solve_ivp, trapezoid
 from scipy.optimize import brentq
 
-from deatwin.plant import Experiment, Hysteresis, Parameter, Plant, Recording
+from deatwin.plant import Hysteresis, Parameter, Plant
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
 from deatwin.plant.effects.coulomb_friction import CoulombFriction
@@ -48,10 +49,7 @@ pytestmark = pytest.mark.usefixtures("uncompiled")
 
 
 def move(commands, *effects, **rig):
-    made = Mass(**rig)
-    record = Recording.from_arrays(commands, np.zeros(len(commands)), made.sample_time)
-    plant = Plant(rig=made, effects=effects)
-    return plant.simulate(Experiment(recordings=(record,))).require().outputs[0][0]
+    return readings(Plant(rig=Mass(**rig), effects=effects), commands)
 
 
 def integrated(commands, force, damper=0.05):

@@ -5,6 +5,7 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 import pytest
+from runs import readings as play
 from scipy.special import erf
 
 from deatwin.plant import Coupon, Diaphragm, Experiment, Plant, Recording
@@ -27,11 +28,6 @@ GRAVITY = 9.80665
 
 
 pytestmark = pytest.mark.usefixtures("uncompiled")
-
-
-def play(plant, commands, start=0.0):
-    record = Recording.from_arrays(commands, np.zeros(len(commands)), SAMPLE, start=start)
-    return plant.simulate(Experiment(recordings=(record,))).require().outputs[0][0]
 
 
 def strip(stretch, *effects, start=0.0):

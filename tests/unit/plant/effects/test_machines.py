@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from made_rigs import Bare
 from scipy.linalg import expm
+from slopes import slope_errors
 
 from deatwin.plant import (
     Backlash,
@@ -115,16 +116,8 @@ def test_an_effect_that_is_off_is_not_there(name: str) -> None:
     ids=lambda e: e.name,
 )
 def test_slopes_are_those_of_differences(effect: Effect) -> None:
-    plant = Plant(rig=Pushed(damping=0.2), effects=(effect,))
-    commands, values = COMMANDS[:60], plant.free_values
-    run: dict[str, Any] = {"start": -0.4, "sample_time": STEP, "rest_command": 0.0}
-    exact = plant.simulator.run_with_sensitivities(commands, values=values, **run).sensitivities
-    for number, name in enumerate(plant.parameters.free):
-        shift = 1e-5 * values[number] * np.eye(values.size)[number]
-        above, below = (plant.simulator.run(commands, values=values + s, **run).outputs for s in (shift, -shift))
-        difference = (above - below) / (2 * shift[number])
-        error = np.linalg.norm(difference - exact[:, number]) / np.linalg.norm(difference)
-        assert error < 1e-4, f"{name}: {error:.1e}"
+    errors = slope_errors(Plant(rig=Pushed(damping=0.2), effects=(effect,)), COMMANDS[:60], 1e-5)
+    assert max(errors.values()) < 1e-4, errors
 
 
 # Laws ----------------------------------------------------------------------------------------------------------------

@@ -8,9 +8,10 @@ import pytest
 from scipy.io import loadmat, savemat
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.files import read_experiment, read_recording, write_recording
+from deatwin.plant.files import read_recording, write_recording
 from deatwin.plant.recording import Recording
 
+pytestmark = pytest.mark.usefixtures("in_one_process")
 N = 50
 TIME = 0.02 * np.arange(N)
 COMMAND = 2.0 + np.sin(TIME)
@@ -85,10 +86,6 @@ class TestBoth:
         bare = {name.rpartition("_")[0]: values for name, values in SIGNALS.items()}
         check(read_recording(save({**bare, "units": {"time": "s", "command": "V", "displacement": "mm"}})))
 
-    def test_unit_that_the_name_contradicts(self, save) -> None:
-        with pytest.raises(DataError, match=r'"command_V": its name says V, its unit attribute mV'):
-            read_recording(save({**SIGNALS, "units": {"command_V": "mV"}}))
-
     @pytest.mark.parametrize(("name", "value"), [("Ts", 0.02), ("dt", 0.02), ("fs", 50.0)])
     def test_clock_by_a_scalar(self, save, name: str, value: float) -> None:
         signals = {name: values for name, values in SIGNALS.items() if name != "time_s"}
@@ -97,40 +94,17 @@ class TestBoth:
         with pytest.raises(DataError, match=r"its sample time is 0.02 s, but dt is 0.01 s"):
             read_recording(save({**signals, name: value}), dt=0.01)
 
-    def test_scalars_that_contradict(self, save) -> None:
-        with pytest.raises(DataError, match=r"ts states a sample time of 0.02 s, fs one of 0.01 s"):
-            read_recording(save({**SIGNALS, "Ts": 0.02, "fs": 100.0}))
-
     def test_no_times(self, save) -> None:
         signals = {name: values for name, values in SIGNALS.items() if name != "time_s"}
         check(read_recording(save(signals), dt=0.02))
         with pytest.raises(DataError, match=r'no column "time_s".*--dt'):
             read_recording(save(signals))
 
-    def test_faults(self, save) -> None:
-        spoiled = COMMAND.copy()
-        spoiled[6] = np.nan
-        with pytest.raises(DataError, match=r'rec.mat, row 7, column "command_V": nan is not a finite number'):
-            read_recording(save({**SIGNALS, "command_V": spoiled}))
-        with pytest.raises(DataError, match=r'column "displacement_mm": 49 samples, but "command_V" has 50'):
-            read_recording(save({**SIGNALS, "displacement_mm": COMMAND[1:]}))
-        with pytest.raises(DataError, match=r"no vectors of numbers"):
-            read_recording(save({"name": "empty"}))
 
-    def test_gap(self, save) -> None:
-        late = {name: np.delete(values, [20, 21]) for name, values in SIGNALS.items()}
-        with pytest.raises(DataError, match=r"rec.mat, row 21: a gap from 0.38 s to 0.44 s"):
-            read_recording(save(late))
-        assert [r.start for r in read_experiment([save(late)], allow_gaps=True).recordings] == [0.0, 0.44]
-
-
-def test_integers_and_complex_values(tmp_path: Path) -> None:
+def test_integers(tmp_path: Path) -> None:
     counts = np.arange(N, dtype=np.int16)
     path = level_5(tmp_path / "rec.mat", {**SIGNALS, "command_V": counts})
     np.testing.assert_array_equal(read_recording(path).inputs[0], counts)
-    path = level_5(tmp_path / "rec.mat", {**SIGNALS, "command_V": COMMAND * 1j})
-    with pytest.raises(DataError, match=r'"command_V": it holds complex128 values; real numbers are needed'):
-        read_recording(path)
 
 
 @pytest.mark.parametrize("content", [b"", b"no matlab", b"MATLAB 5.0 MAT-file" + bytes(300)])

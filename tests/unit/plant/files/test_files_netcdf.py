@@ -13,6 +13,7 @@ from deatwin.plant.recording import Recording
 xarray = pytest.importorskip("xarray")
 pytest.importorskip("h5netcdf")
 
+pytestmark = pytest.mark.usefixtures("in_one_process")
 N = 50
 TIME = 0.02 * np.arange(N)
 COMMAND = 2.0 + np.sin(np.arange(N))
@@ -92,17 +93,9 @@ def test_without_times(path: Path) -> None:
         read_recording(path)
 
 
-def test_faults(path: Path) -> None:
-    spoiled = dataset()
-    spoiled["command"][3] = np.nan
-    spoiled.to_netcdf(path, engine="h5netcdf")
-    with pytest.raises(DataError, match=r'rec.nc, row 4, column "command": nan is not a finite number'):
-        read_recording(path)
+def test_a_head_of_version_4_alone(path: Path) -> None:
     path.write_bytes(b"\x89HDF\r\n\x1a\n and then nothing")
     with pytest.raises(DataError, match=r"rec.nc: cannot be read as a NetCDF file"):
-        read_recording(path)
-    path.write_bytes(b"plain text")
-    with pytest.raises(DataError, match=r"rec.nc: not a NetCDF file"):
         read_recording(path)
 
 

@@ -23,11 +23,8 @@ def test_a_text_packed_by_gzip_is_read_as_it_is(tmp_path: Path) -> None:
     np.testing.assert_array_equal(plain.outputs, packed.outputs)
 
 
-def test_a_packed_text_that_is_damaged_or_too_large_is_refused(tmp_path: Path, monkeypatch) -> None:
-    path, content = tmp_path / "r.csv.gz", gzip.compress(TEXT.encode())
-    path.write_bytes(content[:-20])
-    with pytest.raises(DataError, match="gzip cannot unpack it"):
-        read_recording(path)
+def test_a_packed_text_that_is_too_large_is_refused(tmp_path: Path, monkeypatch) -> None:
+    path = tmp_path / "r.csv.gz"
     monkeypatch.setattr(csvtable, "TEXT_BYTES", 100_000)
     path.write_bytes(gzip.compress(TEXT.encode() + b"\n" * 1_000_000))
     with pytest.raises(DataError, match="it unpacks to more than 100 kB"):
@@ -58,13 +55,6 @@ def test_a_mark_between_thousands_is_told_where_it_stands(tmp_path: Path, rows: 
     path.write_text("\n".join([HEAD, "0.00,1,2", *rows, *ROWS[2:]]), encoding="utf-8")
     with pytest.raises(DataError, match=said):
         read_recording(path)
-
-
-def test_several_columns_in_one_name_are_refused_with_one_that_works(tmp_path: Path) -> None:
-    path = tmp_path / "r.csv"
-    path.write_text(TEXT.replace("command_V", "drive_V"), encoding="utf-8")
-    with pytest.raises(DataError, match='names several columns; name one: "drive_V"'):
-        read_recording(path, input_column="displacement_mm,drive_V")
 
 
 def test_a_formula_without_a_value_is_named(tmp_path: Path) -> None:

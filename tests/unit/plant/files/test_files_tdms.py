@@ -61,11 +61,6 @@ def test_without_waveform_properties_the_sample_time_is_asked_for(path: Path, ab
         read_recording(path)
 
 
-def test_sample_time_that_the_file_contradicts(path: Path) -> None:
-    with pytest.raises(DataError, match=r"its sample time is 0.02 s, but dt is 0.01 s; leave dt out"):
-        read_recording(save(path, *pair(WAVEFORM)), dt=0.01)
-
-
 def test_channel_of_times(path: Path) -> None:
     check(read_recording(save(path, ("rig", "time_s", 0.02 * np.arange(N), {}), *pair({}))))
 
@@ -80,13 +75,6 @@ def test_groups_with_channels_of_one_name(path: Path) -> None:
     with pytest.raises(DataError, match=r'no column "command_V"; the file has "one/command_V"'):
         read_recording(path)
     check(read_recording(path, input_column="two/command_V", output_column="one/displacement_mm"))
-
-
-def test_channels_with_different_clocks(path: Path) -> None:
-    one, other = pair(WAVEFORM)
-    late = {**WAVEFORM, "wf_start_offset": 0.01}
-    with pytest.raises(DataError, match=r"every 0.02 s from 0 s; every 0.02 s from 0.01 s"):
-        read_recording(save(path, one, (*other[:3], late)))
 
 
 def test_waveforms_that_say_when_they_started_share_a_clock(tmp_path: Path) -> None:
@@ -106,13 +94,9 @@ def test_text_channel_is_refused_only_where_it_is_used(path: Path) -> None:
         read_recording(path, input_column="remark")
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [(b"no TDMS at all, but long enough for its head", "cannot be read as a TDMS file"), (b"TDSm", "no vectors")],
-)
-def test_damaged(path: Path, content: bytes, message: str) -> None:
-    path.write_bytes(content)
-    with pytest.raises(DataError, match=rf"rec.tdms: {message}"):
+def test_a_head_alone(path: Path) -> None:
+    path.write_bytes(b"TDSm")
+    with pytest.raises(DataError, match=r"rec.tdms: no vectors"):
         read_recording(path)
 
 

@@ -38,6 +38,7 @@ from deatwin.plant.rigs.rigfile import read_rig
 held = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
 resource.setrlimit(resource.RLIMIT_AS, (held + 600_000_000,) * 2)
 for path in sys.argv[1:]:
+    sys.frozen = path != "gzip.nc"  # no process of its own tries the others first
     ending = path.rpartition(".")[2]
     read = {"toml": read_rig, "json": NarxModel.load}.get(ending, read_recording)
     try:

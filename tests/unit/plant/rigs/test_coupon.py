@@ -1,7 +1,5 @@
 """The strip in a test machine, against closed forms."""
 
-import json
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -92,8 +90,3 @@ def test_a_strip_at_its_limit_fails_with_a_status(experiment):
     simulation = Plant(rig=RIG).simulate(experiment(np.linspace(1.0, 12.0, 100)))
     assert not simulation.status.ok
     assert simulation.failed_command == pytest.approx(10.5, abs=0.1)
-
-
-def test_a_coupon_survives_json():
-    plant = Plant(rig=Coupon(width=7e-3)).with_effects(Creep())
-    assert Plant.from_dict(json.loads(json.dumps(plant.to_dict()))).rig == plant.rig

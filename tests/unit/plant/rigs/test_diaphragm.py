@@ -28,11 +28,6 @@ def test_a_film_without_elements_is_refused():
         Diaphragm(resolution="fine", elements=0)
 
 
-def test_a_rig_survives_plain_data():
-    rig = Diaphragm(resolution="fine", elements=3, ball="bonded")
-    assert Diaphragm.from_dict(rig.to_dict()) == rig
-
-
 def test_finer_ends_nowhere():
     assert Diaphragm().finer() == Diaphragm(resolution="fine")
     assert COARSEST.finer().elements == 2

@@ -77,26 +77,6 @@ def test_all_are_told_in_the_order_of_the_file(tmp_path: Path, ends: str) -> Non
     assert said_of(tmp_path, WRONG.replace("\n", ends)) == f"rig.toml: {len(ALL)} mistakes: {' '.join(expected)}"
 
 
-@pytest.mark.parametrize(("line", "text"), ALL, ids=lambda text: text[:20])
-def test_one_alone_is_told_without_its_line(tmp_path: Path, line: str, text: str) -> None:
-    right = {
-        "thickness_mm = 0.0005": "thickness_mm = 0.5",
-        "prestrech = 3.5": "prestretch = 3.5",
-        "electrode_diameter_mm = 90.0": "electrode_diameter_mm = 35.0",
-        'mass_g = "3"': "mass_g = 3",
-        "[drive]": "[drive]\ngain = 800.0",
-        "[senser]": "[sensor]",
-        "noise_um = -2.0": "noise_um = 2.0",
-        'zero = "displacement at rest"': 'zero = "displacement at zero volts"',
-    }
-    single = WRONG
-    for wrong, repaired in right.items():
-        if wrong != line:
-            single = single.replace(f"{wrong}\n", f"{repaired}\n")
-    text = text if line == "[senser]" else text.replace("[senser]", "[sensor]")
-    assert said_of(tmp_path, single) == f"rig.toml{', ' if text.startswith('[') else ': '}{text}"
-
-
 def test_what_is_missing_has_the_line_of_its_section_or_none() -> None:
     data = {"film": SOUND["film"], "load": {}, "drive": SOUND["drive"]}
     with pytest.raises(RigError) as caught:
@@ -179,13 +159,6 @@ WITH_OWN = DISC.replace('material = "Elastosil 2030"\n', "") + OWN
 @pytest.mark.parametrize(
     ("text", "old", "new", "told"),
     [
-        (DISC, '"disc"', '"disk"', 'kind: "disk" is no kind of rig; did you mean "disc"?'),
-        (
-            DISC,
-            "electrode_diameter_mm = 20.0",
-            "electrode_diameter_mm = 60.0",
-            "it must be below frame_diameter_mm, 50",
-        ),
         (DISC, "[drive]", "[load]\nball = 2\n[drive]", 'unknown key "ball"'),
         (
             DISC,
@@ -193,11 +166,6 @@ WITH_OWN = DISC.replace('material = "Elastosil 2030"\n', "") + OWN
             "start_ramp_s = 1.0",
             '"start_hold_s" is missing; it must be a number from 0 to 86400; or',
         ),
-        (DISC, 'start = "unknown"', 'start = "unknown"\nstart_ramp_s = 1.0', '"start" stands in its place'),
-        (DISC, 'input = "film voltage"', "", 'or give input = "film voltage" instead'),
-        (DISC, '"Elastosil 2030"', '"Elastosil 2031"', "unknown material"),
-        (WITH_OWN, "[film]", '[film]\nmaterial = "RTV 615"', r"\[film\] material: there is a section \[material\] too"),
-        (WITH_OWN, '"gent"', '"gnet"', r'\[material\] energy: unknown energy .gnet.; did you mean "gent"'),
         (WITH_OWN, '"gent"', '"mu/2*(I1 - 3"', r"\[material\] energy: .* not a formula"),
         (WITH_OWN, "stretch_limit = 40", "", r'\[material\] parameters: the parameter "stretch_limit" is missing'),
         (WITH_OWN, "stretch_limit = 40", "stretch_limit = true", "true|True is a truth value; it must be a number, or"),
