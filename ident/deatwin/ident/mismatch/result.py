@@ -60,14 +60,15 @@ class ReadingSummary:
     def sentence(self) -> str:
         """What the reading taught, in words."""
         before, after = with_unit(self.unseen.before, self.unit), self.unseen.after
-        left = f"leaves {before}" + ("" if after is None else f", with the causes {with_unit(after, self.unit)}")
-        said = f"{self.name} (noise {with_unit(self.noise, self.unit)}): on held-out data the calibrated plant {left}"
+        left = before + ("" if after is None else f", and {with_unit(after, self.unit)} with the causes")
+        noise = with_unit(self.noise, self.unit)
+        said = f"{self.name} (noise {noise}): the error of the calibrated plant on held-out data is {left}"
         if self.with_it is None or self.without_it is None:
             return said
         whole, without = _likely(self.with_it), _likely(self.without_it)
         if whole == without:
-            return f"{said}; the other readings say the same without it: {whole}"
-        return f"{said}; without this reading the explanation would be {without}, with it {whole}"
+            return f"{said}; the other readings alone give the same explanation: {whole}"
+        return f"{said}; the explanation is {whole} with this reading, and {without} without it"
 
     @property
     def name(self) -> str:

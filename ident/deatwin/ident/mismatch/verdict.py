@@ -40,10 +40,10 @@ class Verdict(Enum):
 _ADVICE: Mapping[Verdict, str] = {
     Verdict.NONE: (
         "next: use the calibrated plant within the range and frequencies of these inputs; the table of smallest "
-        "detectable changes shows what could still be hidden"
+        "detectable effects shows what could still be hidden"
     ),
     Verdict.PARAMETERS: "next: use the calibrated plant within the range and frequencies of these inputs",
-    Verdict.NAMED: "next: use the amended plant, model.json, which `deatwin simulate` and `deatwin check` take",
+    Verdict.NAMED: "next: use the amended plant, model.json, which `deatwin simulate` and `deatwin check` accept",
     Verdict.AMBIGUOUS: (
         "next: record the advised experiment and diagnose all recordings together; until then no explanation is certain"
     ),
@@ -51,7 +51,7 @@ _ADVICE: Mapping[Verdict, str] = {
     Verdict.UNKNOWN: "next: inspect the readings where the mismatch lies; if they are sound, add the effect that you suspect",
     Verdict.DISTURBANCE: "next: find the source of the disturbance on the bench; changing the plant will not help",
     Verdict.DATA_FAULT: "next: repeat the recording, or delete the faulty rows and read it with --allow-gaps",
-    Verdict.NOT_TESTABLE: "next: record a stronger or richer input; `deatwin plan` says what an input would show",
+    Verdict.NOT_TESTABLE: "next: record a larger input, or one with more frequencies; `deatwin plan` says what an input would show",
 }
 
 
