@@ -300,7 +300,7 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
         "time since rest from 0 to 49.99 s",
         "displacement rate from -332 to 326 µm/s",
         "<td>falling reading</td>",
-        "the strength of creep would change by -126 % of itself over the fitted part",
+        "the strength of creep, if allowed to vary, changes by -126 % over the fitted part",
     )
     for text in shown:
         assert text in page, text

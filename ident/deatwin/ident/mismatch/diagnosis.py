@@ -94,7 +94,7 @@ def _readings(diagnosis: Diagnosis) -> Variables:
 
 @dataclass(frozen=True, kw_only=True)
 class Diagnosis(Described):
-    """A verdict and what it rests on. Amplitudes are in the unit that `output` names.
+    """Verdict with all results that support it. Amplitudes are in the unit that `output` names.
 
     A diagnosis that was read from its file has no models, readings and findings.
 

@@ -54,7 +54,7 @@ class Excess:
 
     @property
     def mismatch(self) -> bool:
-        """Whether physics is missing: significant beyond noise *and* model error, or too large to doubt.
+        """Return whether physics is missing: significant beyond noise *and* model error, or too large to doubt.
 
         A mismatch that comes in bursts scatters so much that no test of its mean is significant.
         """

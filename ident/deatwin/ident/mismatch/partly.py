@@ -53,7 +53,7 @@ def acting(naming: Naming, bench: Bench, rng: np.random.Generator) -> tuple[Nami
 
 
 def is_known(candidate: Candidate) -> bool:
-    """Whether the 95 % intervals of its effects' strengths leave none of them out."""
+    """Return whether the 95 % intervals of its effects' strengths leave none of them out."""
     fit = candidate.calibration
     strengths = [f"{e.name}.{e.strength}" for e in fit.plant.effects if e.name in candidate.effects]
     return all(low > 0.0 or high < 0.0 for low, high in map(fit.interval, strengths))
@@ -96,7 +96,7 @@ def _takes_nearly_all(candidate: Candidate, base: Candidate) -> bool:
 
 
 def _stands_alone(candidate: Candidate, base: Candidate) -> bool:
-    """Whether a candidate's own effects take away most of the mismatch, in a plant within its ranges."""
+    """Return whether a candidate's own effects take away most of the mismatch, in a plant within its ranges."""
     return takes_most(candidate, base) and acts(candidate, base) and not held_back_by(candidate)
 
 
@@ -109,7 +109,7 @@ def _leads(candidate: Candidate, base: Candidate, known: dict[tuple[str, ...], C
 
 
 def unexplained(answer: Candidate, base: Candidate, left: Location, seconds: float) -> Unexplained:
-    """What an answer leaves of a mismatch, and where most of that is.
+    """Return what an answer leaves of a mismatch, and where most of that is.
 
     Parameters
     ----------

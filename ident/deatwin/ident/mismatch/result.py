@@ -34,7 +34,7 @@ LEAST_TOLD = 0.01
 
 @dataclass(frozen=True, kw_only=True)
 class ReadingSummary:
-    """What one of several readings taught; SI.
+    """Residuals of one of several readings, and the probabilities with and without it; SI.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class ReadingSummary:
 
     @property
     def sentence(self) -> str:
-        """What the reading taught, in words."""
+        """Return what the reading taught, in words."""
         before, after = with_unit(self.unseen.before, self.unit), self.unseen.after
         left = before + ("" if after is None else f", and {with_unit(after, self.unit)} with the causes")
         noise = with_unit(self.noise, self.unit)
@@ -121,7 +121,7 @@ class OriginSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class DetectionSummary:
-    """Whether anything is missing, and what could have been seen.
+    """Summary of the test whether anything is missing, and of the smallest effects that would be detected.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ class Ablation:
 
     @property
     def returns(self) -> bool:
-        """Whether the error comes back for certain, on held-out data too.
+        """Return whether the error comes back for certain, on held-out data too.
 
         What acts at a few steps only is in so few blocks of the held-out part that these alone can be certain of nothing.
         """
@@ -226,7 +226,7 @@ class ConstancySummary:
 
 @dataclass(frozen=True, kw_only=True)
 class VerificationSummary:
-    """What the best explanation had to bear on held-out data.
+    """Summary of the tests of the best explanation on held-out data.
 
     Parameters
     ----------
@@ -322,7 +322,7 @@ class TermSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class FreeFormSummary:
-    """A description of what is missing that is no physics.
+    """Summary of a free form, which describes the mismatch without physics.
 
     Parameters
     ----------
@@ -355,7 +355,7 @@ class UnseenErrors(Errors):
 
 @dataclass(frozen=True, kw_only=True)
 class FitSummary:
-    """What the calibrated and the amended plant leave of the first reading.
+    """Residuals of the calibrated and of the amended plant in the first reading.
 
     Parameters
     ----------

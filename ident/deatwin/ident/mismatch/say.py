@@ -77,7 +77,7 @@ def risk(share: float) -> str:
 
 
 def say(diagnosis: Diagnosis) -> str:
-    """Say the conclusion of a diagnosis.
+    """Write the conclusion of a diagnosis as one sentence.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def _ambiguous(diagnosis: Diagnosis) -> str:
 
 
 def _elsewhere(cause: str, diagnosis: Diagnosis) -> str:
-    """Where a rival's effect acts, if that is at a further place only."""
+    """Return where a rival's effect acts, if that is at a further place only."""
     effects = (effect for rival in diagnosis.rival_models.values() for effect in rival.plant.effects)
     places = dict.fromkeys(effect.placed_at for effect in effects if effect.cause == cause)
     return f" (at the {' or the '.join(map(_plain, places))})" if places and "" not in places else ""
@@ -165,7 +165,7 @@ def _partly(diagnosis: Diagnosis) -> str:
 
 
 def _mostly(left: Unexplained, diagnosis: Diagnosis) -> str:
-    """Where most of what is left is, as far as one place holds more than half of it."""
+    """Return where most of what is left is, as far as one place holds more than half of it."""
     window, band, region = left.time, left.frequency, left.region
     if window is not None and window.score > HALF:
         return f", mostly between {window.from_s:.2f} and {window.to_s:.2f} s"
@@ -194,7 +194,7 @@ def _unknown(diagnosis: Diagnosis) -> str:
 
 
 def _when(diagnosis: Diagnosis) -> str:
-    """In which stretch of time most of the mismatch lies, if in one."""
+    """Return in which stretch of time most of the mismatch lies, if in one."""
     windows = () if diagnosis.location is None else diagnosis.location.time
     longest = max(windows, key=lambda window: window.score, default=None)
     if longest is None or longest.score <= HALF:
@@ -355,7 +355,7 @@ def _with_interval(parameter: Interval) -> str:
 
 
 def _next(diagnosis: Diagnosis) -> str:
-    """What the advised experiment would decide."""
+    """Return what the advised experiment would decide."""
     advised = diagnosis.advice
     if advised is None:
         return ""

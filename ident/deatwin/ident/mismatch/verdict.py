@@ -14,7 +14,7 @@ NOTHING = 1e-3
 
 
 class Verdict(Enum):
-    """What a diagnosis concludes; the advice says what to do with it."""
+    """Conclusion of a diagnosis; `advice` says what to do next."""
 
     NONE = "none"
     PARAMETERS = "parameters"
@@ -28,12 +28,12 @@ class Verdict(Enum):
 
     @property
     def advice(self) -> str:
-        """What to do next."""
+        """Return what to do next."""
         return _ADVICE[self]
 
     @property
     def has_causes(self) -> bool:
-        """Whether effects are built into the amended plant."""
+        """Return whether effects are built into the amended plant."""
         return self in (Verdict.NAMED, Verdict.AMBIGUOUS, Verdict.PARTLY)
 
 
@@ -84,7 +84,7 @@ class Interval:
 
     @property
     def shown(self) -> Shown:
-        """The same as a person writes it.
+        """Return the same as a person writes it.
 
         A value that is nothing beside its interval about zero, as on a bound there, is 0.
         """
@@ -96,7 +96,7 @@ class Interval:
 
 @dataclass(frozen=True, kw_only=True)
 class FittedParameter(Interval):
-    """A parameter of the calibrated plant.
+    """Parameter of the calibrated plant, with its 95 % interval.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ class FittedParameter(Interval):
 
 @dataclass(frozen=True, kw_only=True)
 class Cause:
-    """An effect that the recordings ask for.
+    """Effect that explains a part of the mismatch, with its parameters and probability.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ class Cause:
 
 @dataclass(frozen=True, kw_only=True)
 class CandidateSummary:
-    """An explanation that was tried.
+    """Explanation that was tried, with the errors that it leaves.
 
     Parameters
     ----------

@@ -57,7 +57,7 @@ def offered(plants: Sequence[Plant], recorded: Collection[str]) -> tuple[Reading
 
 
 def has(plant: Plant, reading: Reading) -> bool:
-    """Whether a plant has a signal that can be read."""
+    """Return whether a plant has a signal that can be read."""
     try:
         return plant.with_rig(replace(plant.rig, further=(reading,))).equations is not None
     except RigError:
@@ -160,7 +160,7 @@ class Prices:
         return own_errors(bench.nominal.rig, bench.fitted, readings, self.question.noise, bench.expected_error)
 
     def _own(self, number: int) -> np.ndarray:
-        """What the recordings say of a pair: products (p + 1, p + 1) of derivatives and difference."""
+        """Return what the recordings say of a pair: products (p + 1, p + 1) of derivatives and difference."""
         (truth, rival), memory = self.question.pairs[number], self.question.memories[number]
         rows = np.vstack([(memory.jacobian * self._spreads[rival]).T, memory.known.left])
         return self._errors(truth).products(rows)

@@ -84,7 +84,7 @@ class Limits:
         return min(*sides, self.highest - self.rest, self.rest - self.lowest)
 
     def scaled(self, share: float) -> Limits:
-        """The same with all distances from rest lessened, as far as the drive goes.
+        """Return the same with all distances from rest lessened, as far as the drive goes.
 
         Parameters
         ----------
@@ -123,7 +123,7 @@ def used_range(parts: Sequence[Part]) -> tuple[float, float]:
 
 
 def limits_of(plant: Plant, parts: Sequence[Part]) -> Limits:
-    """What a rig's drive may give; where it does not say, what recordings have used, and rest, where all begin.
+    """Return what a rig's drive may give; where it does not say, what recordings have used, and rest, where all begin.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ def safe_limits(plants: Sequence[Plant], limits: Limits) -> Limits | None:
 
 
 def bears(plant: Plant, commands: np.ndarray, rest: float, headroom: float = HEADROOM) -> bool:
-    """Whether a plant follows an input with headroom: no pull-in, no breakdown, no loss of tension.
+    """Return whether a plant follows an input with headroom: no pull-in, no breakdown, no loss of tension.
 
     Parameters
     ----------

@@ -157,7 +157,7 @@ def _simulated(base: Candidate, bench: Bench) -> list[np.ndarray]:
 
 
 def _leaves_nothing(whole: Calibration, base: Candidate, bench: Bench) -> bool:
-    """Whether a fit leaves nothing that counts of either part."""
+    """Return whether a fit leaves nothing that counts of either part."""
     left = [free_run_residuals(whole.plant, parts) for parts in (bench.fitted, bench.unseen)]
     error = whole.plant.rig.model_error
     return all(r is not None and excess_over_floor(r, base.noise, error).within_floor for r in left)

@@ -75,7 +75,7 @@ class OriginEvidence:
 
     @classmethod
     def none(cls, left: float) -> OriginEvidence:
-        """What is said where nothing can be.
+        """Return what is said where nothing can be.
 
         Parameters
         ----------
@@ -89,7 +89,7 @@ class OriginEvidence:
         return cls(origin=Origin.UNDECIDED, by="nothing", share=0.0, low=0.0, high=1.0, left=left)
 
     def summary(self, size: float) -> OriginSummary:
-        """What a diagnosis says of it; `size` is the SI size of the unit in which amplitudes are reported."""
+        """Return what a diagnosis says of it; `size` is the SI size of the unit in which amplitudes are reported."""
         return OriginSummary(
             by=self.by,
             share=self.share,

@@ -53,7 +53,7 @@ SIGNIFICANT = 2.0
 def discover(
     bench: Bench, base: Candidate, rng: np.random.Generator, *, place: Opening | None = None
 ) -> Discovery | None:
-    """Look for a free form of what the base plant lacks.
+    """Search for a free form: a force without a physical name that reduces the mismatch.
 
     Parameters
     ----------
@@ -308,7 +308,7 @@ def _found(form: FreeForm, number: int, inclusion: float, plant: Plant) -> Found
 
 
 def _latent(plant: Plant, parts: Sequence[Part], opening: Opening, noise: float) -> Latent | None:
-    """What enters beside a plant whose parameters are known."""
+    """Return what enters beside a plant whose parameters are known."""
     try:
         linears = [_with_known_parameters(linear) for linear in linearise(plant, parts)]
         floor = Floor.of(linears, noise)

@@ -98,7 +98,7 @@ def stable_terms(columns: Array, target: Array, nuisances: Array, rng: np.random
 
 
 def _freed(target: Array, basis: Array) -> Array:
-    """What nuisances cannot make of a target, of length 1."""
+    """Return what nuisances cannot make of a target, of length 1."""
     left = taken_off(target, basis)
     return left / max(float(np.linalg.norm(left)), 1e-300)
 
@@ -158,7 +158,7 @@ def _blocks(unit: Array, target: Array) -> Array:
 
 
 def _drawn(count: int, rng: np.random.Generator) -> NDArray[np.int_]:
-    """How often each block is drawn, in runs of as many as the square root of their number."""
+    """Return how often each block is drawn, in runs of as many as the square root of their number."""
     run = max(1, round(np.sqrt(count)))
     starts = rng.integers(0, count, size=-(-count // run))
     return np.bincount(((starts[:, None] + np.arange(run)) % count).ravel()[:count], minlength=count)

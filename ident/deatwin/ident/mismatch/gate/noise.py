@@ -59,7 +59,7 @@ class NoiseFloor:
 
     @property
     def sentence(self) -> str:
-        """Where the level comes from, in one plain sentence."""
+        """Return where the level comes from, in one plain sentence."""
         return f"the noise is estimated from {self.source.value}"
 
 

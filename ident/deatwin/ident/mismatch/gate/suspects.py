@@ -62,7 +62,7 @@ def stuck(record: Recording) -> np.ndarray:
 
 
 def _may_be_held(record: Recording, run: tuple[int, int], settling: int, near: float) -> bool:
-    """Whether friction may hold the plant in a `run` of one reading, from its first sample to before its last.
+    """Return whether friction may hold the plant in a `run` of one reading, from its first sample to before its last.
 
     It lets go where the command leaps, or never did; and under commands as those of the run, which are too small for
     it, it holds the plant at other times as well, within `near`, once that has had `settling` samples to come to rest.
@@ -132,7 +132,7 @@ def spikes(signal: np.ndarray) -> np.ndarray:
 
 
 def _beside(bend: np.ndarray) -> np.ndarray:
-    """How far the neighbours of each value lie off their cubics once it lies on its own: those have it, too."""
+    """Return how far the neighbours of each value lie off their cubics once it lies on its own: those have it, too."""
     padded = np.pad(bend, 2, constant_values=np.nan)
     shares = {1: 2 / 3, 3: 2 / 3, 0: -1 / 6, 4: -1 / 6}
     off = [np.abs(padded[k : k + bend.size] + share * bend) for k, share in shares.items()]

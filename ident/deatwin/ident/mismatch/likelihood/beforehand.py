@@ -62,7 +62,7 @@ class OwnError:
 
     @property
     def process(self) -> Process:
-        """What does not repeat, of variance 1."""
+        """Return what does not repeat, of variance 1."""
         return Process(weights=(0.5, 0.5), times=tuple(time * self.sample_time for time in FAST_TIMES))
 
     @property
@@ -88,7 +88,7 @@ class Coordinate:
 
 
 def coordinate(parameter: Parameter, nominal: Plant, effects: Mapping[str, Effect], reading: float) -> Coordinate:
-    """What is known of a plant's parameter, or one of an effect by its name; the largest `reading` is in SI.
+    """Return what is known of a plant's parameter, or one of an effect by its name; the largest `reading` is in SI.
 
     Of one that only another form of the plant has, its value is known as well as any.
     """

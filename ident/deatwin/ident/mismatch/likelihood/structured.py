@@ -56,7 +56,7 @@ def slow(times: np.ndarray, rms: float, constant: float, count: int) -> np.ndarr
 
 
 def law(contribution: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """What another law of the same mechanism may do that does this (n,), as an orthonormal basis (n, k).
+    """Return what another law of the same mechanism may do that does this (n,), as an orthonormal basis (n, k).
 
     A law that bends (powers of the contribution, and its size), changes with time, or acts with other times: what
     first-order filters make of it, from one sample to the whole recording.

@@ -143,7 +143,7 @@ def _recording(of: Filter, times: np.ndarray, rows: np.ndarray, first: int) -> I
 
 
 def _is_settled(of: Filter, cov: np.ndarray, final: np.ndarray) -> bool:
-    """Whether P is where it stays, against the innovation's variance."""
+    """Return whether P is where it stays, against the innovation's variance."""
     allowed = (SETTLED + ROUNDING * of.ratios**2) * of.gain(final)[1]
     return bool((np.abs(cov - final).sum(axis=(1, 2)) <= allowed).all())
 

@@ -104,7 +104,7 @@ class Places(Described):
 
     @property
     def repeatable(self) -> bool:
-        """Whether the mismatch is a repeatable function of the signals anywhere."""
+        """Return whether the mismatch is a repeatable function of the signals anywhere."""
         return self.closure_p_value < REPEATABLE
 
     @property

@@ -105,7 +105,7 @@ def _unseen(candidate: Candidate) -> float:
 
 
 def _conclusion(naming: Explanations, shown: int) -> str:
-    """What was found, and in a second line what is not seen in the bars."""
+    """Return what was found, and in a second line what is not seen in the bars."""
     tried = len(dict.fromkeys((*naming.candidates[1:], *naming.rivals)))
     if naming.best is not None:
         found = f"best explanation: {in_words(naming.best)}"

@@ -44,7 +44,7 @@ TINY = 1e-300
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Footprint:
-    """What an effect of one shape does to the readings of the calibrated base plant.
+    """Linearised response: how an effect of one shape changes the readings of the calibrated base plant.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def footprints(
     fit: Calibration,
     finished: Callable[[int], None] | None = None,
 ) -> tuple[Footprint, ...]:
-    """Simulate the base plant with each effect, at each of its shapes.
+    """Compute how each effect, at each of its shapes, changes the readings of the base plant.
 
     Parameters
     ----------
@@ -308,7 +308,7 @@ def shapes_of(effect: Effect, plant: Plant, parts: Sequence[Part]) -> list[Effec
 
 
 def _levels(effect: Effect, plant: Plant, parts: Sequence[Part]) -> np.ndarray:
-    """What a threshold of an effect is compared with, along the fitted part, SI."""
+    """Return what a threshold of an effect is compared with, along the fitted part, SI."""
     if effect.place is not Place.DRIVE:
         return np.abs(np.concatenate([part.measured for part in first_only(parts)]))
     parameters = plant.parameters

@@ -80,7 +80,7 @@ class Search(Tried):
         return once([*beside, *together])
 
     def _beside_one(self, stage: Sequence[Names], finished: Finished | None) -> list[Names]:
-        """The same from one set of a `stage` after another, until a further effect helps.
+        """Return the same from one set of a `stage` after another, until a further effect helps.
 
         Beside what leaves a trifle none could count. But it may only imitate two others: then the best of those that
         leave more is gone on with, and beside a single one where nothing helps, the next best. Two that do not take
@@ -188,7 +188,7 @@ class Search(Tried):
         return self.attempt(new, finished, self.least_rms([names for names in self.tried if len(names) == size]))
 
     def _good_alone(self, names: Names) -> list[Lead]:
-        """What explained most by itself: the score is blind to what the plant is still bent to imitate."""
+        """Return what explained most by itself: the score is blind to what the plant is still bent to imitate."""
         alone = [single for single in self.tried if len(single) == 1 and single[0] not in names]
         return [self.leads[single[0]] for single in self.ranked(alone)[:ALONE] if single[0] in self.leads]
 
@@ -223,14 +223,14 @@ class Search(Tried):
         return once([new for rest in rests for new in self._siblings(rest, full)])
 
     def _leads(self, names: Names, further: Sequence[Effect]) -> tuple[Lead, ...]:
-        """What each of some `further` effects could explain of what a candidate leaves."""
+        """Return what each of some `further` effects could explain of what a candidate leaves."""
         asked = {effect.name for effect in further}
         events = self.event_leads(names) if any(effect.event for effect in further) else []
         found = most_promising(self._screened(names, further), *events)
         return tuple(lead for lead in found if lead.effect.name in asked)
 
     def _screened(self, names: Names, further: Sequence[Effect]) -> tuple[Lead, ...]:
-        """The same as far as the fit itself tells."""
+        """Return the same as far as the fit itself tells."""
         fit, base = self.tried[names].calibration, self.tried[()].calibration
         if not names:
             return leads(self.known(), fit)

@@ -109,7 +109,7 @@ class Scale:
         return columns, prior
 
     def _law(self, pair: Candidate, alone: Candidate) -> np.ndarray:
-        """What the law of one effect may miss along what a pair does beside it, (n, k), as large as expected."""
+        """Return what the law of one effect may miss along what a pair does beside it, (n, k), as large as expected."""
         does, sizes = alone.contribution, self._missed(alone)
         apart = alone.calibration.residuals - pair.calibration.residuals
         if not np.isfinite(does).all() or not does.any():
@@ -126,7 +126,7 @@ class Scale:
         return own * does, other * does
 
     def bent(self, candidate: Candidate) -> float:
-        """How far the rig's own parameters are off their nominal values, in nats: what is missing bends them."""
+        """Return how far the rig's own parameters are off their nominal values, in nats: what is missing bends them."""
         fit, nominal = candidate.calibration, self.bench.nominal.parameters
         own = [(fit.plant.parameters[name], nominal[name]) for name in fit.names if name in nominal]
         off = [(p.scale.to_coordinate(p.value) - k.scale.to_coordinate(k.value)) / deviation(k) for p, k in own]

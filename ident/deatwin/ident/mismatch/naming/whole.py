@@ -160,7 +160,7 @@ def _odds(whole: Candidate, first: Candidate, leads: bool) -> float:
 
 
 def _is_as_likely_there(rival: Candidate, best: Candidate) -> bool:
-    """Whether the fitted part alone has no strong evidence against a rival."""
+    """Return whether the fitted part alone has no strong evidence against a rival."""
     return is_as_likely(_of_the_fitted_part(rival), _of_the_fitted_part(best))
 
 

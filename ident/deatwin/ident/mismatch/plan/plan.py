@@ -51,7 +51,7 @@ def plan_experiment(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> ExperimentPlan:
-    """Foresee which effects an input would show, from which strength on, and which it could not tell apart.
+    """Compute which effects an input would reveal, from which strength on, and which it could not distinguish.
 
     To first order about the nominal plant, by the likelihood that the readings would have: parameters are refitted, and
     the plant's own error is allowed for. An effect counts as found where its expected evidence makes it 95 % probable
@@ -225,7 +225,7 @@ def _noise(rig: Rig, record: Recording) -> float:
 
 
 def _changes(plant: Plant, effect: Effect, parts: tuple[Part, ...]) -> list[Change]:
-    """What an effect does at each of its shapes; an event in the middle of the recording."""
+    """Return what an effect does at each of its shapes; an event in the middle of the recording."""
     without = np.concatenate([part.measured for part in parts])  # the nominal plant's own readings
     if effect.event:
         at, clock = effect.described(effect.event), parts[0].timepts

@@ -24,7 +24,7 @@ SCHEMA = "deatwin/plan/1"
 
 @dataclass(frozen=True, kw_only=True)
 class Foreseen:
-    """What an experiment would show of one effect.
+    """Detectability of one effect in a planned experiment.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class Foreseen:
 
     @property
     def sentence(self) -> str:
-        """What the experiment would show of the effect, in one sentence."""
+        """Return what the experiment would show of the effect, in one sentence."""
         name = self.effect.replace("_", " ")
         if self.smallest is None:
             return f"{name}: this input does not show it at any strength within its range"
@@ -75,7 +75,7 @@ class Foreseen:
 
 @dataclass(frozen=True, kw_only=True)
 class TellingReading(SensorOffer):
-    """A reading that nobody has yet, and which pairs of effects it would tell apart that the input leaves.
+    """Reading that was not recorded, and the pairs of effects that it, but not the input, would distinguish.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ class TellingReading(SensorOffer):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ExperimentPlan:
-    """What an experiment would show, before it is made.
+    """Plan of an experiment: which effects it would reveal, and from which strength on.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ class ExperimentPlan:
 
     @property
     def _more(self) -> str:
-        """What the best reading would tell that the rig does not have."""
+        """Return what the best reading would tell that the rig does not have."""
         best = next((one for one in self.readings if one.tells), None)
         if best is None:
             return ""

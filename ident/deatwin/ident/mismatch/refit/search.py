@@ -78,7 +78,7 @@ def roughly(near: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Cal
 
 
 def is_promising(rough: Calibration, noise: float) -> bool:
-    """Whether a rough fit leaves little more than noise and model error.
+    """Return whether a rough fit leaves little more than noise and model error.
 
     Parameters
     ----------

@@ -67,7 +67,7 @@ class Constancy:
 
     @property
     def holds(self) -> bool:
-        """Whether the effect may be what it is called: its strength does not surely change by more than itself.
+        """Return whether the effect may be what it is called: its strength does not surely change by more than itself.
 
         Nor, beyond all doubt, by anything where that would mend the explanation.
         """

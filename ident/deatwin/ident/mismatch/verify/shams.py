@@ -76,7 +76,7 @@ class Sham:
 
     @property
     def rejected(self) -> bool:
-        """Whether it explains less than the effect, as it should; also true if it was skipped."""
+        """Return whether it explains less than the effect, as it should; also true if it was skipped."""
         return self.share is None or self.share < AS_GOOD
 
 
@@ -96,7 +96,7 @@ class _Court:
     fitted: np.ndarray
 
     def left(self, change: np.ndarray) -> np.ndarray:
-        """What a refit on the fitted part leaves of a change, everywhere, to first order."""
+        """Return what a refit on the fitted part leaves of a change, everywhere, to first order."""
         solution = np.linalg.lstsq(self.jacobian[self.fitted], change[self.fitted], rcond=RESOLVED)[0]
         return change - self.jacobian @ solution
 
@@ -145,7 +145,7 @@ class _Case:
 
     @property
     def gain_beyond(self) -> float:
-        """What the refit with the effect gained beyond what the parameters alone would, to first order, SI."""
+        """Return what the refit with the effect gained beyond what the parameters alone would, to first order, SI."""
         return self.gain - (self.court.unseen_power(self.residual) - self.court.unseen_power(self.mismatch))
 
     def opposite(self) -> Sham:
@@ -301,7 +301,7 @@ def phase_randomised(signal: np.ndarray, rng: np.random.Generator) -> np.ndarray
 
 
 def _change(plant: Plant, effect: Effect, parts: Sequence[Part]) -> list[list[np.ndarray]] | None:
-    """What the effect does to the reading of each record of each part, SI, times the part's weight."""
+    """Return what the effect does to the reading of each record of each part, SI, times the part's weight."""
     changes, known = [], {}
     amended = plant.with_effects(effect)
     for part in parts:
@@ -329,7 +329,7 @@ def _counted(changes: Sequence[Sequence[np.ndarray]], parts: Sequence[Part]) -> 
 
 
 def _fitted(fitted: Sequence[Part], everything: Sequence[Part]) -> np.ndarray:
-    """Which of all samples that count were fitted."""
+    """Return which of all samples that count were fitted."""
     pairs = zip(fitted, everything, strict=True)
     return np.concatenate([f[m] for some, whole in pairs for f, m in zip(some.masks, whole.masks, strict=True)])
 
