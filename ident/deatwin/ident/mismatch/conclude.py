@@ -113,7 +113,7 @@ def conclude(findings: Findings) -> Diagnosis:
 
 
 def _held_back(findings: Findings) -> Iterator[str]:
-    """Where nothing explains the recordings, the likeliest single effect that only the plant's own ranges refuse."""
+    """If nothing explains the recordings, name the likeliest effect that only a parameter range excludes."""
     naming = findings.naming
     if findings.verdict is not Verdict.UNKNOWN or naming.best is not None:
         return

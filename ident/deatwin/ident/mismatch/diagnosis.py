@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 SCHEMA = "deatwin/diagnosis/2"
 NOWHERE: Mapping[str, Sequence[object]] = {"time": (), "frequency": (), "region": (), "place": (), "response": ()}
-"""How the file writes that nothing is missing anywhere."""
+"""Text by which the file states that nothing is missing anywhere."""
 
 
 def _tables(diagnosis: Diagnosis) -> Variables:

@@ -1,4 +1,4 @@
-"""What the steps of a diagnosis found, from which its conclusion is put together."""
+"""Results of the steps of a diagnosis, from which its conclusion is made."""
 
 from __future__ import annotations
 

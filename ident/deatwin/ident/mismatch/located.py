@@ -1,4 +1,4 @@
-"""Where a mismatch is, as a diagnosis says it; amplitudes in the unit that is reported."""
+"""Summary of the location of a mismatch; amplitudes in the reported unit."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Region:
 
 @dataclass(frozen=True, kw_only=True)
 class PlaceSummary:
-    """What the best single effect at a place takes up; where none was tried, what the signals there predict."""
+    """Share of the mismatch that the best effect at a place explains or, if none was tried, its signals predict."""
 
     place: str
     score: float  # Share of what is not noise, 0 to 1
@@ -128,7 +128,7 @@ class Unexplained:
 
 @dataclass(frozen=True, kw_only=True)
 class ReadingLocation:
-    """Where the mismatch is in a further reading, SI.
+    """Location of the mismatch in a further reading, SI.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What acts, where nothing explains a mismatch wholly: the effects that take nearly all of it, and what they leave."""
+"""Partial explanations: effects that explain nearly all of a mismatch, and what they leave."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def _stands_alone(candidate: Candidate, base: Candidate) -> bool:
 
 
 def _leads(candidate: Candidate, base: Candidate, known: dict[tuple[str, ...], Candidate]) -> bool:
-    """Whether a candidate takes nearly all of the mismatch, and is far likelier than with any effect taken out."""
+    """Return whether a candidate explains nearly all of the mismatch and needs each of its effects."""
     if not _takes_nearly_all(candidate, base):
         return False
     fewer = [known.get(rest) for rest in each_without_one(candidate.effects)]
@@ -146,5 +146,5 @@ def _beyond(mean_square: float, noise: float) -> float:
 
 
 def _power(band: Band) -> float:
-    """Of what a band holds, in proportion to the noise's density."""
+    """Return the power of a band, in proportion to the noise's density."""
     return float((band.to_Hz - band.from_Hz) * 10.0 ** (band.excess_dB / 10.0))

@@ -1,4 +1,4 @@
-"""What a diagnosis finds, as its file holds it: amplitudes in the unit that ``output`` names, parameters in SI."""
+"""Content of a diagnosis file: amplitudes in the unit that ``output`` names, parameters in SI."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ class Statistic:
 
 @dataclass(frozen=True, kw_only=True)
 class RepeatabilitySummary:
-    """How alike the residual is where a command is repeated."""
+    """Similarity of the residual between repeats of a command."""
 
     correlation: float
     share: float  # Of what is not noise: how much comes back; low and high two standard deviations off
@@ -109,7 +109,7 @@ class RepeatabilitySummary:
 
 @dataclass(frozen=True, kw_only=True)
 class OriginSummary:
-    """What speaks for the plant or for a disturbance."""
+    """Evidence for the plant or for a disturbance."""
 
     by: str  # repeats, prediction or nothing
     share: float  # Of what is left: how much comes back or can be predicted; low and high two standard deviations off
@@ -164,7 +164,7 @@ class DetectionSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class Ablation:
-    """What happens when one effect is taken out and the rest is fitted anew."""
+    """Result of removing one effect and refitting the rest."""
 
     effect: str
     fitted: float = field(
@@ -190,7 +190,7 @@ class Ablation:
 
 @dataclass(frozen=True, kw_only=True)
 class ShamSummary:
-    """What a spoilt effect gains, relative to the effect itself."""
+    """Gain of a placebo effect, relative to the effect itself."""
 
     effect: str
     kind: str = field(metadata=key("sham"))  # How it was spoilt
@@ -214,7 +214,7 @@ class TransferSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class ConstancySummary:
-    """How the strength of one effect would change over what was fitted."""
+    """Change of the strength of one effect over the fitted data."""
 
     effect: str
     own: float  # Share of the change's power that nothing else in the plant can make
@@ -302,7 +302,7 @@ class AdviceSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class ShapeSummary:
-    """What gives a term its shape, SI."""
+    """Parameters of the shape of a term, SI."""
 
     name: str
     value: float
@@ -348,7 +348,7 @@ class FreeFormSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class UnseenErrors(Errors):
-    """The same on the held-out part, with the lower 95 % bound of the fall."""
+    """Errors on the held-out data, with the lower 95 % bound of their fall."""
 
     gain_low: float | None
 

@@ -27,7 +27,7 @@ SMALL_SHARE = 0.5
 """A single cause that explains less than this much of the mismatch is not the whole story."""
 MOST_FAULTS = 3
 LEAST_RISK = 1e-3
-"""Of a wrong explanation: below it the bound is said, not the value."""
+"""Smallest stated probability of a wrong explanation; below it the bound is stated."""
 HALF = 0.5
 """Share of what is left that a stretch of time must hold for most of it to be there."""
 COUNTED = {2: "Two", 3: "Three"}
@@ -328,7 +328,7 @@ def _share(cause: Cause) -> str:
 
 
 def _part(share: float) -> str:
-    """As an estimate a share may be negative."""
+    """Write a share; as an estimate it may be negative."""
     percent = round(100 * share)
     return f"{percent} % of" if percent > 0 else "none of"
 

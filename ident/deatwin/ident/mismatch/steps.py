@@ -1,4 +1,4 @@
-"""What each step of a diagnosis found: what there is to keep where the later ones do not run."""
+"""Results of the finished steps of a diagnosis, kept if the later ones do not run."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class GateSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class FittedPlant:
-    """What was fitted, what it leaves, and the values."""
+    """Fitted parameters, their values, and the residuals."""
 
     effects: tuple[str, ...]
     form: Mapping[str, Json]  # How the rig is read, where its file is read otherwise or is silent
@@ -75,7 +75,7 @@ _Summary = TypeVar("_Summary", bound=StepResult, covariant=True)
 
 
 class _Found(Protocol[_Summary]):
-    """What a step found."""
+    """Result of a step."""
 
     @property
     def summary(self) -> _Summary: ...

@@ -1,4 +1,4 @@
-"""What each reading taught: its residuals, and how likely the explanations are with it and without it."""
+"""Residuals of each reading, and the probabilities of the explanations with and without it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the next experiment is to answer: the explanations that are left, their posteriors, and what is known."""
+"""Question for the next experiment: the remaining explanations, their posteriors, and what is known."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ STEPS = 2
 NEAREST = 2
 """Pairs of each explanation whose rival is refitted with simulations: those that are nearest to first order."""
 CALMED = 3
-"""How often the range is lessened for an input that moves the plant too far: the reading is no multiple of it."""
+"""Number of times that the range is reduced for an input that moves the plant too far."""
 PROBE = 100
 """Samples for which a drawn plant must bear the ends of what was recorded, as the real one did."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Question:
-    """Which of some explanations is right.
+    """Question which of several explanations is right.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ class Question:
 
     @property
     def sample_time(self) -> float:
-        """Of the recordings, s."""
+        """Return the sample time of the recordings, s."""
         return self.bench.nominal.rig.sample_time
 
     @cached_property

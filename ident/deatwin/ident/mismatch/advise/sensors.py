@@ -1,4 +1,4 @@
-r"""Which reading to buy: what each that a rig could have would tell, before anybody has it.
+r"""Readings that a rig could have, and how well each would distinguish the explanations.
 
 A reading is priced along the recordings at hand, as if it had been taken beside them. One explanation is the truth,
 with noise that is drawn, the other is refitted to all readings to first order, and the likelihood that weighs
@@ -41,7 +41,7 @@ SOME = 1.0
 """Noise of a reading whose noise is not yet known."""
 
 Signal = tuple[np.ndarray, np.ndarray]
-"""What a fitted plant reads (n,), and the derivative (n, p) by its fitted coordinates; SI."""
+"""Readings (n,) of a fitted plant, and their derivative (n, p) by its fitted coordinates; SI."""
 
 
 def offered(plants: Sequence[Plant], recorded: Collection[str]) -> tuple[Reading, ...]:
@@ -84,7 +84,7 @@ def unread(parts: Sequence[Part], readings: Sequence[Reading]) -> tuple[Part, ..
 
 
 def signals(plant: Plant, names: tuple[str, ...], parts: Sequence[Part], wanted: Sequence[Reading]) -> list[Signal]:
-    """What a plant with its fitted coordinates makes of readings that nobody took; none if it cannot be simulated."""
+    """Simulate readings that were not recorded, with derivatives; none if the plant cannot be simulated."""
     asked = unread(parts, wanted)
     if not asked:
         return []
@@ -107,7 +107,7 @@ class _Beside:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prices:
-    """What readings that could be had would tell of the explanations of a question."""
+    """Possible readings, and what each would say about the explanations of a question."""
 
     question: Question
     beside: tuple[_Beside, ...]

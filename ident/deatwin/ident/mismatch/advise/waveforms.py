@@ -79,7 +79,7 @@ class Limits:
 
     @property
     def farthest(self) -> float:
-        """How far from rest the plant may be driven to either side: as far as it works on both, or on the only one."""
+        """Return how far from rest the plant may be driven to either side, as far as it works on both."""
         sides = [reach for reach in (self.top - self.rest, self.rest - self.bottom) if reach > 0]
         return min(*sides, self.highest - self.rest, self.rest - self.lowest)
 
@@ -348,5 +348,5 @@ REPERTOIRE: Mapping[str, Maker] = {
     "long holds, each probed by chirps and low holds": _probed_holds,
     "holds of alternating polarity": _reversals,
 }
-"""What an input may look like, by what it is called."""
+"""Waveforms of inputs, by name."""
 BIPOLAR = frozenset({"holds of alternating polarity"})

@@ -1,4 +1,4 @@
-"""What was found out of whether anything is missing."""
+"""Result of the test whether anything is missing."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Curves:
-    """What is drawn of a detection.
+    """Curves of a detection that are drawn.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a calibrated plant leaves of its recordings, with all that the tests of it need."""
+"""Residual of a calibrated plant, with all that its tests need."""
 
 from __future__ import annotations
 

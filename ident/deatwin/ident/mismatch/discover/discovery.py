@@ -1,4 +1,4 @@
-"""What a search for a free form found: its terms, its gain, and its drawing."""
+"""Result of a search for a free form: its terms, its gain, and its drawing."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ WINDOW, STRIDE = 50, 10
 LONE = 5
 """Largest bends of a window that are left out: a single value far off makes so many, and is no burst."""
 TWICE = 2.0
-"""How much noisier a burst is: white noise makes that of a window less than once in 60 000."""
+"""Factor by which a burst is noisier: a window of white noise reaches it less than once in 60 000."""
 WHITE = 2.5
 """How much larger, or smaller, the variance of a burst may be than its bends say of white noise: that of a window of
 white noise is so once in 1000. What is smooth, as the motion that a plant lacks, or correlated by a half, lies beyond."""
@@ -87,7 +87,7 @@ def noisier(residuals: Sequence[np.ndarray], commands: Sequence[np.ndarray], flo
 
 
 def _has_lines(values: np.ndarray) -> bool:
-    """Whether the fast part of a stretch has its power at some frequencies, as no noise has; nan where unknown."""
+    """Return whether the fast part of a stretch is concentrated at some frequencies; nan if unknown."""
     known = np.nan_to_num(values - np.nanmean(values))
     # Every second line, since a Hann window makes neighbours alike.
     spectrum = np.abs(np.fft.rfft(known * np.hanning(known.size)))[int(SLOW * known.size) :: 2] ** 2

@@ -1,4 +1,4 @@
-"""What single readings can be at fault with: stuck, lost, spiked, stepped; and where a command lets nothing be said."""
+"""Faults of single readings (stuck, lost, spiked, stepped), and stretches in which a command hides them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LONE = 0.5
 STILL = 1e-9
 """Share of the readings' range by which a reading that stands still lies beside its neighbours, for rounding."""
 STILL_SAMPLES = 10
-"""So many in a row stand still for a cause; fewer may by chance, where readings come in coarse steps."""
+"""Number of equal readings in a row that is no chance, even if readings come in coarse steps."""
 QUIET_SECONDS = 1.0
 """After a jump of the command the film rings: readings are not called spikes for this long."""
 FROZEN = 0.9
@@ -33,7 +33,7 @@ HOLDS = 0.9
 """Share of the other readings under the same commands that stand as one, where friction holds the plant there: the rest
 is for coming to rest late."""
 LOST_SAMPLES = 3
-"""So many equal readings in a row are not those of a film in motion."""
+"""Number of equal readings in a row that a film in motion does not give."""
 
 
 def stuck(record: Recording) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Where the mismatch is, from all sides."""
+"""Location of the mismatch in time, frequency, operating region and part of the plant."""
 
 from __future__ import annotations
 

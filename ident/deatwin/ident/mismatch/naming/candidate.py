@@ -100,7 +100,7 @@ class Candidate:
 
     @property
     def residuals(self) -> np.ndarray:
-        """Of the fitted and the held-out part, one behind the other, SI."""
+        """Return the residuals of the fitted part and of the held-out part, concatenated; SI."""
         return np.concatenate([self.calibration.residuals, self.unseen])
 
     @property

@@ -1,4 +1,4 @@
-"""What the effects of an explanation do to the readings by themselves."""
+"""Contribution of the effects of an explanation to the readings."""
 
 from __future__ import annotations
 

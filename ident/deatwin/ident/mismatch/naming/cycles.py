@@ -1,4 +1,4 @@
-"""Whether recordings show the cycle that an explanation speaks of."""
+"""Test whether recordings show the cycle that an explanation assumes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which explanation is the best, and which others these recordings cannot rule out."""
+"""Decision on the best explanation, and on the alternatives that the recordings cannot rule out."""
 
 from __future__ import annotations
 
@@ -265,7 +265,7 @@ def decide(
 
 
 def _probabilities(competing: Sequence[Candidate]) -> dict[tuple[str, ...], float]:
-    """Of explanations that were equally likely before the recordings."""
+    """Return the probabilities of explanations that were equally likely before the recordings."""
     if not competing:
         return {}
     first = likeliest(competing)

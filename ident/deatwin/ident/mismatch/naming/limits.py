@@ -10,7 +10,7 @@ from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, normalised
 
 ROUNDING = 1e-9
-"""Of a bound whose logarithm was taken."""
+"""Tolerance of a bound whose logarithm was taken."""
 
 
 def with_limits(naming: Naming, possible: Callable[[Candidate], bool]) -> Naming:

@@ -1,4 +1,4 @@
-"""Which missing physics explains a mismatch: effects are built into the plant one after another, until it is gone."""
+"""Search for missing physics: effects are added to the plant one after another until the mismatch is gone."""
 
 from __future__ import annotations
 

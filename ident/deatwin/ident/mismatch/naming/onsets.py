@@ -1,4 +1,4 @@
-"""When an event came, as a plant shows it that was not yet bent by it: fitted to the openings of the recordings."""
+"""Time of an event, found by a plant that was fitted to the recordings before the event."""
 
 from __future__ import annotations
 

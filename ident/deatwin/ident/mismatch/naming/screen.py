@@ -1,4 +1,4 @@
-"""What each effect could explain, to first order in its strength: a few simulations for each of its shapes, no fit."""
+"""Screening: what each effect could explain to first order in its strength, from a few simulations of each shape."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ LOOKS = 3
 SEEN = 1e-3
 """but for no less than this share of the motion: a thousand times what a simulation is accurate to."""
 TINY = 1e-300
-"""Of a size whose logarithm is taken."""
+"""Smallest size whose logarithm is taken."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -142,7 +142,7 @@ def leads(known: Sequence[Footprint], fit: Calibration) -> tuple[Lead, ...]:
 
 
 def most_promising(*several: Iterable[Lead]) -> tuple[Lead, ...]:
-    """Of each effect the lead that promises most, in the order of their shares.
+    """Return the most promising lead of each effect, in the order of their shares.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a search for missing physics tries next: a further effect beside a set, or another one in the place of one."""
+"""Next sets of a search: a further effect added to a set, or another effect in the place of one."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from deatwin.plant.effects.base import Effect
 BESIDE = 6
 """Effects that are tried beside others."""
 ALONE = 3
-"""Of the effects that were tried alone, those that are tried beside others whatever their score."""
+"""Number of effects tried alone that are added to others whatever their score."""
 
 
 class Search(Tried):
@@ -242,7 +242,7 @@ class Search(Tried):
         return leads([*(f for f in self.known() if f.effect.name in others), *again], fit)
 
     def event_leads(self, *several: Names) -> list[tuple[Lead, ...]]:
-        """What each event could explain beside the effects of each of `several` candidates, seen from before it."""
+        """Return what each event could explain beside each of `several` candidates fitted before it."""
         fits = {names: self.tried[names].calibration for names in several}
         new = [names for names, fit in fits.items() if names not in self._events or self._events[names][0] is not fit]
         effects, parts = self.bench.effects, self.bench.fitted
@@ -253,7 +253,7 @@ class Search(Tried):
 
 
 FIRST = 3
-"""So many of the pairs that were not tried and promise most are."""
+"""Number of the most promising untried pairs that are tried."""
 
 
 def joint_trials(search: Search) -> list[Trial]:

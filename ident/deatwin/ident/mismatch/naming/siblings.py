@@ -1,4 +1,4 @@
-"""Which effects act as the one that explains most: they must be tried, whatever they promised."""
+"""Effects that act like the one that explains most; they must be tried, whatever they promised."""
 
 from __future__ import annotations
 

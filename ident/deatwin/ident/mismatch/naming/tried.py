@@ -1,4 +1,4 @@
-"""What a search for missing physics knows: sets of effects that were tried, each fitted and judged."""
+"""Record of a search for missing physics: the sets of effects that were tried, each fitted and judged."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def once(stage: Sequence[Names]) -> list[Names]:
 
 
 def _is_better(fit: Calibration, known: Calibration) -> bool:
-    """Whether a fit is to be kept for a known one: one that was given up says little of where it would have ended."""
+    """Return whether a fit is final, so that it need not be repeated."""
     return known.given_up if known.given_up != fit.given_up else fit.rms < known.rms
 
 
@@ -127,7 +127,7 @@ class Tried:
         return explained(self.tried[names], self.tried[()]) > 1.0 - TRIFLE
 
     def each_counts(self, names: Names) -> bool:
-        """Whether what returns when any effect of `names` is taken out is more than the model error, and no trifle."""
+        """Return whether removing any effect of `names` costs more than the model error and is no trifle."""
         least = max(self.floor_power(names), TRIFLE * self.missing([()]))
         return all(gained(self.tried[names], less) >= least for less in self.without_one(names))
 
@@ -153,7 +153,7 @@ class Tried:
         return takes_most(candidate, self.tried[()]) and not held_back_by(candidate)
 
     def counts(self, candidate: Candidate) -> bool:
-        """Whether a candidate takes away most of the mismatch, and its effects do, in a plant within its ranges."""
+        """Return whether a candidate's effects explain most of the mismatch in a plant within its ranges."""
         return self.is_possible(candidate) and acts(candidate, self.tried[()])
 
     def decision(self, competing: Sequence[Candidate], good: Callable[[Candidate], bool]) -> Naming:

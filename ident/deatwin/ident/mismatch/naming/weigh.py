@@ -1,4 +1,4 @@
-r"""Whether two effects are likelier than one of them whose law is not exact, by the likelihood of all readings.
+r"""Comparison of two effects with one of them whose law is not exact, by the likelihood of all readings.
 
 No law of a mechanism is exact, and a second effect mends what the law of the first one lacks. So the first one alone
 may err along whatever the second one does beside it, as far as laws err: with :math:`\delta` for the difference of what
@@ -41,7 +41,7 @@ LOOPS, LOOSE = frozenset({"coulomb_friction", "hysteresis"}), 0.1
 """Of these there are as many laws as makers of friction, and no two differ by a filter: either deviation. Measured
 between mechanisms by other laws and the catalogue's (docs/development/evidence.md)."""
 FAR = 1e-300
-"""Of a size by which is divided."""
+"""Smallest size by which is divided."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

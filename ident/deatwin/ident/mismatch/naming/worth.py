@@ -1,4 +1,4 @@
-"""Whether an explanation takes away most of a mismatch, and whether its effects do it, in a plant that may be."""
+"""Tests whether an explanation and its effects remove most of a mismatch in a plausible plant."""
 
 from __future__ import annotations
 

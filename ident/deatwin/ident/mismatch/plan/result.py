@@ -1,4 +1,4 @@
-"""What an experiment that nobody has made yet would show."""
+"""Result of planning an experiment."""
 
 from __future__ import annotations
 

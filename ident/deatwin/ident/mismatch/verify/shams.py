@@ -28,7 +28,7 @@ DISTINCT = 0.5
 AS_GOOD = 0.8
 """A sham that gains this share of what the named effect gains is as good as it."""
 NEARLY_LINEAR = 0.5
-"""Where first order shows less than this share of what the refit gained, changes of the readings do not add up."""
+"""Smallest share of the refit's gain that first order must show for changes of the readings to add up."""
 DRAWS = 19
 """Sets of random phases; the best of 19 is the upper 5 % of what phases alone can do."""
 RESOLVED = 1e-6
@@ -36,7 +36,7 @@ RESOLVED = 1e-6
 
 
 class ShamKind(Enum):
-    """How an effect is spoilt; the text says it."""
+    """Way in which a placebo effect differs from the effect; the text says it."""
 
     BACKWARDS = "backwards in time"
     OPPOSITE = "with the opposite sign"
@@ -45,7 +45,7 @@ class ShamKind(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Sham:
-    """What a spoilt effect gains beside the effect itself, on the held-out part.
+    """Gain of a placebo effect beside that of the effect, on the held-out data.
 
     Parameters
     ----------

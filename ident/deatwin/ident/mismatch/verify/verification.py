@@ -1,4 +1,4 @@
-"""What was found out of whether an explanation holds."""
+"""Result of the tests of an explanation on held-out data."""
 
 from __future__ import annotations
 
