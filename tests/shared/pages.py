@@ -42,7 +42,7 @@ class Page(HTMLParser):
 
 def report_alone(folder: Path) -> tuple[Page, str]:
     """The report of a folder and its text, after a look that it needs nothing beside the folder's own files."""
-    text = (folder / "report.html").read_text(encoding="utf-8")
+    text = (folder / "report.html").read_text(encoding="utf-8").replace("\xa0", " ")
     page = Page(text)
     assert page.tags.count("h1") == 1
     assert not {"link", "img", "iframe"} & set(page.tags) and page.tags.count("script") == 1
@@ -55,7 +55,7 @@ def report_alone(folder: Path) -> tuple[Page, str]:
 
 def story_page(folder: Path, figures: tuple[str, ...] | list[str], drawn: int | None = None) -> str:
     """The page of a story, after a look that it shows so many figures, each of these with its data."""
-    page = (folder / "report.html").read_text(encoding="utf-8")
+    page = (folder / "report.html").read_text(encoding="utf-8").replace("\xa0", " ")
     assert page.count("<figure>") == page.count("<svg ") == (len(figures) if drawn is None else drawn)
     for name in figures:
         header = (folder / f"figures/{name}.csv").read_text(encoding="utf-8").splitlines()[0]

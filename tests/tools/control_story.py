@@ -48,31 +48,32 @@ def story_blocks(data: Mapping[str, Any]) -> dict[str, list[str]]:
     }
     return {
         "tracking": [
-            f"{whence} Each row is a measure with its required and its achieved value:",
+            f"{whence} The first table compares each measure with its goal:",
             "",
             *markdown_table(["measure", "demanded", "reached", "met"], measures),
             "",
-            "Each row is a controller on a plant: its rms tracking error on the tones, the ratio of PI's error to it, "
-            "and the margins of its loop with the identified model (an oracle is designed on the true plant):",
+            "The next table shows, for each controller on each plant, the rms error when it tracks the tones, how many "
+            "times larger PI's error is, and the margins of the loop with the identified model. An oracle is designed on "
+            "the true plant.",
             "",
             *table["tracking"],
             "",
-            "Each row is an actuator under the same scheduled design: overshoot and late motion after a step as shares "
-            "of the step, the rms error on the tones, and whether both runs are stable:",
+            "The last table is for one scheduled design on six actuators. Overshoot, and the motion that remains late "
+            "after a step, are shares of the step.",
             "",
             *table["fleet"],
         ],
         "models": [
-            f"{whence} Each row is a model of the same actuator, with the controller that one rule designed on it. "
-            "Each cell gives the predicted value with its 95 % band, then the value on the true actuator, and whether "
-            "it lies inside the band (✓) or not (✗):",
+            f"{whence} Each row is a model of the same actuator; one rule designed a controller on each. Each cell "
+            "gives the predicted value with its 95 % band, then the value on the true actuator, which lies inside the "
+            "band (✓) or outside (✗).",
             "",
             *table["models"],
         ],
         "concealed-effects": [
-            f"{whence} Each row is a design for a rig with an effect that its base model lacks: the diagnosis, the "
-            "required closed-loop time, the model used for the design, the verdict of the check with its first "
-            "reason, and the result on the true rig, judged by the full limits (the check keeps a reserve):",
+            f"{whence} Each row is a design for a rig with an effect that its base model lacks. *Reason* is the check's "
+            "first reason for its verdict. The last column judges the design on the true rig by the full limits; the "
+            "check keeps a fifth of them in reserve.",
             "",
             *table["concealed"],
         ],

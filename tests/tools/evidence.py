@@ -98,14 +98,20 @@ def blocks(data: Data) -> dict[str, list[str]]:
         measured = measured_blocks(data["scenarios"])
     with _as_written("records"):
         records = record_blocks(data["records"], data["scenarios"])
-    studies = markdown_table(["study", "cases", "goals met, of those with a case", "run"], [concealed, long, checked])
+    studies = markdown_table(["study", "cases run", "goals met", "run"], [concealed, long, checked])
     return {**control, "studies": studies, "concealed-missed": missed, **story, **measured, **records}
 
 
 def _of_trials(trials: Mapping[str, Any]) -> tuple[dict[str, list[str]], list[str]]:
     """The blocks of a control check, and its row among the studies."""
     outcomes = [Outcome(**row) for row in trials["trials"]]
-    head = ["trials", "passed", "inside the band", "broken limits caught", "sound, not passed"]
+    head = [
+        "trials",
+        "passed",
+        "of these, inside the band",
+        "did not pass, of those that break a limit",
+        "did not pass, of those that are sound",
+    ]
     row = [
         "[control check](control-check.md)",
         str(len(outcomes)),
@@ -114,10 +120,10 @@ def _of_trials(trials: Mapping[str, Any]) -> tuple[dict[str, list[str]], list[st
     ]
     return {
         "trials": _run(trials, outcomes),
-        "promises": markdown_table(["demanded", "reached"], _promises(outcomes)),
+        "promises": markdown_table(["statement", "true in"], _promises(outcomes)),
         "by-design": markdown_table(["design", *head], _grouped(outcomes, lambda o: o.design)),
         "by-concealed": markdown_table(["concealed", *head], _grouped(outcomes, lambda o: o.concealed or "nothing")),
-        "control": markdown_table(["control check: demanded", "reached"], _promises(outcomes)),
+        "control": markdown_table(["control check: statement", "true in"], _promises(outcomes)),
     }, row
 
 
@@ -132,7 +138,7 @@ def _of_concealed(page: str, called: str, concealed: Mapping[str, Any]) -> tuple
         f"{sum(g['met'] == 'yes' for g in goals)} of {sum(g['met'] != 'reported' for g in tested)}",
         f"seed {concealed['seed']}, deatwin {concealed['version']}",
     ]
-    return markdown_table(["goal of concealed physics that was missed", "demanded", "reached"], missed), row
+    return markdown_table(["missed goal of concealed physics", "demanded", "reached"], missed), row
 
 
 @contextmanager
@@ -239,9 +245,9 @@ def _run(trials: Mapping[str, Any], outcomes: Sequence[Outcome]) -> list[str]:
     words = [
         f"{len(outcomes)} trials with seed {trials['seed']} (sources `{trials['code'][:12]}`).",
         trials["remark"],
-        "Bounds are one-sided and exact, with 95 % (Clopper and Pearson).",
-        f"{without} trials had no controller, because no design met the specification on the model; the check failed "
-        f"them for that reason. The bounds follow from {passed} passed and {broke} broken designs.",
+        f"In {without} trials the check said fail because no design met the specification on the model. {passed} designs "
+        f"passed the check, and {broke} break a limit on the true rig. True rates are stated with 95 % confidence "
+        "(Clopper and Pearson).",
     ]
     return [" ".join(word for word in words if word)]
 
@@ -249,15 +255,18 @@ def _run(trials: Mapping[str, Any], outcomes: Sequence[Outcome]) -> list[str]:
 def _promises(outcomes: Sequence[Outcome]) -> list[list[str]]:
     return [
         [
-            "passed designs whose true steps lie inside the predicted simultaneous 95 % band: at least 90 %",
+            "designs that passed: the steps on the true rig lie inside the predicted simultaneous 95 % band "
+            "(goal: at least 90 %)",
             _cell(inside(outcomes)),
         ],
-        ["designs that break a limit on the true rig and did not pass: at least 90 %", _cell(caught(outcomes))],
-        ["passed designs that keep every limit on the true rig", _cell(sound(outcomes))],
-        ["sound designs that did not pass (the price of caution)", _cell(_cautious(outcomes), bound=False)],
         [
-            "designs that break a limit although their steps lie inside the band (the band predicts steps; it is no "
-            "limit)",
+            "designs that break a limit on the true rig: they did not pass (goal: at least 90 %)",
+            _cell(caught(outcomes)),
+        ],
+        ["designs that passed: they keep every limit on the true rig", _cell(sound(outcomes))],
+        ["designs that keep every limit on the true rig: they did not pass", _cell(_cautious(outcomes), bound=False)],
+        [
+            "designs that break a limit on the true rig: their steps nevertheless lie inside the predicted band",
             _cell(Rate.of(o.inside == 1.0 for o in outcomes if o.sound is False), bound=False),
         ],
     ]
@@ -286,7 +295,7 @@ def _grouped(outcomes: Sequence[Outcome], key: Callable[[Outcome], str]) -> list
 def _cell(rate: Rate, *, bound: bool = True) -> str:
     if not rate.count:
         return "no trial"
-    least_of = f" (bound {rate.least_percent} %)" if bound else ""
+    least_of = f" (true rate above {rate.least_percent} %)" if bound else ""
     return f"{_counts(rate)}, {100 * rate.share:.0f} %{least_of}"
 
 

@@ -186,10 +186,10 @@ def _recordings(rows: Rows) -> list[str]:
     return [
         *markdown_table(head, cells),
         "",
-        "The black box is the NARX model with the least error over the same held-out record, chosen on it in its "
-        f"favour; it is ahead on {ahead} of {beside}. In a closed loop the recording's controller runs with the model "
-        "and corrects its errors: such an error must not be compared with an open-loop one, as most published errors "
-        "of EMPS are, which are millimetres.",
+        "The black box is the NARX model with the smallest error on the same held-out recording. It is chosen on this "
+        f"recording, which favours it; its error is smaller than the plant's on {ahead} of {beside}. In a closed loop, "
+        "the controller corrects errors of the model, so closed-loop errors are much smaller than open-loop ones. "
+        "(Most published errors of EMPS are open-loop errors, of some millimetres.)",
     ]
 
 
@@ -201,7 +201,7 @@ def _tasks(rows: Rows) -> list[str]:
         [model, *(_shown(errors[model, task]) if (model, task) in errors else "" for task in units)]
         for model in dict.fromkeys(row["model"] for row in rows)
     ]
-    return markdown_table(["free run of", *(f"{task} ({unit})" for task, unit in units.items())], cells)
+    return markdown_table(["model in free run", *(f"{task} ({unit})" for task, unit in units.items())], cells)
 
 
 def _shown(error: float | None) -> str:

@@ -43,7 +43,7 @@ class Commands(Group):
 app = typer.Typer(
     cls=Commands,
     help="Simulate, identify and diagnose dielectric elastomer actuators, and check their controllers.\n\n"
-    "Start here: deatwin demo\n\nWhat a command takes: deatwin diagnose --help",
+    "Start here: deatwin demo\n\nHelp on a command: deatwin diagnose --help",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )

@@ -90,7 +90,9 @@ def disagreements(model: NarxModel, found: InputLags, *, by_free_run: bool) -> l
         lags = [v.lag for term in model.terms for v, _ in term.factors if v.kind == "u" and v.index == row]
         if not lags and one.status in acting and one.interval is not None and one.interval[1] in found.lags:
             advice = (
-                "take --method frols, which chooses one step ahead" if by_free_run else "record with a stronger input"
+                "use --method frols, which judges terms one step ahead"
+                if by_free_run
+                else "record with a stronger input"
             )
             said.append(
                 f"{one.input_name} is in no term of the model, although it has an effect and its lags "
@@ -109,7 +111,7 @@ def disagreements(model: NarxModel, found: InputLags, *, by_free_run: bool) -> l
             said.append(
                 f"{one.input_name} begins to act after {one.samples} {'sample' if one.samples == 1 else 'samples'}, but "
                 f"its first lag in the model is {min(lags)}: noise may hide single lags when terms are chosen, so "
-                "trust the former"
+                "the dead time is more reliable"
             )
     return said
 

@@ -190,7 +190,7 @@ def _free_run(found: Identified, number: int, part: Recording, run: NarxResponse
         figure.align_ylabels()
         figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=2)
         given = "the first outputs" if found.steps is None else f"the outputs until {found.steps} samples before"
-        caption = f"The model receives only the input and {given}. None of this was fitted."
+        caption = f"The model receives only the input and {given}. No parameter was fitted to this part."
         outputs = {f"measured{found.column}": measured, f"model{found.column}": simulated}
         return Drawing.of(figure, name, title, caption, {"time_s": timepts, "input": command, **outputs})
 
@@ -217,9 +217,7 @@ def _tests(validation: Validation) -> Drawing:
     drawn = [t for t in validation.tests if t.output == 0 and t.name != "ee'" and t.other in (None, 0)]
     with draw((7.4, 1.7 * len(drawn))) as figure:
         validation.plot(list(figure.subplots(len(drawn), 1, squeeze=False)[:, 0]))
-        caption = (
-            "Correlations of the one-step residual with itself and with the input; grey: 95 % of what chance gives."
-        )
+        caption = "Correlations of the one-step residual with itself and with the input; grey: range of 95 % of the values that chance gives."
         return Drawing.of(figure, "tests", "Residual tests", caption, drawn_table(figure))
 
 

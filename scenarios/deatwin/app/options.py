@@ -87,7 +87,7 @@ def _whole_workers(value: int) -> int:
 
 
 Jobs = Annotated[int, typer.Option(callback=_whole_workers, help="Worker processes; -1 takes all cores.")]
-Seed = Annotated[int, typer.Option(min=0, help="Seed of everything that is random.")]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of all random numbers.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors and, with --json, the result.")]
 

@@ -36,8 +36,8 @@ def _drawings(found: ExperimentPlan, folder: ResultFolder) -> Iterator[Drawing]:
         axes.legend(markerscale=1)
         folder.text("figures/visible.svg", standalone(figure))
         caption = (
-            "How much an effect must change the reading to be detected once the plant's parameters are fitted, and how "
-            "much it typically does. If the typical change lies left of the first mark, this input does not show it."
+            "For each effect, the smallest change of the reading at which it is detected, and its typical change. If "
+            "the typical change is the smaller one, the effect is not detected with this input."
         )
         yield Drawing.of(figure, "visible", "What the input would show", caption, "\n".join([header, *rows, ""]))
 
@@ -49,8 +49,8 @@ def _page(found: ExperimentPlan, drawings: list[Drawing]) -> StoryPage:
         found.effects,
         {
             "effect": lambda one: _words(one.effect),
-            "found from": _least,
-            "typical": lambda one: with_unit(one.typical, one.unit),
+            "smallest strength found": _least,
+            "typical strength": lambda one: with_unit(one.typical, one.unit),
             f"change at the typical strength{f', {unit}' if unit else ''}": lambda one: f"{one.change:.3g}",
             "not distinguished from": lambda one: (
                 ", ".join(map(_words, one.alike)) or ("–" if one.visible else "not seen")
@@ -63,7 +63,10 @@ def _page(found: ExperimentPlan, drawings: list[Drawing]) -> StoryPage:
             Table.of(
                 "Inputs that were tried",
                 sorted(found.tried.items(), key=lambda item: item[1]),
-                {"input": lambda item: item[0], "confusion": lambda item: f"{item[1]:.3f}"},
+                {
+                    "input": lambda item: item[0],
+                    "mean probability of choosing a wrong effect": lambda item: f"{item[1]:.3f}",
+                },
             )
         )
     if found.readings:
@@ -74,7 +77,9 @@ def _page(found: ExperimentPlan, drawings: list[Drawing]) -> StoryPage:
                 {
                     "reading": lambda one: _words(one.reading),
                     "noise": lambda one: f"{with_unit(one.noise, one.unit)} ({one.noise_source})",
-                    "distinguishes": lambda one: ", ".join(" / ".join(map(_words, pair)) for pair in one.tells) or "–",
+                    "pairs of effects that it distinguishes": lambda one: (
+                        ", ".join(" / ".join(map(_words, pair)) for pair in one.tells) or "–"
+                    ),
                 },
             )
         )
@@ -91,14 +96,13 @@ def _page(found: ExperimentPlan, drawings: list[Drawing]) -> StoryPage:
 def _said(found: ExperimentPlan, unit: str) -> Iterator[str]:
     noise, error = (amount(f"{value:.3g}", unit) for value in (found.noise, found.model_error))
     yield (
-        f"Linearised about the nominal plant, with sensor noise of {noise} and a model error of {error}. All "
-        "parameters of the plant are refitted together with each effect; the model error is taken into account."
+        f"The plan is linearised about the nominal plant. It assumes sensor noise of {noise} and a model error of "
+        f"{error}. All parameters of the plant are refitted together with each effect."
     )
     yield (
-        "An effect is detected if it is expected to be at least 95 % probable and changes the reading by more than "
-        "the model error once the parameters are fitted. Two effects are not distinguished if "
-        "the wrong one would fit better in more than 2.3 % of all recordings; the other one may have any strength "
-        "and any spread of its times."
+        "An effect is found if its expected probability is at least 95 % and, after the parameters are refitted, it "
+        "changes the reading by more than the model error. Two effects are not distinguished if the wrong one would "
+        "fit better in more than 2.3 % of all recordings. The wrong effect may have any strength and any time constants."
     )
     if found.impossible:
         yield f"The plant could not be simulated with {', '.join(map(_words, found.impossible))}."

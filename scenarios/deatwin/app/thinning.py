@@ -47,7 +47,7 @@ def thinned(records: list[Recording], wanted: str | None, reading: ReadingTime, 
         return Thinned(records=made, notes=[_done(int(wanted), made)] if int(wanted) > 1 else [])
     choice = _choice([record.section(0, round(record.n_samples * (1 - held_out))) for record in records])
     if choice is None or choice.status is not SamplingStatus.DECIMATE:
-        why = "the output's correlation cannot be had" if choice is None else choice.status.value
+        why = "the output's correlation cannot be computed" if choice is None else choice.status.value
         return Thinned(records=records, notes=[] if wanted is None else [f"not decimated: {why}"])
     slower, reason = choice.sample_time * choice.factor, _reason(choice)
     if wanted == "auto":
@@ -58,8 +58,8 @@ def thinned(records: list[Recording], wanted: str | None, reading: ReadingTime, 
     return Thinned(
         records=records,
         notes=[
-            f"sampled far faster, every {choice.sample_time:g} s, than a NARX model needs: {reason}, so neighbouring "
-            f"regressors are all but the same; --decimate auto goes to {slower:g} s"
+            f"sampled every {choice.sample_time:g} s, far faster than a NARX model needs: {reason}, so neighbouring "
+            f"regressors are almost equal; --decimate auto keeps a sample every {slower:g} s"
         ],
     )
 
@@ -117,7 +117,7 @@ def _choice(records: Sequence[Recording]) -> SamplingChoice | None:
 
 def _reason(choice: SamplingChoice) -> str:
     return (
-        f"the output's correlation has its first minimum, or vanishes, at {choice.first_minimum} samples, where 10 to "
+        f"the output's correlation reaches its first minimum, or zero, after {choice.first_minimum} samples, where 10 to "
         f"20 suffice, and the output has frequencies up to {choice.highest:.3g} Hz only, where 10 samples per period "
         f"suffice"
     )

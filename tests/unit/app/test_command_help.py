@@ -172,7 +172,7 @@ def test_bash_is_offered_names(
 
 def test_zsh_is_offered_stories_with_their_lines() -> None:
     said = "\n".join(program(_DEATWIN_COMPLETE="complete_zsh", _TYPER_COMPLETE_ARGS="deatwin scenario vhb"))
-    assert '"vhb4910":' in said and "measured pulls" in said
+    assert '"vhb4910":' in said and "finds the relaxation" in said
 
 
 @pytest.mark.parametrize(("shell", "line"), [("bash", "complete -o default -F"), ("zsh", "compdef")])

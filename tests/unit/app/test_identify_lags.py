@@ -83,7 +83,7 @@ def test_lags_that_competed_are_not_advised(at: Path, capsys: pytest.CaptureFixt
     assert main(["identify", "loop.csv", *COLUMNS, "--method", method, "--out", "narx.json", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert not any("candidate input lags" in note for note in told["notes"])
-    assert any("take --method frols" in note for note in told["notes"]) == (method == "lasso")
+    assert any("use --method frols" in note for note in told["notes"]) == (method == "lasso")
     if method == "frols":
         assert "u(k-1)" in told["terms"]
 

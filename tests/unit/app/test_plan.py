@@ -17,7 +17,7 @@ def test_a_plan_for_given_commands(on_bench: Path, capsys: pytest.CaptureFixture
     assert written["schema"] == "deatwin/plan/1" and {**written, "out": "planned"} == said
     rows = {row["effect"]: row for row in written["effects"]}
     assert rows["creep"]["visible"] and rows["creep"]["smallest"] < rows["creep"]["typical"]
-    page = (on_bench / "planned/report.html").read_text(encoding="utf-8")
+    page = (on_bench / "planned/report.html").read_text(encoding="utf-8").replace("\xa0", " ")
     assert written["sentence"][1:] in page and "of 0 measures" not in page
     files = {str(path.relative_to("planned")) for path in Path("planned").rglob("*") if path.is_file()}
     assert files == set(json.loads(Path("planned/run.json").read_text(encoding="utf-8"))["outputs"])

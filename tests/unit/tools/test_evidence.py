@@ -91,10 +91,10 @@ def test_a_folder_of_trials_becomes_data_and_pages(results: Path, docs: Path) ->
     assert [Outcome(**row) for row in data["trials"]] == TRIALS
     page = (docs / "control-check.md").read_text(encoding="utf-8")
     assert "5 trials with seed 9 (sources `cccccccccccc`). Run on a Sunday." in page
-    assert "1 trials had no controller" in page
-    assert "at least 90 % | 1 of 2, 50 % (bound 2 %) |" in page  # 1 - 0.95^(1/2) = 2.53 %, rounded down
-    assert "did not pass: at least 90 % | 1 of 1, 100 % (bound 5 %) |" in page
-    assert "(the price of caution) | 1 of 3, 33 % |" in page
+    assert "In 1 trials the check said fail because no design met the specification" in page
+    assert "at least 90 %) | 1 of 2, 50 % (true rate above 2 %) |" in page  # 1 - 0.95^(1/2) = 2.53 %, rounded down
+    assert "did not pass (goal: at least 90 %) | 1 of 1, 100 % (true rate above 5 %) |" in page
+    assert "keep every limit on the true rig: they did not pass | 1 of 3, 33 % |" in page
     assert "| nothing | 4 | 1 | 1 of 1 | 1 of 1 | 1 of 2 |\n| creep | 1 | 1 | 0 of 1 | – | 0 of 1 |" in page
     summary = (docs / "validation.md").read_text(encoding="utf-8")
     assert "| [control check](control-check.md) | 5 | 1 of 2 |" in summary
@@ -112,7 +112,7 @@ def test_a_study_of_long_recordings_has_a_page_of_its_own(docs: Path, monkeypatc
     assert evidence.main([str(docs), "--concealed-physics", "anywhere", "--remark", "Run on a Tuesday."]) == 0
     page = (docs / "concealed-physics-long.md").read_text(encoding="utf-8")
     assert page.startswith("# Concealed physics in long recordings: what the study reached\n")
-    assert "33 of 102 cases have run" in page and "Run on a Tuesday." in page
+    assert "interrupted after 33 of 102 cases" in page and "Run on a Tuesday." in page
     assert (docs / "concealed-physics-long.svg").read_text(encoding="utf-8") == "<svg>anywhere</svg>"
     assert (docs / "data" / "concealed-physics.json").read_bytes() == usual
     summary = (docs / "validation.md").read_text(encoding="utf-8")
@@ -217,7 +217,7 @@ def test_a_black_box_is_ahead_where_it_errs_less(amended: float, verdict: str, s
     row = {"story": "silverbox", "verdict": verdict, "causes": ["cubic_stiffness"], **errors}
     made = measured_blocks({"stories": [], "measures": [], "recordings": [row]})["recordings-of-others"]
     assert f"| {shown} | open | 250 to {1000 * amended:g} mV | 2 mV |" in made[2]
-    assert f"it is ahead on {ahead} of 1." in made[-1]
+    assert f"smaller than the plant's on {ahead} of 1." in made[-1]
 
 
 def test_a_folder_without_any_scenario_is_refused(tmp_path: Path) -> None:

@@ -68,8 +68,8 @@ def _judged(what: str, cycle: LimitCycle, share: float, specification: Specifica
     wanted = "" if verdict is Verdict.PASS else f" ({limit.wanted} of a step is wanted)"
     kind = "a limit cycle" if cycle.stable else "an unstable limit cycle, beyond which the loop does not return,"
     text = (
-        f"describing functions predict {kind} at {cycle.frequency_Hz:.2g} Hz with "
-        f"{amount(100 * share, '.3g', ' %')} of a step, by {what}{wanted}"
+        f"describing functions predict {kind} at {cycle.frequency_Hz:.2g} Hz, with an "
+        f"amplitude of {amount(100 * share, '.3g', ' %')} of a step, caused by {what}{wanted}"
     )
     return Finding(subject="limit cycle", value=share, verdict=verdict, text=text)
 
@@ -81,7 +81,7 @@ def _none(of: str) -> Finding:
 
 def _with_plant_unmeasured(judged: list[Finding]) -> Finding:
     """The worst of the findings on limits and codes, at best marginal: nothing is known of the plant itself."""
-    least = f"{100 * SIZES[1]:g} % of the room to the command's limits"
+    least = f"{100 * SIZES[1]:g} % of the distance to the command's limits"
     why = f"the plant's own response to sines is not measured: the plant fails under sines of {least}"
     # Without a cycle there is no number: zero would be one.
     finding = worst(judged) if judged else replace(_none("limits and codes"), value=None)
@@ -94,7 +94,7 @@ def _sizes_measured(response: SineResponse) -> str:
     lived = [f"{100 * size:g}" for size in SIZES[: response.amplitudes.size]]
     if len(lived) == len(SIZES):
         return ""
-    sizes = f"{', '.join(lived[:-1])} and {lived[-1]} % of the room to the command's limits"
+    sizes = f"{', '.join(lived[:-1])} and {lived[-1]} % of the distance to the command's limits"
     return f"; the plant is measured with sines of {sizes} only, because it fails under larger ones"
 
 

@@ -174,8 +174,8 @@ def integral_only(controller: Controller) -> tuple[str, ...]:
     if gains is None or gains.proportional:
         return ()
     return (
-        "the tuning left out the proportional part, so that the controller is purely integral: the model's lag is "
-        f"shorter than the closed-loop time of {controller.closed_loop_time:.2g} s, and there is nothing to cancel",
+        "the controller has no proportional part, because the model's lag is shorter than the closed-loop time of "
+        f"{controller.closed_loop_time:.2g} s",
     )
 
 

@@ -221,8 +221,8 @@ class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_d
         )
         return (
             f"{self.verdict.value}: the {tuned.name} controller with a closed-loop time of "
-            f"{tuned.closed_loop_time:.2g} s at {amount(f'{at.input:.3g}', at.input_unit)} (crossover there "
-            f"{self.margins.crossover_Hz:.2g} Hz; at worst {margins}): {self.reason}.{self._warned}"
+            f"{tuned.closed_loop_time:.2g} s at {amount(f'{at.input:.3g}', at.input_unit)} (crossover at this "
+            f"input {self.margins.crossover_Hz:.2g} Hz; at worst {margins}): {self.reason}.{self._warned}"
         )
 
     @property

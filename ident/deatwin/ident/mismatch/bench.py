@@ -15,7 +15,7 @@ from deatwin.plant.model import Plant
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bench:
-    """The plant, the effects and the recordings on the bench.
+    """Diagnosis problem: plant, effects and recordings, prepared for all steps.
 
     Parameters
     ----------

@@ -115,7 +115,7 @@ def conclude(findings: Findings) -> Diagnosis:
 
 
 def _held_back(findings: Findings) -> Iterator[str]:
-    """Where nothing explains the recordings, the likeliest single effect that only the plant's own ranges refuse."""
+    """If nothing explains the recordings, name the likeliest effect that only a parameter range excludes."""
     naming = findings.naming
     if findings.verdict is not Verdict.UNKNOWN or naming.best is not None:
         return
@@ -124,12 +124,12 @@ def _held_back(findings: Findings) -> Iterator[str]:
     for candidate in sorted(held, key=lambda c: -c.evidence)[:1]:
         yield (
             f"{candidate.effects[0]} would explain the recordings if {', '.join(held_back_by(candidate))} "
-            "might leave the range that is given"
+            "could lie outside the stated range"
         )
 
 
 def _alike_but_unlikely(findings: Findings) -> Iterator[str]:
-    """What these inputs cannot tell from the answer, and is left out for its strength only."""
+    """Return what these inputs cannot tell from the answer, and is left out for its strength only."""
     naming = findings.naming
     if not findings.named or naming.best is None:
         return
@@ -138,11 +138,11 @@ def _alike_but_unlikely(findings: Findings) -> Iterator[str]:
     for other in naming.candidates:
         name = "+".join(other.effects)
         if name in near and name not in known and not is_possible(other, naming.best):
-            yield f"{name} would act alike (d² = {near[name]:.2g}), but would have to be larger than it usually is"
+            yield f"{name} would read almost alike (d² = {near[name]:.2g}), but would have to be larger than usual"
 
 
 def _seconds(findings: Findings) -> float:
-    """How long the recordings are together, s."""
+    """Return how long the recordings are together, s."""
     return sum(r.duration for e in findings.checked.experiments for r in e.recordings)
 
 
@@ -174,12 +174,12 @@ def _indistinguishable(findings: Findings) -> tuple[IndistinguishablePair, ...]:
 
 
 def _left_over(findings: Findings) -> list[str]:
-    """Where an explanation is good, but leaves more than the plant's own error."""
+    """Return where an explanation is good, but leaves more than the plant's own error."""
     if not findings.named or findings.answer.adequate or findings.left is not None:
         return []
     unit, size = findings.unit
     left = max(findings.answer.fitted_test.size, findings.answer.unseen_test.size) / size
-    return [f"the remaining error ({left:.3g} {unit}) exceeds the plant's own model error"]
+    return [f"the remaining error ({left:.3g} {unit}) exceeds the model error stated for the plant"]
 
 
 def _widened(plant: Plant) -> Iterator[str]:
@@ -195,11 +195,11 @@ def _placed_unseen(findings: Findings) -> Iterator[str]:
     bench, plant = findings.bench, findings.answer.calibration.plant
     for name in plant.event_times if findings.named else ():
         if gap_around(plant, name, bench.fitted, bench.everything) is not None:
-            yield f"{name} lies among held-out data, so it was fitted to them; the error there is not quite independent"
+            yield f"{name} lies in the held-out data and was fitted to them; their error is not fully independent"
 
 
 def _form(findings: Findings) -> list[str]:
-    """What the recordings say of the rig where they speak against its file, or where the file is silent."""
+    """Return what the recordings say of the rig where they speak against its file, or where the file is silent."""
     stated, found = differences([findings.bench.nominal.rig, findings.final.plant.rig])
     return [
         f"the recordings fit a rig with {name} = {found[name]!r} better than with {value!r}"
@@ -246,7 +246,7 @@ def _causes(findings: Findings) -> tuple[Cause, ...]:
 
 
 def _places(effect: Effect, findings: Findings) -> tuple[str, ...]:
-    """Where an effect of the answer may enter, first where it does in the amended plant."""
+    """Return where an effect of the answer may enter, first where it does in the amended plant."""
     nominal, others = findings.bench.nominal, findings.elsewhere
     found = [effect, *(e for c in others for e in c.calibration.plant.effects if e.cause == effect.cause)]
     if not nominal.rig.further:
@@ -266,7 +266,7 @@ def _fit_summary(findings: Findings) -> FitSummary:
 
 
 def _location(findings: Findings) -> LocationSummary | None:
-    """Where the mismatch is, the place first whose effects take up most of it, each at best and alone.
+    """Return where the mismatch is, the place first whose effects take up most of it, each at best and alone.
 
     Where no effect was tried at a place, its score is the share that something unknown there explains.
     """

@@ -13,7 +13,7 @@ from deatwin.plant.records import plain
 
 _UNITS = {"from_s": "s", "to_s": "s", "from_Hz": "Hz", "to_Hz": "Hz", "excess_dB": "dB"}
 Told = Mapping[str, tuple[str, ...]]
-"""Of columns: the unit, and what it means where the name does not say it."""
+"""Columns with their units, and their meaning if the name does not state it."""
 
 
 def samples(experiments: Any) -> Variables:

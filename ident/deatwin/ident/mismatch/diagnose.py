@@ -52,7 +52,7 @@ def diagnose(
     progress: Progress | None = None,
     through: Callable[[Step], None] | None = None,
 ) -> Diagnosis:
-    """Find out what physics a plant lacks to explain recordings.
+    """Find the physics that a plant lacks to explain recordings.
 
     Parameters
     ----------

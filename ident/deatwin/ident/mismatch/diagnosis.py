@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 SCHEMA = "deatwin/diagnosis/2"
 NOWHERE: Mapping[str, Sequence[object]] = {"time": (), "frequency": (), "region": (), "place": (), "response": ()}
-"""How the file writes that nothing is missing anywhere."""
+"""Text by which the file states that nothing is missing anywhere."""
 
 
 def _tables(diagnosis: Diagnosis) -> Variables:
@@ -94,7 +94,7 @@ def _readings(diagnosis: Diagnosis) -> Variables:
 
 @dataclass(frozen=True, kw_only=True)
 class Diagnosis(Described):
-    """A verdict and what it rests on. Amplitudes are in the unit that `output` names.
+    """Verdict with all results that support it. Amplitudes are in the unit that `output` names.
 
     A diagnosis that was read from its file has no models, readings and findings.
 

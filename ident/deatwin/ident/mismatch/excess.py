@@ -1,4 +1,4 @@
-"""How far a residual exceeds what sensor noise and the plant's own equations account for."""
+"""Excess of a residual over sensor noise and model error."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from deatwin.ident.mismatch.losses import block_losses, exceeds
 
 SIGNIFICANCE = 0.01
 PRACTICAL_SHARE = 0.1
-"""Of the noise's power, that an excess must have besides the model error's: no sensor's noise is known better."""
+"""Share of the noise's power by which an excess must exceed the model error: noise is not known better."""
 BEYOND_DOUBT = 2.0
 """An excess this many times the practical size is a mismatch whatever its scatter."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Excess:
-    """Whether a residual is more than noise and model error.
+    """Test whether a residual is larger than noise and model error.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class Excess:
 
     @property
     def within_floor(self) -> bool:
-        """Whether noise and model error account for the residual in size; a part of the noise's power does not count.
+        """Return whether the residual is no larger than noise and model error, with a margin of the noise's power.
 
         What is not large enough to be a mismatch is not too large for an explanation either.
         """
@@ -54,7 +54,7 @@ class Excess:
 
     @property
     def mismatch(self) -> bool:
-        """Whether physics is missing: significant beyond noise *and* model error, or too large to doubt.
+        """Return whether physics is missing: significant beyond noise *and* model error, or too large to doubt.
 
         A mismatch that comes in bursts scatters so much that no test of its mean is significant.
         """

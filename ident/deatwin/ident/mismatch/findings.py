@@ -1,4 +1,4 @@
-"""What the steps of a diagnosis found, from which its conclusion is put together."""
+"""Results of the steps of a diagnosis, from which its conclusion is made."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from deatwin.plant.amplitudes import amplitude_unit
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Findings:
-    """What the steps of a diagnosis found, each as its own result; SI.
+    """Results of the steps of a diagnosis; SI.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class Findings:
 
     @property
     def named(self) -> bool:
-        """Whether the answer has causes."""
+        """Return whether the answer has causes."""
         return bool(self.answer.effects)
 
     @property

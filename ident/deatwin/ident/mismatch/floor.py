@@ -64,7 +64,7 @@ def error_in(rig: Rig, reading: Reading, records: Sequence[Recording]) -> float 
 
 
 def with_model_error(plant: Plant, error: float) -> Plant:
-    """The same plant on a rig with another model error.
+    """Return the same plant on a rig with another model error.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def with_model_error(plant: Plant, error: float) -> Plant:
 
 
 def differences(rigs: Sequence[Rig]) -> tuple[dict[str, Any], ...]:
-    """What rigs state differently, their model errors aside: those are found, not stated.
+    """Return what rigs state differently, their model errors aside: those are found, not stated.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ SPACE = 0.02
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Readings:
-    """Recordings beside simulations; all in SI.
+    """Recordings and the simulations that belong to them; SI.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Where a mismatch is, as a diagnosis says it; amplitudes in the unit that is reported."""
+"""Summary of the location of a mismatch; amplitudes in the reported unit."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Region:
 
 @dataclass(frozen=True, kw_only=True)
 class PlaceSummary:
-    """What the best single effect at a place takes up; where none was tried, what the signals there predict."""
+    """Share of the mismatch that the best effect at a place explains or, if none was tried, its signals predict."""
 
     place: str
     score: float  # Share of what is not noise, 0 to 1
@@ -95,7 +95,7 @@ class ResponseDifference:
 
 @dataclass(frozen=True, kw_only=True)
 class Unexplained:
-    """What the causes leave of a mismatch, and where most of that is.
+    """Mismatch that the causes do not explain, and where most of it lies.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ class Unexplained:
 
 @dataclass(frozen=True, kw_only=True)
 class ReadingLocation:
-    """Where the mismatch is in a further reading, SI.
+    """Location of the mismatch in a further reading, SI.
 
     Parameters
     ----------
@@ -149,19 +149,19 @@ class ReadingLocation:
 
     @property
     def sentence(self) -> str:
-        """Where most of it is, in words."""
+        """Return where most of it is, in words."""
         if not self.time and not self.frequency:
-            return f"{self.reading.replace('_', ' ')}: nothing stands out of its noise"
+            return f"{self.reading.replace('_', ' ')}: no mismatch beyond its noise"
         window = max(self.time, key=lambda one: one.score, default=None)
         band = max(self.frequency, key=lambda one: one.excess_dB, default=None)
         when = "" if window is None else f"from {window.from_s:.2f} to {window.to_s:.2f} s"
         where = "" if band is None else f"from {band.from_Hz:.3g} to {band.to_Hz:.3g} Hz"
-        return f"{self.reading.replace('_', ' ')}: most {' and '.join(filter(None, (when, where)))}"
+        return f"{self.reading.replace('_', ' ')}: the mismatch is largest {' and '.join(filter(None, (when, where)))}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class LocationSummary:
-    """Where the mismatch is.
+    """Summary of the location of the mismatch.
 
     Parameters
     ----------

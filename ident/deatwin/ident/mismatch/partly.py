@@ -1,4 +1,4 @@
-"""What acts, where nothing explains a mismatch wholly: the effects that take nearly all of it, and what they leave."""
+"""Partial explanations: effects that explain nearly all of a mismatch, and what they leave."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def explains_all(best: Candidate, base: Candidate, whole: Calibration | None) ->
 
 
 def is_known(candidate: Candidate) -> bool:
-    """Whether the 95 % intervals of its effects' strengths leave none of them out."""
+    """Return whether the 95 % intervals of its effects' strengths leave none of them out."""
     fit = candidate.calibration
     strengths = [f"{e.name}.{e.strength}" for e in fit.plant.effects if e.name in candidate.effects]
     return all(low > 0.0 or high < 0.0 for low, high in map(fit.interval, strengths))
@@ -119,12 +119,12 @@ def _takes_nearly_all(candidate: Candidate, base: Candidate) -> bool:
 
 
 def _stands_alone(candidate: Candidate, base: Candidate) -> bool:
-    """Whether a candidate's own effects take away most of the mismatch, in a plant within its ranges."""
+    """Return whether a candidate's own effects take away most of the mismatch, in a plant within its ranges."""
     return takes_most(candidate, base) and acts(candidate, base) and not held_back_by(candidate)
 
 
 def _leads(candidate: Candidate, base: Candidate, known: dict[tuple[str, ...], Candidate]) -> bool:
-    """Whether a candidate takes nearly all of the mismatch, and is far likelier than with any effect taken out."""
+    """Return whether a candidate explains nearly all of the mismatch and needs each of its effects."""
     if not _takes_nearly_all(candidate, base):
         return False
     fewer = [known.get(rest) for rest in each_without_one(candidate.effects)]
@@ -132,7 +132,7 @@ def _leads(candidate: Candidate, base: Candidate, known: dict[tuple[str, ...], C
 
 
 def unexplained(answer: Candidate, base: Candidate, left: Location, seconds: float) -> Unexplained:
-    """What an answer leaves of a mismatch, and where most of that is.
+    """Return what an answer leaves of a mismatch, and where most of that is.
 
     Parameters
     ----------
@@ -169,5 +169,5 @@ def _beyond(mean_square: float, noise: float) -> float:
 
 
 def _power(band: Band) -> float:
-    """Of what a band holds, in proportion to the noise's density."""
+    """Return the power of a band, in proportion to the noise's density."""
     return float((band.to_Hz - band.from_Hz) * 10.0 ** (band.excess_dB / 10.0))

@@ -25,7 +25,7 @@ from deatwin.plant.rigs.base import Rig
 def prepare(
     plant: Plant, checked: Gate, effects: Sequence[Effect] | None = None, *, jobs: int = 1
 ) -> tuple[Bench, Base]:
-    """Put plant, effects and recordings on the bench, and calibrate the plant.
+    """Prepare the diagnosis problem from plant, effects and recordings, and calibrate the plant.
 
     Where only the held-out part has a mismatch, some of it is fitted too.
 
@@ -117,7 +117,7 @@ def _elsewhere(plant: Plant, effects: Sequence[Effect], alone: Collection[Alone]
 
 
 def _same_parts(one: Bench, other: Bench) -> bool:
-    """Whether the same samples are fitted."""
+    """Return whether the same samples are fitted."""
     masks = [[mask for part in bench.fitted for mask in part.masks] for bench in (one, other)]
     return len(masks[0]) == len(masks[1]) and all(map(np.array_equal, *masks))
 
@@ -166,7 +166,7 @@ def _motion(checked: Gate) -> float:
 
 
 def _late_onset(base: Base, checked: Gate) -> float | None:
-    """Where a mismatch begins that only the held-out part has."""
+    """Return where a mismatch begins that only the held-out part has."""
     chosen = base.chosen
     if chosen.fitted_test.mismatch or not chosen.unseen_test.mismatch:
         return None

@@ -1,4 +1,4 @@
-"""What a diagnosis finds, as its file holds it: amplitudes in the unit that ``output`` names, parameters in SI."""
+"""Content of a diagnosis file: amplitudes in the unit that ``output`` names, parameters in SI."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ LEAST_TOLD = 0.01
 
 @dataclass(frozen=True, kw_only=True)
 class ReadingSummary:
-    """What one of several readings taught; SI.
+    """Residuals of one of several readings, and the probabilities with and without it; SI.
 
     Parameters
     ----------
@@ -58,16 +58,17 @@ class ReadingSummary:
 
     @property
     def sentence(self) -> str:
-        """What the reading taught, in words."""
+        """Return what the reading taught, in words."""
         before, after = with_unit(self.unseen.before, self.unit), self.unseen.after
-        left = f"leaves {before}" + ("" if after is None else f", with the causes {with_unit(after, self.unit)}")
-        said = f"{self.name} (noise {with_unit(self.noise, self.unit)}): on held-out data the calibrated plant {left}"
+        left = before + ("" if after is None else f", and {with_unit(after, self.unit)} with the causes")
+        noise = with_unit(self.noise, self.unit)
+        said = f"{self.name} (noise {noise}): the error of the calibrated plant on held-out data is {left}"
         if self.with_it is None or self.without_it is None:
             return said
         whole, without = _likely(self.with_it), _likely(self.without_it)
         if whole == without:
-            return f"{said}; the other readings say the same without it: {whole}"
-        return f"{said}; without this reading the explanation would be {without}, with it {whole}"
+            return f"{said}; the other readings alone give the same explanation: {whole}"
+        return f"{said}; the explanation is {whole} with this reading, and {without} without it"
 
     @property
     def name(self) -> str:
@@ -97,7 +98,7 @@ class Statistic:
 
 @dataclass(frozen=True, kw_only=True)
 class RepeatabilitySummary:
-    """How alike the residual is where a command is repeated."""
+    """Similarity of the residual between repeats of a command."""
 
     correlation: float
     share: float  # Of what is not noise: how much comes back; low and high two standard deviations off
@@ -108,7 +109,7 @@ class RepeatabilitySummary:
 
 @dataclass(frozen=True, kw_only=True)
 class OriginSummary:
-    """What speaks for the plant or for a disturbance."""
+    """Evidence for the plant or for a disturbance."""
 
     by: str  # repeats, prediction or nothing
     share: float  # Of what is left: how much comes back or can be predicted; low and high two standard deviations off
@@ -120,7 +121,7 @@ class OriginSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class DetectionSummary:
-    """Whether anything is missing, and what could have been seen.
+    """Summary of the test whether anything is missing, and of the smallest effects that would be detected.
 
     Parameters
     ----------
@@ -163,7 +164,7 @@ class DetectionSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class Ablation:
-    """What happens when one effect is taken out and the rest is fitted anew."""
+    """Result of removing one effect and refitting the rest."""
 
     effect: str
     fitted: float = field(
@@ -180,7 +181,7 @@ class Ablation:
 
     @property
     def returns(self) -> bool:
-        """Whether the error comes back for certain, on held-out data too.
+        """Return whether the error comes back for certain, on held-out data too.
 
         What acts at a few steps only is in so few blocks of the held-out part that these alone can be certain of nothing.
         """
@@ -189,7 +190,7 @@ class Ablation:
 
 @dataclass(frozen=True, kw_only=True)
 class ShamSummary:
-    """What a spoilt effect gains, relative to the effect itself."""
+    """Gain of a placebo effect, relative to the effect itself."""
 
     effect: str
     kind: str = field(metadata=key("sham"))  # How it was spoilt
@@ -213,7 +214,7 @@ class TransferSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class ConstancySummary:
-    """How the strength of one effect would change over what was fitted."""
+    """Change of the strength of one effect over the fitted data."""
 
     effect: str
     own: float  # Share of the change's power that nothing else in the plant can make
@@ -225,7 +226,7 @@ class ConstancySummary:
 
 @dataclass(frozen=True, kw_only=True)
 class VerificationSummary:
-    """What the best explanation had to bear on held-out data.
+    """Summary of the tests of the best explanation on held-out data.
 
     Parameters
     ----------
@@ -301,7 +302,7 @@ class AdviceSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class ShapeSummary:
-    """What gives a term its shape, SI."""
+    """Parameters of the shape of a term, SI."""
 
     name: str
     value: float
@@ -321,7 +322,7 @@ class TermSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class FreeFormSummary:
-    """A description of what is missing that is no physics.
+    """Summary of a free form, which describes the mismatch without physics.
 
     Parameters
     ----------
@@ -347,14 +348,14 @@ class FreeFormSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class UnseenErrors(Errors):
-    """The same on the held-out part, with the lower 95 % bound of the fall."""
+    """Errors on the held-out data, with the lower 95 % bound of their fall."""
 
     gain_low: float | None
 
 
 @dataclass(frozen=True, kw_only=True)
 class FitSummary:
-    """What the calibrated and the amended plant leave of the first reading.
+    """Residuals of the calibrated and of the amended plant in the first reading.
 
     Parameters
     ----------

@@ -18,6 +18,7 @@ from deatwin.ident.mismatch.located import Unexplained
 from deatwin.ident.mismatch.result import Fault
 from deatwin.ident.mismatch.verdict import Cause, Interval, Verdict
 from deatwin.plant.amplitudes import written_unit
+from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.errors import ModelError
 from deatwin.plant.prefixes import prefixed, resolving
@@ -26,7 +27,7 @@ SMALL_SHARE = 0.5
 """A single cause that explains less than this much of the mismatch is not the whole story."""
 MOST_FAULTS = 3
 LEAST_RISK = 1e-3
-"""Of a wrong explanation: below it the bound is said, not the value."""
+"""Smallest stated probability of a wrong explanation; below it the bound is stated."""
 HALF = 0.5
 """Share of what is left that a stretch of time must hold for most of it to be there."""
 COUNTED = {2: "Two", 3: "Three"}
@@ -76,7 +77,7 @@ def risk(share: float) -> str:
 
 
 def say(diagnosis: Diagnosis) -> str:
-    """Say the conclusion of a diagnosis.
+    """Write the conclusion of a diagnosis as one sentence.
 
     Parameters
     ----------
@@ -92,19 +93,17 @@ def say(diagnosis: Diagnosis) -> str:
 
 
 def _none(diagnosis: Diagnosis) -> str:
-    return (
-        f"Nothing is missing: the calibrated plant leaves {_left(_of_first(diagnosis))}, which {_accounted(diagnosis)}."
-    )
+    return f"Nothing is missing: {_left(_of_first(diagnosis))}, which {_accounted(diagnosis)} explain."
 
 
 def _parameters(diagnosis: Diagnosis) -> str:
     late = diagnosis.parameters.get("delay.time") if diagnosis.detection.taken_up else None
-    timing = "" if late is None else f" and taken to answer {_with_interval(late)} late"
-    left, accounted = f"the calibrated plant leaves {_left(_of_first(diagnosis))}", _accounted(diagnosis)
+    timing = "" if late is None else f" and with a dead time of {_with_interval(late)}"
+    left, accounted = _left(_of_first(diagnosis)), _accounted(diagnosis)
     if diagnosis.detection.taken_up:
-        told = f"{left}; fitted to all recordings{timing}, it leaves no more than {accounted}"
+        told = f"{left}; after a fit to all recordings{timing}, no more remains than {accounted} explain"
     else:
-        told = f"{left}, which {accounted}"
+        told = f"{left}, which {accounted} explain"
     return f"No physics is missing; only parameters were wrong: {told}."
 
 
@@ -119,12 +118,12 @@ def _named(diagnosis: Diagnosis) -> str:
 
 
 def _ambiguous(diagnosis: Diagnosis) -> str:
-    guess = ", and ".join(_physics(cause, diagnosis) for cause in diagnosis.causes)
+    guess = ", and ".join(_physics(cause, diagnosis) + _or_nothing(cause, diagnosis) for cause in diagnosis.causes)
     known = [cause.effect for cause in diagnosis.causes]
     without = [f"the same without {' and '.join(map(_plain, absent))}" for absent in _absent(known, diagnosis.rivals)]
     others = [_plain(name) + _elsewhere(name, diagnosis) for name in diagnosis.names if name not in known]
     rivals = "".join(f", or {other}" for other in (*without, *others))
-    which = "the first" if len(known) == 1 else f"the first {COUNTED[len(known)].lower()}"
+    which = "the first explanation" if len(known) == 1 else f"the first {COUNTED[len(known)].lower()}"
     return (
         f"Something is missing, and these recordings cannot decide what: {'either' if rivals else 'perhaps'} {guess}{rivals}; "
         f"with {which} {_gain(diagnosis)}{_next(diagnosis)}."
@@ -132,10 +131,17 @@ def _ambiguous(diagnosis: Diagnosis) -> str:
 
 
 def _elsewhere(cause: str, diagnosis: Diagnosis) -> str:
-    """Where a rival's effect acts, if that is at a further place only."""
+    """Return where a rival's effect acts, if that is at a further place only."""
     effects = (effect for rival in diagnosis.rival_models.values() for effect in rival.plant.effects)
     places = dict.fromkeys(effect.placed_at for effect in effects if effect.cause == cause)
-    return f" (of the {' or the '.join(map(_plain, places))})" if places and "" not in places else ""
+    return f" (at the {' or the '.join(map(_plain, places))})" if places and "" not in places else ""
+
+
+def _or_nothing(cause: Cause, diagnosis: Diagnosis) -> str:
+    """Warn of a strength whose interval includes zero."""
+    strength = cause.parameters.get(_effect(cause, diagnosis).strength)
+    absent = strength is not None and strength.low <= 0.0 <= strength.high
+    return ", which may be absent since its 95 % interval includes zero" if absent else ""
 
 
 def _absent(known: Sequence[str], rivals: Sequence[Sequence[str]]) -> list[tuple[str, ...]]:
@@ -159,7 +165,7 @@ def _partly(diagnosis: Diagnosis) -> str:
 
 
 def _mostly(left: Unexplained, diagnosis: Diagnosis) -> str:
-    """Where most of what is left is, as far as one place holds more than half of it."""
+    """Return where most of what is left is, as far as one place holds more than half of it."""
     window, band, region = left.time, left.frequency, left.region
     if window is not None and window.score > HALF:
         return f", mostly between {window.from_s:.2f} and {window.to_s:.2f} s"
@@ -171,24 +177,24 @@ def _mostly(left: Unexplained, diagnosis: Diagnosis) -> str:
 
 
 def _unknown(diagnosis: Diagnosis) -> str:
-    refuted = "; the recordings refuted the explanation that fitted best" if _refuted(diagnosis) else ""
+    refuted = "; the explanation that fitted best failed its tests on held-out data" if _refuted(diagnosis) else ""
     form = diagnosis.free_form
     shape = (
         ""
         if form is None
         else (
-            "; a free-form term, a description rather than physics, lowers the error on held-out data from "
+            "; a formula without physical meaning lowers the error on held-out data from "
             f"{_rounded(form.before)} to {_amplitude(form.after, diagnosis)}"
         )
     )
     return (
-        "Something is missing, and no effect of the catalogue explains it: the calibrated plant leaves "
-        f"{_left(_shown(diagnosis))}, with {_noise(diagnosis)}{_when(diagnosis)}{refuted}{shape}."
+        f"Something is missing, and no effect of the catalogue explains it: {_left(_shown(diagnosis))} "
+        f"({_noise(diagnosis)}){_when(diagnosis)}{refuted}{shape}."
     )
 
 
 def _when(diagnosis: Diagnosis) -> str:
-    """In which stretch of time most of the mismatch lies, if in one."""
+    """Return in which stretch of time most of the mismatch lies, if in one."""
     windows = () if diagnosis.location is None else diagnosis.location.time
     longest = max(windows, key=lambda window: window.score, default=None)
     if longest is None or longest.score <= HALF:
@@ -198,10 +204,10 @@ def _when(diagnosis: Diagnosis) -> str:
 
 def _disturbance(diagnosis: Diagnosis) -> str:
     origin = diagnosis.detection.origin
-    back = "" if origin is None else f"; {_part(origin.share)} it repeats with the command"
+    back = "" if origin is None else f"; {_part(origin.share)} the mismatch repeats with the command"
     return (
         "The mismatch does not repeat when command and state do, so it is a disturbance rather than missing physics: "
-        f"the calibrated plant leaves {_left(_shown(diagnosis))}, with {_noise(diagnosis)}{back}."
+        f"{_left(_shown(diagnosis))} ({_noise(diagnosis)}){back}."
     )
 
 
@@ -209,15 +215,15 @@ def _data_fault(diagnosis: Diagnosis) -> str:
     faults = diagnosis.faults
     many = any(fault.experiment > 1 for fault in faults)
     said = [_fault(fault, many) for fault in faults[:MOST_FAULTS]]
-    more = "; and more" if len(faults) > MOST_FAULTS else ""
+    more = "; further faults are listed below" if len(faults) > MOST_FAULTS else ""
     where = f": {'; '.join(said)}{more}" if said else ""
     return f"The recording is faulty{where}."
 
 
 def _not_testable(diagnosis: Diagnosis) -> str:
     return (
-        "The input excites too little to test whether physics is missing: the calibrated plant leaves "
-        f"{_left(_shown(diagnosis))}, with {_noise(diagnosis)}."
+        "The input excites too little to test whether physics is missing: "
+        f"{_left(_shown(diagnosis))} ({_noise(diagnosis)})."
     )
 
 
@@ -235,20 +241,23 @@ _SENTENCES: Mapping[Verdict, Callable[[Diagnosis], str]] = {
 
 
 def _left(shown: _Shown) -> str:
-    """What the calibrated plant leaves."""
-    return f"{shown.sized(shown.fitted)} on fitted data and {shown.sized(shown.unseen)} on held-out data{shown.of}"
+    """State the error of the calibrated plant."""
+    return (
+        f"the error of the calibrated plant{f' in{shown.of[3:]}' if shown.of else ''} is {shown.sized(shown.fitted)} on "
+        f"fitted data and {shown.sized(shown.unseen)} on held-out data"
+    )
 
 
 def _accounted(diagnosis: Diagnosis) -> str:
-    own = f"the plant's own model error ({_amplitude(diagnosis.model_error, diagnosis)})"
-    return f"sensor noise ({_amplitude(diagnosis.noise, diagnosis)}) and {own} account for"
+    own = f"the stated model error of the plant ({_amplitude(diagnosis.model_error, diagnosis)})"
+    return f"sensor noise ({_amplitude(diagnosis.noise, diagnosis)}) and {own}"
 
 
 def _gain(diagnosis: Diagnosis) -> str:
     shown, gain = _shown(diagnosis), diagnosis.fit.unseen.gain_low
     if shown.after is None or gain is None:
         raise ModelError("a diagnosis with causes needs the error that they leave on held-out data")
-    alone = "" if gain > 0 else ", which by itself could be chance"
+    alone = "" if gain > 0 else ", a fall that could be chance"
     return (
         f"the error{shown.of} on held-out data falls from {_rounded(shown.unseen)} to {shown.sized(shown.after)}{alone} "
         f"(sensor noise: {shown.sized(shown.noise)})"
@@ -302,7 +311,7 @@ def _shown(diagnosis: Diagnosis) -> _Shown:
 
 def _noise(diagnosis: Diagnosis) -> str:
     shown = _shown(diagnosis)
-    return f"{shown.sized(shown.noise)} of sensor noise"
+    return f"sensor noise: {shown.sized(shown.noise)}"
 
 
 def _amplitude(value: float, diagnosis: Diagnosis) -> str:
@@ -319,19 +328,22 @@ def _share(cause: Cause) -> str:
 
 
 def _part(share: float) -> str:
-    """As an estimate a share may be negative."""
+    """Write a share; as an estimate it may be negative."""
     percent = round(100 * share)
     return f"{percent} % of" if percent > 0 else "none of"
 
 
 def _physics(cause: Cause, diagnosis: Diagnosis) -> str:
     """In the effect's own words, which a user's effect brings along in the model."""
-    own = () if diagnosis.model is None else diagnosis.model.plant.effects
-    effect = next((e for e in own if e.cause == cause.effect), None) or effect_named(cause.effect)
-    text = effect.wording.format(**{name: _with_interval(p) for name, p in cause.parameters.items()})
+    text = _effect(cause, diagnosis).wording.format(**{n: _with_interval(p) for n, p in cause.parameters.items()})
     others = [f"the {_plain(place)}" for place in (cause.places or ())[1:]]
     elsewhere = f" (or at {' or '.join(others)}: these recordings cannot decide)" if others else ""
     return text[0].lower() + text[1:] + elsewhere
+
+
+def _effect(cause: Cause, diagnosis: Diagnosis) -> Effect:
+    own = () if diagnosis.model is None else diagnosis.model.plant.effects
+    return next((e for e in own if e.cause == cause.effect), None) or effect_named(cause.effect)
 
 
 def _with_interval(parameter: Interval) -> str:
@@ -343,7 +355,7 @@ def _with_interval(parameter: Interval) -> str:
 
 
 def _next(diagnosis: Diagnosis) -> str:
-    """What the advised experiment would decide."""
+    """Return what the advised experiment would decide."""
     advised = diagnosis.advice
     if advised is None:
         return ""
@@ -354,14 +366,18 @@ def _next(diagnosis: Diagnosis) -> str:
         return (
             ""
             if measure is None
-            else f"; no input within the rig's limits would distinguish them, so measure {measure}"
+            else f"; no input within the rig's limits would distinguish the explanations, so measure {measure}"
         )
     mass = advised.added_mass_g
     load = "" if mass is None else f" with {number(mass)} g added"
-    rest = f"; what remains open needs a measurement of {advised.measure}" if advised.undecided else ""
+    rest = (
+        f"; for the explanations that this input cannot distinguish, measure {advised.measure}"
+        if advised.undecided
+        else ""
+    )
     return (
-        f"; {number(seconds)} s of the input in {advised.file}{load} would lower the risk of confusing "
-        f"them from {before} to {after} %{rest}"
+        f"; recording {number(seconds)} s of the input in {advised.file}{load} would lower the probability of "
+        f"choosing the wrong one from {before} to {after} %{rest}"
     )
 
 

@@ -1,4 +1,4 @@
-"""What each step of a diagnosis found: what there is to keep where the later ones do not run."""
+"""Results of the finished steps of a diagnosis, kept if the later ones do not run."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class GateSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class FittedPlant:
-    """What was fitted, what it leaves, and the values."""
+    """Fitted parameters, their values, and the residuals."""
 
     effects: tuple[str, ...]
     form: Mapping[str, Json]  # How the rig is read, where its file is read otherwise or is silent
@@ -75,7 +75,7 @@ _Summary = TypeVar("_Summary", bound=StepResult, covariant=True)
 
 
 class _Found(Protocol[_Summary]):
-    """What a step found."""
+    """Result of a step."""
 
     @property
     def summary(self) -> _Summary: ...
@@ -83,7 +83,7 @@ class _Found(Protocol[_Summary]):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Step:
-    """A step of a diagnosis that is through. It is no verdict: later steps may overrule it.
+    """Finished step of a diagnosis. It is not a verdict: later steps may overrule it.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ def base_step(bench: Bench, base: Base) -> Step:
 
 
 def forms_tried(bench: Bench, base: Base) -> tuple[FormSummary, ...]:
-    """How each form of the base plant reads the rig file, and what it leaves.
+    """Return how each form of the base plant reads the rig file, and what it leaves.
 
     Parameters
     ----------
@@ -204,7 +204,7 @@ def fit_step(bench: Bench, fit: Calibration, unseen: np.ndarray | None) -> Step:
 
 
 def found_step(name: str, found: _Found[StepResult] | None) -> Step | None:
-    """What a step found, as ``diagnosis.json`` would hold it.
+    """Return what a step found, as ``diagnosis.json`` would hold it.
 
     Parameters
     ----------
@@ -242,7 +242,7 @@ def _remainder(bench: Bench, form: Candidate) -> FormSummary:
 
 
 def _form(bench: Bench, fit: Calibration) -> dict[str, Any]:
-    """How the rig is read, where its file is read otherwise or is silent."""
+    """Return how the rig is read, where its file is read otherwise or is silent."""
     return differences([bench.nominal.rig, fit.plant.rig])[1]
 
 

@@ -1,4 +1,4 @@
-"""What each reading taught: its residuals, and how likely the explanations are with it and without it."""
+"""Residuals of each reading, and the probabilities of the explanations with and without it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ COMPARED = 4
 
 
 def taught(findings: Findings) -> tuple[ReadingSummary, ...] | None:
-    """What each reading of recordings taught; None where they have one reading."""
+    """Return what each reading of recordings taught; None where they have one reading."""
     bench, rig = findings.bench, findings.bench.nominal.rig
     known = {part.reading: part.weight for part in bench.everything}
     if len(known) < 2:

@@ -14,7 +14,7 @@ NOTHING = 1e-3
 
 
 class Verdict(Enum):
-    """What a diagnosis concludes; the advice says what to do with it."""
+    """Conclusion of a diagnosis; `advice` says what to do next."""
 
     NONE = "none"
     PARAMETERS = "parameters"
@@ -28,22 +28,22 @@ class Verdict(Enum):
 
     @property
     def advice(self) -> str:
-        """What to do next."""
+        """Return what to do next."""
         return _ADVICE[self]
 
     @property
     def has_causes(self) -> bool:
-        """Whether effects are built into the amended plant."""
+        """Return whether effects are built into the amended plant."""
         return self in (Verdict.NAMED, Verdict.AMBIGUOUS, Verdict.PARTLY)
 
 
 _ADVICE: Mapping[Verdict, str] = {
     Verdict.NONE: (
         "next: use the calibrated plant within the range and frequencies of these inputs; the table of smallest "
-        "detectable changes shows what could still be hidden"
+        "detectable effects shows what could still be hidden"
     ),
     Verdict.PARAMETERS: "next: use the calibrated plant within the range and frequencies of these inputs",
-    Verdict.NAMED: "next: use the amended plant, model.json, which `deatwin simulate` and `deatwin check` take",
+    Verdict.NAMED: "next: use the amended plant, model.json, which `deatwin simulate` and `deatwin check` accept",
     Verdict.AMBIGUOUS: (
         "next: record the advised experiment and diagnose all recordings together; until then no explanation is certain"
     ),
@@ -51,7 +51,7 @@ _ADVICE: Mapping[Verdict, str] = {
     Verdict.UNKNOWN: "next: inspect the readings where the mismatch lies; if they are sound, add the effect that you suspect",
     Verdict.DISTURBANCE: "next: find the source of the disturbance on the bench; changing the plant will not help",
     Verdict.DATA_FAULT: "next: repeat the recording, or delete the faulty rows and read it with --allow-gaps",
-    Verdict.NOT_TESTABLE: "next: record a stronger or richer input; `deatwin plan` says what an input would show",
+    Verdict.NOT_TESTABLE: "next: record a larger input, or one with more frequencies; `deatwin plan` says what an input would show",
 }
 
 
@@ -84,7 +84,7 @@ class Interval:
 
     @property
     def shown(self) -> Shown:
-        """The same as a person writes it.
+        """Return the same as a person writes it.
 
         A value that is nothing beside its interval about zero, as on a bound there, is 0.
         """
@@ -96,7 +96,7 @@ class Interval:
 
 @dataclass(frozen=True, kw_only=True)
 class FittedParameter(Interval):
-    """A parameter of the calibrated plant.
+    """Parameter of the calibrated plant, with its 95 % interval.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ class FittedParameter(Interval):
 
 @dataclass(frozen=True, kw_only=True)
 class Cause:
-    """An effect that the recordings ask for.
+    """Effect that explains a part of the mismatch, with its parameters and probability.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ class Cause:
 
 @dataclass(frozen=True, kw_only=True)
 class CandidateSummary:
-    """An explanation that was tried.
+    """Explanation that was tried, with the errors that it leaves.
 
     Parameters
     ----------

@@ -81,8 +81,8 @@ RecordingFile = Annotated[
     typer.Option(
         "--recording",
         metavar="REC.csv",
-        help="Recording of the actuator, best one that the model was not fitted to: shows the excited band and the "
-        "model's free-run error. By default those that deatwin identify wrote into the model.",
+        help="Recording of the actuator, preferably one to which the model was not fitted. It shows the excited band and "
+        "the model's free-run error; by default the model file states both.",
     ),
 ]
 DiagnosisFolder = Annotated[
@@ -95,7 +95,7 @@ DiagnosisFolder = Annotated[
 ]
 Rivals = Annotated[
     list[str] | None,
-    typer.Option("--rival", metavar="RIG", help="A further plant that the actuator may be; repeatable."),
+    typer.Option("--rival", metavar="RIG", help="Another plant that the actuator may be; repeatable."),
 ]
 
 
@@ -129,7 +129,7 @@ def check(
 
     Example: deatwin check narx.json --plant result/model.json --out control
 
-    With all that is known: deatwin check narx.json --plant result/model.json --diagnosis result --recording noise.csv
+    With a recording and a diagnosis: deatwin check narx.json --plant result/model.json --diagnosis result --recording noise.csv
     --design inverse --operating-range 1.5 3.2 --out control
     """
     from deatwin.app.check_report.gains import written_gains

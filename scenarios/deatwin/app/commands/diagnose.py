@@ -48,7 +48,7 @@ def diagnose(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Find what physics a plant leaves out, given recordings, and amend it.
+    """Find the physics that a plant lacks, from recordings, and amend the plant.
 
     Writes diagnosis.json, model.json, report.html, the figures' data and run.json into DIR. Ctrl-C keeps the finished
     steps in DIR/partial.

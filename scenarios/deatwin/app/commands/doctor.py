@@ -58,12 +58,12 @@ SLOWER = (
 """Tasks, how many times as long they take without a compiler, and the script of tests/benchmarks that measured it."""
 
 Warm = Annotated[
-    bool, typer.Option("--warm", help="Compile the usual plants ahead, so that the first diagnosis is quick.")
+    bool, typer.Option("--warm", help="Compile the usual plants now, so that the first diagnosis is quick.")
 ]
 
 
 def doctor(warm: Warm = False, jobs: Jobs = -1, as_json: Json = False, quiet: Quiet = False) -> None:
-    """Say what is installed, whether a compiler was found, and what is slower without it.
+    """Show what is installed, whether a compiler was found, and what is slower without it.
 
     Example: deatwin doctor
 

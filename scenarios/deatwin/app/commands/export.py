@@ -73,8 +73,9 @@ def export(model: Source, to: To, out: OutFile, name: Name = None, as_json: Json
     start = None if given.plant is None else given.plant.rig.start
     if start is not None and start.ramp + start.hold > 0.0:
         voice.say(
-            f"it begins at rest; deatwin simulate first ramps the first command on in {start.ramp:g} s and holds it "
-            f"for {start.hold:g} s: play these samples first, from {-(start.ramp + start.hold):g} s on its clock"
+            f"the exported plant starts at rest; deatwin simulate first ramps up the first command over {start.ramp:g} s "
+            f"and holds it for {start.hold:g} s: apply these commands first, from {-(start.ramp + start.hold):g} s on its "
+            "clock"
         )
     voice.result({"out": str(out), "form": to.value, **said})
 

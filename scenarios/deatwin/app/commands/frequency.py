@@ -49,7 +49,7 @@ def frequency(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Frequency responses of an identified model at an operating point, with bands: FRF, GFRFs, and NOFRFs.
+    """Compute frequency responses of an identified model at an operating point, with bands: FRF, GFRFs, NOFRFs.
 
     Writes report.html, figures and their data (figures/*.svg and *.csv) and run.json into DIR.
 

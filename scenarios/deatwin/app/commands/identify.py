@@ -127,7 +127,7 @@ def identify(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Identify a polynomial NARX model, or a nonlinear state space; its errors are those on the last 30 % of each recording.
+    """Identify a polynomial NARX model, or a nonlinear state space, and test it on the last 30 % of each recording.
 
     Example: deatwin identify noise.csv --method svb --out narx.json
 

@@ -67,9 +67,9 @@ def look(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Say what is in recordings before any model is made: columns, clock, noise, faults, excitation, link.
+    """Describe recordings before any model is made: columns, sample times, noise, faults, excitation, response.
 
-    Where a file is refused by the other commands, the options that read it are looked for, and said.
+    If other commands would refuse a file, look suggests options that make it readable.
 
     Example: deatwin look lab.csv --out looked
 

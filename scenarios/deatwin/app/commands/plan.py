@@ -24,11 +24,11 @@ from deatwin.app.working import results
 from deatwin.studies.voice import Voice
 
 InputFile = Annotated[
-    Path | None, typer.Argument(metavar="INPUT.csv", help="Commands to judge; without them an input is advised.")
+    Path | None, typer.Argument(metavar="INPUT.csv", help="Commands to judge; without this file an input is suggested.")
 ]
 Seconds = Annotated[
     float | None,
-    typer.Option(callback=positive("give a positive number of seconds"), help="Length of an input that is advised."),
+    typer.Option(callback=positive("give a positive number of seconds"), help="Length of the suggested input."),
 ]
 
 
@@ -47,18 +47,18 @@ def plan(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Before anything is recorded: which missing physics an input would show, and what it could not tell apart.
+    """List, before you record, which missing effects an input would reveal, and which it could not distinguish.
 
     Writes plan.json, report.html, the figure with its data and run.json into DIR, and next_input.csv if the input is
-    advised.
+    suggested.
 
     Example: deatwin plan rig.toml steps.csv --out planned
 
-    To be advised: deatwin plan rig.toml --seconds 120 --out planned
+    To get an input suggested: deatwin plan rig.toml --seconds 120 --out planned
     """
     if commands is not None and seconds is not None:
         raise typer.BadParameter(
-            "it belongs to an advised input, but you gave an input: leave one of them out", param_hint="--seconds"
+            "it belongs to a suggested input, but you gave an input: leave one of them out", param_hint="--seconds"
         )
     from deatwin.app.planning import plan_into
 

@@ -74,7 +74,7 @@ def scenario(
 
 
 def scenarios(as_json: Json = False, quiet: Quiet = False) -> None:
-    """List the stories with the time that each takes, and which of them resume.
+    """List the stories, the time that each takes, and which of them can be resumed.
 
     Example: deatwin scenarios
     """

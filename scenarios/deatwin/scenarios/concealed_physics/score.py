@@ -57,50 +57,74 @@ def score(study: Opened) -> list[Goal]:
     fine = (held.covered for case in study.cases for held in case.held)
     return [
         _at_most(
-            "false alarm: a cause named on clean data", [bool(c.causes) for c in clean], 1 / 150, "0 of 150, at most 1"
+            "nothing concealed: a cause is named (false alarm)",
+            [bool(c.causes) for c in clean],
+            1 / 150,
+            "at most 1 of 150",
         ),
-        _at_least("clean data: the verdict is none or parameters", [c.cleared for c in clean], 0.95),
+        _at_least("nothing concealed: the verdict is none or parameters", [c.cleared for c in clean], 0.95),
         _harm(study),
         _at_most(
-            "effects of the catalogue, detected: a wrong cause is named",
+            "effects of the catalogue, detected: the verdict is named, and a cause is wrong",
             [c.confidently_wrong for c in detected],
             0.01,
             "at most 1 %",
         ),
-        _at_least(f"first cause right, {strong} and {distant}", [c.first_right for c in far], 0.9),
-        _at_least(f"right family of the first cause, {strong} and {distant}", [c.family_right for c in far], 0.95),
-        _at_least(f"true effect in the answer, {strong}", [c.inside for c in inside], 0.95),
+        _at_least(f"one effect, {strong}, {distant}: the first cause is right", [c.first_right for c in far], 0.9),
+        _at_least(
+            f"one effect, {strong}, {distant}: the first cause is of the right family",
+            [c.family_right for c in far],
+            0.95,
+        ),
+        _at_least(f"one effect, {strong}: the true effect is in the answer", [c.inside for c in inside], 0.95),
         _mean(
-            "mean number of effects in the answer, rich input",
+            f"one effect, {strong}, informative commands: mean number of effects in the answer",
             [len(c.answer) for c in inside if c.rich and c.answer],
             1.3,
         ),
         _at_least(
-            f"outside the catalogue, {strong}: the verdict is unknown", [c.verdict == "unknown" for c in outside], 0.9
+            f"effects outside the catalogue, {strong}: the verdict is unknown",
+            [c.verdict == "unknown" for c in outside],
+            0.9,
         ),
         _at_most(
-            f"outside the catalogue, {strong}: a cause is named", [bool(c.causes) for c in outside], 0.05, "at most 5 %"
+            f"effects outside the catalogue, {strong}: an effect of the catalogue is the first cause",
+            [bool(c.causes) for c in outside],
+            0.05,
+            "at most 5 %",
         ),
-        _at_least("two effects: both are named", [c.all_named for c in pairs], 0.7),
-        _at_least("two effects: no wrong cause is named", [not c.failed and not c.wrong_cause for c in pairs], 0.9),
+        _at_least("two effects: both are the causes", [c.all_named for c in pairs], 0.7),
+        _at_least("two effects: no cause is wrong", [not c.failed and not c.wrong_cause for c in pairs], 0.9),
         _at_least(
-            "ties with the verdict ambiguous: resolved by the advised experiment", [c.resolved for c in tied], 0.9
+            "ties, the verdict is ambiguous: the advised experiment resolves the tie", [c.resolved for c in tied], 0.9
         ),
         _at_least(
-            f"all ties, {strong}: resolved by the advised experiment or named at once",
+            f"ties, {strong}: resolved by the advised experiment, or named at once",
             [c.resolved or c.named_right for c in ties],
             0.9,
         ),
-        _at_least(f"ties, {strong}: true effect in the answer", [c.inside for c in ties], 0.95),
+        _at_least(f"ties, {strong}: the true effect is in the answer", [c.inside for c in ties], 0.95),
         _median(
-            "share of the gap between base plant and oracle that is closed on held-out data, ratio 1 or more, median",
+            "one effect, ratio 1 or more: how far the diagnosis reduces the held-out error, from that of the base plant "
+            "(0 %) to that of the oracle (100 %), median",
             gaps_closed(study),
             0.95,
         ),
-        _at_least("named cases: held-out error smaller than that of every baseline", [_ahead(c) for c in named], 0.9),
-        _points("share of right names, minus that of sparse dynamics (pysindy)", inside, 0.3),
+        _at_least(
+            "the verdict is named: the held-out error is smaller than with pysindy, Gaussian process and NARX",
+            [_ahead(c) for c in named],
+            0.9,
+        ),
+        _points(
+            f"one effect, {strong}: share of right first causes, minus that of sparse dynamics (pysindy)", inside, 0.3
+        ),
         _covered(study),
-        _rate("coverage of 95 % intervals of shared parameters, data of the fine plant", REPORTED, fine, None),
+        _rate(
+            "recordings by the fine membrane: 95 % intervals of the rig's parameters that cover the true value",
+            REPORTED,
+            fine,
+            None,
+        ),
         _calibration(study),
     ]
 
@@ -110,10 +134,10 @@ def sentence(study: Opened, goals: Sequence[Goal]) -> str:
     clean, concealed = study.of("clean"), study.of("effect", ratio=STRONG)
     demanding = [goal for goal in goals if goal.met is not None]
     return (
-        f"In {len(study.cases)} sealed cases: {sum(bool(c.causes) for c in clean)} of {len(clean)} clean ones with a "
-        f"cause named; of {len(concealed)} with a concealed effect that is at least half the noise, "
-        f"{sum(c.first_right for c in concealed)} have it as first cause; "
-        f"{sum(c.confidently_wrong for c in study.of('effect', 'tie', 'pair'))} verdicts with a wrong name; "
+        f"{len(study.cases)} sealed cases were diagnosed. A cause was named in {sum(bool(c.causes) for c in clean)} of "
+        f"{len(clean)} cases with nothing concealed. The concealed effect was the first cause in "
+        f"{sum(c.first_right for c in concealed)} of {len(concealed)} cases in which it is at least half the noise. "
+        f"{sum(c.confidently_wrong for c in study.of('effect', 'tie', 'pair'))} verdicts named a wrong cause. "
         f"{sum(bool(goal.met) for goal in demanding)} of {len(demanding)} goals are met."
     )
 
@@ -141,8 +165,8 @@ def _harm(study: Opened) -> Goal:
     ratios = [e["diagnosis"] / e["base"] for e in errors if {"diagnosis", "base"} <= e.keys()]
     low, high = median_interval(ratios)
     middle = float(np.median(ratios)) if ratios else np.nan
-    words = f"{middle:.4f} ({low:.4f} to {high:.4f}), at worst {max(ratios, default=np.nan):.3f}"
-    measure = "harm: median ratio of the held-out error on clean data, with to without diagnosis"
+    words = f"{middle:.4f} (95 % interval {low:.4f} to {high:.4f}), largest {max(ratios, default=np.nan):.3f}"
+    measure = "nothing concealed: held-out error of the diagnosed plant, relative to the calibrated base plant (median)"
     return _goal(measure, "at most 1.005", words, (middle, low, high), len(ratios), middle <= 1.005)
 
 
@@ -150,15 +174,17 @@ def _covered(study: Opened) -> Goal:
     covered = [held.covered for held in study.intervals]
     rate = Rate.of(covered)
     met = rate.count >= LEAST_PARAMETERS and 0.92 <= rate.share <= 0.98
-    measure = "coverage of 95 % intervals of an effect's parameters, data of the reduced plant"
+    measure = (
+        "recordings by the plant's own equations: 95 % intervals of an effect's parameters that cover the true value"
+    )
     return _rate(measure, f"92 to 98 % of at least {LEAST_PARAMETERS}", covered, met)
 
 
 def _calibration(study: Opened) -> Goal:
     stated = [pair for case in study.cases for pair in case.stated]
     error = expected_calibration_error(reliability(stated))
-    words = f"{error:.3f}, Brier score {brier_score(stated):.3f}, {len(stated)} causes"
-    measure = "expected calibration error of stated probabilities"
+    words = f"{error:.3f} ({len(stated)} causes, Brier score {brier_score(stated):.3f})"
+    measure = "mean difference between stated probability and share of right causes (expected calibration error)"
     return _goal(measure, "at most 0.05", words, (error, np.nan, np.nan), len(stated), error <= 0.05)
 
 
@@ -177,22 +203,23 @@ def _rate(measure: str, demanded: str, flags: Iterable[bool], met: bool | None, 
         return _goal(measure, demanded, "", (np.nan, np.nan, np.nan), 0, met)
     low, high = (0.0, rate.most) if side == "at most" else (rate.least, 1.0) if side else rate.interval
     ends = f"{100 * low:.1f} to {100 * high:.1f}"
-    bound = f"bound {100 * (high if side == 'at most' else low):.1f} %" if side else f"{ends} %"
-    words = f"{rate.hits} of {rate.count}, {100 * rate.share:.1f} % ({bound})"
+    one_sided = f"below {100 * high:.1f} %" if side == "at most" else f"above {100 * low:.1f} %"
+    true_rate = one_sided if side else f"{ends} %"
+    words = f"{rate.hits} of {rate.count}, {100 * rate.share:.1f} % (true rate {true_rate})"
     return _goal(measure, demanded, words, (rate.share, low, high), rate.count, met)
 
 
 def _mean(measure: str, values: Sequence[float], limit: float) -> Goal:
     mean = float(np.mean(values)) if values else np.nan
     half = 1.96 * float(np.std(values)) / np.sqrt(len(values)) if values else np.nan
-    words = f"{mean:.2f} (± {half:.2f}), {len(values)} cases"
+    words = f"{mean:.2f} ± {half:.2f} ({len(values)} cases)"
     return _goal(measure, f"at most {limit:g}", words, (mean, mean - half, mean + half), len(values), mean <= limit)
 
 
 def _median(measure: str, values: Sequence[float], limit: float) -> Goal:
     middle = float(np.median(values)) if values else np.nan
     low, high = median_interval(values)
-    words = f"{100 * middle:.1f} % ({100 * low:.1f} to {100 * high:.1f}), {len(values)} cases"
+    words = f"{100 * middle:.1f} % (95 % interval {100 * low:.1f} to {100 * high:.1f} %, {len(values)} cases)"
     return _goal(measure, f"at least {100 * limit:g} %", words, (middle, low, high), len(values), middle >= limit)
 
 
@@ -203,8 +230,8 @@ def _points(measure: str, cases: Sequence[Case], limit: float) -> Goal:
     if not cases:
         return _goal(measure, demanded, "", (np.nan, np.nan, np.nan), 0, False)
     ahead, (our_low, our_high), (low, high) = ours.share - theirs.share, ours.interval, theirs.interval
-    bound = f"bound {100 * (our_low - high):.1f}"
-    words = f"{100 * ahead:.1f} points ({ours.hits} against {theirs.hits} of {ours.count}; {bound})"
+    bound = f"true difference above {100 * (our_low - high):.1f}"
+    words = f"{100 * ahead:.1f} points ({ours.hits} and {theirs.hits} of {ours.count}; {bound})"
     return _goal(measure, demanded, words, (ahead, our_low - high, our_high - low), ours.count, ahead >= limit)
 
 

@@ -22,11 +22,11 @@ from deatwin.studies.report.story import Table
 from deatwin.studies.report.tables import csv_text, markdown_table
 
 KINDS = {
-    "clean": "clean",
+    "clean": "nothing concealed",
     "effect": "one effect",
     "pair": "two effects",
     "outside": "outside the catalogue",
-    "tie": "tie under poor input",
+    "tie": "tie",
 }
 """Kinds of cases in words, in the order of tables."""
 VERDICTS = (
@@ -114,7 +114,7 @@ def tables(study: Opened, seal: Seal) -> list[Table]:
 def reported(goals: Sequence[Goal]) -> Table:
     """List the results for which no goal is set."""
     columns: dict[str, Callable[[Goal], str]] = {"measure": lambda g: g.measure, "reached": lambda g: g.reached}
-    return Table.of("Reported, nothing is demanded", [goal for goal in goals if goal.met is None], columns)
+    return Table.of("Results without a goal", [goal for goal in goals if goal.met is None], columns)
 
 
 def _words(name: str) -> str:
@@ -149,7 +149,7 @@ def _effects(study: Opened) -> Table:
             "concealed as": lambda group: ", ".join(dict.fromkeys(_words(m) for c in group[1] for m in c.mechanisms)),
             "cases": lambda group: len(group[1]),
             "detected": lambda group: sum(c.detected for c in group[1]),
-            "true effect in answer": lambda group: sum(c.inside for c in group[1]),
+            "true effect in the answer": lambda group: sum(c.inside for c in group[1]),
             "first cause right": lambda group: sum(c.first_right for c in group[1]),
             "wrong name": lambda group: sum(c.confidently_wrong for c in group[1]),
             "ratio and verdict of each case": lambda group: _each(group[1], _mark),
@@ -199,15 +199,15 @@ def _pairs(study: Opened) -> Table:
             "ratio": lambda case: three_digits(case.ratio),
             "verdict": lambda case: case.verdict,
             "causes": lambda case: " + ".join(case.causes),
-            "also in the set": lambda case: ", ".join(sorted(case.answer - set(case.causes))),
+            "alternatives": lambda case: ", ".join(sorted(case.answer - set(case.causes))),
         },
     )
 
 
 def _ties(study: Opened) -> Table:
-    mass = "† with an added mass: the new recording was diagnosed alone, with only the tied effects as candidates"
+    mass = "† a mass was added, so the new recording was diagnosed alone, with only the tied effects as candidates"
     return Table.of(
-        f"Ties ({mass})",
+        f"Ties: commands that cannot distinguish the effect ({mass})",
         study.of("tie"),
         {
             "case": lambda case: case.name,
@@ -231,16 +231,18 @@ def _predictions(study: Opened) -> Table:
             low, middle, high = np.quantile(ratios, (0.05, 0.5, 0.95))
             lost = sum(name in c.lost for c in cases)
             rows.append([words, str(len(ratios)), *(f"{r:.3f}" for r in (middle, low, high)), str(lost)])
-    columns = ["plant", "cases", "median", "5 %", "95 %", "runs that diverged or failed"]
+    columns = ["plant", "cases", "median", "5 %", "95 %", "diverged or failed runs"]
     return Table(
-        title="Error on the check recording relative to the oracle, ratio 1 or more", columns=columns, rows=rows
+        title="Error on the check recording, relative to that of the oracle, for one effect with a ratio of 1 or more",
+        columns=columns,
+        rows=rows,
     )
 
 
 def _reach() -> Table:
     """Show what the displacement under a voltage can show of each mechanism at all."""
     return Table.of(
-        "Largest ratio at a physically plausible size, measured beforehand on one rig with noise of 1 % of the motion",
+        "Largest ratio that each mechanism reaches at a plausible size, measured beforehand on one rig with noise of 1 % of the motion",
         sorted(REACH, key=lambda name: (REACH[name], name in OUTSIDE, name)),
         {
             "mechanism": _words,
@@ -347,7 +349,7 @@ def page_of(data: Mapping[str, Any]) -> str:
         **{name: data[name] for name in named},
         title=TITLES.get(data["size"], "Concealed physics"),
         counted=sum(data["cases"].values()),
-        kinds=", ".join(f"{count} {words}" for words, count in data["cases"].items()),
+        kinds="; ".join(f"{words}: {count}" for words, count in data["cases"].items()),
         median=f"{data['seconds']['median']:.0f}",
         most=f"{data['seconds']['most']:.0f}",
         far=f"{FAR:g}",

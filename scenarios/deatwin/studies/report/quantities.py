@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import floor, log10
 
+from deatwin.ident.mismatch.conclude import MARGIN
 from deatwin.ident.mismatch.verdict import Interval
 from deatwin.plant.prefixes import prefixed, resolving
 
@@ -31,6 +32,18 @@ def three_digits(value: float | None) -> str:
     if value is None:
         return "–"
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:#.3g}"
+
+
+def likely(probability: float) -> str:
+    """Write a cause's probability; the highest one that a diagnosis states is marked as such.
+
+    Examples
+    --------
+    >>> likely(0.388), likely(0.95)
+    ('0.388', '0.95 (maximum)')
+    """
+    most = 1.0 - MARGIN
+    return f"{most:.2f} (maximum)" if probability > most - 0.0005 else three_digits(probability)
 
 
 def with_interval(value: float, low: float, high: float, unit: str) -> tuple[str, str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import gzip
 import hashlib
+import re
 from collections.abc import Iterable
 from importlib.resources import files
 from pathlib import Path
@@ -15,7 +16,7 @@ from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import versions
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.origin import Origin
-from deatwin.studies.report.quantities import three_digits
+from deatwin.studies.report.quantities import likely, three_digits
 from deatwin.studies.report.svg import COLOURS
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ LARGEST = 4_500_000
 """Bytes of a page. Data that would make it larger stay in their files beside it, the largest of them first."""
 REST = 300_000
 """Bytes of a page beside its figures and their data, at most."""
+_UNIT = re.compile(r"(?<=\d) (?:%|°|dB|[pnµumkMG]?(?:Hz|Pa|ohm|rad|[msVANFgWKJ])(?:/[a-zµ]+)?(?: rms)?)(?!\w)")
 
 
 def write_page(
@@ -66,8 +68,20 @@ def templates(package: str) -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": three_digits, "risk": risk}
+    environment.filters |= {"number": three_digits, "risk": risk, "likely": likely}
+    environment.finalize = unbroken
     return environment
+
+
+def unbroken(shown: Any) -> Any:
+    """Keep units on the line of their numbers, in plain text.
+
+    Examples
+    --------
+    >>> unbroken("from 4.6 to 2.1 µm rms in 3 steps")
+    'from 4.6 to 2.1\xa0µm\xa0rms in 3 steps'
+    """
+    return _UNIT.sub(lambda found: found[0].replace(" ", "\xa0"), shown) if type(shown) is str else shown
 
 
 def packed(folder: Path, drawings: Iterable[Drawing]) -> dict[str, str]:

@@ -32,7 +32,7 @@ def test_what_only_the_ranges_of_the_plant_refuse_is_said(monkeypatch, verdict, 
     monkeypatch.setattr(conclude, "held_back_by", lambda c: ("damping", "branch_time"))
     naming = SimpleNamespace(base=BASE, best=best, candidates=several)
     found = list(conclude._held_back(SimpleNamespace(verdict=verdict, naming=naming)))
-    expected = "creep would explain the recordings if damping, branch_time might leave the range that is given"
+    expected = "creep would explain the recordings if damping, branch_time could lie outside the stated range"
     assert found == [expected] * said
 
 
@@ -49,4 +49,4 @@ def test_an_event_that_unseen_data_placed_is_said(at, causes, said):
         answer=SimpleNamespace(calibration=SimpleNamespace(plant=plant)),
     )
     found = list(conclude._placed_unseen(findings))
-    assert [text.startswith("sensor_jump.at lies among held-out data") for text in found] == [True] * said
+    assert [text.startswith("sensor_jump.at lies in the held-out data") for text in found] == [True] * said

@@ -1,1 +1,1 @@
-"""Which input would tell rival explanations apart."""
+"""Advice: the input that distinguishes alternative explanations."""

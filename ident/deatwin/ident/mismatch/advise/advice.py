@@ -138,8 +138,8 @@ class Advice(Described):
         before, after = _percent(self.confusion_before), _percent(self.confusion_after)
         rest = "" if not self.undecided else f"; if {_listed(self.undecided)} remain, measure {self.measure}"
         return (
-            f"Record {self.seconds:.4g} s of a further experiment{load} ({self.waveform}, {INPUT_FILE}): the "
-            f"probability of taking the wrong one of {which} falls from {before} to {after}{rest}.{self._odds}"
+            f"Record a further experiment of {self.seconds:.4g} s{load} ({self.waveform}, {INPUT_FILE}): the "
+            f"probability of choosing the wrong one of {which} falls from {before} to {after}{rest}.{self._odds}"
         )
 
     @property
@@ -149,8 +149,8 @@ class Advice(Described):
         if best is None:
             return ""
         return (
-            f" With {best.words} ({best.noise_source}) the truth would be expected to be e^{best.log_odds:.3g} times as "
-            f"likely as the nearest other explanation; with the best waveform alone e^{self.log_odds:.3g} times."
+            f" With {best.words} ({best.noise_source}), the true explanation is expected to become e^{best.log_odds:.3g} "
+            f"times as likely as the nearest other one; with the best waveform alone, e^{self.log_odds:.3g} times."
         )
 
     @property

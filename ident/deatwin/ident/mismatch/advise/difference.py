@@ -1,4 +1,4 @@
-r"""What a rival leaves of a truth's readings, and how well recordings show it.
+r"""Difference between two explanations: what the second cannot imitate of the first, and how well recordings show it.
 
 The truth is a plant with readings :math:`y_k`; a rival is fitted to them as well as its parameters can, and leaves
 
@@ -42,7 +42,7 @@ LEVELS = 8
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Difference:
-    """What a rival cannot imitate of the truth's readings.
+    """Part of the true explanation's readings that an alternative cannot imitate.
 
     Parameters
     ----------

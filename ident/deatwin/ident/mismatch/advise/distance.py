@@ -1,4 +1,4 @@
-"""How far apart two explanations are on given inputs, and how often a decision between them will be wrong.
+"""Squared distance of two explanations on given inputs, and how often a decision between them is wrong.
 
 The one is taken for the truth, the other is refitted to its readings;
 `deatwin.ident.mismatch.advise.difference` says what that difference counts for.
@@ -269,7 +269,7 @@ class _Imitation(Problem):
         return np.concatenate([left, old]), np.vstack([jacobian, self.memory.jacobian])
 
     def left(self, steps: int) -> np.ndarray | None:
-        """What the rival leaves after some steps with simulations, and a last one to first order if that is less."""
+        """Refit the alternative in some steps with simulations and, if that leaves less, a last first-order one."""
         found = minimise(self, evaluations=1 + steps, tolerance=SETTLED)
         if found is None:
             return None

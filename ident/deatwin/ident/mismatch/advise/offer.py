@@ -39,7 +39,7 @@ class SensorOffer:
 
 @dataclass(frozen=True, kw_only=True)
 class PricedReading(SensorOffer):
-    """A reading that nobody has taken yet, and how well it would tell explanations apart.
+    """Reading that was not recorded, and how well it would distinguish the explanations.
 
     Parameters
     ----------

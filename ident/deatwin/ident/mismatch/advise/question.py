@@ -1,4 +1,4 @@
-"""What the next experiment is to answer: the explanations that are left, their posteriors, and what is known."""
+"""Question for the next experiment: the remaining explanations, their posteriors, and what is known."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ STEPS = 2
 NEAREST = 2
 """Pairs of each explanation whose rival is refitted with simulations: those that are nearest to first order."""
 CALMED = 3
-"""How often the range is lessened for an input that moves the plant too far: the reading is no multiple of it."""
+"""Number of times that the range is reduced for an input that moves the plant too far."""
 PROBE = 100
 """Samples for which a drawn plant must bear the ends of what was recorded, as the real one did."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Question:
-    """Which of some explanations is right.
+    """Question which of several explanations is right.
 
     Parameters
     ----------
@@ -103,11 +103,11 @@ class Question:
 
     @cached_property
     def _before(self) -> np.ndarray:
-        """The same of each pair."""
+        """Return the same of each pair."""
         return np.array([memory.refitted.squared_distance(self.noise) for memory in self.memories])
 
     def before_told(self, known: Mapping[frozenset[int], float]) -> np.ndarray:
-        """The same as `before`, where a refit has brought a pair nearer than that.
+        """Return the same as `before`, where a refit has brought a pair nearer than that.
 
         Parameters
         ----------
@@ -123,7 +123,7 @@ class Question:
 
     @property
     def sample_time(self) -> float:
-        """Of the recordings, s."""
+        """Return the sample time of the recordings, s."""
         return self.bench.nominal.rig.sample_time
 
     @cached_property
@@ -137,7 +137,7 @@ class Question:
         return tuple(_moved(fit, x) for fit, shifts in zip(self.fits, self.shifts, strict=True) for x in shifts)
 
     def with_mass(self, mass: float) -> Question:
-        """The same question under another load, which the recordings at hand did not have.
+        """Return the same question under another load, which the recordings at hand did not have.
 
         Parameters
         ----------
@@ -200,7 +200,7 @@ class Question:
 
     @property
     def _hidden(self) -> float:
-        """What counts as nothing on the recordings at hand, rms, SI."""
+        """Return what counts as nothing on the recordings at hand, rms, SI."""
         return practical_size(self.noise, self.bench.nominal.rig.model_error)
 
     def recording(self, commands: np.ndarray) -> Recording:
@@ -232,7 +232,7 @@ class Question:
         )
 
     def parts(self, commands: np.ndarray) -> list[Part]:
-        """The same for a fit, with readings of zero.
+        """Return the same for a fit, with readings of zero.
 
         Parameters
         ----------
@@ -250,7 +250,7 @@ class Question:
         return [Part.whole(Experiment(recordings=(record,)))]
 
     def is_safe(self, commands: np.ndarray) -> bool:
-        """Whether all plants of all posteriors bear an input.
+        """Return whether all plants of all posteriors bear an input.
 
         Parameters
         ----------
@@ -280,7 +280,7 @@ class Question:
         return self._nearest(self._distances(commands))
 
     def _distances(self, commands: np.ndarray) -> np.ndarray:
-        """The same of each pair."""
+        """Return the same of each pair."""
         parts, responses = self.parts(commands), [r for r in self._responses(commands) if r is not None]
         if len(responses) < len(self.fits):
             return np.zeros(len(self.pairs))
@@ -294,7 +294,7 @@ class Question:
         return np.array(distances)
 
     def _responses(self, commands: np.ndarray) -> list[Response | None]:
-        """What each explanation makes of an input."""
+        """Return what each explanation makes of an input."""
         return self._last_responses(np.asarray(commands, dtype=float).tobytes())
 
     @cached_property

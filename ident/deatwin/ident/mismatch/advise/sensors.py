@@ -1,4 +1,4 @@
-r"""Which reading to buy: what each that a rig could have would tell, before anybody has it.
+r"""Readings that a rig could have, and how well each would distinguish the explanations.
 
 A reading is priced along the recordings at hand, as if it had been taken beside them. One explanation is the truth,
 with noise that is drawn, the other is refitted to all readings to first order, and the likelihood that weighs
@@ -41,7 +41,7 @@ SOME = 1.0
 """Noise of a reading whose noise is not yet known."""
 
 Signal = tuple[np.ndarray, np.ndarray]
-"""What a fitted plant reads (n,), and the derivative (n, p) by its fitted coordinates; SI."""
+"""Readings (n,) of a fitted plant, and their derivative (n, p) by its fitted coordinates; SI."""
 
 
 def offered(plants: Sequence[Plant], recorded: Collection[str]) -> tuple[Reading, ...]:
@@ -57,7 +57,7 @@ def offered(plants: Sequence[Plant], recorded: Collection[str]) -> tuple[Reading
 
 
 def has(plant: Plant, reading: Reading) -> bool:
-    """Whether a plant has a signal that can be read."""
+    """Return whether a plant has a signal that can be read."""
     try:
         return plant.with_rig(replace(plant.rig, further=(reading,))).equations is not None
     except RigError:
@@ -84,7 +84,7 @@ def unread(parts: Sequence[Part], readings: Sequence[Reading]) -> tuple[Part, ..
 
 
 def signals(plant: Plant, names: tuple[str, ...], parts: Sequence[Part], wanted: Sequence[Reading]) -> list[Signal]:
-    """What a plant with its fitted coordinates makes of readings that nobody took; none if it cannot be simulated."""
+    """Simulate readings that were not recorded, with derivatives; none if the plant cannot be simulated."""
     asked = unread(parts, wanted)
     if not asked:
         return []
@@ -107,7 +107,7 @@ class _Beside:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prices:
-    """What readings that could be had would tell of the explanations of a question."""
+    """Possible readings, and what each would say about the explanations of a question."""
 
     question: Question
     beside: tuple[_Beside, ...]
@@ -160,7 +160,7 @@ class Prices:
         return own_errors(bench.nominal.rig, bench.fitted, readings, self.question.noise, bench.expected_error)
 
     def _own(self, number: int) -> np.ndarray:
-        """What the recordings say of a pair: products (p + 1, p + 1) of derivatives and difference."""
+        """Return what the recordings say of a pair: products (p + 1, p + 1) of derivatives and difference."""
         (truth, rival), memory = self.question.pairs[number], self.question.memories[number]
         rows = np.vstack([(memory.jacobian * self._spreads[rival]).T, memory.known.left])
         return self._errors(truth).products(rows)

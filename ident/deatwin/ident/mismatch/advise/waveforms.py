@@ -79,12 +79,12 @@ class Limits:
 
     @property
     def farthest(self) -> float:
-        """How far from rest the plant may be driven to either side: as far as it works on both, or on the only one."""
+        """Return how far from rest the plant may be driven to either side, as far as it works on both."""
         sides = [reach for reach in (self.top - self.rest, self.rest - self.bottom) if reach > 0]
         return min(*sides, self.highest - self.rest, self.rest - self.lowest)
 
     def scaled(self, share: float) -> Limits:
-        """The same with all distances from rest lessened, as far as the drive goes.
+        """Return the same with all distances from rest lessened, as far as the drive goes.
 
         Parameters
         ----------
@@ -123,7 +123,7 @@ def used_range(parts: Sequence[Part]) -> tuple[float, float]:
 
 
 def limits_of(plant: Plant, parts: Sequence[Part]) -> Limits:
-    """What a rig's drive may give; where it does not say, what recordings have used, and rest, where all begin.
+    """Return what a rig's drive may give; where it does not say, what recordings have used, and rest, where all begin.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ def safe_limits(plants: Sequence[Plant], limits: Limits) -> Limits | None:
 
 
 def bears(plant: Plant, commands: np.ndarray, rest: float, headroom: float = HEADROOM) -> bool:
-    """Whether a plant follows an input with headroom: no pull-in, no breakdown, no loss of tension.
+    """Return whether a plant follows an input with headroom: no pull-in, no breakdown, no loss of tension.
 
     Parameters
     ----------
@@ -348,5 +348,5 @@ REPERTOIRE: Mapping[str, Maker] = {
     "long holds, each probed by chirps and low holds": _probed_holds,
     "holds of alternating polarity": _reversals,
 }
-"""What an input may look like, by what it is called."""
+"""Waveforms of inputs, by name."""
 BIPOLAR = frozenset({"holds of alternating polarity"})

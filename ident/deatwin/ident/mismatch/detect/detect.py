@@ -45,7 +45,7 @@ SCATTER = 3.0
 SURELY_LATE = 2.0
 """Deviations of the time at which a reading is taken, within which it lies (95 %): what comes later is a dead time."""
 POINTS = 400
-"""Of a curve that is drawn."""
+"""Points of a drawn curve."""
 
 
 def detect(base: Candidate, bench: Bench, rng: np.random.Generator) -> Detection:
@@ -157,7 +157,7 @@ def _simulated(base: Candidate, bench: Bench) -> list[np.ndarray]:
 
 
 def _leaves_nothing(whole: Calibration, base: Candidate, bench: Bench) -> bool:
-    """Whether a fit leaves nothing that counts of either part."""
+    """Return whether a fit leaves nothing that counts of either part."""
     left = [free_run_residuals(whole.plant, parts) for parts in (bench.fitted, bench.unseen)]
     error = whole.plant.rig.model_error
     return all(r is not None and excess_over_floor(r, base.noise, error).within_floor for r in left)
@@ -170,7 +170,7 @@ def _size(left: Leftover) -> float:
 
 
 def _is_certain(left: Leftover, white: np.ndarray, least: float) -> bool:
-    """Whether the fitted or the held-out part is too large for any noise that the refit left or brought there."""
+    """Return whether the residual of either part is too large for any noise."""
     for part in (left.fitted, ~left.fitted):
         if part.any():
             noise = left.noise**2 * white[part].mean() * (1.0 + SCATTER * np.sqrt(2.0 / part.sum()))

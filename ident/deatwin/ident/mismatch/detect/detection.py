@@ -1,4 +1,4 @@
-"""What was found out of whether anything is missing."""
+"""Result of the test whether anything is missing."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Curves:
-    """What is drawn of a detection.
+    """Curves of a detection that are drawn.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def _density(found: Detection) -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Detection(Described):
-    """Whether a calibrated plant lacks anything, and what could have been seen.
+    """Result of testing whether a calibrated plant lacks anything, and the smallest effects that would be detected.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ class Detection(Described):
     }
 
     def beside(self, known: Sequence[Footprint]) -> Detection:
-        """The same, with what could have been seen of effects.
+        """Return the same, with what could have been seen of effects.
 
         Parameters
         ----------
@@ -170,7 +170,7 @@ class Detection(Described):
 
     @property
     def mismatch(self) -> bool:
-        """Whether something is missing: beyond chance and large enough to count, or too large for any doubt.
+        """Return whether something is missing: beyond chance and large enough to count, or too large for any doubt.
 
         Model errors are slow, so that few independent ones are in a short record, and chance allows them much. What
         the plant takes up once all recordings are fitted is not missing: its parameters were not known well enough.
@@ -179,7 +179,7 @@ class Detection(Described):
 
     @property
     def testable(self) -> bool:
-        """Whether these recordings can show a mismatch at all.
+        """Return whether these recordings can show a mismatch at all.
 
         The recorded commands must move the readings by more than noise and model error hide, and there must be an
         effect that could show.
@@ -188,17 +188,17 @@ class Detection(Described):
 
     @property
     def origin(self) -> Origin:
-        """Whether the residual comes back with the command."""
+        """Return whether the residual comes back with the command."""
         return self.evidence.origin
 
     @property
     def disturbance(self) -> bool:
-        """Whether there is a mismatch, and it is certainly not the plant's."""
+        """Return whether there is a mismatch, and it is certainly not the plant's."""
         return self.mismatch and self.origin is Origin.DISTURBANCE
 
     @property
     def summary(self) -> DetectionSummary:
-        """What a diagnosis says of it; amplitudes in the unit that is reported."""
+        """Return what a diagnosis says of it; amplitudes in the unit that is reported."""
         size = amplitude_unit(self.output_unit)[1]
         found = self.repeatability
         return DetectionSummary(
@@ -245,7 +245,7 @@ class Detection(Described):
 
 
 def counts(p_value: float, size: float, practical: float, certain: bool) -> bool:
-    """Whether an excess is beyond chance and large enough, or too large for any doubt.
+    """Return whether an excess is beyond chance and large enough, or too large for any doubt.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How large the statistics of a residual are by chance."""
+"""Distribution of the statistics of a residual under chance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a calibrated plant leaves of its recordings, with all that the tests of it need."""
+"""Residual of a calibrated plant, with all that its tests need."""
 
 from __future__ import annotations
 
@@ -87,13 +87,13 @@ class Leftover:
 
     @property
     def records(self) -> tuple[slice, ...]:
-        """Where each recording's samples lie."""
+        """Return where each recording's samples lie."""
         edges = [0, *(np.flatnonzero(np.diff(self.record)) + 1).tolist(), self.record.size]
         return tuple(slice(a, b) for a, b in pairwise(edges))
 
     @property
     def of_first(self) -> Leftover:
-        """What is left of the first reading alone."""
+        """Return what is left of the first reading alone."""
         if self.first is None or self.first == self.residual.size:
             return self
         values = {field.name: getattr(self, field.name) for field in fields(self)}
@@ -101,7 +101,7 @@ class Leftover:
         return replace(self, **own)
 
     def with_residual(self, residual: np.ndarray) -> Leftover:
-        """The same recordings with another residual.
+        """Return the same recordings with another residual.
 
         Parameters
         ----------

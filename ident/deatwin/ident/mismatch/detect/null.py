@@ -42,14 +42,14 @@ DEGREE = 4
 MEMORIES = 6
 """Number of lags of the model error's memory, of which a draw has one."""
 FREEDOMS = 4
-"""Of the chi-squared law of a draw's mean square."""
+"""Degrees of freedom of the chi-squared law of a draw's mean square."""
 CHUNK = 2_000_000
 """Numbers that are drawn at once."""
 BURN_IN = 200
 
 
 class Refit:
-    """What a linearised refit to the fitted part leaves.
+    """Residual after a linearised refit to the fitted part.
 
     Parameters
     ----------

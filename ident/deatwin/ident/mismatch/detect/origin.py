@@ -27,7 +27,7 @@ from deatwin.ident.soundness import neighbours_deviation
 FOREIGN, OWN = 0.3, 0.5
 """A residual of which certainly less comes back is a disturbance's; of which certainly more, the plant's."""
 UNPREDICTED = 0.1
-"""Without repeats the share that can be predicted must be less than this for a disturbance."""
+"""Largest predictable share of a disturbance, if there are no repeats."""
 COSINES = 8
 """Half periods of the slowest wave over an experiment, up to which a change of level or gain is a drift."""
 STEPS, TONES = 2, 3
@@ -44,7 +44,7 @@ FEWEST_SECONDS, FEWEST_SAMPLES = 20.0, 200
 
 
 class Origin(Enum):
-    """Where a residual comes from; the text is the reason."""
+    """Origin of a residual; the text is the reason."""
 
     PLANT = "the mismatch repeats with the command, so it belongs to the plant"
     DISTURBANCE = "the mismatch does not repeat with the command, so it does not belong to the plant"
@@ -53,7 +53,7 @@ class Origin(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class OriginEvidence:
-    """What speaks for the plant or for a disturbance.
+    """Evidence for the plant or for a disturbance.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class OriginEvidence:
 
     @classmethod
     def none(cls, left: float) -> OriginEvidence:
-        """What is said where nothing can be.
+        """Return what is said where nothing can be.
 
         Parameters
         ----------
@@ -92,7 +92,7 @@ class OriginEvidence:
         return cls(origin=Origin.UNDECIDED, by="nothing", share=0.0, low=0.0, high=1.0, left=left)
 
     def summary(self, size: float) -> OriginSummary:
-        """What a diagnosis says of it; `size` is the SI size of the unit in which amplitudes are reported."""
+        """Return what a diagnosis says of it; `size` is the SI size of the unit in which amplitudes are reported."""
         return OriginSummary(
             by=self.by,
             share=self.share,
@@ -240,7 +240,7 @@ def _orthonormal(columns: np.ndarray) -> np.ndarray:
 
 
 def _predictors(left: Leftover) -> np.ndarray:
-    """What a plant could make of the command: motion and its past, rates and their signs, play, the command itself."""
+    """Return signals that a plant could make of the command: motion, its past, rates, their signs, play."""
     reading, command = left.readings, left.commands
     rate = np.concatenate([np.gradient(reading[r]) if reading[r].size > 1 else 0 * reading[r] for r in left.records])
     drive = np.concatenate([np.gradient(command[r]) if command[r].size > 1 else 0 * command[r] for r in left.records])

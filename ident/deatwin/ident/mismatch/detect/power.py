@@ -1,4 +1,4 @@
-"""How large an effect must be to be detected: the statistics of drawn residuals to which it is added."""
+"""Smallest detectable effects, from the statistics of drawn residuals to which an effect is added."""
 
 from __future__ import annotations
 

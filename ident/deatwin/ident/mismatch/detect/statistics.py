@@ -1,4 +1,4 @@
-"""What is asked of a residual: its size, its spectrum, and what it has in common with the command.
+"""Statistics of a residual: its size, its spectrum, and its correlation with the command.
 
 References
 ----------

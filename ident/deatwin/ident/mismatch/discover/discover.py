@@ -1,4 +1,4 @@
-"""Where no effect explains a mismatch: a free form of what is missing, which stands for no physics.
+"""Search for a free form, a force without physical meaning, if no effect explains a mismatch.
 
 What enters the plant is sought as a sum of a few functions of its states and its input, with and without memory. They
 are compared in the readings, after the plant has answered to each of them, beside what the plant's parameters can take
@@ -40,7 +40,7 @@ Array = NDArray[np.float64]
 LEAST_GAIN = 0.1
 """Share by which the error on the held-out part must fall."""
 PREFERRED = (("ball", "force"), ("sensor", "reading"), ("drive", "command"))
-"""Where a free form enters if nobody says, the first that the rig has."""
+"""Default places of a free form; the first one that the rig has is used."""
 STEPS = (1.0, 0.5, 0.25, 0.1)
 """Shares of the linear prediction from which the fit may start."""
 SHARPER = np.geomspace(0.5, 2.0, 15)
@@ -53,7 +53,7 @@ SIGNIFICANT = 2.0
 def discover(
     bench: Bench, base: Candidate, rng: np.random.Generator, *, place: Opening | None = None
 ) -> Discovery | None:
-    """Look for a free form of what the base plant lacks.
+    """Search for a free form: a force without a physical name that reduces the mismatch.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def discover(
 
 @dataclass(frozen=True, kw_only=True)
 class _Site:
-    """Where a free form may enter, and of what it can be a function."""
+    """Place at which a free form may act, and the signals of which it can be a function."""
 
     opening: Opening
     position: str
@@ -148,7 +148,7 @@ class _Search:
         )
 
     def answers(self, terms: Sequence[Primitive]) -> Array:
-        """Of the readings, shape (m, k)."""
+        """Return the derivative of the readings, shape (m, k)."""
         number = self.linears[0].openings.index(self.site.opening)
         found = []
         for linear, signals, count in zip(self.linears, self.along, self.counts, strict=True):
@@ -181,7 +181,7 @@ class _Fit:
 
     @property
     def form(self) -> FreeForm:
-        """With the numbers that the fit gave it."""
+        """Return the free form with the fitted coefficients."""
         plant = self.calibration.plant
         made = next(effect for effect in plant.effects if isinstance(effect, FreeForm))
         terms, coefficients = [], []
@@ -225,7 +225,7 @@ def _fitted(search: _Search, stable: tuple[Stable, ...], base: Candidate, bench:
 
 
 def _start(search: _Search, stable: Sequence[Stable], base: Candidate, bench: Bench) -> Plant | None:
-    """As far towards the linear prediction as the free run gets better."""
+    """Step towards the linear prediction as long as the free run improves."""
     plain = base.calibration
     terms = search.sharpened([search.terms[s.column] for s in stable], plain)
     both = np.hstack([plain.jacobian, search.answers(terms)])
@@ -308,7 +308,7 @@ def _found(form: FreeForm, number: int, inclusion: float, plant: Plant) -> Found
 
 
 def _latent(plant: Plant, parts: Sequence[Part], opening: Opening, noise: float) -> Latent | None:
-    """What enters beside a plant whose parameters are known."""
+    """Return what enters beside a plant whose parameters are known."""
     try:
         linears = [_with_known_parameters(linear) for linear in linearise(plant, parts)]
         floor = Floor.of(linears, noise)

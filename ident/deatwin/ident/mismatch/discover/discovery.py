@@ -1,4 +1,4 @@
-"""What a search for a free form found: its terms, its gain, and its drawing."""
+"""Result of a search for a free form: its terms, its gain, and its drawing."""
 
 from __future__ import annotations
 
@@ -82,18 +82,18 @@ class FoundTerm:
 
     @property
     def variable(self) -> str:
-        """What it is a function of, in words."""
+        """Return what it is a function of, in words."""
         return VARIABLES.get(self.term.variable, self.term.variable)
 
     @property
     def text(self) -> str:
-        """What it is, in words, its numbers left out."""
+        """Return what it is, in words, its numbers left out."""
         order = getattr(self.term, "order", 1)
         return WORDS[self.term.kind].format(x=self.variable if order == 1 else f"{self.variable}^{order}")
 
     @property
     def summary(self) -> TermSummary:
-        """What a diagnosis says of it; SI."""
+        """Return what a diagnosis says of it; SI."""
         shape = None
         if self.shape is not None:
             name, value, unit = self.shape
@@ -113,7 +113,7 @@ def _term_table(found: Discovery) -> Variables:
 
 
 def _along_the_fitted_part(found: Discovery) -> Variables:
-    """What enters along the fitted part, SI, and where the recordings say it themselves, their smoothed mean."""
+    """Return what enters along the fitted part, SI, and where the recordings say it themselves, their smoothed mean."""
     first, form, latent = found.terms[0], found.free_form, found.latent
     along: dict[str, Any] = {
         "state": ("sample", found.state, unit_of(first.term.variable, found.model), first.variable),
@@ -129,7 +129,7 @@ def _along_the_fitted_part(found: Discovery) -> Variables:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Discovery(Described):
-    """A free form of what is missing.
+    """Free form: a force found from the data that reduces the mismatch, without a physical name.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ class Discovery(Described):
 
     @property
     def summary(self) -> FreeFormSummary:
-        """What a diagnosis says of it: errors in its unit of amplitudes, terms in SI."""
+        """Return what a diagnosis says of it: errors in its unit of amplitudes, terms in SI."""
         size = amplitude_unit(self.model.rig.output_unit)[1]
         return FreeFormSummary(
             place=self.free_form.enters.value,

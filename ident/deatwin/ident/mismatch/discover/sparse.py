@@ -1,4 +1,4 @@
-"""Which few functions stand for a residual: sparse regression, its stability under resampling, its false discoveries.
+"""Sparse regression of a residual on few functions, its stability under resampling, and its false discoveries.
 
 The only module that knows pysindy, and of it only the forward regression by orthogonal least squares. Sums of products
 over blocks of samples hold all that a regression needs, so that a resampled record costs as many rows as columns.
@@ -98,13 +98,13 @@ def stable_terms(columns: Array, target: Array, nuisances: Array, rng: np.random
 
 
 def _freed(target: Array, basis: Array) -> Array:
-    """What nuisances cannot make of a target, of length 1."""
+    """Return what nuisances cannot make of a target, of length 1."""
     left = taken_off(target, basis)
     return left / max(float(np.linalg.norm(left)), 1e-300)
 
 
 def _stable(chosen: Sequence[Sequence[int]], aliases: NDArray[np.bool_]) -> list[Stable]:
-    """Of each group of aliases that is chosen often enough, the one that is chosen most."""
+    """Select the most frequent member of each group of aliases that is chosen often enough."""
     number = len(aliases)
     own = np.array([sum(j in support for support in chosen) for j in range(number)])
     shared = np.array([sum(aliases[j, list(support)].any() for support in chosen) for j in range(number)])
@@ -142,7 +142,7 @@ def _gains(products: Array, support: Sequence[int], count: int) -> list[float]:
 
 
 def _evidence(products: Array, support: Sequence[int], count: int) -> float:
-    """Of a least-squares fit of the target by a support."""
+    """Return the log evidence of a least-squares fit of the target by a support."""
     picked = list(support)
     inner, cross = products[np.ix_(picked, picked)], products[picked, -1]
     explained = cross @ np.linalg.lstsq(inner, cross, rcond=1e-10)[0] if picked else 0.0
@@ -158,13 +158,13 @@ def _blocks(unit: Array, target: Array) -> Array:
 
 
 def _drawn(count: int, rng: np.random.Generator) -> NDArray[np.int_]:
-    """How often each block is drawn, in runs of as many as the square root of their number."""
+    """Return how often each block is drawn, in runs of as many as the square root of their number."""
     run = max(1, round(np.sqrt(count)))
     starts = rng.integers(0, count, size=-(-count // run))
     return np.bincount(((starts[:, None] + np.arange(run)) % count).ravel()[:count], minlength=count)
 
 
 def _rows_of(products: Array) -> Array:
-    """As many rows as columns, with these sums of products."""
+    """Return a square matrix with these sums of products."""
     values, vectors = np.linalg.eigh(products)
     return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)

@@ -13,7 +13,7 @@ WINDOW, STRIDE = 50, 10
 LONE = 5
 """Largest bends of a window that are left out: a single value far off makes so many, and is no burst."""
 TWICE = 2.0
-"""How much noisier a burst is: white noise makes that of a window less than once in 60 000."""
+"""Factor by which a burst is noisier: a window of white noise reaches it less than once in 60 000."""
 WHITE = 2.5
 """How much larger, or smaller, the power of a burst may be than its bends say of white noise: that of a window of white
 noise is so once in 1000. What is smooth, as the motion that a plant lacks, or correlated by a half, lies beyond."""
@@ -67,20 +67,20 @@ def noisier(residuals: Sequence[np.ndarray], commands: Sequence[np.ndarray], flo
 
 
 def has_lines(values: np.ndarray) -> bool:
-    """Whether the fast part of a stretch has its power at some frequencies, as no noise has; nan where unknown."""
+    """Return whether the fast part of a stretch is concentrated at some frequencies; nan if unknown."""
     densities = _densities(np.nan_to_num(values - np.nanmean(values)))
     # Every second line, since a Hann window makes neighbours alike.
     return _is_uneven(densities[int(SLOW * values.size) :: 2])
 
 
 def _is_uneven(lines: np.ndarray) -> bool:
-    """Whether Bartlett's test finds the power of some lines of a spectrum larger than that of others."""
+    """Return whether Bartlett's test finds the power of some lines of a spectrum larger than that of others."""
     shares = np.cumsum(lines) / np.sum(lines)
     return float(np.abs(shares - np.arange(1, lines.size + 1) / lines.size).max()) * np.sqrt(lines.size) > BARTLETT
 
 
 def _is_white(values: np.ndarray, variance: float, clear: np.ndarray) -> bool:
-    """Whether a stretch has the power of white noise of a variance at all frequencies that the other windows leave `clear`."""
+    """Return whether a stretch has the power of white noise of a variance at all frequencies that the other windows leave `clear`."""
     frequency, densities = np.fft.rfftfreq(values.size), _densities(values)
     seen = np.interp(frequency, np.fft.rfftfreq(WINDOW), clear) == 1.0
     for lowest in (0.0, SLOW):

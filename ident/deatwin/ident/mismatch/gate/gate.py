@@ -53,7 +53,7 @@ def _joined(name: str) -> Callable[[Gate], np.ndarray]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Gate(Described):
-    """Recordings as the diagnosis may use them.
+    """Recordings with their faulty samples marked and their noise estimated.
 
     Parameters
     ----------
@@ -165,19 +165,19 @@ class Gate(Described):
 
     @property
     def soundness(self) -> Soundness:
-        """Whether there is a fault: a lone outlier is a nuisance, a stuck sensor or a burst is a fault."""
+        """Return whether there is a fault: a lone outlier is a nuisance, a stuck sensor or a burst is a fault."""
         masks = [mask for masks in self.sound for mask in masks]
         bad, total = sum(int((~m).sum()) for m in masks), sum(m.size for m in masks)
         return Soundness.FAULTY if bad > max(10, 1e-3 * total) else Soundness.SOUND
 
     @property
     def findings(self) -> tuple[str, ...]:
-        """What is at fault, and where."""
+        """Return what is at fault, and where."""
         return (*self._described(self.stuck, "the reading is stuck"), *self._described(self.outliers, "outliers"))
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is no fault of the recordings, but should be known: limits, jumps, coarse steps, gaps."""
+        """Return what is no fault of the recordings, but should be known: limits, jumps, coarse steps, gaps."""
         found = [*self._described(self.clipped, "the reading is at a limit"), *self._described(self.jumps, "jumps")]
         for what, readings in (("is much noisier than elsewhere", self.bursts), ("is stuck", self.stuck_further)):
             for name, masks in readings.items():
@@ -253,7 +253,7 @@ class Gate(Described):
 
 
 def gate(plant: Plant, experiments: Experiment | Sequence[Experiment]) -> Gate:
-    """Check recordings, and mark the samples that are at fault.
+    """Check recordings, mark faulty samples, and estimate the noise.
 
     Parameters
     ----------
@@ -294,7 +294,7 @@ def gate(plant: Plant, experiments: Experiment | Sequence[Experiment]) -> Gate:
 
 
 def _listed(experiments: Experiment | Sequence[Experiment]) -> tuple[Experiment, ...]:
-    """What was given as experiments, if it is that."""
+    """Return what was given as experiments, if it is that."""
     given = tuple(experiments) if isinstance(experiments, Sequence) else (experiments,)
     if not given:
         raise DataError("no recording was given: a diagnosis needs at least one")
@@ -308,7 +308,7 @@ def _listed(experiments: Experiment | Sequence[Experiment]) -> tuple[Experiment,
 
 
 def confirm(checked: Gate, readings: Sequence[Sequence[np.ndarray]]) -> Gate:
-    """Keep the outliers and jumps that also stand out of the residual: fast motion of the plant itself is neither.
+    """Keep only outliers and jumps that also appear in the residual, since fast motion of the plant is no fault.
 
     Parameters
     ----------

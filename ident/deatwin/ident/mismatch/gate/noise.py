@@ -21,7 +21,7 @@ SCATTER = 4.4
 FEWEST_OF_A_PIECE = 8
 """Samples of a record from which its spectrum tells anything."""
 SEGMENT_SAMPLES = 64
-"""So short that what rings after a step or a reversal is in few of the segments."""
+"""Length of a segment, so short that ringing after a step or a reversal is in few of them."""
 REST_SECONDS = 4.0
 """A command must have stood still for this long before the readings rest,"""
 REST_SHARE = 0.002
@@ -31,7 +31,7 @@ FEWEST = 200
 
 
 class NoiseSource(Enum):
-    """Where the noise floor comes from."""
+    """Source of the noise level."""
 
     SHEET = "the data sheet"
     REPEATS = "differences between repeats of the same command"
@@ -59,7 +59,7 @@ class NoiseFloor:
 
     @property
     def sentence(self) -> str:
-        """Where the level comes from, in one plain sentence."""
+        """Return where the level comes from, in one plain sentence."""
         return f"the noise is estimated from {self.source.value}"
 
 

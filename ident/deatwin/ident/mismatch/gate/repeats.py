@@ -19,7 +19,7 @@ SAME = 1e-6
 SUMS = 4.0
 """Standard deviations by which sums of equal commands with normal weights may differ."""
 MOST_RETURNS = 2000
-"""Of one window, that are looked through for the next."""
+"""Most returns of one window among which the next are searched."""
 MOVES = 0.02
 """Share of the command's range that a window must use: a hold repeats at every shift of itself."""
 SHORTEST_SECONDS = 4.0
@@ -49,7 +49,7 @@ class Repeats:
 
 @dataclass(frozen=True, kw_only=True)
 class Repeatability:
-    """How alike a residual is where the command is repeated.
+    """Similarity of a residual between repeats of the command.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What single readings can be at fault with: stuck, lost, spiked, stepped; and where a command lets nothing be said."""
+"""Faults of single readings (stuck, lost, spiked, stepped), and stretches in which a command hides them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ LONE = 0.5
 STILL = 1e-9
 """Share of the readings' range by which a reading that stands still lies beside its neighbours, for rounding."""
 STILL_SAMPLES = 10
-"""So many in a row stand still for a cause; fewer may by chance, where readings come in coarse steps."""
+"""Number of equal readings in a row that is no chance, even if readings come in coarse steps."""
 QUIET_SECONDS = 1.0
 """After a jump of the command the film rings: readings are not called spikes for this long."""
 FROZEN = 0.9
@@ -45,7 +45,7 @@ BY_CHANCE = 1e-9
 USUALLY = (0.1, 0.9)
 """Quantiles between which a plant moves: a peak of the current that comes a sample late does not count."""
 LOST_SAMPLES = 3
-"""So many equal readings in a row are not those of a film in motion."""
+"""Number of equal readings in a row that a film in motion does not give."""
 
 
 def stuck(record: Recording) -> np.ndarray:
@@ -86,7 +86,7 @@ def _longest_by_chance(equal: np.ndarray) -> float:
 def _may_be_held(
     reading: np.ndarray, command: np.ndarray, sample_time: float, run: tuple[int, int], near: float
 ) -> bool:
-    """Whether friction may hold the plant in a `run` of one `reading`, from its first sample to before its last.
+    """Return whether friction may hold the plant in a `run` of one `reading`, from its first sample to before its last.
 
     It lets go where the command leaps, or never did; and under commands as those of the run, which are too small for
     it, it holds the plant at other times as well, within `near`, once that has had a second to come to rest.
@@ -166,7 +166,7 @@ def spikes(signal: np.ndarray) -> np.ndarray:
 
 
 def _beside(bend: np.ndarray) -> np.ndarray:
-    """How far the neighbours of each value lie off their cubics once it lies on its own: those have it, too."""
+    """Return how far the neighbours of each value lie off their cubics once it lies on its own: those have it, too."""
     padded = np.pad(bend, 2, constant_values=np.nan)
     shares = {1: 2 / 3, 3: 2 / 3, 0: -1 / 6, 4: -1 / 6}
     off = [np.abs(padded[k : k + bend.size] + share * bend) for k, share in shares.items()]

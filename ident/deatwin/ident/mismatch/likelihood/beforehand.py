@@ -1,4 +1,4 @@
-"""What is known before a recording: parameters, strengths of effects, and the size of the plant's own error."""
+"""Prior knowledge: parameters, strengths of effects, and the size of the plant's model error."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ SLOW, SLOW_TIME, SLOW_MODES = 0.3, 3000.0, 4
 SPREAD, NOISE = 0.7, 0.1
 """Deviations of the logarithms of the fast error's rms, a factor of two either way, and of the noise's."""
 ACCURACY = 1e-6
-"""Of a simulation, as a share of the motion: noise of readings that show none."""
+"""Noise of a simulation, as a share of the motion, for readings without any noise."""
 LEAST_ERROR = 0.05
-"""Of the noise: a rig that states no error of its own still has one that is too small to be seen."""
+"""Smallest model error, as a share of the noise, of a rig that states none."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,7 +50,7 @@ class OwnError:
 
     @cached_property
     def columns(self) -> np.ndarray:
-        """What repeats: bends of the instantaneous relation, timing, slow modes; shape (n, k), as large as expected."""
+        """Return the repeatable error: bends, timing, slow modes; shape (n, k), at the expected size."""
         clock = np.arange(self.times.size) * self.sample_time
         return np.column_stack(
             [
@@ -62,7 +62,7 @@ class OwnError:
 
     @property
     def process(self) -> Process:
-        """What does not repeat, of variance 1."""
+        """Return what does not repeat, of variance 1."""
         return Process(weights=(0.5, 0.5), times=tuple(time * self.sample_time for time in FAST_TIMES))
 
     @property
@@ -88,7 +88,7 @@ class Coordinate:
 
 
 def coordinate(parameter: Parameter, nominal: Plant, effects: Mapping[str, Effect], reading: float) -> Coordinate:
-    """What is known of a plant's parameter, or one of an effect by its name; the largest `reading` is in SI.
+    """Return what is known of a plant's parameter, or one of an effect by its name; the largest `reading` is in SI.
 
     Of one that only another form of the plant has, its value is known as well as any.
     """

@@ -42,7 +42,7 @@ class Weighed:
         return np.linalg.eigh(self.products[1:, 1:])
 
     def _along(self, log_sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of M along its axes: eigenvalues and b, shape (g, m) each; and what each noise weighs, (g,)."""
+        """Return eigenvalues and b of M along its axes, shape (g, m) each, and the weight of each noise, (g,)."""
         (squares, axes), weight = self._axes, np.exp(-2.0 * log_sigma)
         b = np.multiply.outer(weight, self.products[0, 1:] @ axes) - self.prior.fitted @ axes
         return 1.0 + np.multiply.outer(weight, np.maximum(squares, 0.0)), b, weight

@@ -1,4 +1,4 @@
-r"""What the likelihood is made of: a process, the scales of a reading, a reading with its columns, their prior.
+r"""Parts of the likelihood: a process, the scales of a reading, a reading with its columns, their prior.
 
 .. math:: \mathrm{cov}\,g(t, t') = \kappa^2 \sum_i w_i \exp(-|t - t'| / \tau_i)
 """
@@ -29,7 +29,7 @@ class Process:
 
     @property
     def variance(self) -> float:
-        """Of the process where its scale κ is 1."""
+        """Return the variance of the process if its scale κ is 1."""
         return sum(self.weights)
 
 
@@ -45,7 +45,7 @@ class LogNormal:
             raise DataError(f"a scale of median {self.median} and spread {self.spread}: positive numbers are needed")
 
     def log_density(self, log_value: np.ndarray) -> np.ndarray:
-        """Of the logarithm of the scale; 0 where the scale is known."""
+        """Return the log density of the logarithm of the scale; 0 if the scale is known."""
         if self.spread == 0.0:
             return np.zeros_like(log_value)
         z = (log_value - np.log(self.median)) / self.spread

@@ -33,12 +33,12 @@ ACROSS, FINE = 8.0, 41
 """Deviations on either side of a peak over which a scale is summed, and in how many steps: less than half a deviation,
 of which the trapezoidal rule makes no error that double precision shows."""
 STEP, ROUNDS, ENOUGH = 0.01, 40, 1e-6
-"""Of a logarithm, by which slopes are taken: e^0.01; Newton's steps at most; and nats that a step may still gain."""
+"""Step of a logarithm for slopes (e^0.01), most Newton steps, and nats that a last step may gain."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Evidence:
-    """What readings say of a fit: log evidence, most probable scales, and coordinates (m,), (m, m) at these."""
+    """Result of a fit: log evidence, most probable scales, and coordinates (m,), (m, m) at these."""
 
     log: float
     kappas: tuple[float, ...]
@@ -48,7 +48,7 @@ class Evidence:
 
 
 def evidence(readings: Sequence[Reading], prior: Prior) -> Evidence:
-    """Of a fit whose coordinates all readings share."""
+    """Compute the evidence of a fit whose coordinates all readings share."""
     if {reading.columns.shape[1] for reading in readings} != {prior.fitted.size}:
         raise DataError("every reading needs a column for each coordinate of the prior")
     return _of_one(readings[0], prior) if len(readings) == 1 else _of_several(readings, prior)
@@ -219,7 +219,7 @@ class _Joint:
 
 
 def _maximum(of: Callable[[np.ndarray], float], start: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
-    """Where a function is largest, by Newton's method; its value and the curvatures there, with the sign turned."""
+    """Maximise a function by Newton's method; return place, value and negative curvatures."""
     at, value = start, of(start)
     for _ in range(ROUNDS):
         slope, bend = _slopes(of, at, value)

@@ -24,7 +24,7 @@ class OwnErrors:
 
     @property
     def readings(self) -> np.ndarray:
-        """What the plant reads, over all samples, shape (n,)."""
+        """Return what the plant reads, over all samples, shape (n,)."""
         return self._joined([one.readings for one in self.of])
 
     @property
@@ -34,7 +34,7 @@ class OwnErrors:
 
     @cached_property
     def columns(self) -> np.ndarray:
-        """What repeats in each reading by itself, shape (n, k): each column is zero in all readings but one."""
+        """Return what repeats in each reading by itself, shape (n, k): each column is zero in all readings but one."""
         size, first = sum(at.size for at in self.at), 0
         found = np.zeros((size, sum(one.columns.shape[1] for one in self.of)))
         for one, at in zip(self.of, self.at, strict=True):
@@ -59,11 +59,11 @@ class OwnErrors:
         ]
 
     def each(self, rows: np.ndarray) -> list[np.ndarray]:
-        """What each reading says of changes `rows` (m, n) and of pairs of them, shape (m, m)."""
+        """Return what each reading says of changes `rows` (m, n) and of pairs of them, shape (m, m)."""
         return [products_of(one, rows[:, at]) for one, at in zip(self.of, self.at, strict=True)]
 
     def products(self, rows: np.ndarray) -> np.ndarray:
-        """What all readings say of changes `rows` (m, n) and of pairs of them, shape (m, m)."""
+        """Return what all readings say of changes `rows` (m, n) and of pairs of them, shape (m, m)."""
         return np.sum(self.each(rows), axis=0)
 
     def _joined(self, pieces: Sequence[np.ndarray]) -> np.ndarray:
@@ -104,7 +104,7 @@ def own_errors(rig: Rig, parts: Sequence[Part], readings: np.ndarray, noise: flo
 
 
 def products_of(error: OwnError, rows: np.ndarray) -> np.ndarray:
-    """What one reading says of changes `rows` (m, n), once its own repeatable error is fitted, shape (m, m)."""
+    """Return what one reading says of changes `rows` (m, n), once its own repeatable error is fitted, shape (m, m)."""
     repeats = error.columns.shape[1]
     together = np.ascontiguousarray(np.vstack([error.columns.T, rows]) / error.noise)
     (whole,), _ = grams(error.process, np.array([error.ratio]), (error.times, error.records), together)

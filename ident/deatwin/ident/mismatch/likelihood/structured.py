@@ -12,13 +12,13 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 
 DEGREES = (2, 7)
-"""Of bends: what is constant or linear the parameters take up; a bend of higher degree is no static relation of a film."""
+"""Degrees of bends: parameters imitate lower ones, and a film's static relation has no higher ones."""
 FILTERS = 8
 """Time constants of another law: between two of them none acts differently by more than a few per cent."""
 ALIKE = 1e-6
-"""Of two laws that differ by less than this share there is one: a contribution that is never negative is its size."""
+"""Share by which two laws must differ to be two."""
 TINY = 1e-300
-"""Of a size by which is divided."""
+"""Smallest size by which is divided."""
 GRID = 200
 """Points on which slow modes are found: the slowest few are smooth over so many."""
 
@@ -56,7 +56,7 @@ def slow(times: np.ndarray, rms: float, constant: float, count: int) -> np.ndarr
 
 
 def law(contribution: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """What another law of the same mechanism may do that does this (n,), as an orthonormal basis (n, k).
+    """Return what another law of the same mechanism may do that does this (n,), as an orthonormal basis (n, k).
 
     A law that bends (powers of the contribution, and its size), changes with time, or acts with other times: what
     first-order filters make of it, from one sample to the whole recording.

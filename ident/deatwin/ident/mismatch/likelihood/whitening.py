@@ -20,7 +20,7 @@ from deatwin.ident.mismatch.likelihood.model import Process
 SETTLED = 1e-12
 """Share of the innovation's variance by which P may still change: 21,000 samples make 1e-8 nats of it."""
 ROUNDING = 16.0 * float(np.finfo(float).eps)
-"""The same for each unit of ρ²: so many times that rounds off where P is reckoned from what the process had before."""
+"""Tolerance for each unit of ρ²: rounding grows by so much if P is computed from the process before."""
 SAME_STEP = 1e-6
 """Relative difference of two steps of one clock: times of day in double precision differ by 1e-9 of a step."""
 PIECE = 1000
@@ -143,7 +143,7 @@ def _recording(of: Filter, times: np.ndarray, rows: np.ndarray, first: int) -> I
 
 
 def _is_settled(of: Filter, cov: np.ndarray, final: np.ndarray) -> bool:
-    """Whether P is where it stays, against the innovation's variance."""
+    """Return whether P is where it stays, against the innovation's variance."""
     allowed = (SETTLED + ROUNDING * of.ratios**2) * of.gain(final)[1]
     return bool((np.abs(cov - final).sum(axis=(1, 2)) <= allowed).all())
 

@@ -1,1 +1,1 @@
-"""Where the mismatch is: when, at which frequencies, in which operating region, in which part of the plant."""
+"""Location of the mismatch in time, frequency, operating region and part of the plant."""

@@ -65,7 +65,7 @@ class Regression:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Closure:
-    """How well a function of the signals at a place predicts the residual where it was not learned.
+    """Share of the residual that a function of the signals at a place predicts on other data.
 
     Parameters
     ----------

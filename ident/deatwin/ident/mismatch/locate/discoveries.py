@@ -8,7 +8,7 @@ FALSE_DISCOVERIES = 0.05
 
 
 def discoveries(p_values: np.ndarray) -> np.ndarray:
-    """Which hypotheses Benjamini and Hochberg's step-up procedure rejects.
+    """Return which hypotheses Benjamini and Hochberg's step-up procedure rejects.
 
     Parameters
     ----------

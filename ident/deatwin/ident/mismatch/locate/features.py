@@ -1,4 +1,4 @@
-"""What a quantity that enters a plant may be a function of: the signal at its place, its rate, its past, the clock."""
+"""Signals of which a quantity in the plant may be a function: its signal, rate, past, and the clock."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""At which frequencies the mismatch is."""
+"""Location of the mismatch in frequency."""
 
 from __future__ import annotations
 

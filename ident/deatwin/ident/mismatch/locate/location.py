@@ -1,4 +1,4 @@
-"""Where the mismatch is, from all sides."""
+"""Location of the mismatch in time, frequency, operating region and part of the plant."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Location(Described):
-    """Where the mismatch is.
+    """Location of the mismatch in time, frequency, operating region and part of the plant.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class Location(Described):
 
     @property
     def summary(self) -> LocationSummary:
-        """What a diagnosis says of it; amplitudes in the unit reported."""
+        """Return what a diagnosis says of it; amplitudes in the unit reported."""
         size, lines = self.unit[1], self.lines
         return LocationSummary(
             time=tuple(replace(window, slope=window.slope / size) for window in self.time),
@@ -130,7 +130,7 @@ def _new_axes(count: int) -> list[Axes]:
 
 
 def locate(base: Candidate, bench: Bench, checked: Gate, rng: np.random.Generator) -> Location:
-    """Find out where the mismatch is.
+    """Locate the mismatch in time, frequency, operating region and part of the plant.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ def locate(base: Candidate, bench: Bench, checked: Gate, rng: np.random.Generato
 
 
 def _of_further(base: Candidate, bench: Bench, checked: Gate) -> tuple[ReadingLocation, ...] | None:
-    """Where the mismatch is in each further reading that was recorded."""
+    """Return where the mismatch is in each further reading that was recorded."""
     plant = base.calibration.plant
     records = [record for experiment in checked.experiments for record in experiment.recordings]
     found = []

@@ -1,4 +1,4 @@
-"""In which part of the plant the mismatch is: each place is opened to something unknown, in turn."""
+"""Location of the mismatch in the plant: an unknown force is allowed at each place in turn."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ REPEATABLE = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class OpenedPlace:
-    """What opening one place does.
+    """Result of allowing an unknown force at one place.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ class Places(Described):
 
     @property
     def repeatable(self) -> bool:
-        """Whether the mismatch is a repeatable function of the signals anywhere."""
+        """Return whether the mismatch is a repeatable function of the signals anywhere."""
         return self.closure_p_value < REPEATABLE
 
     @property

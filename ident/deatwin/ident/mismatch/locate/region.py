@@ -1,4 +1,4 @@
-"""In which operating region the mismatch is."""
+"""Location of the mismatch in the operating region."""
 
 from __future__ import annotations
 

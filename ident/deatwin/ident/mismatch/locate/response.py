@@ -1,4 +1,4 @@
-"""In which order and band of the response a plant's simulation and the recordings differ.
+"""Orders and bands of the frequency response in which simulation and recordings differ.
 
 One and the same structure is fitted to the recorded and to the simulated readings, which share their input: what it
 cannot hold of the physics it leaves out of both, and the two differ where plant and actuator do. The simulated readings
@@ -40,15 +40,15 @@ Array = np.ndarray
 
 ORDERS = (1, 2, 3)
 BANDS = ((0.0, 0.1), (0.1, 0.3), (0.3, 1.0))
-"""As shares of the frequency up to which the readings move."""
+"""Bands, as shares of the frequency up to which the readings move."""
 MOVING = 0.95
 """Share of the readings' power that lies below that frequency."""
 SAMPLES = 8
-"""Of a period of that frequency."""
+"""Samples per period of that frequency."""
 SHORTEST = 0.1
-"""Of the longest record's length; shorter ones have no spectrum to speak of."""
+"""Shortest record, as a share of the longest; shorter ones have no useful spectrum."""
 LEVEL = 0.05
-"""Of the whole table (Holm)."""
+"""Significance level of the whole table (Holm)."""
 TERMS = generate_terms(1, (0, 1), 3, rule=AtMost(output=1))
 """Affine in the past reading, so that its noise averages out with instruments."""
 

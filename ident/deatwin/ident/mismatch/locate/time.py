@@ -1,4 +1,4 @@
-"""When the mismatch is: from when to when, how it grows, and whether it comes back."""
+"""Location of the mismatch in time, its growth, and whether it returns."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ WINDOW_SECONDS, MOST_WINDOWS = 2.0, 2000
 """Length of a window, and number of windows at most: the work grows with its square."""
 MOST_PIECES = 5
 FEWEST_SECONDS = 5
-"""Of a window in which a trend can be seen."""
+"""Length of the shortest window in which a trend can be seen, s."""
 COMES_BACK = 0.5
 """Autocorrelation at which a mismatch is called periodic."""
 NEARLY = 0.9

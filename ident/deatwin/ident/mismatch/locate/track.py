@@ -43,7 +43,7 @@ class Track:
 
 
 def readings(plant: Plant, experiments: Sequence[Experiment], reading: str = "") -> tuple[tuple[np.ndarray, ...], ...]:
-    """A plant's free-run readings.
+    """Simulate the free-run readings of a plant for its recordings.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""Which effects of the catalogue explain a mismatch."""
+"""Naming: search for the effects of the catalogue that explain a mismatch."""

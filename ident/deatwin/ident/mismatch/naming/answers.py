@@ -1,4 +1,4 @@
-"""What a search answers: which of the sets of effects that it tried explains the recordings, and which others may.
+"""Answer of a search: the set of effects that explains the recordings, and its alternatives.
 
 Sets that suffice only as far as anybody knows the plant's own error are left for the end.
 """

@@ -25,7 +25,7 @@ third of it in 0.6 % of so many."""
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Candidate:
-    """A plant with a set of effects, fitted to the fitted part and judged on the unseen one.
+    """Plant with a set of effects, fitted to the fitted part and judged on the held-out data.
 
     Parameters
     ----------
@@ -61,16 +61,16 @@ class Candidate:
 
     @cached_property
     def fitted_test(self) -> Excess:
-        """Whether what is left of the fitted part is more than noise and model error."""
+        """Return whether what is left of the fitted part is more than noise and model error."""
         return excess_over_floor(self.calibration.residuals, self.noise, self.calibration.plant.rig.model_error)
 
     @cached_property
     def unseen_test(self) -> Excess:
-        """The same of the held-out part."""
+        """Return the same of the held-out part."""
         return excess_over_floor(self.unseen, self.noise, self.calibration.plant.rig.model_error)
 
     def with_floor(self, model_error: float) -> Candidate:
-        """The same candidate, judged by another model error.
+        """Return the same candidate, judged by another model error.
 
         Parameters
         ----------
@@ -86,12 +86,12 @@ class Candidate:
 
     @property
     def mismatch(self) -> bool:
-        """Whether it certainly leaves more than noise and model error, on the fitted or on the held-out part."""
+        """Return whether it certainly leaves more than noise and model error, on the fitted or on the held-out part."""
         return self.fitted_test.mismatch or self.unseen_test.mismatch
 
     @property
     def adequate(self) -> bool:
-        """Whether it explains the recordings.
+        """Return whether it explains the recordings.
 
         What it leaves of the fitted part must be no larger than noise and model error, which is more than the
         absence of a significant mismatch; the held-out part, which is extrapolated, must not refute it.
@@ -100,7 +100,7 @@ class Candidate:
 
     @property
     def residuals(self) -> np.ndarray:
-        """Of the fitted and the held-out part, one behind the other, SI."""
+        """Return the residuals of the fitted part and of the held-out part, concatenated; SI."""
         return np.concatenate([self.calibration.residuals, self.unseen])
 
     @property
@@ -197,7 +197,7 @@ def noise_seen(fit: Calibration, parts: Sequence[Part]) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Distance:
-    """How far apart two explanations are on the recordings' inputs.
+    """Squared distance between two explanations on the inputs of the recordings.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the effects of an explanation do to the readings by themselves."""
+"""Contribution of the effects of an explanation to the readings."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from deatwin.ident.mismatch.bench import Bench
 
 
 def contribution(bench: Bench, explanation: Calibration, added: Sequence[str]) -> np.ndarray:
-    """What added effects do to the readings of the plant that was fitted with them.
+    """Return what added effects do to the readings of the plant that was fitted with them.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def contribution(bench: Bench, explanation: Calibration, added: Sequence[str]) -
 
 
 def readings_of_fit(parts: Sequence[Part], residuals: np.ndarray) -> np.ndarray:
-    """What the plant reads that left these residuals.
+    """Return what the plant reads that left these residuals.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Whether recordings show the cycle that an explanation speaks of."""
+"""Test whether recordings show the cycle that an explanation assumes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ QUARTER = 0.25
 
 
 def shows_its_cycles(candidate: Candidate, parts: Sequence[Part]) -> bool:
-    """Whether some experiment lasts for a quarter of each cycle that the effects of a candidate follow.
+    """Return whether some experiment lasts for a quarter of each cycle that the effects of a candidate follow.
 
     A smaller part of a cycle, with a period and a phase that are free, is any slow curve.
 

@@ -1,4 +1,4 @@
-"""Which explanation is the best, and which others these recordings cannot rule out."""
+"""Decision on the best explanation, and on the alternatives that the recordings cannot rule out."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ RIVAL_SHARE = 0.5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Naming(Described):
-    """All explanations that were tried.
+    """Ranking of all explanations that were tried, with the decision among them.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class Naming(Described):
     }
 
     def beside(self, others: Sequence[Candidate]) -> Naming:
-        """The same answer, with rivals that were found elsewhere; of equal effects those with the most evidence.
+        """Return the same answer, with rivals that were found elsewhere; of equal effects those with the most evidence.
 
         Parameters
         ----------
@@ -93,7 +93,7 @@ class Naming(Described):
         )
 
     def led_by(self, first: Candidate) -> Naming:
-        """The same answer with another explanation at its head; the one that was there becomes a rival.
+        """Return the same answer with another explanation at its head; the one that was there becomes a rival.
 
         Parameters
         ----------
@@ -113,7 +113,7 @@ class Naming(Described):
         return replace(self, best=first, rivals=others, distances=known)
 
     def as_likely(self, others: Sequence[Candidate]) -> Naming:
-        """The same answer with rivals that evidence does not compare with the best one, each as likely as that.
+        """Return the same answer with rivals that evidence does not compare with the best one, each as likely as that.
 
         Parameters
         ----------
@@ -132,7 +132,7 @@ class Naming(Described):
         return replace(self, rivals=(*self.rivals, *further), probabilities=normalised(weights))
 
     def without(self, refuted: Collection[frozenset[str]]) -> Naming:
-        """The same answer, of which some rivals have been refuted.
+        """Return the same answer, of which some rivals have been refuted.
 
         Parameters
         ----------
@@ -150,7 +150,7 @@ class Naming(Described):
         return replace(self, rivals=rivals, probabilities=normalised(weights) if any(weights.values()) else weights)
 
     def knowing(self, later: Naming) -> Naming:
-        """The same answer, with what was tried in the same form of the plant since.
+        """Return the same answer, with what was tried in the same form of the plant since.
 
         Parameters
         ----------
@@ -265,7 +265,7 @@ def decide(
 
 
 def _probabilities(competing: Sequence[Candidate]) -> dict[tuple[str, ...], float]:
-    """Of explanations that were equally likely before the recordings."""
+    """Return the probabilities of explanations that were equally likely before the recordings."""
     if not competing:
         return {}
     first = likeliest(competing)
@@ -343,7 +343,7 @@ def _key(task: tuple[Any, ...]) -> tuple[object, ...]:
 
 
 def with_all_distances(naming: Naming, bench: Bench, distance: Callable[..., float] = separation) -> Naming:
-    """The same answer, with the distances from its best to those rivals of which none is known yet.
+    """Return the same answer, with the distances from its best to those rivals of which none is known yet.
 
     Evidence alone may have kept them, or another form of the rig brought them, or another one led before.
 
@@ -375,7 +375,7 @@ def _distance(best: Candidate, other: Candidate, d2: float) -> Distance:
 
 
 def cannot_rule_out(rival: Candidate, best: Candidate) -> bool:
-    """Whether the recordings leave a rival possible whose distance from the best is not known.
+    """Return whether the recordings leave a rival possible whose distance from the best is not known.
 
     Parameters
     ----------
@@ -394,7 +394,7 @@ def cannot_rule_out(rival: Candidate, best: Candidate) -> bool:
 
 
 def is_possible(rival: Candidate, best: Candidate) -> bool:
-    """Whether a rival that reads alike is not far less likely beforehand."""
+    """Return whether a rival that reads alike is not far less likely beforehand."""
     return best.log_prior - rival.log_prior < STRONG
 
 
@@ -411,7 +411,7 @@ def _model_error(best: Candidate) -> float:
 
 
 def is_as_likely(rival: Candidate, best: Candidate) -> bool:
-    """Whether the evidence for the best over a rival is not strong.
+    """Return whether the evidence for the best over a rival is not strong.
 
     Parameters
     ----------

@@ -24,7 +24,7 @@ MOST = 12
 WIDE = 20.0
 """Ratio of the largest to the smallest bar beyond which the smaller ones are not told apart on a linear scale."""
 THICK = 0.38
-"""Of a bar, where rows are 1 apart."""
+"""Height of a bar, if rows are 1 apart."""
 WIDTH, HEIGHT, GAP, LINE = 6.8, 1.8, 0.06, 0.15
 """Of a new figure, in inches: its height grows with its rows, each with room for the longest name's lines."""
 LABEL, TITLE = 36, 66
@@ -37,7 +37,7 @@ COLOURS = {
     "base plant": "0.4",
     "other": "0.7",
 }
-"""Of each role, in the legend's order."""
+"""Colour of each role, in the legend's order."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +105,7 @@ def _unseen(candidate: Candidate) -> float:
 
 
 def _conclusion(naming: Explanations, shown: int) -> str:
-    """What was found, and in a second line what is not seen in the bars."""
+    """Return what was found, and in a second line what is not seen in the bars."""
     tried = len(dict.fromkeys((*naming.candidates[1:], *naming.rivals)))
     if naming.best is not None:
         found = f"best explanation: {in_words(naming.best)}"

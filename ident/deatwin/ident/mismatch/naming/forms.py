@@ -96,7 +96,7 @@ def _several(search: Search, naming: Naming) -> list[Names]:
 
 
 def _explains(answer: Candidate, search: Search) -> bool:
-    """Whether an answer in another form explains what this form lacks."""
+    """Return whether an answer in another form explains what this form lacks."""
     return takes_most(answer, search.tried[()]) and suffices(answer, search.tried[()])
 
 

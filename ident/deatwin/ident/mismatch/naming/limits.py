@@ -10,7 +10,7 @@ from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, normalised
 
 ROUNDING = 1e-9
-"""Of a bound whose logarithm was taken."""
+"""Tolerance of a bound whose logarithm was taken."""
 
 
 def with_limits(naming: Naming, possible: Callable[[Candidate], bool]) -> Naming:
@@ -51,6 +51,6 @@ def _become(candidate: Candidate) -> Iterator[frozenset[str]]:
 
 
 def _may_be_least(fit: Calibration, name: str) -> bool:
-    """Whether a parameter has ended at the lower end of its range, or is not sure to be above that."""
+    """Return whether a parameter has ended at the lower end of its range, or is not sure to be above that."""
     known = fit.plant.parameters[name]
     return (name in fit.at_bound and known.is_low) or fit.interval(name)[0] <= known.lower * (1.0 + ROUNDING)

@@ -1,4 +1,4 @@
-"""Which missing physics explains a mismatch: effects are built into the plant one after another, until it is gone."""
+"""Search for missing physics: effects are added to the plant one after another until the mismatch is gone."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def name_causes(
     finished: Finished | None = None,
     fitted: Fitted | None = None,
 ) -> Naming:
-    """Look for the smallest set of effects that explains the recordings.
+    """Search for the smallest set of effects that explains the recordings.
 
     Each promising effect is built into the base plant alone, then into its rival forms, since another reading of what
     the rig file leaves open costs less than a further effect; where one suffices, or none takes most of the mismatch,
@@ -77,7 +77,7 @@ def explanations(
     finished: Finished | None = None,
     fitted: Fitted | None = None,
 ) -> Iterator[Naming]:
-    """What `name_causes` finds, then what else explains the recordings, for those who have refuted it.
+    """Return what `name_causes` finds, then what else explains the recordings, for those who have refuted it.
 
     A single effect that suffices ends the search. Where it is refuted, it may have imitated two. Where fewer effects
     were enough in another form of the plant, there is the answer with more in the form before.

@@ -1,4 +1,4 @@
-"""When an event came, as a plant shows it that was not yet bent by it: fitted to the openings of the recordings."""
+"""Time of an event, found by a plant that was fitted to the recordings before the event."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ VANISHING = 1e-6
 
 
 def event_leads(unbent: Plant, fit: Calibration, effects: Iterable[Effect], parts: Sequence[Part]) -> tuple[Lead, ...]:
-    """What events could explain, each at the time at which it explains most.
+    """Return what events could explain, each at the time at which it explains most.
 
     A fit without an event is bent to meet it halfway: its residual may step elsewhere, or the other way. A plant that
     was fitted to the openings of the recordings only has mostly not seen it. From there all parameters are refitted to
@@ -114,7 +114,7 @@ def event_lead(
 
 
 def beginning_at_each(change: np.ndarray, residual: np.ndarray, basis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What the parameters leave of a change that begins at a sample, for each sample.
+    """Return what the parameters leave of a change that begins at a sample, for each sample.
 
     Sums over the samples from each one on make it one pass for all.
 

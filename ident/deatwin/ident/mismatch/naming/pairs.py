@@ -13,7 +13,7 @@ from deatwin.ident.mismatch.naming.weigh import Scale
 from deatwin.ident.mismatch.naming.worth import TRIFLE, errs_by_its_law, gained, held_back_by, suffices
 
 BARELY = 0.5
-"""Of the model error's power: a second effect that counts for less is none, and for certain one from the whole on."""
+"""Share of the model error's power below which a second effect does not count; from 1 on it certainly does."""
 BESIDE, TRIED = 3, 4
 """The likeliest single effects beside which others are looked for, since a promise to first order says the less the
 farther a fit is from what is right; and the pairs that are tried, of those that promise to be likelier."""
@@ -166,7 +166,7 @@ def _with_all(search: Search, naming: Naming, first: Candidate, elsewhere: Seque
 
 
 def _each_takes(search: Search, names: Names, share: float) -> bool:
-    """Whether each effect of a set takes a share of the mismatch, and barely counts, on both parts: none is luck."""
+    """Return whether each effect of a set explains a share of the mismatch on both parts."""
     full, base = search.tried[names], search.tried[()]
     barely_counts = BARELY * search.floor_power(names)
     return all(

@@ -16,7 +16,7 @@ def causes_of(candidate: Candidate) -> tuple[str, ...]:
 
 
 def without_places(naming: Naming) -> tuple[Naming, tuple[Candidate, ...]]:
-    """The same answer without rivals that are its best explanation at other places, and these.
+    """Return the same answer without rivals that are its best explanation at other places, and these.
 
     Of others with the same causes the first is kept. A plant that does not rest before the first reading is simulated
     as if a tone began with it. Nobody knows that it did, so that what this shows of its place is left open.
@@ -36,6 +36,6 @@ def without_places(naming: Naming) -> tuple[Naming, tuple[Candidate, ...]]:
 
 
 def _is_elsewhere(candidate: Candidate, known: Iterable[Candidate]) -> bool:
-    """Whether one of the `known` has the same causes, of which any are at other places."""
+    """Return whether one of the `known` has the same causes, of which any are at other places."""
     causes = set(causes_of(candidate))
     return any(set(causes_of(c)) == causes and set(c.effects) != set(candidate.effects) for c in known)

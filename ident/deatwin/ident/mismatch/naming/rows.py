@@ -133,7 +133,7 @@ def _role(candidate: Candidate, naming: Explanations) -> str:
 
 
 def _stated(values: Mapping[str, Any]) -> str:
-    """What a rig states of some of its fields, as ``"reading: start of hold, ball: sliding"``."""
+    """Return what a rig states of some of its fields, as ``"reading: start of hold, ball: sliding"``."""
     return ", ".join(f"{name.replace('_', ' ')}: {_value(value)}" for name, value in values.items())
 
 

@@ -1,4 +1,4 @@
-"""What each effect could explain, to first order in its strength: a few simulations for each of its shapes, no fit."""
+"""Screening: what each effect could explain to first order in its strength, from a few simulations of each shape."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ LOOKS = 3
 SEEN = 1e-3
 """but for no less than this share of the motion: a thousand times what a simulation is accurate to."""
 TINY = 1e-300
-"""Of a size whose logarithm is taken."""
+"""Smallest size whose logarithm is taken."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Footprint:
-    """What an effect of one shape does to the readings of the calibrated base plant.
+    """Linearised response: how an effect of one shape changes the readings of the calibrated base plant.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def footprints(
     fit: Calibration,
     finished: Callable[[int], None] | None = None,
 ) -> tuple[Footprint, ...]:
-    """Simulate the base plant with each effect, at each of its shapes.
+    """Compute how each effect, at each of its shapes, changes the readings of the base plant.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ def leads(known: Sequence[Footprint], fit: Calibration) -> tuple[Lead, ...]:
 
 
 def most_promising(*several: Iterable[Lead]) -> tuple[Lead, ...]:
-    """Of each effect the lead that promises most, in the order of their shares.
+    """Return the most promising lead of each effect, in the order of their shares.
 
     Parameters
     ----------
@@ -308,7 +308,7 @@ def shapes_of(effect: Effect, plant: Plant, parts: Sequence[Part]) -> list[Effec
 
 
 def _levels(effect: Effect, plant: Plant, parts: Sequence[Part]) -> np.ndarray:
-    """What a threshold of an effect is compared with, along the fitted part, SI."""
+    """Return what a threshold of an effect is compared with, along the fitted part, SI."""
     if effect.place is not Place.DRIVE:
         return np.abs(np.concatenate([part.measured for part in first_only(parts)]))
     parameters = plant.parameters

@@ -1,4 +1,4 @@
-"""What a search for missing physics tries next: a further effect beside a set, or another one in the place of one."""
+"""Next sets of a search: a further effect added to a set, or another effect in the place of one."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from deatwin.plant.effects.base import Effect
 BESIDE = 6
 """Effects that are tried beside others."""
 ALONE = 3
-"""Of the effects that were tried alone, those that are tried beside others whatever their score."""
+"""Number of effects tried alone that are added to others whatever their score."""
 
 
 class Search(Tried):
@@ -80,7 +80,7 @@ class Search(Tried):
         return once([*beside, *together])
 
     def _beside_one(self, stage: Sequence[Names], finished: Finished | None) -> list[Names]:
-        """The same from one set of a `stage` after another, until a further effect helps.
+        """Return the same from one set of a `stage` after another, until a further effect helps.
 
         Beside what leaves a trifle none could count. But it may only imitate two others: then the best of those that
         leave more is gone on with, and beside a single one where nothing helps, the next best. Two that do not take
@@ -188,7 +188,7 @@ class Search(Tried):
         return self.attempt(new, finished, self.least_rms([names for names in self.tried if len(names) == size]))
 
     def _good_alone(self, names: Names) -> list[Lead]:
-        """What explained most by itself: the score is blind to what the plant is still bent to imitate."""
+        """Return what explained most by itself: the score is blind to what the plant is still bent to imitate."""
         alone = [single for single in self.tried if len(single) == 1 and single[0] not in names]
         return [self.leads[single[0]] for single in self.ranked(alone)[:ALONE] if single[0] in self.leads]
 
@@ -223,14 +223,14 @@ class Search(Tried):
         return once([new for rest in rests for new in self._siblings(rest, full)])
 
     def _leads(self, names: Names, further: Sequence[Effect]) -> tuple[Lead, ...]:
-        """What each of some `further` effects could explain of what a candidate leaves."""
+        """Return what each of some `further` effects could explain of what a candidate leaves."""
         asked = {effect.name for effect in further}
         events = self.event_leads(names) if any(effect.event for effect in further) else []
         found = most_promising(self._screened(names, further), *events)
         return tuple(lead for lead in found if lead.effect.name in asked)
 
     def _screened(self, names: Names, further: Sequence[Effect]) -> tuple[Lead, ...]:
-        """The same as far as the fit itself tells."""
+        """Return the same as far as the fit itself tells."""
         fit, base = self.tried[names].calibration, self.tried[()].calibration
         if not names:
             return leads(self.known(), fit)
@@ -242,7 +242,7 @@ class Search(Tried):
         return leads([*(f for f in self.known() if f.effect.name in others), *again], fit)
 
     def event_leads(self, *several: Names) -> list[tuple[Lead, ...]]:
-        """What each event could explain beside the effects of each of `several` candidates, seen from before it."""
+        """Return what each event could explain beside each of `several` candidates fitted before it."""
         fits = {names: self.tried[names].calibration for names in several}
         new = [names for names, fit in fits.items() if names not in self._events or self._events[names][0] is not fit]
         effects, parts = self.bench.effects, self.bench.fitted
@@ -253,7 +253,7 @@ class Search(Tried):
 
 
 FIRST = 3
-"""So many of the pairs that were not tried and promise most are."""
+"""Number of the most promising untried pairs that are tried."""
 
 
 def joint_trials(search: Search) -> list[Trial]:

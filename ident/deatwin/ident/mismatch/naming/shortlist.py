@@ -1,4 +1,4 @@
-"""Which effects are worth a fit to all data: those that promise most, on two counts that err in different ways."""
+"""Shortlist: the effects that promise most, by two measures that err in different ways."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from deatwin.ident.parallel import run_jobs
 from deatwin.plant.model import Plant
 
 BY_SCORE, BY_OPENING = 6, 4
-"""How many effects are taken for what they explain to first order, and of the others for how well they open."""
+"""Number of effects chosen by what they explain to first order, and of others by their place."""
 OPENING_SAMPLES, EVALUATIONS = 1500, 6
 """A rough fit of so few samples, with so few simulations, tells a good beginning from a bad one."""
 

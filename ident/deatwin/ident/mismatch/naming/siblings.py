@@ -1,4 +1,4 @@
-"""Which effects act as the one that explains most: they must be tried, whatever they promised."""
+"""Effects that act like the one that explains most; they must be tried, whatever they promised."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MOST = 3
 
 
 def siblings(bench: Bench, explanation: Calibration, added: Sequence[str], effects: Sequence[Effect]) -> list[Lead]:
-    """What could do, to first order, much of what an added effect does to the readings.
+    """Return what could do, to first order, much of what an added effect does to the readings.
 
     In a small mismatch the noise decides which effects promise most of the residual, and where the plant was bent far
     to imitate the mismatch, none does. What an effect does to the plant that was fitted with it has neither fault.
@@ -92,7 +92,7 @@ def _bare(bench: Bench, explanation: Calibration) -> Calibration | None:
 
 
 def _at_its_strength(bench: Bench, bare: Calibration, lead: Lead, done: Calibration) -> Lead | None:
-    """The same at the strength at which it is most alike."""
+    """Return the same at the strength at which it is most alike."""
     strength = getattr(lead.estimate, lead.estimate.strength)
     readings = simulated(bare.plant.with_effects(lead.estimate), [part.until_last() for part in bench.fitted])
     if strength == 0.0 or readings is None:

@@ -49,7 +49,7 @@ Fitted = Callable[[Calibration, np.ndarray | None], None]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trial:
-    """Where the fit of a set of effects begins.
+    """Start of the fit of a set of effects.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a search for missing physics knows: sets of effects that were tried, each fitted and judged."""
+"""Record of a search for missing physics: the sets of effects that were tried, each fitted and judged."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def once(stage: Sequence[Names]) -> list[Names]:
 
 
 def _is_better(fit: Calibration, known: Calibration) -> bool:
-    """Whether a fit is to be kept for a known one: one that was given up says little of where it would have ended."""
+    """Return whether a fit is final, so that it need not be repeated."""
     return known.given_up if known.given_up != fit.given_up else fit.rms < known.rms
 
 
@@ -77,7 +77,7 @@ class Tried:
         return sorted(stage, key=lambda names: -self.tried[names].evidence)
 
     def is_best_of_its_size(self, names: Names) -> bool:
-        """Whether of as many effects none that was tried has more evidence than the set `names`."""
+        """Return whether of as many effects none that was tried has more evidence than the set `names`."""
         return names == self.best_of([other for other in self.tried if len(other) == len(names)])
 
     def best_that_counts(self, stage: Sequence[Names]) -> Names | None:
@@ -114,20 +114,20 @@ class Tried:
             self.tried[names] = self.tried[names].with_floor(error)
 
     def takes_most(self, names: Names) -> bool:
-        """Whether the set `names` takes away most of what is more than noise."""
+        """Return whether the set `names` takes away most of what is more than noise."""
         return takes_most(self.tried[names], self.tried[()])
 
     def one_takes_most(self, stage: Sequence[Names]) -> bool:
-        """Whether the best of a `stage` takes away most of what is more than noise."""
+        """Return whether the best of a `stage` takes away most of what is more than noise."""
         best = self.best_of(stage)
         return best is not None and self.takes_most(best)
 
     def leaves_a_trifle(self, names: Names) -> bool:
-        """Whether no further effect beside `names` could count."""
+        """Return whether no further effect beside `names` could count."""
         return explained(self.tried[names], self.tried[()]) > 1.0 - TRIFLE
 
     def each_counts(self, names: Names) -> bool:
-        """Whether what returns when any effect of `names` is taken out is more than the model error, and no trifle."""
+        """Return whether removing any effect of `names` costs more than the model error and is no trifle."""
         least = max(self.floor_power(names), TRIFLE * self.missing([()]))
         return all(gained(self.tried[names], less) >= least for less in self.without_one(names))
 
@@ -140,20 +140,20 @@ class Tried:
                 yield self.tried[rest]
 
     def is_padded(self, names: Names) -> bool:
-        """Whether what would be an explanation, the effects `names`, has one that adds nothing to it."""
+        """Return whether what would be an explanation, the effects `names`, has one that adds nothing to it."""
         return len(names) > 1 and self.takes_most(names) and not self.each_counts(names)
 
     def is_own(self, candidate: Candidate) -> bool:
-        """Whether a candidate was fitted in this search, in this form of the plant."""
+        """Return whether a candidate was fitted in this search, in this form of the plant."""
         known = self.tried.get(candidate.effects)
         return known is not None and known.calibration is candidate.calibration
 
     def is_possible(self, candidate: Candidate) -> bool:
-        """Whether a candidate takes away most of the mismatch, in a plant within its ranges."""
+        """Return whether a candidate takes away most of the mismatch, in a plant within its ranges."""
         return takes_most(candidate, self.tried[()]) and not held_back_by(candidate)
 
     def counts(self, candidate: Candidate) -> bool:
-        """Whether a candidate takes away most of the mismatch, and its effects do, in a plant within its ranges."""
+        """Return whether a candidate's effects explain most of the mismatch in a plant within its ranges."""
         return self.is_possible(candidate) and acts(candidate, self.tried[()])
 
     def decision(self, competing: Sequence[Candidate], good: Callable[[Candidate], bool]) -> Naming:
@@ -172,11 +172,11 @@ class Tried:
         return with_distances(naming, competing, self.bench, self.is_possible, known=self._distances)
 
     def is_clearly_worse_than(self, rival: Candidate) -> bool:
-        """Whether the `rival` form of the plant leaves clearly less without effects than this one."""
+        """Return whether the `rival` form of the plant leaves clearly less without effects than this one."""
         return self._beyond_noise(float(rival.losses.mean())) < CLEARLY_BETTER * self.missing([()])
 
     def is_clearly_better_than(self, rival: Candidate) -> bool:
-        """Whether the `rival` form of the plant leaves clearly more without effects than this one."""
+        """Return whether the `rival` form of the plant leaves clearly more without effects than this one."""
         return self.missing([()]) <= CLEARLY_BETTER * self._beyond_noise(float(rival.losses.mean()))
 
     def may_be_misread(self, stage: Sequence[Names], naming: Naming, rival: Candidate) -> bool:

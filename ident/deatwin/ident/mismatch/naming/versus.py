@@ -1,4 +1,4 @@
-r"""Which of two explanations the recordings speak for.
+r"""Comparison of two explanations by the evidence of the recordings.
 
 Where explanation k is right, rival l leaves :math:`\delta = r_l - r_k` more than noise and the plant's own error, whose
 covariance :math:`\Sigma` is that of `deatwin.ident.mismatch.advise.difference`. The sums of squared residuals then

@@ -1,4 +1,4 @@
-r"""Whether two effects are likelier than one of them whose law is not exact, by the likelihood of all readings.
+r"""Comparison of two effects with one of them whose law is not exact, by the likelihood of all readings.
 
 No law of a mechanism is exact, and a second effect mends what the law of the first one lacks. So the first one alone
 may err along whatever the second one does beside it, as far as laws err: with :math:`\delta` for the difference of what
@@ -41,7 +41,7 @@ LOOPS, LOOSE = frozenset({"coulomb_friction", "hysteresis"}), 0.1
 """Of these there are as many laws as makers of friction, and no two differ by a filter: either deviation. Measured
 between mechanisms by other laws and the catalogue's (docs/development/evidence.md)."""
 FAR = 1e-300
-"""Of a size by which is divided."""
+"""Smallest size by which is divided."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -109,7 +109,7 @@ class Scale:
         return columns, prior
 
     def _law(self, pair: Candidate, alone: Candidate) -> np.ndarray:
-        """What the law of one effect may miss along what a pair does beside it, (n, k), as large as expected."""
+        """Return what the law of one effect may miss along what a pair does beside it, (n, k), as large as expected."""
         does, sizes = alone.contribution, self._missed(alone)
         apart = alone.calibration.residuals - pair.calibration.residuals
         if not np.isfinite(does).all() or not does.any():
@@ -126,7 +126,7 @@ class Scale:
         return own * does, other * does
 
     def bent(self, candidate: Candidate) -> float:
-        """How far the rig's own parameters are off their nominal values, in nats: what is missing bends them."""
+        """Return how far the rig's own parameters are off their nominal values, in nats: what is missing bends them."""
         fit, nominal = candidate.calibration, self.bench.nominal.parameters
         own = [(fit.plant.parameters[name], nominal[name]) for name in fit.names if name in nominal]
         off = [(p.scale.to_coordinate(p.value) - k.scale.to_coordinate(k.value)) / deviation(k) for p, k in own]

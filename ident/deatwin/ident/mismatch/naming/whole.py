@@ -154,13 +154,13 @@ def judged_on_everything(
 
 
 def _odds(whole: Candidate, first: Candidate, leads: bool) -> float:
-    """Of a fit to everything against the `first`; what may not lead is at most as likely as that."""
+    """Return the odds of a fit to everything against the `first`; it is at most as likely if it may not lead."""
     against = advantage(whole, first)
     return float(np.exp(against if leads else min(against, 0.0)))
 
 
 def _is_as_likely_there(rival: Candidate, best: Candidate) -> bool:
-    """Whether the fitted part alone has no strong evidence against a rival."""
+    """Return whether the fitted part alone has no strong evidence against a rival."""
     return is_as_likely(_of_the_fitted_part(rival), _of_the_fitted_part(best))
 
 
@@ -194,6 +194,6 @@ def _settles(whole: Candidate, base: Candidate) -> bool:
 
 
 def _holds(candidate: Candidate, base: Candidate) -> bool:
-    """Whether a fit to the fitted part takes away most of what the base plant leaves of the unseen one, if it does."""
+    """Return whether a fit to the fitted part explains most of a mismatch in the held-out data."""
     before, after = base.unseen_test, candidate.unseen_test
     return not asks(after, before) or share_explained(after, before) > MOST

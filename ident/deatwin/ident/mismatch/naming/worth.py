@@ -1,4 +1,4 @@
-"""Whether an explanation takes away most of a mismatch, and whether its effects do it, in a plant that may be."""
+"""Tests whether an explanation and its effects remove most of a mismatch in a plausible plant."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def gained(candidate: Candidate, less: Candidate) -> float:
 
 
 def takes_most(candidate: Candidate, base: Candidate) -> bool:
-    """Whether a candidate takes away most of what is more than noise.
+    """Return whether a candidate takes away most of what is more than noise.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def takes_most(candidate: Candidate, base: Candidate) -> bool:
 
 
 def acts(candidate: Candidate, base: Candidate) -> bool:
-    """Whether it is the effects of a candidate that make its fit better.
+    """Return whether it is the effects of a candidate that make its fit better.
 
     A fit with an effect may be better than one without for no merit of the effect: the fit without it had not found
     its minimum. Then the effect does less by itself than the residual fell; from a minimum it cannot. An interval of
@@ -136,7 +136,7 @@ def share_explained(after: Excess, before: Excess) -> float:
 
 
 def errs_by_its_law(candidate: Candidate, base: Candidate) -> bool:
-    """Whether what a candidate leaves of the fitted part may be no more than the error of its effects' laws.
+    """Return whether what a candidate leaves of the fitted part may be no more than the error of its effects' laws.
 
     The held-out part says nothing of that: a slow effect whose law is not quite right errs more where it is extrapolated.
 
@@ -188,7 +188,7 @@ def explained(candidate: Candidate, base: Candidate) -> float:
 
 
 def suffices(candidate: Candidate, base: Candidate) -> bool:
-    """Whether a candidate explains the recordings as far as anybody knows the plant's own error.
+    """Return whether a candidate explains the recordings as far as anybody knows the plant's own error.
 
     Parameters
     ----------
@@ -208,7 +208,7 @@ def suffices(candidate: Candidate, base: Candidate) -> bool:
 
 
 def is_near_floor(left: Excess) -> bool:
-    """Whether a residual is what a model error may leave that is not known to the digit.
+    """Return whether a residual is what a model error may leave that is not known to the digit.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What an input would show of missing physics, before anything is recorded."""
+"""Plan of an experiment: the effects that an input would reveal."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import Rig
 
 SAMPLES = 3000
-"""Of an input that is advised, unless its length is given: long enough for a tenth of the slow error's time."""
+"""Default number of samples of a suggested input: long enough for a tenth of the slow error's time."""
 FEWEST, MOST = 100, 100_000
 """Samples of an input that is advised: all waveforms of that length are held in memory."""
 LARGE = 1e20
 """More than is missing of any readings, SI: effects are looked at as strong as they typically are."""
 TINY = 1e-300
-"""Of a change that the parameters take up whole, SI."""
+"""Size that stands for a change that the parameters imitate fully, SI."""
 Progress = Callable[[float, str], None]
 
 
@@ -51,7 +51,7 @@ def plan_experiment(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> ExperimentPlan:
-    """Foresee which effects an input would show, from which strength on, and which it could not tell apart.
+    """Compute which effects an input would reveal, from which strength on, and which it could not distinguish.
 
     To first order about the nominal plant, by the likelihood that the readings would have: parameters are refitted, and
     the plant's own error is allowed for. An effect counts as found where its expected evidence makes it 95 % probable
@@ -129,7 +129,7 @@ def _told(tell: Progress, number: int, inputs: int, effects: int, name: str, don
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Seen:
-    """What an input shows: changes of all shapes, and for each pair of them what readings say."""
+    """Changes of the readings by all shapes under an input, and what readings say about each pair."""
 
     recording: Recording
     error: OwnErrors
@@ -141,7 +141,7 @@ class _Seen:
 
     @cached_property
     def typical(self) -> dict[str, int]:
-        """Of each effect the shape that is seen neither best nor worst, by number."""
+        """Return the number of each effect's shape that is seen neither best nor worst."""
         squares = np.diag(self.among) * np.array([c.typical for c in self.changes]) ** 2
         numbers: dict[str, list[int]] = {}
         for k, change in enumerate(self.changes):
@@ -225,7 +225,7 @@ def _noise(rig: Rig, record: Recording) -> float:
 
 
 def _changes(plant: Plant, effect: Effect, parts: tuple[Part, ...]) -> list[Change]:
-    """What an effect does at each of its shapes; an event in the middle of the recording."""
+    """Return what an effect does at each of its shapes; an event in the middle of the recording."""
     without = np.concatenate([part.measured for part in parts])  # the nominal plant's own readings
     if effect.event:
         at, clock = effect.described(effect.event), parts[0].timepts
@@ -270,7 +270,7 @@ def _plan(plant: Plant, seen: _Seen, name: str, tried: dict[str, float], effects
 
 
 def _telling(seen: _Seen, rows: Sequence[Foreseen]) -> tuple[TellingReading, ...]:
-    """What each reading that could be had would tell of the pairs that are left, the one that tells most first."""
+    """Return what each possible reading would say about the remaining pairs, the most telling one first."""
     left = [(row.effect, other) for row in rows for other in row.alike]
     first, found = [effect for effect, _ in left], []
     for sensor, among in seen.beside if left else ():

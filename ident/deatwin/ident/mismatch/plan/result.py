@@ -1,4 +1,4 @@
-"""What an experiment that nobody has made yet would show."""
+"""Result of planning an experiment."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SCHEMA = "deatwin/plan/1"
 
 @dataclass(frozen=True, kw_only=True)
 class Foreseen:
-    """What an experiment would show of one effect.
+    """Detectability of one effect in a planned experiment.
 
     Parameters
     ----------
@@ -63,19 +63,19 @@ class Foreseen:
 
     @property
     def sentence(self) -> str:
-        """What the experiment would show of the effect, in one sentence."""
+        """Return what the experiment would show of the effect, in one sentence."""
         name = self.effect.replace("_", " ")
         if self.smallest is None:
             return f"{name}: this input does not show it at any strength within its range"
         least = with_unit(self.smallest, self.unit)
-        shown = f"{name}: found from {self.strength.replace('_', ' ')} = {least} on"
+        shown = f"{name}: found if its {self.strength.replace('_', ' ')} is {least} or larger"
         others = ", ".join(other.replace("_", " ") for other in self.alike)
-        return f"{shown}; not told from {others}" if others else shown
+        return f"{shown}; not distinguished from {others}" if others else shown
 
 
 @dataclass(frozen=True, kw_only=True)
 class TellingReading(SensorOffer):
-    """A reading that nobody has yet, and which pairs of effects it would tell apart that the input leaves.
+    """Reading that was not recorded, and the pairs of effects that it, but not the input, would distinguish.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ class TellingReading(SensorOffer):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ExperimentPlan:
-    """What an experiment would show, before it is made.
+    """Plan of an experiment: which effects it would reveal, and from which strength on.
 
     Parameters
     ----------
@@ -142,19 +142,22 @@ class ExperimentPlan:
         seen = [one for one in self.effects if one.visible]
         alone = [one for one in seen if not one.alike]
         of = f" of {self.seconds:.3g} s"
-        what = f"the best input that was tried, {self.waveform}{of}," if self.waveform else f"this input{of}"
+        what = f"the best input that was tried ({self.waveform}{of})" if self.waveform else f"this input{of}"
         return (
-            f"{what} would show {len(seen)} of {len(self.effects)} effects at their typical strengths, "
-            f"and tell {len(alone)} of them from all others{self._more}"
+            f"with {what}, {len(seen)} of {len(self.effects)} effects would be found at their typical strengths, "
+            f"and {len(alone)} of them distinguished from all others{self._more}"
         )
 
     @property
     def _more(self) -> str:
-        """What the best reading would tell that the rig does not have."""
+        """Return what the best reading would tell that the rig does not have."""
         best = next((one for one in self.readings if one.tells), None)
         if best is None:
             return ""
-        return f"; with {best.words} ({best.noise_source}) it tells {len(best.tells)} of the {best.left} pairs that are left"
+        return (
+            f"; {best.words} ({best.noise_source}) would also distinguish {len(best.tells)} of the {best.left} pairs of "
+            "effects that the input cannot"
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the plan as plain data, as ``plan.json`` holds it.

@@ -1,4 +1,4 @@
-r"""How well readings that nobody has taken yet would show effects.
+r"""Detectability of effects in readings that were not recorded.
 
 What an effect of unit strength does to the readings, c, is whitened by the plant's fast error and the noise, as G is,
 the derivatives by what may be anything: parameters and the plant's repeatable error, in deviations of their priors.
@@ -28,7 +28,7 @@ SURE = 0.95
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Change:
-    """What an effect of one shape does to the readings at unit strength, SI; its strength beforehand and typically."""
+    """Change of the readings by an effect of one shape at unit strength, SI; its prior and typical strength."""
 
     effect: str
     readings: np.ndarray  # shape (n,)
@@ -38,7 +38,7 @@ class Change:
 
 
 def products(error: OwnErrors, derivatives: np.ndarray, changes: Sequence[Change]) -> np.ndarray:
-    """What readings say of changes and of pairs of them, (k, k); `derivatives` (n, p) in deviations beforehand, SI."""
+    """Return what readings say about changes and pairs, (k, k); `derivatives` (n, p) in prior deviations, SI."""
     rows = np.vstack([derivatives.T, *(change.readings for change in changes)])
     return taken_up(error.products(rows), derivatives.shape[1])
 

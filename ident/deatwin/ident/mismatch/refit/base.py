@@ -46,7 +46,7 @@ MORE_STARTS, SPREAD = 2, 0.2
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Base(Described):
-    """The calibrated base plant, and the rival forms that fit no better.
+    """Calibrated base plant, and the other readings of the rig file that fit no better.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class Base(Described):
     }
 
     def in_form_of(self, chosen: Candidate) -> Base:
-        """The same forms, another of them chosen.
+        """Return the same forms, another of them chosen.
 
         Parameters
         ----------
@@ -83,7 +83,7 @@ class Base(Described):
         return Base(chosen=chosen, rivals=others, noise=chosen.noise)
 
     def as_filed(self, rig: Rig) -> Base:
-        """The same forms, chosen that of the rig file, where it could be simulated.
+        """Return the same forms, chosen that of the rig file, where it could be simulated.
 
         Parameters
         ----------
@@ -113,7 +113,7 @@ class Base(Described):
 
 
 def calibrate_base(bench: Bench) -> Base:
-    """Calibrate the base plant in every form that the rig file leaves open.
+    """Calibrate the base plant for every possible reading of the rig file.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ def _same_form(one: Candidate, other: Candidate) -> bool:
 
 
 def _is_read_alike(one: Rig, other: Rig) -> bool:
-    """Whether two rigs are read alike; the model error by which they are judged does not count."""
+    """Return whether two rigs are read alike; the model error by which they are judged does not count."""
     return replace(one, model_error=other.model_error) == other
 
 

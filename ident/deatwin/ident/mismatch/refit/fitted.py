@@ -1,4 +1,4 @@
-"""What a calibration found: parameters as a diagnosis reports them, and effects with their values."""
+"""Result of a calibration: reported parameters, and effects with their values."""
 
 from __future__ import annotations
 

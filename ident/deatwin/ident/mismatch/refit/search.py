@@ -22,7 +22,7 @@ ROUGHLY: Mapping[str, Any] = {"evaluations": 10, "tolerance": ROUGH}
 DECIDING = 1e-3
 """Relative change of the squared residual that no decision sees: a tenth of a nat in a hundred blocks."""
 SETTLED, EVALUATIONS = 1e-6, 60
-"""The same at which a last fit ends: what is left is a tenth of a standard deviation along the flattest direction."""
+"""Tolerance of a last fit: a tenth of a standard deviation along the flattest direction remains."""
 ROUNDS = 4
 """Fits from where the last one ended."""
 EVENT_STEP = 0.02
@@ -31,7 +31,7 @@ FINEST = 1 / 8
 """and of a sample, from which on it is moved no more: the noise of a jump that is six times as large leaves 0.17 of its
 time, since one sample knows of it, whose reading rises by the jump within a sample."""
 SAME = 1e-6
-"""Of a sample: nearer to a time that was tried an event is not tried again."""
+"""Share of a sample: an event is not tried again nearer to a time that was tried."""
 AROUND = 4
 """Samples on either side of a least squared residual, each of which may hide a lesser one: noise roughens it."""
 PROMISING = 1.3
@@ -78,7 +78,7 @@ def roughly(near: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Cal
 
 
 def is_promising(rough: Calibration, noise: float) -> bool:
-    """Whether a rough fit leaves little more than noise and model error.
+    """Return whether a rough fit leaves little more than noise and model error.
 
     Parameters
     ----------

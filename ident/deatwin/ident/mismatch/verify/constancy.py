@@ -22,7 +22,7 @@ from deatwin.plant.datasets import Metadata, variable
 WHOLE = 1.0
 """Change by as much as the effect's own strength: a law that is not quite the catalogue's changes by less."""
 STRETCHES = 20
-"""Of the recordings, over which a deviation is estimated: of some ten seconds, longer than most residuals remember."""
+"""Number of stretches for estimating a deviation: each is longer than most residuals remember."""
 SURELY = float(stdtrit(STRETCHES - 1, 0.975))
 """Deviations from an estimate to the end of its 95 % interval,"""
 BEYOND_DOUBT = 7.0
@@ -38,7 +38,7 @@ lacks, a tenth of what the effect does, is magnified to the whole of it."""
 
 @dataclass(frozen=True, kw_only=True)
 class Constancy:
-    """How the strength of one effect would change from the beginning to the end of what a fit was made to.
+    """Change of the strength of one effect from the beginning to the end of the fitted data.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class Constancy:
 
     @property
     def holds(self) -> bool:
-        """Whether the effect may be what it is called: its strength does not surely change by more than itself.
+        """Return whether the effect may be what it is called: its strength does not surely change by more than itself.
 
         Nor, beyond all doubt, by anything where that would mend the explanation.
         """

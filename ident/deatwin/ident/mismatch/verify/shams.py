@@ -28,7 +28,7 @@ DISTINCT = 0.5
 AS_GOOD = 0.8
 """A sham that gains this share of what the named effect gains is as good as it."""
 NEARLY_LINEAR = 0.5
-"""Where first order shows less than this share of what the refit gained, changes of the readings do not add up."""
+"""Smallest share of the refit's gain that first order must show for changes of the readings to add up."""
 DRAWS = 19
 """Sets of random phases; the best of 19 is the upper 5 % of what phases alone can do."""
 RESOLVED = 1e-6
@@ -36,7 +36,7 @@ RESOLVED = 1e-6
 
 
 class ShamKind(Enum):
-    """How an effect is spoilt; the text says it."""
+    """Way in which a placebo effect differs from the effect; the text says it."""
 
     BACKWARDS = "backwards in time"
     OPPOSITE = "with the opposite sign"
@@ -45,7 +45,7 @@ class ShamKind(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Sham:
-    """What a spoilt effect gains beside the effect itself, on the held-out part.
+    """Gain of a placebo effect beside that of the effect, on the held-out data.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class Sham:
 
     @property
     def rejected(self) -> bool:
-        """Whether it explains less than the effect, as it should; also true if it was skipped."""
+        """Return whether it explains less than the effect, as it should; also true if it was skipped."""
         return self.share is None or self.share < AS_GOOD
 
 
@@ -96,7 +96,7 @@ class _Court:
     fitted: np.ndarray
 
     def left(self, change: np.ndarray) -> np.ndarray:
-        """What a refit on the fitted part leaves of a change, everywhere, to first order."""
+        """Return what a refit on the fitted part leaves of a change, everywhere, to first order."""
         solution = np.linalg.lstsq(self.jacobian[self.fitted], change[self.fitted], rcond=RESOLVED)[0]
         return change - self.jacobian @ solution
 
@@ -145,7 +145,7 @@ class _Case:
 
     @property
     def gain_beyond(self) -> float:
-        """What the refit with the effect gained beyond what the parameters alone would, to first order, SI."""
+        """Return what the refit with the effect gained beyond what the parameters alone would, to first order, SI."""
         return self.gain - (self.court.unseen_power(self.residual) - self.court.unseen_power(self.mismatch))
 
     def opposite(self) -> Sham:
@@ -301,7 +301,7 @@ def phase_randomised(signal: np.ndarray, rng: np.random.Generator) -> np.ndarray
 
 
 def _change(plant: Plant, effect: Effect, parts: Sequence[Part]) -> list[list[np.ndarray]] | None:
-    """What the effect does to the reading of each record of each part, SI, times the part's weight."""
+    """Return what the effect does to the reading of each record of each part, SI, times the part's weight."""
     changes, known = [], {}
     amended = plant.with_effects(effect)
     for part in parts:
@@ -329,7 +329,7 @@ def _counted(changes: Sequence[Sequence[np.ndarray]], parts: Sequence[Part]) -> 
 
 
 def _fitted(fitted: Sequence[Part], everything: Sequence[Part]) -> np.ndarray:
-    """Which of all samples that count were fitted."""
+    """Return which of all samples that count were fitted."""
     pairs = zip(fitted, everything, strict=True)
     return np.concatenate([f[m] for some, whole in pairs for f, m in zip(some.masks, whole.masks, strict=True)])
 

@@ -52,7 +52,7 @@ class Transfer:
 
     @property
     def worse(self) -> bool:
-        """Whether the error certainly grows here, by more than the plant's own error and to more than the floor."""
+        """Return whether the error certainly grows here, by more than the model error."""
         grows = self.after**2 - self.before**2
         return self.gain_high < 0.0 and self.after > self.floor and grows > self.model_error**2
 

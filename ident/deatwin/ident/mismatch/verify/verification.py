@@ -1,4 +1,4 @@
-"""What was found out of whether an explanation holds."""
+"""Result of the tests of an explanation on held-out data."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Verification(Described):
-    """An explanation on held-out data; SI.
+    """Results of the tests of an explanation on held-out data; SI.
 
     Parameters
     ----------
@@ -101,12 +101,12 @@ class Verification(Described):
 
     @property
     def holds(self) -> bool:
-        """Whether nothing speaks against the explanation; see `doubted` for when it is shown all the same."""
+        """Return whether nothing speaks against the explanation; see `doubted` for when it is shown all the same."""
         return not self.failures
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """What speaks against it, each in a clause."""
+        """Return what speaks against it, each in a clause."""
         falls = self.gain_low > 0.0 or self.counts  # as for `Ablation.returns`
         found = [] if falls else ["it is not certain that the error on held-out data falls"]
         found += [
@@ -114,10 +114,10 @@ class Verification(Described):
             for a in self.ablations
             if not a.returns
         ]
-        found += [f"{s.effect} {s.kind.value} does as well" for s in self.shams if not s.rejected]
+        found += [f"the placebo effect {s.effect} {s.kind.value} does as well" for s in self.shams if not s.rejected]
         found += [f"the error grows on held-out data: {t.part}" for t in self.transfers if t.worse]
         found += [
-            f"the strength of {c.effect} would change by {100 * c.change:.0f} % of itself over "
+            f"the strength of {c.effect}, if allowed to vary, changes by {100 * c.change:.0f} % over "
             + ("the recordings, which would explain most of the remaining error" if c.mends else "the fitted part")
             for c in self.constancies
             if c.change is not None and not c.holds
@@ -139,7 +139,7 @@ class Verification(Described):
 
     @property
     def summary(self) -> VerificationSummary:
-        """What a diagnosis says of it; amplitudes in the unit that is reported."""
+        """Return what a diagnosis says of it; amplitudes in the unit that is reported."""
         size = amplitude_unit(self.output_unit)[1]
         return VerificationSummary(
             holds=self.holds,

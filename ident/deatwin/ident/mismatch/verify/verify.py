@@ -37,7 +37,7 @@ def verify(
     bench: Bench | None = None,
     tried: Sequence[Candidate] = (),
 ) -> Verification:
-    """Compare a candidate with the base plant on the held-out part, in every way in which it could fail.
+    """Test a candidate on the held-out data by ablation, placebo effects, transfer and constancy.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def verify(
 
 
 def shares_explained(base: Candidate, amended: Candidate, tried: Sequence[Candidate], noise: float) -> dict[str, float]:
-    """What share of the mismatch's energy goes with each effect of a candidate.
+    """Return what share of the mismatch's energy goes with each effect of a candidate.
 
     An effect's share is what returns when it alone is taken out (the other effects refitted), relative to the
     base plant's energy above noise; for a single effect that is what the whole candidate explains.
@@ -136,7 +136,7 @@ def _ablation(name: str, base: Candidate, amended: Candidate, without: Candidate
 
 
 def _counts(without: Candidate, amended: Candidate, rng: np.random.Generator) -> bool:
-    """Whether the error is less for certain over both parts, and on the unseen one by more than the plant's own.
+    """Return whether the error is less for certain over both parts, and on the unseen one by more than the plant's own.
 
     The power of the held-out part may differ so much by chance: it is no certainty of that part.
     """
@@ -145,7 +145,7 @@ def _counts(without: Candidate, amended: Candidate, rng: np.random.Generator) ->
 
 
 def _takes_most_unseen(base: Candidate, amended: Candidate) -> bool:
-    """Whether most of what is more than noise on the held-out part is gone: chance does not take so much."""
+    """Return whether most of what is more than noise on the held-out part is gone: chance does not take so much."""
     return _gained_unseen(base, amended) > MOST * float(np.mean(base.unseen**2) - amended.noise**2)
 
 
