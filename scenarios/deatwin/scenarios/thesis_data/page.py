@@ -25,7 +25,7 @@ from deatwin.plant.recording import Recording
 from deatwin.scenarios.thesis_data.counterevidence import SideBands, SmallVoltages
 from deatwin.scenarios.thesis_data.study import Bench, Study
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import Hue, complete, key_of, panels_of, plain_numbers, titled
+from deatwin.studies.report.panels import Hue, panels_of, plain_numbers, titled
 from deatwin.studies.report.story import Measure
 from deatwin.studies.report.svg import draw
 from deatwin.studies.report.words import Span, Words
@@ -212,7 +212,6 @@ def _curve(bench: Bench) -> Drawing:
 
 
 def _recordings(benches: Sequence[Bench]) -> Drawing:
-    columns: dict[str, Array] = {}
     with draw((9.6, 7.0)) as figure:
         panels = panels_of(figure, 3, 2, "time (s)", DISPLACEMENT, sharex=True, sharey=True)
         for axes, bench in zip(panels.T.ravel(), benches, strict=True):
@@ -222,14 +221,12 @@ def _recordings(benches: Sequence[Bench]) -> Drawing:
             axes.plot(*envelope(record.timepts, y), color=Hue.MEASURED, linewidth=0.4, label="readings")
             axes.plot(timepts, mean, color=Hue.BEFORE, linewidth=1.8, label=f"moving mean, {WINDOW:.0f} s")
             titled(axes, bench.actuator.name)
-            columns |= {"time_s": timepts, f"{_key(bench)}_mean_mm": mean}
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
         stories = " ".join(f"{b.actuator.name}: {b.actuator.story}" for b in benches)
-        return WORDS.drawing(figure, "recordings", complete(columns), stories=stories)
+        return WORDS.drawing(figure, "recordings", stories=stories)
 
 
 def _drifts(benches: Sequence[Bench]) -> Drawing:
-    columns: dict[str, Array] = {}
     styles = (
         (f"readings, over {WINDOW:.0f} s", Hue.BEFORE, 1.0),
         (f"at the same input, over {WINDOW:.0f} s", Hue.AFTER, 2.0),
@@ -247,9 +244,8 @@ def _drifts(benches: Sequence[Bench]) -> Drawing:
             for mean, (label, colour, width) in zip(means, styles, strict=True):
                 axes.plot(timepts, mean, color=colour, linewidth=width, label=label)
             titled(axes, bench.actuator.name)
-            columns |= {"time_s": timepts, f"{_key(bench)}_um": means[0], f"{_key(bench)}_same_input_um": means[1]}
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
-        return WORDS.drawing(figure, "drifts", complete(columns))
+        return WORDS.drawing(figure, "drifts")
 
 
 def _ridge(bench: Bench) -> Drawing:
@@ -325,7 +321,3 @@ def _logarithmic(axes: Axes, x: str, y: str) -> None:
     plain_numbers(axes.xaxis, 1.0, 2.0, 5.0)
     plain_numbers(axes.yaxis, 1.0)
     axes.figure.legend(loc="outside upper left", ncols=3, markerscale=1)
-
-
-def _key(bench: Bench) -> str:
-    return key_of(bench.actuator.name)
