@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -16,6 +17,11 @@ class ReadOptions:
     dt: float | None = None
     resample: float | None = None
     allow_gaps: bool = False
+
+    @classmethod
+    def of(cls, asked: Mapping[str, Any]) -> ReadOptions:
+        """Take the options from arguments of a command, which may have others too."""
+        return cls(**{field.name: asked[field.name] for field in fields(cls) if field.name in asked})
 
     @property
     def given(self) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from deatwin.plant.files import read_commands, read_experiment
 from deatwin.plant.files.headers import split_unit
 from deatwin.plant.files.units import UNITS
 from deatwin.plant.files.usual import COLUMNS, usual_unit
+from deatwin.plant.readoptions import NO_OPTIONS, ReadOptions
 from deatwin.plant.recording import Experiment, Recording, label
 from deatwin.plant.rigs.base import Rig
 from deatwin.plant.rigs.rigfile import RigFile
@@ -30,49 +31,31 @@ class GivenPlant:
     source: str  # Rig file, ``model.json`` or ``module:function``
     model: CalibratedPlant  # The plant
     described: RigFile | None  # The rig file, whose command range is checked
-    input_column: str | None  # Columns asked for; by default those with the names of the plant's own signals
-    output_column: str | None
-    dt: float | None = None  # Sample time of files that hold no times, s
-    time_column: str | None = None  # Column of the times that was asked for
-    resample: float | None = None  # Sample time onto which recordings are brought, s
+    options: ReadOptions  # How recordings are read; their columns by default have the names of the plant's own signals
 
     @classmethod
-    def load(
-        cls,
-        source: str,
-        *,
-        input_column: str | None = None,
-        output_column: str | None = None,
-        dt: float | None = None,
-        time_column: str | None = None,
-        resample: float | None = None,
-    ) -> GivenPlant:
+    def load(cls, source: str, asked: ReadOptions = NO_OPTIONS) -> GivenPlant:
         """Load the plant."""
         described = read_described(source) if source.endswith(".toml") else None
         model = load_plant(described or source)
         rig = model.plant.rig
+        usual = ReadOptions(
+            input_column=_own_column(rig.input_name, rig.input_unit),
+            output_column=_own_column(rig.output_name, rig.output_unit),
+        )
         return cls(
             source=source,
             model=model,
             described=described if isinstance(described, RigFile) else None,
-            input_column=input_column or _own_column(rig.input_name, rig.input_unit),
-            output_column=output_column or _own_column(rig.output_name, rig.output_unit),
-            dt=dt,
-            time_column=time_column,
-            resample=resample,
+            options=usual | asked,
         )
 
-    def experiment(self, files: Iterable[str | Path], *, allow_gaps: bool = False) -> Experiment:
+    def experiment(self, files: Iterable[str | Path]) -> Experiment:
         """Read recordings of one experiment."""
         rig = self.model.plant.rig
         read = read_experiment(
             files,
-            input_column=self.input_column,
-            output_column=self.output_column,
-            time_column=self.time_column,
-            allow_gaps=allow_gaps,
-            dt=self.dt,
-            resample=self.resample,
+            **self.options.given,
             reading=rig.reading,
             input_unit=rig.input_unit,
             output_unit=rig.output_unit,
@@ -87,16 +70,8 @@ class GivenPlant:
     def commands(self, file: str | Path) -> Recording:
         """Read the commands of a file; readings in it are not looked at."""
         rig = self.model.plant.rig
-        return read_commands(
-            file,
-            input_column=self.input_column,
-            time_column=self.time_column,
-            dt=self.dt,
-            resample=self.resample,
-            reading=rig.reading,
-            input_unit=rig.input_unit,
-            rig=self.described,
-        )
+        options = self.options.without("output_column", "allow_gaps").given
+        return read_commands(file, **options, reading=rig.reading, input_unit=rig.input_unit, rig=self.described)
 
 
 def narx_model(file: str | Path) -> NarxModel:

@@ -19,11 +19,11 @@ def plan_into(
     from deatwin.app.given import GivenPlant
     from deatwin.app.plan_report import write_plan
     from deatwin.ident.mismatch import plan_experiment
+    from deatwin.plant.readoptions import ReadOptions
     from deatwin.studies.provenance import RunRecord, hashes
 
     rig, commands, seed, jobs = asked["rig"], asked["commands"], asked["seed"], asked["jobs"]
-    named = ("input_column", "time_column", "dt", "resample")
-    plant = GivenPlant.load(rig, **{name: asked[name] for name in named})
+    plant = GivenPlant.load(rig, ReadOptions.of(asked))
     record = None if commands is None else plant.commands(commands)
     files = [Path(name) for name in (rig, commands) if name is not None and Path(name).is_file()]
     run = RunRecord(command=command, inputs=hashes(files), seed=seed, jobs=jobs)

@@ -132,16 +132,8 @@ def loop_shaping_pid(
 
     Parameters
     ----------
-    linear : LinearModel
-        Model of the actuator as the controller sees it (`LinearModel.in_loop`).
-    command_limits : (float, float)
-        Least and largest command, in its unit.
-    crossover_Hz : float, optional
-        Frequency at which the loop gain is one, Hz; by default chosen within the bounds.
-    phase_margin_deg : float
-        Least phase margin, degrees.
-    max_sensitivity : float
-        Upper bound on the sensitivity |1/(1 + L)|.
+    linear, command_limits, crossover_Hz, phase_margin_deg, max_sensitivity
+        As in `loop_shaping`.
 
     Returns
     -------
@@ -150,11 +142,8 @@ def loop_shaping_pid(
 
     Raises
     ------
-    ModelError
-        If no controller can be designed on the model.
-    ControlError
-        If a bound makes no sense, or the bounds cannot be met at the crossover; the text gives the largest crossover at
-        which they can.
+    ModelError, ControlError
+        As for `loop_shaping`.
 
     References
     ----------

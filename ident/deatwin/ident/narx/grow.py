@@ -50,17 +50,8 @@ class Grow(CandidateSearch):
 
     Parameters
     ----------
-    output_lags, input_lags : int, sequence, or mapping of str to int or sequence of int
-        Lags in samples: a number n for 1..n, or a list of lags (an input lag may be 0). One value applies to every
-        channel; for each channel separately, give them in order, as ``[[1, 2], [4, 5]]``, or by name, as ``{"u": [1,
-        2], "w": [4, 5]}``.
-    degree : int
-        Largest degree of a candidate.
-    functions : sequence of str
-        Functions of lagged signals that join the lagged signals, as ``["|u(k-1)|", "sat(y(k-1),0.5)"]``; see
-        `register_function`. A candidate holds each of them once at most.
-    rule : callable, optional
-        Function of a `Term` that returns True if it is a candidate; see `deatwin.ident.narx.rules`.
+    output_lags, input_lags, degree, functions, rule
+        Candidate terms, as in `Frols`.
     max_terms : int
         Largest number of terms.
     held_out : float

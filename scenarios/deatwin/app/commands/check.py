@@ -135,14 +135,13 @@ def check(
     from deatwin.app.check_report.gains import written_gains
     from deatwin.app.checking import CheckTask, load_rivals, rival_files
     from deatwin.app.given import GivenPlant, clock_notes, narx_model
+    from deatwin.plant.readoptions import ReadOptions
 
     voice = Voice(as_json=as_json, quiet=quiet)
     narx = narx_model(model).deterministic
-    given = GivenPlant.load(
-        plant, input_column=input_column, output_column=output_column, time_column=time_column, dt=dt, resample=resample
-    )
+    given = GivenPlant.load(plant, ReadOptions.of(context.params))
     rivals = rival_files(plant, diagnosis, rival or [])
-    record = None if recording is None else _longest(given, recording, allow_gaps)
+    record = None if recording is None else _longest(given, recording)
     for note in clock_notes([] if record is None else [record]):
         voice.say(note)
     task = CheckTask(
@@ -168,6 +167,6 @@ def check(
     voice.result(json.loads((folder.path / "check.json").read_text(encoding="utf-8")))
 
 
-def _longest(given: GivenPlant, file: Path, allow_gaps: bool) -> Recording:
+def _longest(given: GivenPlant, file: Path) -> Recording:
     """The recording of a file; of one that is split at its gaps the longest piece."""
-    return max(given.experiment([file], allow_gaps=allow_gaps).recordings, key=lambda piece: piece.n_samples)
+    return max(given.experiment([file]).recordings, key=lambda piece: piece.n_samples)

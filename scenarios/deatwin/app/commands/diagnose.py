@@ -62,13 +62,12 @@ def diagnose(
     if not groups:
         raise typer.BadParameter("give at least one recording", param_hint="REC.csv")
     from deatwin.app.given import GivenPlant, absent_readings, clock_notes, direction_notes
+    from deatwin.plant.readoptions import ReadOptions
     from deatwin.studies.diagnosing import DiagnosisTask
 
     voice = Voice(as_json=as_json, quiet=quiet)
-    plant = GivenPlant.load(
-        rig, input_column=input_column, output_column=output_column, time_column=time_column, dt=dt, resample=resample
-    )
-    experiments = [plant.experiment(files, allow_gaps=allow_gaps) for files in groups]
+    plant = GivenPlant.load(rig, ReadOptions.of(context.params))
+    experiments = [plant.experiment(files) for files in groups]
     records = [record for experiment in experiments for record in experiment.recordings]
     for note in (*clock_notes(records), *direction_notes(plant, records), *absent_readings(plant, records)):
         voice.say(note)

@@ -92,14 +92,7 @@ def look(
         )
     voice = Voice(as_json=as_json, quiet=quiet)
     record = RunRecord(command=context.obj or [], inputs=hashes(files), seed=0, jobs=1)
-    asked = ReadOptions(
-        input_column=input_column,
-        output_column=output_column,
-        time_column=time_column,
-        allow_gaps=allow_gaps,
-        dt=dt,
-        resample=resample,
-    )
+    asked = ReadOptions.of(context.params)
     with nullcontext() if out is None else ResultFolder(out) as folder:
         seen = [_seen(path, asked, voice) for path in files]
         following = next_step(seen, None if place is None else str(place))

@@ -63,11 +63,13 @@ def simulate(
     from deatwin.app.given import GivenPlant, clock_notes, column_of, reading_column
     from deatwin.plant.files import write_csv
     from deatwin.plant.files.assemble import on_one_clock
+    from deatwin.plant.readoptions import ReadOptions
     from deatwin.studies.folder import require_place
 
     voice = Voice(as_json=as_json, quiet=quiet)
     require_place(out, [rig, commands, *(history or [])])
-    given = GivenPlant.load(rig, input_column=input_column, time_column=time_column, dt=dt, resample=resample)
+    asked = ReadOptions(input_column=input_column, time_column=time_column, dt=dt, resample=resample)
+    given = GivenPlant.load(rig, asked)
     model = _with_effects(given.model, effect or [])
     wanted, *earlier = on_one_clock([given.commands(path) for path in (commands, *(history or []))])
     experiment = _experiment(wanted, earlier, history or [])

@@ -29,16 +29,16 @@ def main(arguments: Sequence[str]) -> int:
 
 def _diagnose(arguments: Sequence[str]) -> None:
     from deatwin.app.given import GivenPlant
+    from deatwin.plant.readoptions import ReadOptions
     from deatwin.studies.diagnosing import DiagnosisTask
     from deatwin.studies.folder import ResultFolder
 
     asked = _parse(arguments)
     files = [str(path) for path in asked["recordings"]]
-    named = ("input_column", "output_column", "time_column", "dt", "resample")
-    plant = GivenPlant.load(asked["rig"], **{name: asked[name] for name in named})
+    plant = GivenPlant.load(asked["rig"], ReadOptions.of(asked))
     task = DiagnosisTask(
         plant=plant.model.plant,
-        experiments=[plant.experiment(files, allow_gaps=asked["allow_gaps"])],
+        experiments=[plant.experiment(files)],
         files=[asked["rig"], *files],
         command=["deatwin", *arguments],
         jobs=asked["jobs"],

@@ -15,7 +15,6 @@ from deatwin.studies.rates import Rate
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import Hue, titled
 from deatwin.studies.report.svg import draw, standalone
-from deatwin.studies.report.tables import csv_text
 from deatwin.studies.report.words import Words
 
 if TYPE_CHECKING:
@@ -33,14 +32,14 @@ ANSWERS: dict[str, tuple[Callable[[Case], bool], str, str]] = {
 }
 
 
-Cells = list[tuple[object, ...]]
 SIZE = (10.4, 8.6)
 
 
 def drawings(study: Opened) -> list[Drawing]:
     """Draw the figures of the page."""
     with draw(SIZE) as figure:
-        whole = WORDS.drawing(figure, "summary", _whole(figure, study))
+        _whole(figure, study)
+        whole = WORDS.drawing(figure, "summary")
     return [whole, _mechanisms(study)]
 
 
@@ -51,11 +50,13 @@ def summary(study: Opened) -> str:
         return standalone(figure)
 
 
-def _whole(figure: Figure, study: Opened) -> str:
-    """Draw confusion of families, power, reliability, and errors on held-out data; return the last three as CSV."""
+def _whole(figure: Figure, study: Opened) -> None:
+    """Draw confusion of families, power, reliability, and errors on held-out data."""
     (first, second), (third, fourth) = figure.subplots(2, 2)
     _draw_confusion(first, by_family(study), "small")
-    rows = [*_draw_power(second, study), *_draw_reliability(third, study), *_draw_errors(fourth, study)]
+    _draw_power(second, study)
+    _draw_reliability(third, study)
+    _draw_errors(fourth, study)
     titles = {
         first: "concealed (rows), found (columns)",
         second: "one effect, by its strength",
@@ -64,7 +65,6 @@ def _whole(figure: Figure, study: Opened) -> str:
     }
     for axes, title in titles.items():
         titled(axes, title)
-    return csv_text(("panel", "what", "place", "cases", "value", "low", "high"), rows)
 
 
 # --- confusion ------------------------------------------------------------------------------------------------------
@@ -103,8 +103,7 @@ def _draw_confusion(axes: Axes, table: Confusion, size: str) -> None:
 # --- power ----------------------------------------------------------------------------------------------------------
 
 
-def _draw_power(axes: Axes, study: Opened) -> Cells:
-    rows: Cells = []
+def _draw_power(axes: Axes, study: Opened) -> None:
     for place, (words, (flag, colour, marker)) in enumerate(ANSWERS.items()):
         points = _classes(study.of("effect"), flag)
         shares = np.array([100 * r.share for _, r in points])
@@ -120,10 +119,8 @@ def _draw_power(axes: Axes, study: Opened) -> Cells:
             capsize=2,
             elinewidth=0.8,
         )
-        rows += [("power", words, f"{x:.3g}", *_cells(r)) for x, r in points]
     axes.set(xscale="log", xlabel="structural residual over noise", ylabel="cases (%)", ylim=(-4, 104))
     _plain_ratios(axes)
-    return rows
 
 
 def _classes(cases: Sequence[Case], flag: Callable[[Case], bool]) -> list[tuple[float, Rate]]:
@@ -137,10 +134,6 @@ def _classes(cases: Sequence[Case], flag: Callable[[Case], bool]) -> list[tuple[
     return made
 
 
-def _cells(rate: Rate) -> tuple[object, ...]:
-    return (rate.count, *(f"{100 * share:.1f}" for share in (rate.share, *rate.interval)))
-
-
 def _plain_ratios(axes: Axes) -> None:
     """Label the ratios, and put the legend below."""
     ticks = [t for t in (0.03, 0.1, 0.3, 0.5, 1, 2, 5) if axes.get_xlim()[0] <= t <= axes.get_xlim()[1]]
@@ -152,7 +145,7 @@ def _plain_ratios(axes: Axes) -> None:
 # --- reliability ----------------------------------------------------------------------------------------------------
 
 
-def _draw_reliability(axes: Axes, study: Opened) -> Cells:
+def _draw_reliability(axes: Axes, study: Opened) -> None:
     stated = [pair for case in study.cases for pair in case.stated]
     bins = reliability(stated)
     axes.plot([0, 100], [0, 100], ":", color=Hue.INK, linewidth=0.9)
@@ -167,15 +160,13 @@ def _draw_reliability(axes: Axes, study: Opened) -> Cells:
         error, brier = expected_calibration_error(bins), brier_score(stated)
         label += f"\ncalibration error {error:.3f}, Brier score {brier:.3f}"
     axes.set(xlabel=label, ylabel="right (%)", xlim=(-3, 103), ylim=(-3, 103))
-    return [("reliability", "right", f"{b.stated:.3f}", *_cells(b.came_true)) for b in bins]
 
 
 # --- errors on held-out data ------------------------------------------------------------------------------------------
 
 
-def _draw_errors(axes: Axes, study: Opened) -> Cells:
+def _draw_errors(axes: Axes, study: Opened) -> None:
     cases = [c for c in study.of("effect", ratio=1.0) if "oracle" in c.errors]
-    rows: Cells = []
     bottom, top = 1.0, 2.0
     shown = [name for name in MADE_BY if name != "oracle"]
     for place, name in enumerate(shown):
@@ -184,7 +175,6 @@ def _draw_errors(axes: Axes, study: Opened) -> Cells:
             continue
         ratios = np.array(found)
         low, middle, high = np.quantile(ratios, (0.05, 0.5, 0.95))
-        rows.append(("error over the oracle's", name, "", ratios.size, *(f"{r:.4g}" for r in (middle, low, high))))
         bottom, top = min(bottom, float(ratios.min())), max(top, float(ratios.max()))
         colour = Hue.AFTER if name == "diagnosis" else Hue.BEFORE if name == "base" else Hue.MEASURED
         axes.plot([low, high], [place, place], color=colour, linewidth=5, alpha=0.3, solid_capstyle="butt")
@@ -200,4 +190,3 @@ def _draw_errors(axes: Axes, study: Opened) -> Cells:
     axes.set_yticks(range(len(shown)), [MADE_BY[name].replace(" (", "\n(") for name in shown])
     axes.set(xlabel="error over the oracle's", ylim=(len(shown) - 0.4, -0.6))
     axes.grid(axis="y", visible=False)
-    return rows

@@ -19,7 +19,7 @@ from deatwin.scenarios.fleet_models import WORDS
 from deatwin.scenarios.fleet_models.study import SEMP, SHOWN, SVB, THRESHOLDS, Bench, Study
 from deatwin.scenarios.fleet_models.tables import TESTS
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import Hue, filled, key_of, panels_of, plain_numbers, titled
+from deatwin.studies.report.panels import Hue, panels_of, plain_numbers, titled
 from deatwin.studies.report.svg import draw, legend_above
 from deatwin.studies.report.words import Each
 
@@ -39,13 +39,6 @@ def _orders(plan: Plan) -> Drawing:
     errors, chosen = 100 * plan.orders[plan.chosen].means, plan.orders[plan.chosen].best
     own, of_input = {1: "y(k−1)", 2: "y(k−1), y(k−2)"}, ("u(k)", "u(k), u(k−1)", "u(k) to u(k−2)")
     names = [f"{own[output]}, {of_input[largest]}" for output, largest in LAGS]
-    lags = np.repeat(np.array(LAGS, dtype=np.float64), len(DEGREES), axis=0)
-    columns = {
-        "output_lags": lags[:, 0],
-        "largest_input_lag": lags[:, 1],
-        "degree": np.tile(np.array(DEGREES, dtype=np.float64), len(LAGS)),
-        "error_percent": errors.ravel(),
-    }
     with draw((9.6, 4.2)) as figure:
         left, right = figure.subplots(1, 2, width_ratios=(2, 3))
         places = np.arange(len(LAGS))
@@ -63,16 +56,15 @@ def _orders(plan: Plan) -> Drawing:
         titled(right, "nonlinear")
         plain_numbers(right.yaxis, 1.0, 2.0, 5.0)
         figure.legend(loc="outside upper left", ncols=4, fontsize="small", markerscale=1)
-        return WORDS.drawing(figure, "orders", columns, factor=plan.factor)
+        return WORDS.drawing(figure, "orders", factor=plan.factor)
 
 
 def _semp(benches: Iterable[Bench]) -> Drawing:
     """The path of each search: what every addition brought, and the free-run error after it."""
-    columns: dict[str, Array] = {}
     with draw((9.6, 7.0)) as figure:
         panels = panels_of(figure, 3, 2, "step", "share of mean y²", sharex=True, sharey=True)
         for axes, bench in zip(panels.T.ravel(), benches, strict=True):
-            search, key, found = bench.models[SEMP].search, key_of(bench.name), bench.models[SEMP].model
+            search, found = bench.models[SEMP].search, bench.models[SEMP].model
             number, left = np.arange(1.0, search.srr_.size + 1), search.msse_ / np.mean(bench.sections[0].outputs ** 2)
             axes.plot(number, left, color=Hue.MEASURED, linewidth=1.2, label="free-run error after it, over mean y²")
             gains = np.where(search.srr_ > 0, search.srr_, np.nan)
@@ -84,15 +76,9 @@ def _semp(benches: Iterable[Bench]) -> Drawing:
             for threshold in THRESHOLDS[1:]:
                 axes.axhline(threshold, color=Hue.INK, linewidth=0.7, linestyle=":")
             titled(axes, f"{bench.name}: {len(found.terms)} terms")
-            columns |= {
-                f"{key}_step": number,
-                f"{key}_reduction": search.srr_,
-                f"{key}_error": left,
-                f"{key}_terms": np.array([len(step.terms) for step in search.path_], dtype=np.float64),
-            }
         panels[0, 0].set(yscale="log", ylim=(3e-6, 2.0))
         legend_above(figure, panels[0, 0], 4)
-        return WORDS.drawing(figure, "semp", filled(columns), thresholds=Each(THRESHOLDS[1:]))
+        return WORDS.drawing(figure, "semp", thresholds=Each(THRESHOLDS[1:]))
 
 
 def correlation_tests(study: Study, counterpart: str) -> list[Drawing]:
@@ -102,7 +88,6 @@ def correlation_tests(study: Study, counterpart: str) -> list[Drawing]:
 
 def _tests(study: Study, number: int, counterpart: str) -> Drawing:
     bench, steady = study.recorded[number - 1], study.benches[STEADY][number - 1]
-    columns: dict[str, Array] = {}
     with draw((9.6, 8.4)) as figure:
         panels = panels_of(figure, len(TESTS), len(study.methods), "lag (samples)", sharey="row")
         for axes, text in zip(panels[:, 0], TESTS.values(), strict=True):
@@ -115,15 +100,9 @@ def _tests(study: Study, number: int, counterpart: str) -> Drawing:
                 axes.vlines(test.lags, 0, test.values, color=OF_METHOD[method], linewidth=1.6, label=RECORDED)
                 axes.plot(without.lags, without.values, ".", color=Hue.INK, markersize=3, label=STEADY)
                 titled(axes, f"{method}: {'fails' if test in found.failed else 'passes'}", "small")
-                key = f"{method}_{name}".translate(str.maketrans("", "", "()'"))
-                columns |= {
-                    f"{key}_lag": test.lags.astype(np.float64),
-                    key: test.values,
-                    f"{key}_without_history": without.values,
-                }
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=2, markerscale=3)
         words = {"name": bench.name, "methods": " beside ".join(study.methods), "counterpart": counterpart}
-        return WORDS.drawing(figure, "tests", filled(columns), f"tests_dea{number}", **words)
+        return WORDS.drawing(figure, "tests", f"tests_dea{number}", **words)
 
 
 def svb_drawings(study: Study, choice: Choice) -> list[Drawing]:
@@ -138,20 +117,18 @@ def svb_drawings(study: Study, choice: Choice) -> list[Drawing]:
 
 def _pruning(benches: Iterable[Bench]) -> Drawing:
     """The lower bound of every step down to one term."""
-    columns: dict[str, Array] = {}
     with draw((9.6, 6.4)) as figure:
         panels = panels_of(figure, 3, 2, "terms", "lower bound less the largest (nats)", sharex=True, sharey=True)
         for axes, bench in zip(panels.T.ravel(), benches, strict=True):
-            path, key = bench.models[SVB].search.path_, key_of(bench.name)
+            path = bench.models[SVB].search.path_
             terms = np.array([len(step.terms) for step in path], dtype=np.float64)
             bounds = np.array([step.lower_bound for step in path])
             best = int(np.argmax(bounds))
             axes.plot(terms, bounds - bounds[best], "o-", color=Hue.AFTER, markersize=3)
             axes.plot(terms[best], 0.0, "o", markersize=11, fillstyle="none", color=Hue.INK)
             titled(axes, f"{bench.name}: {terms[best]:.0f} of {terms[0]:.0f} terms")
-            columns |= {f"{key}_terms": terms, f"{key}_bound_nats": bounds}
         panels[0, 0].set(xscale="log", yscale="symlog", ylim=(None, 1.0))
-        return WORDS.drawing(figure, "pruning", filled(columns))
+        return WORDS.drawing(figure, "pruning")
 
 
 def _posterior(bench: Bench) -> Drawing:
@@ -159,7 +136,6 @@ def _posterior(bench: Bench) -> Drawing:
     models = {method: bench.models[method].model for method in (SVB, SEMP)}
     terms = sorted({t for model in models.values() for t in model.terms}, key=lambda term: (term.degree, term.factors))
     kinds = {SVB: (Hue.AFTER, -0.15, "the posterior"), SEMP: (Hue.BEFORE, 0.15, "least squares")}
-    columns: dict[str, Array] = {}
     with draw((9.6, 1.4 + 0.24 * len(terms))) as figure:
         axes = figure.add_subplot()
         for method, model in models.items():
@@ -171,18 +147,12 @@ def _posterior(bench: Bench) -> Drawing:
             axes.errorbar(
                 middle, rows + shift, xerr=ends, fmt="o", color=colour, markersize=4, elinewidth=2.0, label=label
             )
-            columns |= {
-                f"{method}_row": rows,
-                f"{method}_um": middle,
-                f"{method}_low_um": low,
-                f"{method}_high_um": high,
-            }
         axes.axvline(0.0, color=Hue.INK, linewidth=0.8)
         axes.set_yticks(range(len(terms)), [str(term) for term in terms], fontsize="small")
         axes.set(xlabel="share in the next reading (µm rms, sign of the parameter)", ylim=(len(terms) - 0.5, -0.5))
         axes.set_xscale("symlog", linthresh=10.0)
         legend_above(figure, axes, 2)
-        return WORDS.drawing(figure, "posterior", filled(columns), name=bench.name)
+        return WORDS.drawing(figure, "posterior", name=bench.name)
 
 
 def shares(model: NarxModel, bench: Bench) -> Array:
@@ -199,14 +169,6 @@ def _choice(choice: Choice, name: str) -> Drawing:
     terms, bounds, bound_errors = choice.terms[order], choice.bounds[order], 1e6 * choice.bound_errors[order]
     number, err_errors = np.arange(1, choice.err.size + 1), 1e6 * choice.err_errors
     counts = Each(choice.by_threshold(threshold) for threshold in THRESHOLDS)
-    columns = {
-        "svb_terms": terms,
-        "svb_bound_nats": bounds,
-        "svb_free_run_um": bound_errors,
-        "fro_terms": number.astype(np.float64),
-        "fro_err": choice.err,
-        "fro_free_run_um": err_errors,
-    }
     with draw((9.6, 5.4)) as figure:
         (left, right), below = figure.subplots(2, 2, sharex="col")
         left.plot(terms, bounds - bounds.max(), "o-", color=Hue.AFTER, markersize=3)
@@ -225,7 +187,7 @@ def _choice(choice: Choice, name: str) -> Drawing:
             axes.set(xlabel="terms", yscale="log", ylim=(0.8 * finite.min(), 1.2 * np.quantile(finite, 0.9)))
             plain_numbers(axes.yaxis, 1.0, 2.0, 5.0)
         below[0].set_ylabel("free-run error, held out (µm)")
-        return WORDS.drawing(figure, "choice", filled(columns), name=name, counts=counts, thresholds=Each(THRESHOLDS))
+        return WORDS.drawing(figure, "choice", name=name, counts=counts, thresholds=Each(THRESHOLDS))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

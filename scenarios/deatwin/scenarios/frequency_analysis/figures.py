@@ -62,20 +62,17 @@ def map_of(axes: Axes, axis: Array, decibels: Array, levels: Array) -> object:
 
 
 def _ranges(found: Mapping[ClosedForm, OrderRanges]) -> Drawing:
-    columns: dict[str, Array] = {}
     with draw((9.6, 4.6)) as figure:
         panels = panels_of(figure, 1, len(found), "frequency (Hz)", sharey=True)[0]
         for axes, (system, one) in zip(panels, found.items(), strict=True):
-            f, simulated, key = one.frequency_Hz, np.abs(one.simulated), system.name
+            f, simulated = one.frequency_Hz, np.abs(one.simulated)
             size = simulated.max()
-            columns |= {"frequency_Hz": f, f"{key}_simulated": simulated}
             for n, (order, bands, colour) in enumerate(zip(one.orders, one.bands_Hz, OF_ORDER, strict=True), start=1):
                 height = size * 2e-11 * 3.0 ** (len(one.orders) - n)
                 low, high = bands.T
                 axes.hlines(np.full(low.size, height), low - 1e-3, high + 1e-3, color=colour, linewidth=4)
                 gain = np.where(order.gain > SMALLEST * size, order.gain, np.nan)
                 axes.plot(f, gain, "o", color=colour, markersize=3, label=f"order {n}, bar: its range")
-                columns[f"{key}_Y{n}"] = order.gain
             there, hollow = simulated > SMALLEST * size, {"fillstyle": "none", "markersize": 6, "markeredgewidth": 0.6}
             axes.plot(f[there], simulated[there], "s", color=Hue.INK, label="simulated", **hollow)
             axes.set(yscale="log", ylim=(5e-12 * size, 4 * size))
@@ -83,7 +80,7 @@ def _ranges(found: Mapping[ClosedForm, OrderRanges]) -> Drawing:
         panels[0].set_ylabel("Fourier coefficient of the output")
         legend_above(figure, panels[0], 4)
         low, high = next(iter(found.values())).signal.band_Hz
-        return WORDS.drawing(figure, "ranges", columns, low=low, high=high)
+        return WORDS.drawing(figure, "ranges", low=low, high=high)
 
 
 def _gfrfs() -> Drawing:
@@ -115,29 +112,21 @@ def _gfrfs() -> Drawing:
 
 
 def _known_nofrfs(found: Mapping[ClosedForm, Evaluated]) -> Drawing:
-    columns: dict[str, Array] = {}
     with draw((9.6, 5.4)) as figure:
         rows = panels_of(figure, len(found), 3, "frequency (Hz)", sharex=True)
         for row, (system, one) in zip(rows, found.items(), strict=True):
             for place, axes in enumerate(row):
                 n, direct, fitted = place + 1, one.direct[place], one.fitted.orders[place]
-                key = f"{system.name}_G{n}"
-                columns |= {
-                    f"{key}_frequency_Hz": direct.frequency_Hz,
-                    f"{key}_direct": direct.gain,
-                    f"{key}_least_squares": fitted.gain,
-                }
                 axes.plot(direct.frequency_Hz, direct.gain, color=OF_ORDER[place], label="from the model")
                 axes.plot(fitted.frequency_Hz, fitted.gain, ".", color=Hue.INK, markersize=2.5, label="least squares")
                 axes.axvline(n * SIGNAL_BAND[1], color=Hue.MEASURED, linestyle=":", label="end of its range")
                 titled(axes, f"{system.name}: |G{SUBSCRIPTS[n]}|")
                 axes.set_ylim(*((0, None) if direct.gain.any() else (-0.05, 1.0)))
         legend_above(figure, rows[0, 0], 3)
-        return WORDS.drawing(figure, "benchmark_nofrfs", filled(columns))
+        return WORDS.drawing(figure, "benchmark_nofrfs")
 
 
 def _identified(one: Identified) -> Drawing:
-    columns: dict[str, Array] = {"frequency_Hz": one.orders[0].frequency_Hz}
     with draw((9.6, 5.0)) as figure:
         panels, errors = panels_of(figure, 2, 3, "frequency (Hz)", sharex="col")
         for place, (axes, relative) in enumerate(zip(panels, errors, strict=True)):
@@ -151,12 +140,11 @@ def _identified(one: Identified) -> Drawing:
             axes.plot(f, true, color=Hue.INK, linewidth=0.9, label="true")
             titled(axes, f"|Y{SUBSCRIPTS[n]}|")
             axes.set_ylim(0, None)
-            columns |= {f"Y{n}": found.gain, f"Y{n}_low": band.low, f"Y{n}_high": band.high, f"Y{n}_true": truth.gain}
         panels[0].set_ylabel("Fourier coefficient")
         errors[0].set_ylabel("band less truth (% of largest)")
         legend_above(figure, panels[0], 2)
         coverage = Each(100 * one.coverage)
-        return WORDS.drawing(figure, "identified", columns, recordings=one.recordings, coverage=coverage)
+        return WORDS.drawing(figure, "identified", recordings=one.recordings, coverage=coverage)
 
 
 MICRO = 1e6
@@ -201,27 +189,19 @@ def _removal(one: Analysed) -> Drawing:
         far.plot(timepts, shown["not_expanded"], color=Hue.BEFORE, label="only a constant left out")
         far.set_xlabel("time (s)")
         legend_above(figure, far, 4)
-        columns = {"time_s": timepts, **{f"{name}_mm": values for name, values in shown.items()}}
         although = "" if Term(()) in removal.model.terms else WORDS.text("figure.removal.although")
-        return WORDS.drawing(figure, "removal", columns, name=one.name, although=although)
+        return WORDS.drawing(figure, "removal", name=one.name, although=although)
 
 
 def _first(each: Sequence[Analysed]) -> Drawing:
-    columns: dict[str, Array] = {"frequency_Hz": FREQUENCIES}
     with draw((9.6, 4.2)) as figure:
         gain, phase = figure.subplots(1, 2)
         for one, (colour, line) in zip(each, STYLES, strict=False):
-            response, band, key = one.first, one.first.band(), key_of(one.name)
+            response, band = one.first, one.first.band()
             middle, low, high = (MICRO * values for values in (response.gain, band.low, band.high))
-            draw_between(gain, FREQUENCIES, low, high, colour, alpha=0.15)
+            draw_between(gain, FREQUENCIES, low, high, colour, f"_{one.name}", alpha=0.15)
             gain.plot(FREQUENCIES, middle, color=colour, linestyle=line, label=one.name)
-            phase.plot(FREQUENCIES, response.phase_deg, color=colour, linestyle=line)
-            columns |= {
-                f"{key}_um_per_V": middle,
-                f"{key}_low": low,
-                f"{key}_high": high,
-                f"{key}_phase_deg": response.phase_deg,
-            }
+            phase.plot(FREQUENCIES, response.phase_deg, color=colour, linestyle=line, label=one.name)
         for axes in (gain, phase):
             axes.axvspan(BAND[1], FREQUENCIES[-1], color=Hue.MEASURED, alpha=0.12, linewidth=0)
             axes.set(xscale="log", xlabel="frequency (Hz)", xlim=(FREQUENCIES[0], FREQUENCIES[-1]))
@@ -229,7 +209,7 @@ def _first(each: Sequence[Analysed]) -> Drawing:
         gain.set(ylabel="|H₁| (µm/V)", ylim=(0, None))
         phase.set_ylabel("phase (°)")
         legend_above(figure, gain, 6)
-        return WORDS.drawing(figure, "gfrf1", columns, OPERATING_INPUT=OPERATING_INPUT)
+        return WORDS.drawing(figure, "gfrf1", OPERATING_INPUT=OPERATING_INPUT)
 
 
 def _second(each: Sequence[Analysed]) -> Drawing:
@@ -257,7 +237,6 @@ def _test_signal(found: Actuators) -> Drawing:
     n = side.random.size
     timepts = np.asarray((np.arange(n) - n // 2) * signal.sample_time, dtype=np.float64)
     equal = np.roll(signal.values, n // 2)
-    columns: dict[str, Array] = {"time_s": timepts, "random_V": side.random, "designed_V": equal}
     with draw((9.6, 6.2)) as figure:
         (left, *above), below = figure.subplots(2, 3)
         left.plot(timepts, side.random, color=Hue.AFTER, label="random record")
@@ -268,24 +247,23 @@ def _test_signal(found: Actuators) -> Drawing:
             for key, (spectra, colour, marker) in inputs.items():
                 u = spectra[order - 1]
                 inside = u.frequency_Hz <= order * BAND[1] + 1e-9
-                axes.plot(u.frequency_Hz[inside], np.abs(u.values[inside]), color=colour, marker=marker, markersize=3)
-                columns |= {f"line{order}_Hz": u.frequency_Hz, f"{key}_U{order}": np.abs(u.values)}
+                shown = np.abs(u.values[inside])
+                axes.plot(u.frequency_Hz[inside], shown, color=colour, marker=marker, markersize=3, label=key)
             unit = "V" + ("", "", "²", "³")[order]
             axes.set(yscale="log", xlabel="frequency (Hz)", ylabel=f"|U{SUBSCRIPTS[order]}| ({unit})")
         outputs = {"random": (side.by_random, Hue.AFTER, 4), "designed": (side.designed, Hue.INK, 0)}
         for axes, order in zip(below[1:], (2, 3), strict=True):
             for key, (fit, colour, size) in outputs.items():
                 g = fit.orders[order - 1]
-                axes.plot(g.frequency_Hz, MICRO * g.gain, color=colour, marker=".", markersize=size, linewidth=0.9)
-                columns |= {f"{key}_G{order}_Hz": g.frequency_Hz, f"{key}_G{order}": MICRO * g.gain}
+                how = {"marker": ".", "markersize": size, "linewidth": 0.9, "label": key}
+                axes.plot(g.frequency_Hz, MICRO * g.gain, color=colour, **how)
             axes.set(yscale="log", xlabel="frequency (Hz)", xlim=(-0.1, order * BAND[1] + 0.1))
             axes.set_ylabel(f"|G{SUBSCRIPTS[order]}| ({UNITS[order - 1]})")
         legend_above(figure, left, 2)
-        return WORDS.drawing(figure, "test_signal", filled(columns), name=found.shown.name)
+        return WORDS.drawing(figure, "test_signal", name=found.shown.name)
 
 
 def _nofrfs(found: Actuators) -> Drawing:
-    columns: dict[str, Array] = {}
     with draw((9.6, 3.8)) as figure:
         panels = panels_of(figure, 1, ORDERS, "frequency (Hz)")[0]
         for place, axes in enumerate(panels):
@@ -293,23 +271,17 @@ def _nofrfs(found: Actuators) -> Drawing:
             for one, (colour, line) in zip(found.each, STYLES, strict=False):
                 fitted, direct = one.nofrfs.fitted.orders[place], one.nofrfs.direct[place]
                 axes.plot(fitted.frequency_Hz, MICRO * fitted.gain, color=colour, linestyle=line, label=one.name)
-                axes.plot(direct.frequency_Hz, MICRO * direct.gain, ".", color=colour, markersize=2)
-                key = f"{key_of(one.name)}_G{n}"
-                columns |= {
-                    f"G{n}_Hz": fitted.frequency_Hz,
-                    f"{key}_least_squares": MICRO * fitted.gain,
-                    f"{key}_direct": MICRO * direct.gain,
-                }
+                label = f"_{one.name}, from the model"
+                axes.plot(direct.frequency_Hz, MICRO * direct.gain, ".", color=colour, markersize=2, label=label)
             axes.set(ylabel=f"|G{SUBSCRIPTS[n]}| ({UNITS[place]})", ylim=(0, None))
         legend_above(figure, panels[0], 6)
         numbers = {"OPERATING_INPUT": OPERATING_INPUT, "highest": BAND[1], "amplitude": found.signal.amplitude}
-        return WORDS.drawing(figure, "nofrfs", filled(columns), **numbers)
+        return WORDS.drawing(figure, "nofrfs", **numbers)
 
 
 def _sampled(found: Actuators) -> Drawing:
     """Orders of the output with propagated bands, and those of drawn parameters."""
     one = found.sampled
-    columns: dict[str, Array] = {"frequency_Hz": one.orders[0].frequency_Hz}
     with draw((9.6, 3.6)) as figure:
         panels = panels_of(figure, 1, len(one.orders), "frequency (Hz)")[0]
         for place, axes in enumerate(panels):
@@ -323,17 +295,10 @@ def _sampled(found: Actuators) -> Drawing:
             draw_between(axes, f, low[there], high[there], Hue.AFTER, "95 % band, propagated", alpha=0.35)
             axes.plot(f, gain[there], color=Hue.AFTER, label="posterior mean")
             axes.plot(f, drawn_low[there], ":", color=Hue.INK, label="95 % of the draws")
-            axes.plot(f, drawn_high[there], ":", color=Hue.INK)
+            axes.plot(f, drawn_high[there], ":", color=Hue.INK, label="_95 % of the draws")
             titled(axes, f"|Y{SUBSCRIPTS[n]}|")
             axes.set_ylim(0, None)
-            columns |= {
-                f"Y{n}_um": gain,
-                f"Y{n}_low": low,
-                f"Y{n}_high": high,
-                f"Y{n}_drawn_low": drawn_low,
-                f"Y{n}_drawn_high": drawn_high,
-            }
         panels[0].set_ylabel("Fourier coefficient (µm)")
         legend_above(figure, panels[0], 3)
         counts = {"terms": len(one.model.terms), "draws": len(one.draws)}
-        return WORDS.drawing(figure, "sampled", columns, name=found.shown.name, **counts)
+        return WORDS.drawing(figure, "sampled", name=found.shown.name, **counts)

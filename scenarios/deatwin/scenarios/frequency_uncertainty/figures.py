@@ -14,7 +14,7 @@ from deatwin.scenarios.frequency_uncertainty.fleet import Consistency
 from deatwin.scenarios.frequency_uncertainty.known import BILINEAR, LINEAR, NOTCH, Known
 from deatwin.scenarios.frequency_uncertainty.measures import column_of
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import SUBSCRIPTS, Hue, draw_between, key_of, panels_of, titled
+from deatwin.studies.report.panels import SUBSCRIPTS, Hue, draw_between, panels_of, titled
 from deatwin.studies.report.svg import draw, legend_above
 from deatwin.studies.report.words import Words
 
@@ -66,14 +66,8 @@ def _complex(spread: Spread) -> Drawing:
         right.set(xlabel="real part", ylabel="imaginary part", adjustable="datalim", aspect="equal")
         titled(right, "a complex one: an ellipse")
         legend_above(figure, right, 3)
-        columns = {
-            "ellipse_real": edge.real,
-            "ellipse_imaginary": edge.imag,
-            "circle_real": circle.real,
-            "circle_imaginary": circle.imag,
-        }
         numbers = {"symbol": spread.symbol, "draws": len(spread.sampled.draws)}
-        return WORDS.drawing(figure, "complex", columns, case=spread.case, **numbers)
+        return WORDS.drawing(figure, "complex", case=spread.case, **numbers)
 
 
 def _plane(spread: Spread) -> Drawing:
@@ -199,7 +193,6 @@ def fleet_drawings(found: Consistency) -> list[Drawing]:
 
 def _responses(found: Consistency) -> Drawing:
     """Gain of each order of each actuator, and how far it lies from the mean of the six."""
-    columns: dict[str, Array] = {}
     count = len(next(iter(found.responses.values())))
     with draw((9.6, 6.2)) as figure:
         panels = panels_of(figure, 2, count, "output frequency (Hz)", sharex=True)
@@ -208,46 +201,36 @@ def _responses(found: Consistency) -> Drawing:
             mean = MILLI * np.mean([one.gain for one in each.values()], axis=0)
             for (name, one), (colour, line) in zip(each.items(), STYLES, strict=False):
                 frequency = one.frequency_Hz.reshape(one.gain.size, -1).sum(axis=1)
-                band, key = one.gain_band(), f"H{place + 1}_{key_of(name).lower()}"
+                band = one.gain_band()
                 gains = [MILLI * values for values in (band.low, one.gain, band.high)]
                 from_mean = [100 * (values / mean - 1) for values in gains]
                 for axes, (low, middle, high) in ((above, gains), (below, from_mean)):
-                    draw_between(axes, frequency, low, high, colour, alpha=0.15)
+                    draw_between(axes, frequency, low, high, colour, f"_{name}", alpha=0.15)
                     axes.plot(frequency, middle, line, color=colour, linewidth=1.1, label=name)
-                low, middle, high = gains
-                columns |= {
-                    "frequency_Hz": frequency,
-                    f"{key}_mm": middle,
-                    f"{key}_low_mm": low,
-                    f"{key}_high_mm": high,
-                }
             titled(above, f"H{SUBSCRIPTS[place + 1]} (mm/V{('', '²', '³')[place]})")
             above.set(xlim=(0, None), ylim=(0, None))
         panels[0, 0].set_ylabel("gain")
         panels[1, 0].set_ylabel("gain, from the mean of the six (%)")
         legend_above(figure, panels[0, 0], 6)
-        return WORDS.drawing(figure, "fleet", columns)
+        return WORDS.drawing(figure, "fleet")
 
 
 def _spread(found: Consistency) -> Drawing:
     """Standard deviation over the six, beside what the tolerances predict."""
-    bars = {
-        "predicted": (found.predicted, Hue.INK, "predicted from the tolerances"),
-        "same_commands": (found.spread("level"), Hue.MEASURED, "without histories, all under the same commands"),
-        "without_histories": (found.spread("steady"), Hue.AFTER, "without histories, each under its own"),
-        "as_recorded": (found.spread("fleet"), Hue.BEFORE, "as recorded"),
-    }
-    orders, low, high = (np.array(column, dtype=np.float64) for column in zip(*found.columns, strict=True))
-    columns: dict[str, Array] = {"order": orders, "from_Hz": low, "to_Hz": high}
+    bars = (
+        (found.predicted, Hue.INK, "predicted from the tolerances"),
+        (found.spread("level"), Hue.MEASURED, "without histories, all under the same commands"),
+        (found.spread("steady"), Hue.AFTER, "without histories, each under its own"),
+        (found.spread("fleet"), Hue.BEFORE, "as recorded"),
+    )
     places = np.arange(len(found.columns))
     with draw((9.6, 4.0)) as figure:
         axes = figure.add_subplot()
-        for number, (key, (values, colour, label)) in enumerate(bars.items()):
-            columns[f"{key}_percent"] = 100 * values
+        for number, (values, colour, label) in enumerate(bars):
             axes.bar(places + 0.2 * (number - 1.5), 100 * values, width=0.19, color=colour, alpha=0.75, label=label)
         axes.set_xticks(places, [column_of(column, "\n") for column in found.columns])
         axes.set_ylabel("standard deviation (% of the gain)")
         axes.grid(axis="x", visible=False)
         axes.set_axisbelow(True)
         legend_above(figure, axes, 2)
-        return WORDS.drawing(figure, "spread", columns)
+        return WORDS.drawing(figure, "spread")

@@ -25,7 +25,7 @@ from deatwin.plant.recording import Recording
 from deatwin.scenarios.thesis_data.counterevidence import SideBands, SmallVoltages
 from deatwin.scenarios.thesis_data.study import Bench, Study
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import Hue, complete, key_of, panels_of, plain_numbers, titled
+from deatwin.studies.report.panels import Hue, panels_of, plain_numbers, titled
 from deatwin.studies.report.story import Measure
 from deatwin.studies.report.svg import draw
 from deatwin.studies.report.words import Span, Words
@@ -191,9 +191,8 @@ def _excitation(bench: Bench) -> Drawing:
         left.set(xlabel="time (s)", ylabel=COMMAND, ylim=(0.9, 3.95))
         right.plot(share.frequencies, share.inputs, color=Hue.AFTER)
         right.set(xlabel="frequency (Hz)", ylabel="spectral density (V²/Hz)", yscale="log", xlim=(0, 5), ylim=(1e-7, 2))
-        columns = {"frequency_Hz": share.frequencies, "density_V2_per_Hz": share.inputs}
         clipped = 100 * share.above(1.0)[0] / share.above(0.0)[0]
-        return WORDS.drawing(figure, "excitation", columns, name=bench.actuator.name, ZOOM=ZOOM, share=clipped)
+        return WORDS.drawing(figure, "excitation", name=bench.actuator.name, ZOOM=ZOOM, share=clipped)
 
 
 def _curve(bench: Bench) -> Drawing:
@@ -208,13 +207,11 @@ def _curve(bench: Bench) -> Drawing:
         axes.plot(ends, line.offset + line.gain * ends, "--", color=Hue.BEFORE, linewidth=1.4, label="line below 2.5 V")
         axes.set(xlabel=COMMAND, ylabel=DISPLACEMENT)
         figure.legend(loc="outside upper left", ncols=3)
-        columns = {"command_V": levels, "displacement_mm": means}
         slopes = {"low": local_gain(u, y, 2.0), "high": local_gain(u, y, 3.5)}
-        return WORDS.drawing(figure, "curve", columns, name=bench.actuator.name, misfit=100 * line.misfit, **slopes)
+        return WORDS.drawing(figure, "curve", name=bench.actuator.name, misfit=100 * line.misfit, **slopes)
 
 
 def _recordings(benches: Sequence[Bench]) -> Drawing:
-    columns: dict[str, Array] = {}
     with draw((9.6, 7.0)) as figure:
         panels = panels_of(figure, 3, 2, "time (s)", DISPLACEMENT, sharex=True, sharey=True)
         for axes, bench in zip(panels.T.ravel(), benches, strict=True):
@@ -224,14 +221,12 @@ def _recordings(benches: Sequence[Bench]) -> Drawing:
             axes.plot(*envelope(record.timepts, y), color=Hue.MEASURED, linewidth=0.4, label="readings")
             axes.plot(timepts, mean, color=Hue.BEFORE, linewidth=1.8, label=f"moving mean, {WINDOW:.0f} s")
             titled(axes, bench.actuator.name)
-            columns |= {"time_s": timepts, f"{_key(bench)}_mean_mm": mean}
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
         stories = " ".join(f"{b.actuator.name}: {b.actuator.story}" for b in benches)
-        return WORDS.drawing(figure, "recordings", complete(columns), stories=stories)
+        return WORDS.drawing(figure, "recordings", stories=stories)
 
 
 def _drifts(benches: Sequence[Bench]) -> Drawing:
-    columns: dict[str, Array] = {}
     styles = (
         (f"readings, over {WINDOW:.0f} s", Hue.BEFORE, 1.0),
         (f"at the same input, over {WINDOW:.0f} s", Hue.AFTER, 2.0),
@@ -249,9 +244,8 @@ def _drifts(benches: Sequence[Bench]) -> Drawing:
             for mean, (label, colour, width) in zip(means, styles, strict=True):
                 axes.plot(timepts, mean, color=colour, linewidth=width, label=label)
             titled(axes, bench.actuator.name)
-            columns |= {"time_s": timepts, f"{_key(bench)}_um": means[0], f"{_key(bench)}_same_input_um": means[1]}
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
-        return WORDS.drawing(figure, "drifts", complete(columns))
+        return WORDS.drawing(figure, "drifts")
 
 
 def _ridge(bench: Bench) -> Drawing:
@@ -270,12 +264,10 @@ def _ridge(bench: Bench) -> Drawing:
         lower.axvspan(*window, color=Hue.MARK, alpha=0.3, linewidth=0)
         lower.set(xlabel="time (s)", ylabel="above 5 Hz (µm)")
         figure.align_ylabels()
-        columns = {"time_s": timepts, "displacement_mm": y, "fast_um": fast}
-        return WORDS.drawing(figure, "ridge", columns, name=bench.actuator.name)
+        return WORDS.drawing(figure, "ridge", name=bench.actuator.name)
 
 
 def _spectra(benches: Sequence[Bench]) -> Drawing:
-    columns: dict[str, Array] = {}
     with draw((9.6, 6.6)) as figure:
         panels = panels_of(figure, 3, 2, "frequency (Hz)", "spectral density (µm²/Hz)", sharex=True, sharey=True)
         for axes, bench in zip(panels.T.ravel(), benches, strict=True):
@@ -287,49 +279,40 @@ def _spectra(benches: Sequence[Bench]) -> Drawing:
             axes.axhline(noise, color=Hue.INK, linestyle=":", linewidth=0.9, label="sensor noise")
             axes.axvline(1.0, color=Hue.MARK, linewidth=0.9)
             titled(axes, bench.actuator.name)
-            columns |= {
-                "frequency_Hz": share.frequencies,
-                f"{_key(bench)}_output_um2_per_Hz": share.outputs,
-                f"{_key(bench)}_linear_um2_per_Hz": share.explained,
-            }
         panels[0, 0].set(xscale="log", yscale="log", xlim=(0.02, 25), ylim=(1e-3, 1e5))
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
-        return WORDS.drawing(figure, "spectra", columns)
+        return WORDS.drawing(figure, "spectra")
 
 
 def _small(rests: Mapping[str, SmallVoltages], step: float) -> Drawing:
-    columns: dict[str, Array] = {}
     with draw((6.4, 3.6)) as figure:
         axes = figure.add_subplot()
         for (label, rest), marker in zip(rests.items(), "os", strict=True):
             volts, shown = rest.voltages, 1e6 * rest.displacements
             points = axes.plot(volts, shown, marker, markersize=5, label=label)
             axes.plot(volts, shown[0] * (volts / volts[0]) ** 2, "--", color=points[0].get_color(), linewidth=0.9)
-            columns |= {"film_voltage_V": volts, f"{label.replace(' ', '_')}_um": shown}
         axes.axhline(1e6 * step, color=Hue.INK, linestyle=":", label="one step of the reading")
         _logarithmic(axes, "film voltage (V)", "displacement (µm)")
-        return WORDS.drawing(figure, "small", columns, visible=rests[SPECIFIED].visible, step=1e6 * step)
+        return WORDS.drawing(figure, "small", visible=rests[SPECIFIED].visible, step=1e6 * step)
 
 
 def _side_bands(bands: SideBands) -> Drawing:
     near = (bands.frequencies > 0.3) & (bands.frequencies < 0.7)
-    columns = {"frequency_Hz": bands.frequencies[near], "input": bands.inputs[near], "output": bands.outputs[near]}
     beside = 0.002  # Hz, so that input and output are seen side by side
     with draw((6.4, 3.6)) as figure:
         axes = figure.add_subplot()
-        for name, shift, colour, label in (
-            ("input", -beside, Hue.MEASURED, "input"),
-            ("output", beside, Hue.AFTER, "output of a linear plant of drifting gain"),
+        for heights, shift, colour, label in (
+            (bands.inputs, -beside, Hue.MEASURED, "input"),
+            (bands.outputs, beside, Hue.AFTER, "output of a linear plant of drifting gain"),
         ):
-            seen = columns[name] > 1e-3
-            places, heights = columns["frequency_Hz"][seen] + shift, columns[name][seen]
-            axes.vlines(places, 1e-4, heights, color=colour, linewidth=2.5, label=label)
+            seen = near & (heights > 1e-3)
+            axes.vlines(bands.frequencies[seen] + shift, 1e-4, heights[seen], color=colour, linewidth=2.5, label=label)
         sides = beside + bands.line + bands.drift * np.array([-1, 1])
         axes.plot(sides, bands.expected, "x", color=Hue.BEFORE, label="closed form")
         axes.set(xlabel="frequency (Hz)", ylabel="amplitude", yscale="log", ylim=(1e-3, 2))
         figure.legend(loc="outside upper left", ncols=3, markerscale=1)
         found = {"line": bands.line, "drift": bands.drift, "superposition": bands.superposition}
-        return WORDS.drawing(figure, "side_bands", columns, **found)
+        return WORDS.drawing(figure, "side_bands", **found)
 
 
 def _logarithmic(axes: Axes, x: str, y: str) -> None:
@@ -338,7 +321,3 @@ def _logarithmic(axes: Axes, x: str, y: str) -> None:
     plain_numbers(axes.xaxis, 1.0, 2.0, 5.0)
     plain_numbers(axes.yaxis, 1.0)
     axes.figure.legend(loc="outside upper left", ncols=3, markerscale=1)
-
-
-def _key(bench: Bench) -> str:
-    return key_of(bench.actuator.name)

@@ -19,9 +19,7 @@ from deatwin.studies.report.panels import (
     Hue,
     draw_between,
     draw_map,
-    filled,
     ink_on,
-    key_of,
     panels_of,
     share_bar,
     titled,
@@ -43,17 +41,6 @@ def known_drawings(known: Known) -> list[Drawing]:
     return [_known_parameters(known.followed), _dc(known), _frozen(known.frozen), _coverage(known)]
 
 
-def map_columns(prefix: str, timepts: Array, frequencies: Array, **values: Array) -> dict[str, Array]:
-    """Columns of maps on one grid, time by time. Shapes: `timepts` (n_times,); `frequencies` (n,); `**values`
-    (n_times, n); returns (n_times n,).
-    """
-    columns = {
-        f"{prefix}_time_s": np.repeat(timepts, frequencies.size),
-        f"{prefix}_frequency_Hz": np.tile(frequencies, timepts.size),
-    }
-    return columns | {f"{prefix}_{name}": each.ravel() for name, each in values.items()}
-
-
 def symbol_of(name: str) -> str:
     """A response in a title, as H₂ along a line, or G₂."""
     symbol, *line = name.split(", ")
@@ -61,20 +48,13 @@ def symbol_of(name: str) -> str:
     return f"{written}, {line[0].replace('f2', 'f₂').replace('f1', 'f₁').replace('-', '−')}" if line else written
 
 
-def plain_name(name: str) -> str:
-    """A response in the names of columns."""
-    return {"H2, f2 = f1": "H2_sum", "H2, f2 = -f1": "H2_difference"}.get(name, name)
-
-
 def _known_parameters(followed: Sequence[Followed]) -> Drawing:
-    columns: dict[str, Array] = {}
     with draw((9.6, 6.4)) as figure:
         panels = panels_of(figure, 4, 2, sharex=True)
         for column, one in zip(panels.T, followed, strict=True):
-            found, key = one.trajectory, one.name.replace(" ", "_")
+            found = one.trajectory
             places = one.truth.timepts.size - found.timepts.size + np.arange(0, found.timepts.size, EVERY)
             timepts = one.truth.timepts[places]
-            columns[f"{key}_time_s"] = timepts
             every = zip(column, found.terms, found.theta, found.std, one.truth.theta, strict=False)
             for axes, term, whole, std, whole_truth in every:
                 theta, half, truth = whole[::EVERY], QUANTILE * std[::EVERY], whole_truth[places]
@@ -82,7 +62,6 @@ def _known_parameters(followed: Sequence[Followed]) -> Drawing:
                 axes.plot(timepts, theta, color=Hue.AFTER, linewidth=1.2, label="smoother, 95 % band")
                 axes.plot(timepts, truth, color=Hue.INK, linewidth=1.0, linestyle="--", label="truth")
                 titled(axes, f"{one.name}: {'constant' if term == Term(()) else term}", "small")
-                columns |= {f"{key}_{term}": theta, f"{key}_{term}_half": half, f"{key}_{term}_truth": truth}
                 low, high = axes.get_ylim()
                 if high - low < 0.1 * abs(high):  # a parameter that stands still is not to look as if it moved
                     axes.set_ylim(0.95 * np.mean([low, high]), 1.05 * np.mean([low, high]))
@@ -91,12 +70,11 @@ def _known_parameters(followed: Sequence[Followed]) -> Drawing:
             column[len(found.terms) - 1].set_xlabel("time (s)")
             column[len(found.terms) - 1].tick_params(labelbottom=True)
         legend_above(figure, panels[0, 0], 2)
-        return WORDS.drawing(figure, "parameters", filled(columns))
+        return WORDS.drawing(figure, "parameters")
 
 
 def _dc(known: Known) -> Drawing:
     first = known.solved[1]
-    columns: dict[str, Array] = {"time_s": first.timepts, "equilibrium": first.equilibria}
     with draw((9.6, 3.6)) as figure:
         left, right = figure.subplots(1, 2, width_ratios=(2, 3))
         left.plot(first.timepts, first.equilibria, color=Hue.INK, label="solved for at each time")
@@ -107,15 +85,13 @@ def _dc(known: Known) -> Drawing:
             for side, style, word in ((solved, "-", "solved"), (held, "--", "held")):
                 change = 20 * np.log10(side.gain[:, 0] / held.gain[0, 0])
                 right.plot(side.timepts, change, style, color=OF_ORDER[order], label=f"$H_{order}$, {word}")
-                columns[f"H{order}_{word}_dB"] = change
         right.set(xlabel="time (s)", ylabel="gain at 0.1 Hz (dB over the first)")
         for axes, count in ((left, 2), (right, 3)):
             axes.legend(fontsize="small", loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=count)
-        return WORDS.drawing(figure, "moving_dc", columns)
+        return WORDS.drawing(figure, "moving_dc")
 
 
 def _frozen(every: Sequence[FrozenRun]) -> Drawing:
-    columns: dict[str, Array] = {}
     kinds = sorted({(run.system, run.response) for run in every})
     styles = {
         "error": ("o-", Hue.INK, "error of frozen time"),
@@ -127,23 +103,19 @@ def _frozen(every: Sequence[FrozenRun]) -> Drawing:
         for axes, (system, response) in zip(panels, kinds, strict=True):
             runs = [run for run in every if (run.system, run.response) == (system, response)]
             speed = np.array([run.speed for run in runs])
-            key = f"{system} {plain_name(response)}".replace(" ", "_")
-            columns["speed"] = speed
             for name, (style, colour, word) in styles.items():
                 values = 100 * np.array([getattr(run, name) for run in runs])
                 axes.plot(speed, values, style, color=colour, markersize=4, label=word)
-                columns[f"{key}_{name}_percent"] = values
             axes.set(xscale="log", yscale="log")
             axes.set_xticks(speed[::2], [f"{v:g}" for v in speed[::2]])
             axes.set_xticks([], minor=True)
             titled(axes, f"{system}, {symbol_of(response)}", "small")
         panels[0].set_ylabel("error over the response (%, rms)")
         legend_above(figure, panels[0], 3)
-        return WORDS.drawing(figure, "frozen", columns)
+        return WORDS.drawing(figure, "frozen")
 
 
 def _coverage(known: Known) -> Drawing:
-    columns: dict[str, Array] = {}
     count, times = len(known.coverage[1]), known.coverage_times
     with draw((9.6, 3.6)) as figure:
         panels = panels_of(figure, 1, 2, "time (s)", sharey=True)[0]
@@ -156,11 +128,10 @@ def _coverage(known: Known) -> Drawing:
                 axes.text(times[i], places[j], f"{value:.0f}", **how)
             axes.set_yticks(places, [f"{f:g}" for f in known.coverage_Hz])
             titled(axes, f"{'$H_1$' if order == 1 else '$H_2$, f₂ = f₁'}: {share.mean():.1f} % on average")
-            columns |= map_columns(f"H{order}", times, known.coverage_Hz, covered_percent=share)
         panels[0].set_ylabel("frequency (Hz)")
         share_bar(figure, mesh, panels, "truth covered (%)")
         chance = 196 * np.sqrt(0.95 * 0.05 / count)
-        return WORDS.drawing(figure, "coverage", columns, count=count, chance=chance)
+        return WORDS.drawing(figure, "coverage", count=count, chance=chance)
 
 
 OF_WAY = {CONSTANT: Hue.BEFORE, VARYING: Hue.AFTER}
@@ -189,29 +160,24 @@ def fleet_drawings(study: Study) -> list[Drawing]:
 
 
 def _sliding(study: Study) -> Drawing:
-    columns: dict[str, Array] = {}
     with draw((9.6, 8.4)) as figure:
         panels = panels_of(figure, len(study.driven), 2, "time (s)", sharex=True)
         for row, one in zip(panels, study.driven, strict=True):
             s = one.sliding
-            columns["time_s"] = s.timepts
             for axes, name, p in zip(row, ("mean", "gain"), (s.p_mean, s.p_gain), strict=True):
                 middle, low, high = (MICRO * getattr(s, f"{name}{end}") for end in ("", "_low", "_high"))
                 draw_between(axes, s.timepts, low, high, Hue.AFTER)
                 axes.plot(s.timepts, middle, color=Hue.AFTER, linewidth=1.2)
                 titled(axes, f"{one.name}, {name}: {'p < 0.001' if p < 1e-3 else f'p = {p:.2g}'}", "small")
-                key = f"{key_of(one.name)}_{name}_um"
-                columns |= {key: middle, f"{key}_low": low, f"{key}_high": high}
         for axes, label in zip(panels[len(panels) // 2], ("mean displacement (µm)", "gain (µm/V)"), strict=True):
             axes.set_ylabel(label)
         figure.align_ylabels()
         stories = " ".join(f"{one.name}: {story}" for one, story in zip(study.driven, study.stories, strict=True))
         window = study.driven[0].sliding.window_s
-        return WORDS.drawing(figure, "sliding", filled(columns), window=window, stories=stories)
+        return WORDS.drawing(figure, "sliding", window=window, stories=stories)
 
 
 def _parameters(shown: Sequence[Driven]) -> Drawing:
-    columns: dict[str, Array] = {}
     sides = [(one, *_deviations(one)) for one in shown]
     terms = [term for term in sides[0][1] if term.degree <= DRAWN_DEGREE]
     rows = -(-len(terms) // PARAMETER_COLUMNS)
@@ -219,23 +185,20 @@ def _parameters(shown: Sequence[Driven]) -> Drawing:
         label = "parameter (µm per power of a volt)"
         panels = panels_of(figure, rows, PARAMETER_COLUMNS, y=label, sharex=True).ravel()
         for (one, _, theta, deviation), colour in zip(sides, (Hue.AFTER, Hue.BEFORE, Hue.MARK), strict=False):
-            timepts, key = one.equilibrium.timepts, key_of(one.name)
-            columns[f"{key}_time_s"] = timepts
+            timepts = one.equilibrium.timepts
             for number, (axes, term) in enumerate(zip(panels, terms, strict=False)):
                 scale = 1.0 if str(term).startswith("y") else MICRO
                 middle, half = scale * theta[number], scale * (QUANTILE * deviation[number])
-                draw_between(axes, timepts, middle - half, middle + half, colour)
+                draw_between(axes, timepts, middle - half, middle + half, colour, f"_{one.name}")
                 axes.plot(timepts, middle, color=colour, linewidth=1.2, label=one.name)
-                written = str(term).replace("y", "v").replace("u", "w")
-                titled(axes, written, "small")
-                columns |= {f"{key}_{written}": middle, f"{key}_{written}_half": half}
+                titled(axes, str(term).replace("y", "v").replace("u", "w"), "small")
         for axes in panels[len(terms) :]:
             axes.set_visible(False)
         for axes in panels[max(len(terms) - PARAMETER_COLUMNS, 0) : len(terms)]:
             axes.set_xlabel("time (s)")
             axes.tick_params(labelbottom=True)
         legend_above(figure, panels[0], len(shown))
-        return WORDS.drawing(figure, "theta", filled(columns))
+        return WORDS.drawing(figure, "theta")
 
 
 def _deviations(one: Driven) -> tuple[tuple[Term, ...], Array, Array]:
@@ -247,21 +210,18 @@ def _deviations(one: Driven) -> tuple[tuple[Term, ...], Array, Array]:
 
 
 def _equilibria(driven: Sequence[Driven]) -> Drawing:
-    columns: dict[str, Array] = {}
     with draw((9.6, 6.0)) as figure:
         panels = panels_of(figure, 3, 2, "time (s)", "equilibrium at 2.4 V (µm)", sharex=True)
         for axes, one in zip(panels.T.ravel(), driven, strict=True):
-            found, key = one.equilibrium, key_of(one.name)
+            found = one.equilibrium
             middle, half = MICRO * found.equilibria, MICRO * QUANTILE * found.equilibrium_std
             draw_between(axes, found.timepts, middle - half, middle + half, Hue.AFTER)
             axes.plot(found.timepts, middle, color=Hue.AFTER, linewidth=1.2)
             titled(axes, one.name)
-            columns |= {"time_s": found.timepts, f"{key}_um": middle, f"{key}_half_um": half}
-        return WORDS.drawing(figure, "equilibria", columns)
+        return WORDS.drawing(figure, "equilibria")
 
 
 def _bands(driven: Sequence[Driven]) -> Drawing:
-    columns: dict[str, Array] = {}
     with draw((9.6, 3.8)) as figure:
         panels = panels_of(figure, 1, len(BANDS), "actuator", sharey=True)[0]
         for axes, band in zip(panels, BANDS, strict=True):
@@ -271,7 +231,6 @@ def _bands(driven: Sequence[Driven]) -> Drawing:
                     ratios = one.judged.power_ratio_dB(way, band)
                     label = f"{way} parameters" if number == 1 else f"_{way}"
                     axes.plot(np.full(ratios.size, number + shift), ratios, ".", label=label, **how)
-                    columns[f"{key_of(one.name)}_{way}_{band[0]:g}_to_{band[1]:g}_Hz_dB"] = ratios
             axes.axhline(0, color=Hue.INK, linewidth=0.6)
             axes.set_xticks(range(1, len(driven) + 1))
             titled(axes, f"{band[0]:g} to {band[1]:g} Hz")
@@ -280,12 +239,11 @@ def _bands(driven: Sequence[Driven]) -> Drawing:
         panels[0].set_yticks(ticks, [f"{tick:g}".replace("-", "−") for tick in ticks])
         panels[0].set(ylim=(-20, 20), ylabel="predicted over recorded power (dB)")
         legend_above(figure, panels[0], 2)
-        return WORDS.drawing(figure, "bands", filled(columns))
+        return WORDS.drawing(figure, "bands")
 
 
 def _changes(shown: Sequence[Driven], names: Sequence[str], key: str) -> Drawing:
     """Maps of how gains change along time."""
-    columns: dict[str, Array] = {}
     with draw((9.6, 2.4 * len(names))) as figure:
         panels = panels_of(figure, len(names), len(shown), "time (s)", sharex=True, sharey="row")
         for row, name in zip(panels, names, strict=True):
@@ -296,19 +254,13 @@ def _changes(shown: Sequence[Driven], names: Sequence[str], key: str) -> Drawing
                 found, gain = one.maps[name], MICRO * one.maps[name].gain
                 mesh = draw_map(axes, found.timepts, found.frequencies, found.change_dB, **colours)
                 titled(axes, f"{one.name}, {symbol_of(name)}: {gain.min():.3g} to {gain.max():.3g} {unit}", "small")
-                prefix, values = (
-                    f"{key_of(one.name)}_{plain_name(name)}",
-                    {"gain_um": gain, "change_dB": found.change_dB},
-                )
-                columns |= map_columns(prefix, found.timepts, found.frequencies, **values)
             row[0].set_ylabel("f₁ (Hz)" if "," in name else "frequency (Hz)")
             share_bar(figure, mesh, row, "change (dB)")
-        return WORDS.drawing(figure, key, filled(columns), LEVEL=LEVEL)
+        return WORDS.drawing(figure, key, LEVEL=LEVEL)
 
 
 def _spectra(shown: Sequence[Driven]) -> Drawing:
     """Short-time spectra, recorded and predicted."""
-    columns: dict[str, Array] = {}
     spectra = [(one.name, one.whole) for one in shown if one.whole is not None]
     with draw((9.6, 7.0)) as figure:
         panels = panels_of(figure, 3, len(spectra), "time (s)", sharex=True, sharey=True)
@@ -323,10 +275,8 @@ def _spectra(shown: Sequence[Driven]) -> Drawing:
             change = draw_map(column[2], found.timepts, frequencies, predicted - recorded, **colours)
             for axes, word in zip(column, ("recorded", "from TV-NOFRFs", "predicted over recorded"), strict=True):
                 titled(axes, f"{name}, {word}", "small")
-            both = {"recorded_dB_um": recorded, "predicted_dB_um": predicted}
-            columns |= map_columns(key_of(name), found.timepts, frequencies, **both)
         for axes in panels[:, 0]:
             axes.set_ylabel("frequency (Hz)")
         share_bar(figure, level, panels[:2].ravel().tolist(), "amplitude (dB over 1 µm)")
         share_bar(figure, change, panels[2].tolist(), "difference (dB)")
-        return WORDS.drawing(figure, "short_time", filled(columns))
+        return WORDS.drawing(figure, "short_time")

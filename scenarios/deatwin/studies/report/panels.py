@@ -98,9 +98,3 @@ def filled(columns: Columns) -> Columns:
     """Columns of one length: the shorter ones end in gaps."""
     longest = max(column.size for column in columns.values())
     return {name: np.concatenate([column, np.full(longest - column.size, np.nan)]) for name, column in columns.items()}
-
-
-def complete(columns: Columns) -> Columns:
-    """The rows without a gap."""
-    kept = np.all([np.isfinite(column) for column in columns.values()], axis=0)
-    return {name: column[kept] for name, column in columns.items()}

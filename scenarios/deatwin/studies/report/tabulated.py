@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-HEADER = ("panel", "horizontal", "vertical", "series", "kind", "x", "y")
+HEADER = ("panel", "title", "horizontal", "vertical", "series", "kind", "x", "y", "value")
 _SAME = 1e-9  # of a position and the tick that names it
 
 Rows = Iterator[tuple[str, str, Any]]
@@ -23,21 +23,23 @@ Rows = Iterator[tuple[str, str, Any]]
 def drawn_table(figure: Figure) -> str:
     """The points of all that is drawn in a figure."""
     figure.draw_without_rendering()  # so that ticks have their texts
-    return csv_text(HEADER, (row for number, axes in enumerate(figure.axes, start=1) for row in _rows(number, axes)))
+    panels = [axes for axes in figure.axes if axes.get_label() != "<colorbar>"]
+    return csv_text(HEADER, (row for number, axes in enumerate(panels, start=1) for row in _rows(number, axes)))
 
 
 def _rows(number: int, axes: Axes) -> Iterator[tuple[object, ...]]:
     """The points of a panel."""
     across, up = _names(axes.xaxis), _names(axes.yaxis)
     for series, kind, points in _series(axes):
-        shown = "" if series.startswith("_") else series
-        for x, y in np.asarray(points, dtype=float).reshape(-1, 2).tolist():
-            yield number, axes.get_xlabel(), axes.get_ylabel(), shown, kind, _cell(x, across), _cell(y, up)
+        shown = "" if series.startswith("_child") else series.removeprefix("_")  # which hides it from a legend
+        told = (number, axes.get_title(loc="left"), axes.get_xlabel(), axes.get_ylabel(), shown, kind)
+        for x, y, *value in np.asarray(points, dtype=float).reshape(-1, 3 if kind == "map" else 2).tolist():
+            yield *told, _cell(x, across), _cell(y, up), "".join(f"{v:.9g}" for v in value)
 
 
 def _series(axes: Axes) -> Rows:
-    """Label, kind and points of each artist that is drawn in the panel's own coordinates."""
-    from matplotlib.collections import LineCollection, PathCollection, PolyCollection
+    """Label, kind and points of each artist that is drawn in the panel's own coordinates; of a map with its values."""
+    from matplotlib.collections import LineCollection, PathCollection, PolyCollection, QuadMesh
     from matplotlib.container import BarContainer
 
     for line in axes.lines:
@@ -52,11 +54,20 @@ def _series(axes: Axes) -> Rows:
         if isinstance(collection, LineCollection):
             for stroke in collection.get_segments():
                 yield label, "stroke", stroke
+        elif isinstance(collection, QuadMesh):
+            yield label, "map", _cells_of(collection)
         elif isinstance(collection, PathCollection):
             yield label, "point", collection.get_offsets()
         elif isinstance(collection, PolyCollection):
             for path in collection.get_paths():
                 yield label, "band", path.vertices
+
+
+def _cells_of(mesh: Any) -> Any:
+    """Middle and value of each cell, shape (n, 3)."""
+    corners = mesh.get_coordinates()
+    middles = (corners[:-1, :-1] + corners[1:, 1:]) / 2
+    return np.dstack([middles, np.ma.filled(mesh.get_array(), np.nan).reshape(middles.shape[:2])])
 
 
 def _tip(bar: Any, lying: bool) -> tuple[float, float]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.story import Measure, Table
+from deatwin.studies.report.tabulated import drawn_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -72,11 +73,20 @@ class Words:
         return Measure(measure, demanded, reached, bool(passed))
 
     def drawing(
-        self, figure: Figure, name: str, columns: Mapping[str, ArrayLike] | str, called: str = "", /, **numbers: Any
+        self,
+        figure: Figure,
+        name: str,
+        columns: Mapping[str, ArrayLike] | str | None = None,
+        called: str = "",
+        /,
+        **numbers: Any,
     ) -> Drawing:
-        """Make a figure with its title, caption and data; several figures may share a text."""
+        """Make a figure with its title, caption and data, which are those that it draws where no others are given;
+        several figures may share a text.
+        """
         title, caption = (self.text(f"figure.{name}.{part}", **numbers) for part in ("title", "caption"))
-        return Drawing.of(figure, called or name, title, caption, columns)
+        data = drawn_table(figure) if columns is None else columns
+        return Drawing.of(figure, called or name, title, caption, data)
 
     def table(self, name: str, rows: Sequence[Sequence[str]], /, *more: str, **numbers: Any) -> Table:
         """Make a table; `more` lists columns after those in the file."""
