@@ -348,7 +348,7 @@ def test_what_the_plant_takes_up_once_all_is_fitted_is_its_parameters(soundness,
     """However near the nominal plant is, its calibration was off by what counts."""
     taken = SimpleNamespace(taken_up=object(), mismatch=False, testable=False)
     checked = SimpleNamespace(soundness=soundness)
-    assert _verdict(None, checked, None, taken, None, False, False) is verdict
+    assert _verdict(None, checked, None, taken, None, None, False, False) is verdict
 
 
 def test_what_was_taken_up_is_reported_as_it_was_fitted_to_all_recordings(monkeypatch):
