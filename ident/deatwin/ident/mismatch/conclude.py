@@ -17,6 +17,7 @@ from deatwin.ident.mismatch.layout import Readings
 from deatwin.ident.mismatch.locate.track import readings
 from deatwin.ident.mismatch.located import LocationSummary, PlaceSummary
 from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.cycles import shows_its_cycles
 from deatwin.ident.mismatch.naming.decide import Naming, is_possible
 from deatwin.ident.mismatch.naming.places import causes_of
 from deatwin.ident.mismatch.naming.worth import held_back_by, suffices, takes_most
@@ -97,6 +98,7 @@ def conclude(findings: Findings) -> Diagnosis:
             *exchanged_lags(findings.final),
             *_held_back(findings),
             *_alike_but_unlikely(findings),
+            *_hardly_shown(findings),
         ),
         verification=findings.verification.summary if findings.verification.ablations else None,
         faults=faults_of(findings.checked),
@@ -125,6 +127,20 @@ def _held_back(findings: Findings) -> Iterator[str]:
         yield (
             f"{candidate.effects[0]} would explain the recordings if {', '.join(held_back_by(candidate))} "
             "could lie outside the stated range"
+        )
+
+
+def _hardly_shown(findings: Findings) -> Iterator[str]:
+    """What explains the recordings by a cycle of which they show too little."""
+    best = findings.naming.best
+    if (
+        findings.verdict is Verdict.UNKNOWN
+        and best is not None
+        and not shows_its_cycles(best, findings.bench.everything)
+    ):
+        yield (
+            f"{'+'.join(best.effects)} would explain the recordings, but with a cycle of which they show less than a "
+            "quarter: any slow change looks like that"
         )
 
 

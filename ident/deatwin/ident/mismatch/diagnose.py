@@ -21,6 +21,7 @@ from deatwin.ident.mismatch.gate.gaps import without_unknown
 from deatwin.ident.mismatch.gate.gate import Gate, Soundness, confirm, gate
 from deatwin.ident.mismatch.locate.location import locate
 from deatwin.ident.mismatch.locate.track import readings
+from deatwin.ident.mismatch.naming.cycles import shows_its_cycles
 from deatwin.ident.mismatch.naming.decide import Naming, nothing_tried, with_all_distances
 from deatwin.ident.mismatch.naming.name import explanations
 from deatwin.ident.mismatch.naming.places import without_places
@@ -252,6 +253,8 @@ def _verdict(
         return Verdict.DISTURBANCE if detection.disturbance else Verdict.UNKNOWN
     if naming.rivals:
         return Verdict.AMBIGUOUS
+    if not shows_its_cycles(naming.best, bench.everything):
+        return Verdict.UNKNOWN  # it may be any slow change
     return Verdict.NAMED if explains_all(naming.best, naming.base, verification.whole) else Verdict.PARTLY
 
 

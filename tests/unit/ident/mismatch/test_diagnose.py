@@ -348,7 +348,26 @@ def test_what_the_plant_takes_up_once_all_is_fitted_is_its_parameters(soundness,
     """However near the nominal plant is, its calibration was off by what counts."""
     taken = SimpleNamespace(taken_up=object(), mismatch=False, testable=False)
     checked = SimpleNamespace(soundness=soundness)
-    assert _verdict(None, checked, None, taken, None, False, False) is verdict
+    assert _verdict(None, checked, None, taken, None, None, False, False) is verdict
+
+
+@pytest.mark.parametrize(
+    ("rivals", "shown", "all_of_it", "verdict"),
+    [
+        ((), True, True, Verdict.NAMED),
+        ((), True, False, Verdict.PARTLY),
+        ((), False, True, Verdict.UNKNOWN),
+        (("another",), False, False, Verdict.AMBIGUOUS),
+    ],
+)
+def test_what_stands_alone_is_named_if_it_is_all_and_shows_its_cycles(monkeypatch, rivals, shown, all_of_it, verdict):
+    module = importlib.import_module("deatwin.ident.mismatch.diagnose")
+    monkeypatch.setattr(module, "shows_its_cycles", lambda best, parts: shown)
+    monkeypatch.setattr(module, "explains_all", lambda best, base, whole: all_of_it)
+    bench, checked = SimpleNamespace(everything=()), SimpleNamespace(soundness=Soundness.SOUND)
+    missing = SimpleNamespace(taken_up=None, mismatch=True, disturbance=False)
+    naming, verified = SimpleNamespace(best="one", base="none", rivals=rivals), SimpleNamespace(whole=None)
+    assert _verdict(bench, checked, None, missing, naming, verified, True, False) is verdict
 
 
 def test_what_was_taken_up_is_reported_as_it_was_fitted_to_all_recordings(monkeypatch):
