@@ -26,6 +26,9 @@ _OWN_MATERIAL = f"""\
 ##permittivity = 2.8
 ##[material.parameters]  # of the energy, moduli in Pa; a fit starts from these values
 ##shear_modulus = 300e3
+##[[material.branches]]  # a film that relaxes: one for each relaxation
+##modulus_Pa = 40e3
+##time_s = 8.0
 """
 _SECTIONS = {
     "film": "the membrane",

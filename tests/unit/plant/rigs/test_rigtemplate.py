@@ -57,6 +57,8 @@ def test_each_key_has_its_meaning_above_it(kind: str) -> None:
 def test_its_own_material_is_read_in_place_of_the_key(tmp_path: Path, kind: str) -> None:
     path = tmp_path / "rig.toml"
     text = re.sub(r"^#material = .*\n", "", rig_template(KNOWN, kind), flags=re.MULTILINE)
-    own = re.sub(r"^##(?=\[|energy|permittivity|shear)", "#", text, flags=re.MULTILINE)
+    own = re.sub(r"^##(?=\[|energy|permittivity|shear|modulus_Pa|time_s)", "#", text, flags=re.MULTILINE)
     path.write_text(re.sub(r"^#(?=[\w[])", "", own, flags=re.MULTILINE), encoding="utf-8")
-    assert load_plant(read_rig(path)).plant.parameters["shear_modulus"].value == 300e3
+    parameters = load_plant(read_rig(path)).plant.parameters
+    values = [parameters[name].value for name in ("shear_modulus", "branch_modulus", "branch_time")]
+    assert values == [300e3, 40e3, 8.0]

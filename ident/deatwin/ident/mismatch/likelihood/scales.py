@@ -27,6 +27,8 @@ SHIFTS = 8
 """Times that the ratios move on where the best is the last one: each is as far as the prior is wide."""
 NEGLIGIBLE = 30.0
 """Nats below the peak: e^-30 of it."""
+FEWEST = 4
+"""Places at a peak, as many as a cubic needs."""
 TWICE = 0.02
 """Widths of the peak: nearer to each other two ratios are one, since a spline through both would follow rounding."""
 ACROSS, FINE = 8.0, 41
@@ -124,8 +126,17 @@ def _integral(curve: _Curve, centre: float, spread: float) -> float:
     width = np.sqrt(-0.5 / bend) if bend < 0.0 else spread
     peak = at[best] - (0.5 * slope / bend if bend < 0.0 else 0.0)
     curve.extend(peak + width * (np.arange(NODES) - (NODES - 1) / 2.0))
-    at, values = curve.at, curve.values
-    counts = (values > values.max() - NEGLIGIBLE) & (np.diff(at, prepend=-np.inf) > TWICE * width)
+    for _ in range(SHIFTS):  # a peak that is no parabola is looked at more closely
+        at, values = curve.at, curve.values
+        counts = (values > values.max() - NEGLIGIBLE) & (np.diff(at, prepend=-np.inf) > TWICE * width)
+        if counts.sum() >= FEWEST:
+            break
+        best = int(np.clip(np.argmax(values), 1, at.size - 2))
+        nearer = np.linspace(at[best - 1], at[best + 1], NODES + 2)
+        width = nearer[1] - nearer[0]
+        curve.extend(nearer[1:-1])
+    else:
+        return float(values.max() + np.log(width))  # only rounding is so uneven
     fine = np.linspace(at[counts][0], at[counts][-1], 1 + 100 * NODES)
     return float(logsumexp(CubicSpline(at[counts], values[counts])(fine)) + np.log(fine[1] - fine[0]))
 

@@ -1,5 +1,6 @@
 """Evidence of linear readings, against multivariate normals and quadrature."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from deatwin.ident.mismatch.likelihood.model import LogNormal, Prior, Process, Reading
-from deatwin.ident.mismatch.likelihood.scales import evidence, weighed
+from deatwin.ident.mismatch.likelihood.scales import _integral, evidence, weighed
 from deatwin.plant.errors import DataError
 
 PROCESS = Process(weights=(0.6, 0.4), times=(0.1, 1.0))
@@ -200,3 +201,38 @@ def test_readings_that_cannot_be_weighed_are_refused():
         LogNormal(median=0.0)
     with pytest.raises(DataError, match="2 weights for 1"):
         Process(weights=(0.5, 0.5), times=(1.0,))
+
+
+class Curve:
+    """A log density whose form is given, in the place of a reading's."""
+
+    def __init__(self, log_density: Callable[[float], float]) -> None:
+        self._log_density = log_density
+        self._known: dict[float, float] = {}
+
+    def extend(self, places: np.ndarray) -> None:
+        self._known |= {float(at): float(self._log_density(float(at))) for at in places}
+
+    @property
+    def at(self) -> np.ndarray:
+        return np.array(sorted(self._known))
+
+    @property
+    def values(self) -> np.ndarray:
+        return np.array([self._known[at] for at in sorted(self._known)])
+
+
+@pytest.mark.parametrize("width", [1.0, 0.1, 0.01, 1e-4])
+def test_a_peak_of_any_width_has_its_area(width):
+    for centre in np.random.default_rng(1).uniform(-3.0, 3.0, 10):
+        found = _integral(Curve(lambda x, c=centre: -(((x - c) / width) ** 2) / 2.0), 0.0, 1.0)
+        assert found == pytest.approx(np.log(width * np.sqrt(2.0 * np.pi)), abs=1e-3)
+
+
+def test_a_peak_that_is_no_parabola_is_found_and_rounding_ends():
+    """Two exponentials that meet in a point: no parabola tells how wide they are. Of 60 such none fails."""
+    for centre in np.random.default_rng(1).uniform(-3.0, 3.0, 60):
+        found = _integral(Curve(lambda x, c=centre: -abs(x - c) / 1e-4), 0.0, 1.0)
+        assert found == pytest.approx(np.log(2e-4), abs=10.0)  # a corner between two places is cut off
+    rng = np.random.default_rng(2)
+    assert np.isfinite(_integral(Curve(lambda x: 1e4 * rng.standard_normal()), 0.0, 1.0))
