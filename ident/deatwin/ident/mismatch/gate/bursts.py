@@ -20,10 +20,12 @@ noise is so once in 1000. What is smooth, as the motion that a plant lacks, or c
 HIDES = 0.25
 """Share of a burst's power density from which that of the other windows hides it: what the plant lacks is slow, and lies
 in both."""
-SLOW, BARTLETT = 1 / 8, 1.95
-"""Frequency, in samples, below which a stretch may lack more than the others, and Bartlett's limit for a cumulative
-periodogram at the 0.1 % level (Priestley, Spectral Analysis and Time Series, 1981, section 6.2.6): a tone, a mode or what
-is correlated is no burst,"""
+SLOW = 1 / 8
+"""Frequency, in samples, below which a stretch may lack more than the others."""
+BARTLETT, FISHER = 1.63, 0.01
+"""Bartlett's limit for a cumulative periodogram at the 1 % level, and that level in Fisher's test of its largest line
+(Priestley, Spectral Analysis and Time Series, 1981, sections 6.2.6 and 6.1.4): a tone, a mode or what is correlated is no
+burst,"""
 FEWEST_LINES = 16
 """and of fewer lines a tone in their midst would not exceed it."""
 MOSTLY = 0.5
@@ -48,19 +50,21 @@ def noisier(residuals: Sequence[np.ndarray], commands: Sequence[np.ndarray], flo
     level = _usual([bends.mean(axis=1) for bends, _ in windows])
     loud = [power > TWICE**2 * max(usual, TRIMMED * floor**2) for power in powers]
     calm = [values[power <= TWICE**2 * usual] for (_, values), power in zip(windows, powers, strict=True)]
-    others = _densities(np.concatenate(calm)).mean(axis=0) - level
+    others = _densities(np.concatenate(calm)).mean(axis=0)
     briskness = [_windows(command)[0].mean(axis=1) for command in commands]
     every, noisy = np.concatenate(briskness), np.concatenate(loud)
     found = []
-    for residual, (bends, _), high, brisk in zip(residuals, windows, loud, briskness, strict=True):
+    for residual, (bends, _), power, high, brisk in zip(residuals, windows, powers, loud, briskness, strict=True):
         mask = np.zeros(residual.size, dtype=bool)
         for run in runs(high):
             if run.size * STRIDE < WINDOW:  # a burst is in as many windows; fewer are chance, or ring after a step
                 continue
             white = bends[run].mean()
+            if power[run].mean() < TRIMMED * white / TWICE:  # peaks and ringing, not alike throughout
+                continue
             with_it = float(noisy[every >= np.median(brisk[run])].mean())
             stretch = slice(STRIDE * run[0], STRIDE * run[-1] + WINDOW)
-            if with_it < MOSTLY and _is_white(residual[stretch], white, others < HIDES * (white - level)):
+            if with_it < MOSTLY and _is_white(residual[stretch], white, others, level + HIDES * (white - level)):
                 mask[stretch] = True
         found.append(mask)
     return found
@@ -74,19 +78,25 @@ def has_lines(values: np.ndarray) -> bool:
 
 
 def _is_uneven(lines: np.ndarray) -> bool:
-    """Return whether Bartlett's test finds the power of some lines of a spectrum larger than that of others."""
+    """Return whether Fisher's or Bartlett's test finds more power in some lines of a spectrum than in others."""
     shares = np.cumsum(lines) / np.sum(lines)
+    if lines.max() > np.sum(lines) * (1 - (FISHER / lines.size) ** (1 / (lines.size - 1))):
+        return True
     return float(np.abs(shares - np.arange(1, lines.size + 1) / lines.size).max()) * np.sqrt(lines.size) > BARTLETT
 
 
-def _is_white(values: np.ndarray, variance: float, clear: np.ndarray) -> bool:
-    """Return whether a stretch has the power of white noise of a variance at all frequencies that the other windows leave `clear`."""
+def _is_white(values: np.ndarray, variance: float, others: np.ndarray, hiding: float) -> bool:
+    """Return whether a stretch has the power of white noise of a variance, and more than the others, where these do not hide it.
+
+    `others` (WINDOW // 2 + 1,) are their mean power densities, of which those from `hiding` on hide it.
+    """
     frequency, densities = np.fft.rfftfreq(values.size), _densities(values)
-    seen = np.interp(frequency, np.fft.rfftfreq(WINDOW), clear) == 1.0
+    usual = np.interp(frequency, np.fft.rfftfreq(WINDOW), others)
     for lowest in (0.0, SLOW):
         # Every second line, since a Hann window makes neighbours alike; the mean is no line.
-        lines = densities[1:][(seen & (frequency >= lowest))[1:]][::2]
-        if lines.size < FEWEST_LINES or not variance / WHITE < lines.mean() < WHITE * variance:
+        clear = (1 + np.flatnonzero((usual < hiding)[1:] & (frequency >= lowest)[1:]))[::2]
+        lines, least = densities[clear], max(variance / WHITE, TWICE**2 * usual[clear].mean())
+        if lines.size < FEWEST_LINES or not least < lines.mean() < WHITE * variance:
             return False
         if _is_uneven(lines):
             return False

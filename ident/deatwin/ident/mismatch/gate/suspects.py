@@ -127,8 +127,13 @@ def held(
         value = float(np.median(filled[max(back - shortest, 0) : back]))
         away = np.flatnonzero(~(np.abs(reading[:back] - value) <= far / 2))
         first = int(away[-1]) + 1 if away.size else 0
-        missed = simulated[first : max(back - shortest, first)]
-        if missed.size < RISE_SAMPLES or np.ptp(np.quantile(missed, USUALLY)) <= 2 * far:
+        late = slice(first, max(back - shortest, first))
+        missed, moved = simulated[late], MOVES * np.ptp(command)
+        if (
+            missed.size < RISE_SAMPLES
+            or np.ptp(np.quantile(missed, USUALLY)) <= 2 * far
+            or np.ptp(command[late]) <= moved
+        ):
             continue
         is_farther = back < reading.size and abs(residual[back]) >= abs(value - simulated[back])
         if not is_farther and not _may_be_held(filled, command, sample_time, (first, int(back)), far / 2):

@@ -39,9 +39,10 @@ def test_a_burst_is_marked_to_a_window(seed: int) -> None:
         6.0 * np.sin(2 * np.pi * 0.33 * np.arange(200)),
         lfilter([4.0], [1.0, 0.9, 0.81], np.random.default_rng(4).standard_normal(200)),
         100.0 * (np.arange(200) == 77),
+        100.0 * (np.arange(200) % 40 == 7) + 3.0 * (np.arange(200) % 40 == 8),
         30.0 * np.exp(-(np.arange(200) % 50) / 8) * np.cos(2 * np.pi * 0.15 * np.arange(200)),
     ],
-    ids=["a hump", "a tone", "a fast tone", "a tone as white as noise", "a mode", "one value", "ringing"],
+    ids=["a hump", "a tone", "a fast tone", "a tone as white as noise", "a mode", "one value", "peaks", "ringing"],
 )
 def test_what_is_no_white_noise_is_no_burst(added: np.ndarray) -> None:
     assert not marked(added).any()
