@@ -129,7 +129,7 @@ def _written(
         title="standard-tasks",
         sentence=f"{ended}The standard tasks, free runs over the official test parts: {reached(measures)} goals reached.",
         rows=measures,
-        figures=[_drawn(rows)],
+        figures=[] if ended else [_drawn(rows)],  # whoever interrupts waits for an answer
         notes=notes,
         tables=[_table(rows), sources()],
     )
