@@ -178,8 +178,8 @@ def identify(
                 voice.say(f"report: {folder.path / 'report.html'}")
 
         if method is Method.NSS:
-            identifier = Pnlss(states=states, degrees=tuple(range(2, degree + 1)), terms=tuple(functions or ()))
-            complete = identify_states(out, identifier, training, unseen, approximated(whole), notes, voice, report_of)
+            space = Pnlss(states=states, degrees=tuple(range(2, degree + 1)), terms=tuple(functions or ()))
+            complete = identify_states(out, space, training, unseen, approximated(whole), notes, voice, report_of)
             if not complete:
                 raise typer.Exit(130)
             return

@@ -77,13 +77,15 @@ def run(setting: Setting) -> Mapping[str, Any]:
 def _ordered(jobs: Sequence[tuple[str, DataSet]], workers: int) -> list[tuple[str, DataSet]]:
     """Return the jobs as they begin: the shortest first, so that an interrupt keeps what it can.
 
-    Of several workers one takes the longest meanwhile; the other long ones follow the short ones, for an early end.
+    Of several workers one takes the longest meanwhile; the other long ones follow the usual ones, for an early end.
     """
     rising = sorted(jobs, key=_length)
     if workers == 1:
         return rising
-    short = [job for job in rising[:-1] if _length(job) <= USUAL]
-    return [rising[-1], *short, *rising[-2 : len(short) - 1 : -1]]
+    quick = [job for job in rising if _length(job) <= QUICK]
+    usual = [job for job in rising if QUICK < _length(job) <= USUAL]
+    long = rising[len(quick) + len(usual) :]
+    return [*quick, *long[-1:], *usual, *long[-2::-1]]
 
 
 def _length(job: tuple[str, DataSet]) -> float:
@@ -101,11 +103,14 @@ def _learn(jobs: list[tuple[str, DataSet]], setting: Setting, done: list[Outcome
         setting.progress(0.95 * share, f"{len(jobs) - len(left)} of {len(jobs)} models{''.join(still)}")
 
     tell()
-    with closing(jobs_as_they_end(learned, jobs, workers=setting.jobs)) as running:  # which ends the workers at once
-        for number, outcome in running:
-            left.discard(number)
-            tell()  # which raises where a fit was interrupted: what it found until then is no result
-            done.append(outcome)
+    quick = sum(_length(job) <= QUICK for job in jobs)
+    for begin, end, workers in ((0, quick, 1), (quick, len(jobs), setting.jobs)):  # workers take seconds to start
+        # Closing ends the workers at once.
+        with closing(jobs_as_they_end(learned, jobs[begin:end], workers=workers)) as running:
+            for number, outcome in running:
+                left.discard(begin + number)
+                tell()  # which raises where a fit was interrupted: what it found until then is no result
+                done.append(outcome)
 
 
 def _written(
@@ -129,7 +134,7 @@ def _written(
         title="standard-tasks",
         sentence=f"{ended}The standard tasks, free runs over the official test parts: {reached(measures)} goals reached.",
         rows=measures,
-        figures=[_drawn(rows)],
+        figures=[] if ended else [_drawn(rows)],  # whoever interrupts waits for an answer
         notes=notes,
         tables=[_table(rows), sources()],
     )
