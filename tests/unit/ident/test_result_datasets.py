@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from made_fits import made_fit
 
 from deatwin.ident.frequency import design_excitation
-from deatwin.ident.greybox import Calibration, FitStatus
 from deatwin.ident.greybox.filter import Latent
 from deatwin.ident.greybox.filter_openings import Opening
 from deatwin.ident.greybox.identifiability import Profile
@@ -45,16 +45,7 @@ NONE = float("nan")
 
 def candidate(*effects: str, size: float, rig: Diaphragm = RIG) -> Candidate:
     """An explanation that leaves noise of a size, SI."""
-    calibration = Calibration(
-        plant=Plant(rig=rig),
-        names=("damping",),
-        covariance=np.eye(1),
-        residuals=size * RNG.standard_normal(700),
-        jacobian=np.ones((700, 1)),
-        status=FitStatus.SETTLED,
-        at_bound=(),
-        evaluations=1,
-    )
+    calibration = made_fit(Plant(rig=rig), size * RNG.standard_normal(700), "damping")
     return Candidate(effects=effects, calibration=calibration, unseen=size * RNG.standard_normal(300), noise=2e-6)
 
 
