@@ -1,14 +1,16 @@
 """Results of single steps as datasets: a NetCDF file keeps the values of their fields, with their units."""
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import fields, replace
+from enum import Enum
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from made_fits import made_fit
 
 from deatwin.ident.frequency import design_excitation
-from deatwin.ident.greybox import Calibration, FitStatus
 from deatwin.ident.greybox.filter import Latent
 from deatwin.ident.greybox.filter_openings import Opening
 from deatwin.ident.greybox.identifiability import Profile
@@ -45,16 +47,7 @@ NONE = float("nan")
 
 def candidate(*effects: str, size: float, rig: Diaphragm = RIG) -> Candidate:
     """An explanation that leaves noise of a size, SI."""
-    calibration = Calibration(
-        plant=Plant(rig=rig),
-        names=("damping",),
-        covariance=np.eye(1),
-        residuals=size * RNG.standard_normal(700),
-        jacobian=np.ones((700, 1)),
-        status=FitStatus.SETTLED,
-        at_bound=(),
-        evaluations=1,
-    )
+    calibration = made_fit(Plant(rig=rig), size * RNG.standard_normal(700), "damping")
     return Candidate(effects=effects, calibration=calibration, unseen=size * RNG.standard_normal(300), noise=2e-6)
 
 
@@ -211,9 +204,7 @@ def along(dims: str, unit: str = "", **values: Any) -> dict[str, tuple[tuple[str
 EXPECTED = {
     "profile": (
         PROFILE,
-        along("value", "N/m", value=PROFILE.values)
-        | along("value", deviance=PROFILE.deviances)
-        | along("", "N/m", calibrated=300.0, low=281.0, high=10000.0),
+        along("value", "N/m", value=PROFILE.values) | along("", "N/m", calibrated=300.0, low=281.0, high=10000.0),
         {"parameter": "stiffness", "bounded_below": 1, "bounded_above": 0, "level": 0.95},
     ),
     "test signal": (
@@ -223,8 +214,7 @@ EXPECTED = {
     ),
     "pruning step": (
         STEP,
-        along("term", term=["y(k-1)", "u(k-2)^2"], index=STEP.indices, relevance=STEP.relevance)
-        | along("update", "nat", bound=STEP.bounds),
+        along("term", term=["y(k-1)", "u(k-2)^2"]) | along("update", "nat", bound=STEP.bounds),
         {"threshold": 1e-06},
     ),
     "discovery": (
@@ -238,8 +228,7 @@ EXPECTED = {
             term_shape_name=["", "width"],
             term_shape_value=[NONE, 0.0004],
         )
-        | along("", "m", before=9e-06, after=4e-06, gain_low=3e-06)
-        | along("unseen_sample", "m", unseen=DISCOVERY.unseen)
+        | along("", "m", before=9e-06)
         | along("sample", "m/s", state=DISCOVERY.state)
         | along("sample", "N", entering=DISCOVERY.entering, smoothed=LATENT.mean, deviation=LATENT.deviation)
         | along("sample", "s", time=LATENT.timepts)
@@ -303,33 +292,14 @@ EXPECTED = {
         along("stage", stage=["before", "after"])
         | along("stage", "m", fitted=[9e-06, 2e-06], unseen=[1e-05, 2.1e-06])
         | along("", "m", gain_low=7e-06, noise=2e-06)
-        | along("ablation", ablation_effect=["creep"], ablation_share=[0.97])
-        | along("ablation", "m", ablation_unseen=[1e-05], ablation_fitted=[9e-06], ablation_gain_low=[7e-06])
+        | along("ablation", "m", ablation_unseen=[1e-05])
         | along(
             "sham",
-            sham_kind=["with the opposite sign", "backwards in time"],
-            sham_share=[0.1, NONE],
-            sham_expected=[0.0, NONE],
-            sham_skipped=["", "no memory"],
             sham_rejected=[1.0, 1.0],
         )
-        | along("transfer", transfer_part=["steps.csv"], transfer_worse=[1.0])
-        | along(
-            "transfer",
-            "m",
-            transfer_before=[2e-06],
-            transfer_gain_high=[-1e-06],
-            transfer_floor=[2.2e-06],
-            transfer_model_error=[1e-06],
-        )
-        | along(
-            "constancy",
-            constancy_effect=["creep", "delay"],
-            constancy_change=[-1.5, NONE],
-            constancy_own=[0.5, 0.04],
-            constancy_deviation=[0.1, NONE],
-            constancy_holds=[0.0, 1.0],
-        ),
+        | along("transfer", transfer_worse=[1.0])
+        | along("transfer", "m", transfer_floor=[2.2e-06])
+        | along("constancy", constancy_holds=[0.0, 1.0]),
         {"holds": 0, "failures": VERIFICATION.failures},
     ),
     "bare verification": (
@@ -339,8 +309,7 @@ EXPECTED = {
     ),
     "times": (
         TIMES,
-        along("window", "s", window_from_s=[1.0], window_to_s=[2.0])
-        | along("window", window_score=[0.7], window_slope=[3e-06])
+        along("window", "s", window_from_s=[1.0])
         | along("sample", "s", time=[0.0, 0.5, 5.0, 5.5])
         | along("sample", track=[0, 0, 1, 1], residual=np.concatenate([t.residual for t in TRACKS])),
         {"period_s": 12.0},
@@ -348,39 +317,26 @@ EXPECTED = {
     "no times": (Times(windows=(), period_s=None, tracks=()), along("sample", residual=[]), {}),
     "bands": (
         BANDS,
-        along("band", "Hz", band_from_Hz=[0.5], band_to_Hz=[2.0])
+        along("band", "Hz", band_from_Hz=[0.5])
         | along("band", "dB", band_excess_dB=[12.0])
-        | along("frequency", "Hz", frequency=BANDS.frequency)
-        | along("frequency", ratio=BANDS.ratio),
+        | along("frequency", "Hz", frequency=BANDS.frequency),
         {},
     ),
     "lines": (
         LINES,
-        along("group", group_kind=["odd"], group_rms=[3e-06], group_p_value=[0.0001], group_lines=[40])
-        | along("", "s", period=4.0)
-        | along("", periods=6),
+        along("", "s", period=4.0),
         {},
     ),
     "regions": (
         REGIONS,
-        along("region", region_signal=["command"], region_low=[1.0])
-        | along("region", "µm", region_mean_residual=[-4.0])
-        | along("bin", bin_number=[2], bin_p_value=[1e-09])
-        | along("bin", "µm", bin_mean=[-4.0], bin_deviation=[0.5])
+        along("region", "µm", region_mean_residual=[-4.0])
+        | along("bin", "µm", bin_mean=[-4.0])
         | along("bin", "samples", bin_count=[90]),
         {},
     ),
     "places": (
         PLACES,
-        along(
-            "opened",
-            opened_place=["film", "drive"],
-            opened_signal=["stress", "command"],
-            opened_explained=[0.7, -0.1],
-            opened_score=[0.9, 0.0],
-            opened_among_best=[1.0, 0.0],
-        )
-        | along("opened", "nat", opened_gain=[40.0, 4.0]),
+        along("opened", "nat", opened_gain=[40.0, 4.0]),
         {"closure_p_value": 0.01, "repeatable": 1, "among_best": "film"},
     ),
     "location": (
@@ -403,19 +359,33 @@ EXPECTED = {
         {"period_s": 12.0},
     ),
 }
-"""Of each result: by the name of a variable its dimensions, unit and values; and attributes of the whole."""
+"""Of each result, beside its plain fields: by the name of a variable its dimensions, unit and values; and attributes."""
+
+
+def plain(result: Any) -> Iterator[tuple[str, Any]]:
+    """Fields that stand in the dataset as they are, and the columns of tables, by their names there."""
+    for each in fields(result):
+        entry, value = each.metadata.get("dataset"), getattr(result, each.name)
+        if entry is not None and entry.of is None and entry.role in ("variable", "coordinate") and value is not None:
+            yield entry.name or each.name, value
+        elif entry is not None and entry.role == "table" and value:
+            for column in fields(value[0]):
+                if getattr(column.metadata.get("dataset"), "of", None) is None:
+                    cells = [getattr(row, column.name) for row in value]
+                    yield f"{entry.dims[0]}_{column.name}", [c.value if isinstance(c, Enum) else c for c in cells]
 
 
 @pytest.mark.parametrize("which", EXPECTED)
 def test_a_result_comes_back_from_a_file_with_its_fields(which, kept):
     result, variables, attributes = EXPECTED[which]
     back = kept(result.to_xarray())
-    for name, (dimensions, unit, values) in variables.items():
+    for name, (dimensions, unit, _) in variables.items():
         assert (back[name].dims, back[name].attrs.get("units", "")) == (dimensions, unit), name
-        if np.asarray(values).dtype.kind == "U":
-            assert back[name].values.tolist() == list(values), name
-        else:
-            np.testing.assert_allclose(back[name].values, values, rtol=1e-14, err_msg=name)
+    for name, values in [*plain(result), *((name, values) for name, (_, _, values) in variables.items())]:
+        if back[name].dtype.kind in "UO":
+            assert back[name].values.tolist() == ["" if value is None else value for value in values], name
+        else:  # a missing number is NaN
+            np.testing.assert_allclose(back[name].values, np.array(values, dtype=float), rtol=1e-14, err_msg=name)
     for name, value in attributes.items():
         np.testing.assert_array_equal(np.atleast_1d(back.attrs[name]), np.atleast_1d(value), err_msg=name)
 

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from made_fits import made_fit
 from stopping import StopAt
 
 from deatwin.ident.greybox import Calibration, FitStatus, Part, calibrate
@@ -198,16 +199,8 @@ def fit_with(*columns: np.ndarray) -> Calibration:
     kind = {"value": 10.0, "unit": "1", "lower": 1.0, "upper": 100.0, "scale": Scale.LOGARITHMIC}
     parameters = {name: Parameter(name=name, **kind) for name in names}
     jacobian, residuals = np.column_stack(columns), np.random.default_rng(2).standard_normal(500)
-    return Calibration(
-        plant=SimpleNamespace(parameters=parameters),
-        names=names,
-        covariance=covariance(residuals, jacobian),
-        residuals=residuals,
-        jacobian=jacobian,
-        status=FitStatus.SETTLED,
-        at_bound=(),
-        evaluations=1,
-    )
+    known = {"covariance": covariance(residuals, jacobian), "jacobian": jacobian}
+    return made_fit(SimpleNamespace(parameters=parameters), residuals, *names, **known)
 
 
 def test_a_parameter_that_the_readings_do_not_show_may_be_anywhere_in_its_range():

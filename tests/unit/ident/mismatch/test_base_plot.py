@@ -3,13 +3,12 @@
 from dataclasses import replace
 
 import matplotlib as mpl
-import numpy as np
 import pytest
+from made_fits import leaving
 
-from deatwin.ident.greybox import Calibration, FitStatus
 from deatwin.ident.mismatch import Base, Candidate
 from deatwin.ident.mismatch.floor import differences
-from deatwin.plant import Diaphragm, Plant, ReadingTime, Rig
+from deatwin.plant import Diaphragm, ReadingTime, Rig
 
 mpl.use("Agg")
 plt = pytest.importorskip("matplotlib.pyplot")
@@ -29,18 +28,7 @@ def closed():
 
 def form(rig: Rig, fitted: float, unseen: float) -> Candidate:
     """A form of the plant that leaves residuals of exactly these sizes, SI."""
-    left = np.tile([fitted, -fitted], 350)
-    calibration = Calibration(
-        plant=Plant(rig=rig),
-        names=("damping",),
-        covariance=np.eye(1),
-        residuals=left,
-        jacobian=np.ones((700, 1)),
-        status=FitStatus.SETTLED,
-        at_bound=(),
-        evaluations=1,
-    )
-    return Candidate(effects=(), calibration=calibration, unseen=np.tile([unseen, -unseen], 150), noise=NOISE)
+    return leaving(fitted, unseen, rig=rig, noise=NOISE)
 
 
 def three_forms() -> Base:

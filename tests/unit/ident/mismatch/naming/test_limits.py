@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_fits import made_fit
 
-from deatwin.ident.greybox import Calibration, FitStatus
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.ident.mismatch.naming.limits import with_limits
@@ -21,16 +21,8 @@ def candidate(*effects: Effect, deviation: float = 0.01, at_bound: tuple[str, ..
     """With a standard deviation of the distance's logarithm; the first `there` effects were in the plant before."""
     plant = Plant(rig=Diaphragm(), effects=effects)
     names = tuple(plant.parameters.free)
-    calibration = Calibration(
-        plant=plant,
-        at_bound=at_bound,
-        residuals=np.ones(100),
-        names=names,
-        covariance=deviation**2 * np.eye(len(names)),
-        jacobian=np.eye(100, len(names)),
-        status=FitStatus.SETTLED,
-        evaluations=1,
-    )
+    known = {"covariance": deviation**2 * np.eye(len(names)), "jacobian": np.eye(100, len(names))}
+    calibration = made_fit(plant, np.ones(100), *names, at_bound=at_bound, **known)
     added = tuple(effect.name for effect in effects[there:])
     return Candidate(effects=added, calibration=calibration, unseen=np.ones(50), noise=1.0)
 

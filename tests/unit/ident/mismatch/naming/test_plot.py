@@ -4,13 +4,12 @@ from dataclasses import replace
 from itertools import pairwise
 
 import matplotlib as mpl
-import numpy as np
 import pytest
+from made_fits import leaving
 
-from deatwin.ident.greybox import Calibration, FitStatus
 from deatwin.ident.mismatch import Candidate, Naming
 from deatwin.ident.mismatch.naming.decide import nothing_tried
-from deatwin.plant import Diaphragm, Plant, ReadingTime, Rig
+from deatwin.plant import Diaphragm, ReadingTime, Rig
 
 mpl.use("Agg")
 plt = pytest.importorskip("matplotlib.pyplot")
@@ -29,18 +28,7 @@ def closed():
 
 def candidate(*effects: str, fitted: float, unseen: float, rig: Rig = RIG) -> Candidate:
     """An explanation that leaves residuals of exactly these sizes, in µm."""
-    left, late = 1e-6 * np.tile([fitted, -fitted], 350), 1e-6 * np.tile([unseen, -unseen], 150)
-    calibration = Calibration(
-        plant=Plant(rig=rig),
-        names=("damping",),
-        covariance=np.eye(1),
-        residuals=left,
-        jacobian=np.ones((700, 1)),
-        status=FitStatus.SETTLED,
-        at_bound=(),
-        evaluations=1,
-    )
-    return Candidate(effects=effects, calibration=calibration, unseen=late, noise=NOISE)
+    return leaving(1e-6 * fitted, 1e-6 * unseen, *effects, rig=rig, noise=NOISE)
 
 
 BASE = candidate(fitted=12.0, unseen=16.0)

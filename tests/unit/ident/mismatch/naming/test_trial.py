@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from made_fits import made_fit
 
 from deatwin.ident.greybox import Calibration, FitStatus
 from deatwin.ident.mismatch.naming import trial
@@ -74,16 +75,9 @@ def test_what_is_explained_to_first_order_is_promised():
 def rough(rms: float, linearised: float, status: FitStatus) -> Calibration:
     """A fit whose linear model would leave so much, by one more step of its only parameter."""
     along, across = np.tile([1.0, 1.0], 50), np.tile([1.0, -1.0], 50)
-    return Calibration(
-        plant=SimpleNamespace(rig=SimpleNamespace(model_error=0.1)),
-        names=("a",),
-        covariance=np.eye(1),
-        residuals=linearised * across + float(np.sqrt(rms**2 - linearised**2)) * along,
-        jacobian=along[:, None],
-        status=status,
-        at_bound=(),
-        evaluations=10,
-    )
+    residuals = linearised * across + float(np.sqrt(rms**2 - linearised**2)) * along
+    plant = SimpleNamespace(rig=SimpleNamespace(model_error=0.1))
+    return made_fit(plant, residuals, "a", jacobian=along[:, None], status=status, evaluations=10)
 
 
 def test_what_ran_out_of_simulations_on_its_way_to_the_best_is_carried_to_the_end(monkeypatch):

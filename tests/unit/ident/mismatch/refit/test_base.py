@@ -5,6 +5,7 @@ from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import numpy as np
+from made_fits import made_fit
 from made_rigs import Bare
 
 from deatwin.ident.greybox import Calibration, FitStatus
@@ -20,16 +21,7 @@ ALONG, ACROSS = np.tile([1.0, 1.0], 50), np.tile([1.0, -1.0], 50)
 def opened(form: str, rms: float, linearised: float, status: FitStatus = FitStatus.STOPPED) -> Calibration:
     """A fit of the openings whose linear model would leave so much."""
     residuals = linearised * ACROSS + float(np.sqrt(rms**2 - linearised**2)) * ALONG
-    return Calibration(
-        plant=form,
-        names=("a",),
-        covariance=np.eye(1),
-        residuals=residuals,
-        jacobian=ALONG[:, None],
-        status=status,
-        at_bound=(),
-        evaluations=8,
-    )
+    return made_fit(form, residuals, "a", jacobian=ALONG[:, None], status=status, evaluations=8)
 
 
 def test_a_form_that_ran_out_of_simulations_is_judged_by_its_linear_model(monkeypatch):
