@@ -133,7 +133,7 @@ def loop_shaping_pid(
     Parameters
     ----------
     linear, command_limits, crossover_Hz, phase_margin_deg, max_sensitivity
-        As in `loop_shaping`.
+        Same arguments as in `loop_shaping`.
 
     Returns
     -------
@@ -143,7 +143,7 @@ def loop_shaping_pid(
     Raises
     ------
     ModelError, ControlError
-        As for `loop_shaping`.
+        Same reasons as for `loop_shaping`.
 
     References
     ----------

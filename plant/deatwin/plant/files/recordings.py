@@ -181,7 +181,7 @@ def read_recording(path: str | Path, **options: Unpack[_Options]) -> Recording:
     path : str or Path
         File to read.
     **options
-        Those of `read_recordings` but `allow_gaps`.
+        Options of `read_recordings` except `allow_gaps`.
 
     Returns
     -------

@@ -102,7 +102,7 @@ def _tests(study: Study, number: int, counterpart: str) -> Drawing:
                 titled(axes, f"{method}: {'fails' if test in found.failed else 'passes'}", "small")
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper left", ncols=2, markerscale=3)
         words = {"name": bench.name, "methods": " beside ".join(study.methods), "counterpart": counterpart}
-        return WORDS.drawing(figure, "tests", f"tests_dea{number}", **words)
+        return WORDS.drawing(figure, "tests", None, f"tests_dea{number}", **words)
 
 
 def svb_drawings(study: Study, choice: Choice) -> list[Drawing]:
