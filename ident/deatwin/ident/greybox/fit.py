@@ -146,9 +146,14 @@ class Calibration(Described):
     def undetermined(self) -> frozenset[str]:
         """Parameters that the readings do not determine, by themselves or because others have the same effect.
 
-        The criterion is how much the readings change when a parameter moves through its range.
+        The criterion is how much the readings change when a parameter moves through its range, against the median one.
         """
-        changes = self.jacobian * [_width(self.plant.parameters[name]) for name in self.names]
+        widths = np.ptp(np.reshape([p.ends for p in _fitted(self)], (-1, 2)), axis=1)
+        changes = self.jacobian * np.where(np.isfinite(widths), widths, 1.0)
+        lengths = np.linalg.norm(changes, axis=0)
+        # The range of an arbitrary zero is metres: beside it all others would seem to do nothing.
+        usual = float(np.median(lengths[lengths > 0.0])) if lengths.any() else 1.0
+        changes = changes / np.maximum(lengths / usual, 1.0)
         squares, axes = np.linalg.eigh(changes.T @ changes)
         idle = axes[:, squares <= RANK * squares.max(initial=0.0)]
         shares = (idle**2).sum(axis=1)
@@ -374,12 +379,6 @@ def _ended(fit: Calibration, problem: Problem, search: Search, tolerance: float 
     if search.equals:
         return FitStatus.EQUAL_MINIMA
     return fit.status
-
-
-def _width(parameter: Parameter) -> float:
-    """Width of a parameter's range in its coordinate; 1 for an unbounded range."""
-    least, most = parameter.ends
-    return most - least if np.isfinite([least, most]).all() else 1.0
 
 
 def _impossible(problem: Problem) -> Calibration:

@@ -221,6 +221,9 @@ def test_two_that_do_the_same_are_both_undetermined_and_the_others_are_not():
     assert found.interval("b") == pytest.approx(fit_with(other).interval("a"), rel=0.01)
     # one that does nothing over its whole range takes nothing from the other, though their columns are alike
     assert fit_with(one, other, 1e-7 * one).undetermined == {"c"}
+    # one whose range is far too wide, as that of an arbitrary zero, is no measure of what the others do
+    assert fit_with(one, other, one[::-1], 1e8 * other[::-1]).undetermined == frozenset()
+    assert fit_with(one, other, 0.1 * one, 1e8 * other[::-1]).undetermined == {"a", "c"}
     # what can be told apart, if badly, is
     assert not fit_with(one, other, one + 1e-4 * other[::-1]).undetermined
 

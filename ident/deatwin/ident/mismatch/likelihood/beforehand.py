@@ -99,6 +99,8 @@ def coordinate(parameter: Parameter, nominal: Plant, effects: Mapping[str, Effec
     if name not in effects:
         return Coordinate(mean=parameter.scale.to_coordinate(parameter.value), deviation=deviation(parameter))
     effect = effects[name]
+    if own not in {p.name for p in effect.describe()}:  # of a memory the start, anywhere in its range if it is unknown
+        return Coordinate(mean=0.0, deviation=_width(parameter))
     typical = effect.described(own)
     if own == effect.strength:
         return Coordinate(mean=0.0, deviation=strength_deviation(effect), one_sided=typical.lower >= 0.0)

@@ -39,13 +39,20 @@ class Weighed:
 
     @cached_property
     def _axes(self) -> tuple[np.ndarray, np.ndarray]:
-        return np.linalg.eigh(self.products[1:, 1:])
+        # Of columns of unlike sizes the products hold each to its own rounding, but their eigenvalues all to that of the
+        # largest. So a root is taken of the scaled products, and then the singular values, whose rounding is its square.
+        products = self.products[1:, 1:]
+        sizes = np.sqrt(np.diagonal(products))
+        sizes = np.where(sizes > 0.0, sizes, 1.0)
+        squares, axes = np.linalg.eigh(products / np.multiply.outer(sizes, sizes))
+        _, roots, along = np.linalg.svd(np.sqrt(np.maximum(squares, 0.0))[:, None] * axes.T * sizes)
+        return roots**2, along.T
 
     def _along(self, log_sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return eigenvalues and b of M along its axes, shape (g, m) each, and the weight of each noise, (g,)."""
         (squares, axes), weight = self._axes, np.exp(-2.0 * log_sigma)
         b = np.multiply.outer(weight, self.products[0, 1:] @ axes) - self.prior.fitted @ axes
-        return 1.0 + np.multiply.outer(weight, np.maximum(squares, 0.0)), b, weight
+        return 1.0 + np.multiply.outer(weight, squares), b, weight
 
     def log_evidence(self, log_sigma: np.ndarray) -> np.ndarray:
         """For noise of these logarithms, shape (g,)."""

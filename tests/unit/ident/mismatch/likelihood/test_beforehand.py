@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from deatwin.ident.mismatch.likelihood.beforehand import AMPLITUDE, DATA_SHEET, RATE, coordinate, pair_odds
+from deatwin.ident.mismatch.likelihood.beforehand import AMPLITUDE, DATA_SHEET, RATE, Coordinate, coordinate, pair_odds
+from deatwin.plant import Disc, Plant
 from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.parameters import Parameter, Scale
 
@@ -55,6 +56,12 @@ def test_a_parameter_of_another_form_of_the_plant_only_is_about_its_value():
     other = Parameter(name="slip", value=3.0, unit="m", lower=0.0, upper=10.0)
     known = before(other)
     assert (known.mean, known.deviation) == (3.0, pytest.approx(3.0 * DATA_SHEET))
+
+
+def test_an_unknown_start_of_a_memory_may_lie_anywhere_in_its_range():
+    plant = Plant(rig=Disc(start_is_known=False), effects=(CREEP,))
+    start = plant.with_values({"creep.at_start": 0.2}).parameters["creep.at_start"]
+    assert before(start) == Coordinate(mean=0.0, deviation=pytest.approx((start.upper - start.lower) / 12**0.5))
 
 
 def test_a_pair_of_many_is_less_likely_than_one_of_many():

@@ -203,6 +203,16 @@ def test_readings_that_cannot_be_weighed_are_refused():
         Process(weights=(0.5, 0.5), times=(1.0,))
 
 
+def test_a_coordinate_of_which_nothing_was_known_leaves_the_others_exact():
+    """Ten thousand times wider, its prior is ten thousand times lower wherever the reading may put it."""
+    reading, prior = rows(10, n=60, m=8), Prior.of((8, None))
+    logs = []
+    for width in (1e4, 1e8):
+        columns = reading.columns * np.where(np.arange(8) == 4, width, 1.0)
+        logs.append(evidence([replace(reading, columns=columns)], prior).log + np.log(width))
+    assert logs[0] == pytest.approx(logs[1], abs=1e-6)
+
+
 class Curve:
     """A log density whose form is given, in the place of a reading's."""
 
