@@ -44,8 +44,10 @@ class Delay(Effect):
     :math:`\tau_d = 0`.
 
     Further place: the ``reading``, as of a camera. There the delay is the Padé approximant of :math:`e^{-\tau_d s}` with
-    7 zeros and 8 poles, which errs by less than 0.1 % up to :math:`1.3/\tau_d`, 13 Hz at 100 ms. One reading alone
-    cannot distinguish the two places; a second reading that is not delayed can.
+    7 zeros and 8 poles, which errs by less than 0.1 % up to :math:`1.3/\tau_d`, 13 Hz at 100 ms. It smooths the corners
+    at which a held command changes: behind a lag T the reading comes :math:`h^2/12T` early, 0.7 ms if h is 20 ms and T
+    is 50 ms, and a fitted delay errs as much. One reading alone cannot distinguish the two places; a second reading that
+    is not delayed can.
 
     Parameters
     ----------

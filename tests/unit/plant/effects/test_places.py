@@ -65,6 +65,20 @@ def test_a_late_reading_is_the_same_one_later(time, frequency):
     assert abs(turned * np.exp(2j * np.pi * frequency * time) - 1) < 1.5e-3
 
 
+@pytest.mark.parametrize("rate", [500.0, 1000.0])
+def test_a_reading_that_is_late_by_whole_samples_is_off_by_no_part_of_one(rate):
+    """A convention of half a sample would show as 0.5; a staircase of 3 Hz, after 2 s, by its slope."""
+    held = np.sin(2 * np.pi * 3.0 * np.arange(int(4.0 * rate)) / rate)
+    given = Experiment(recordings=(Recording.from_arrays(held, np.zeros((0, held.size)), 1 / rate),))
+    plant = Oscillator(sample_time=1 / rate)
+    sound = plant.with_effects().simulate(given).require().outputs[0][0]
+    late = plant.with_effects(replace(Delay().placed("reading"), time=0.1)).simulate(given).require().outputs[0][0]
+    exact = np.roll(sound, round(0.1 * rate))
+    settled = slice(held.size // 2, None)
+    slope = np.gradient(exact)[settled]
+    assert abs(slope @ (late - exact)[settled]) < 0.01 * slope @ slope
+
+
 def test_gains_and_offsets_drift_by_their_shares():
     elapsed = 1 - np.exp(-(TIME + 1 / RATE) / 20.0)
     settled = TIME > 3.0

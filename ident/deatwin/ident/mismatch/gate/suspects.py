@@ -51,8 +51,9 @@ LOST_SAMPLES = 3
 def stuck(record: Recording) -> np.ndarray:
     """Runs of one and the same reading of a `record` while the command moves, longer than a second or up to a leap.
 
-    Those up to a leap are longer than chance makes them. Readings in coarse steps stay the same over slow commands, too, but then go on by a step or two. And dry friction
-    holds a plant, whose reading stands still without any noise if it is a counter's, until the command is large enough.
+    Those up to a leap are longer than chance makes them. Readings in coarse steps stay the same over slow commands, too,
+    but then go on by a step or two. And dry friction holds a plant, whose reading stands still without any noise if it is
+    a counter's, until the command is large enough.
     """
     reading, command = record.outputs[0], record.inputs[0]
     usual = reading[~spikes(reading)]
@@ -113,7 +114,8 @@ def held(
     """Runs in which a `reading` is but noise, for a second and longer, while the plant moves.
 
     A converter that holds its last value still has its noise. It comes back within a sample, to where the plant is by
-    then, or never. What the plant did in the last second does not count: it may come late. Arrays of shape (n,); `simulated` is the calibrated plant's reading; nan where unknown.
+    then, or never. What the plant did in the last second does not count: it may come late. Arrays of shape (n,);
+    `simulated` is the calibrated plant's reading; `reading` is nan where unknown.
     """
     mask, known = np.zeros(reading.size, dtype=bool), np.flatnonzero(np.isfinite(reading))
     shortest = samples_in(STUCK_SECONDS, sample_time)
