@@ -366,7 +366,7 @@ def plain(result: Any) -> Iterator[tuple[str, Any]]:
     """Fields that stand in the dataset as they are, and the columns of tables, by their names there."""
     for each in fields(result):
         entry, value = each.metadata.get("dataset"), getattr(result, each.name)
-        if entry is not None and entry.of is None and entry.role in ("variable", "coordinate") and value is not None:
+        if entry is not None and entry.role in ("variable", "coordinate") and not isinstance(value, dict | type(None)):
             yield entry.name or each.name, value
         elif entry is not None and entry.role == "table" and value:
             for column in fields(value[0]):

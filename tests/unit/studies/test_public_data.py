@@ -17,6 +17,8 @@ from deatwin.studies.public.records import cascaded_tanks, emps, silverbox_table
 from deatwin.studies.public.sources import SOURCES, data_folder, origins
 from deatwin.studies.stories import Setting, Story
 
+pytestmark = pytest.mark.usefixtures("in_one_process")
+
 RNG = np.random.default_rng(0)
 BOX = RNG.standard_normal((2, 300))
 TANKS = {name: RNG.uniform(1, 9, (40, 1)) for name in ("uEst", "uVal", "yEst", "yVal")}

@@ -11,6 +11,8 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.files import read_recording, write_recording
 from deatwin.plant.recording import Recording
 
+pytestmark = pytest.mark.usefixtures("in_one_process")
+
 RECORDING = Recording.from_arrays(
     [1.0, 2.0, 3.0], [0.1, 0.2, 0.3], 0.5, start=7.0, extras={"temperature": [294.0, 295.0, 296.0]}
 )

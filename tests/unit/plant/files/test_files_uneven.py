@@ -12,6 +12,8 @@ import scipy.io
 from deatwin.plant.errors import DataError
 from deatwin.plant.files import read_commands, read_recording, read_recordings
 
+pytestmark = pytest.mark.usefixtures("in_one_process")
+
 STEP = 0.02
 TIMES = STEP * np.arange(60) + 0.001 * np.random.default_rng(4).integers(-6, 7, 60)
 SPEED = 50.0 * (TIMES - TIMES[0])  # rpm; a straight line is interpolated exactly

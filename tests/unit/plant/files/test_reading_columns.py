@@ -10,6 +10,8 @@ from deatwin.plant import DataError, Reading, Recording, RigError, read_experime
 from deatwin.plant.files import write_recording
 from deatwin.plant.rigs.rigfile import RigFile
 
+pytestmark = pytest.mark.usefixtures("in_one_process")
+
 SECTIONS = """
 [readings.current]
 column = "I_mon=nA"
