@@ -31,7 +31,9 @@ def first_words(step: Step, unit: str) -> str:
     found = step.to_dict()
     if step.name == "base":
         left, noise, error = (amount(f"{found[k]:.3g}", unit) for k in ("fitted", "noise", "model_error"))
-        return f"base plant: its error after the fit is {left} rms; the noise is {noise}, the stated model error {error}"
+        return (
+            f"base plant: its error after the fit is {left} rms; the noise is {noise}, the stated model error {error}"
+        )
     if step.name == "detect" and found["excess"] is not None:
         size, least = (amount(f"{found[k]:.3g}", unit) for k in ("excess", "practical"))
         return f"mismatch: {size} beyond the noise; less than {least} would not count"
