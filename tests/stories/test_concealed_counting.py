@@ -276,7 +276,7 @@ def test_of_an_interrupted_study_the_results_of_what_has_run_are_written(tmp_pat
     store.put(clean[1], done("unknown", ratio=0.0, check=CLEAN))
     study, seal = opened_study(tmp_path)
     page = results_page(study, score(study), seal)
-    assert f"2 of {len(specs)} cases have run (the order is mixed" in page.splitlines()[2]
+    assert f"2 of {len(specs)} cases. Their order is random" in page.splitlines()[2]
     assert "| nothing concealed: the verdict is none or parameters | at least 95 % | 1 of 2, 50.0 %" in page
     assert not (tmp_path / "key.json").exists()  # the key stays shut until the last case is through
     with pytest.raises(DataError, match=f"{len(specs) - 2} cases have not been run"):

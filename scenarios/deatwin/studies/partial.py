@@ -31,16 +31,18 @@ def first_words(step: Step, unit: str) -> str:
     found = step.to_dict()
     if step.name == "base":
         left, noise, error = (amount(f"{found[k]:.3g}", unit) for k in ("fitted", "noise", "model_error"))
-        return f"base plant: {left} rms is left after the fit; the noise is {noise}, the plant's own error {error}"
+        return (
+            f"base plant: its error after the fit is {left} rms; the noise is {noise}, the stated model error {error}"
+        )
     if step.name == "detect" and found["excess"] is not None:
         size, least = (amount(f"{found[k]:.3g}", unit) for k in ("excess", "practical"))
-        return f"size: {size} beyond the noise; {least} or more counts"
+        return f"mismatch: {size} beyond the noise; less than {least} would not count"
     if step.name == "locate":
         times = sorted(found["time"], key=lambda window: -window["score"])[:1]
         bands = sorted(found["frequency"], key=lambda band: -band["excess_dB"])[:1]
         when = [f"from {w['from_s']:.4g} to {w['to_s']:.4g} s" for w in times]
         which = [f"from {b['from_Hz']:.3g} to {b['to_Hz']:.3g} Hz" for b in bands]
-        return f"place: most {' and '.join([*when, *which])}" if when or which else ""
+        return f"location: mostly {' and '.join([*when, *which])}" if when or which else ""
     return ""
 
 

@@ -126,7 +126,7 @@ def diagnose(
         fit,
         bench.effects,
         fit,
-        finished=lambda done: tell(0.27 + 0.03 * done / count, "looking at what effects would do"),
+        finished=lambda done: tell(0.27 + 0.03 * done / count, "estimating what each effect would change"),
     )
     detection = detection.beside(known)
     keep(found_step("detect", detection))
