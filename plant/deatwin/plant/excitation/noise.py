@@ -97,7 +97,7 @@ def two_level_noise(
     sample_time : float
         Time between two samples, s.
     means : sequence of float
-        Operating point of each level, V; equal values if only the variance shall change.
+        Operating point of each level, V; equal values if only the variance is to change.
     variances : sequence of float
         Variance of each level before the limits, V²; one per mean.
     segment : float
