@@ -394,8 +394,8 @@ def _refuted(diagnosis: Diagnosis) -> bool:
 
 def _fault(fault: Fault, many: bool) -> str:
     which = f"recording {fault.recording}" + (f" of experiment {fault.experiment}" if many else "")
-    many = f"{fault.samples} samples between {fault.from_s:.2f} and {fault.to_s:.2f} s"
-    return f"in {which} {fault.fault} in {many if fault.samples > 1 else f'one sample, at {fault.from_s:.2f} s'}"
+    samples = f"{fault.samples} samples between {fault.from_s:.2f} and {fault.to_s:.2f} s"
+    return f"in {which} {fault.fault} in {samples if fault.samples > 1 else f'one sample, at {fault.from_s:.2f} s'}"
 
 
 def _first_up(text: str) -> str:
