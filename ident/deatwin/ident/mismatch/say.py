@@ -59,15 +59,7 @@ def number(value: float, digits: int = 3) -> str:
 def risk(share: float) -> str:
     """A predicted probability of a wrong explanation as the sentence shows it, in per cent without the sign.
 
-    Parameters
-    ----------
-    share : float
-        From 0 to 1.
-
-    Returns
-    -------
-    str
-        Two significant digits, or the bound where it is less than a thousandth.
+    Two significant digits, or the bound if the share, from 0 to 1, is less than a thousandth.
 
     Examples
     --------
