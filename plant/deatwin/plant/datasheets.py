@@ -118,7 +118,7 @@ class Converter(Part):
 
 @dataclass(frozen=True, kw_only=True)
 class Amplifier(Part):
-    """High-voltage amplifier, described by a gain and limits, as in the thesis.
+    """High-voltage amplifier, described by a gain and limits, as in W. R. Jacobs' thesis.
 
     Parameters
     ----------

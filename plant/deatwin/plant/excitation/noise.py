@@ -24,10 +24,10 @@ def band_limited_noise(
     White Gaussian noise is filtered (every spectral line above `band`, and the line at 0 Hz, is set to zero), then
     scaled to `variance` exactly, shifted by `mean`, and clipped to `lower` and `upper`.
 
-    The defaults are the thesis' excitation, whose variance, band and limits cannot all hold exactly: the limits lie
-    only 2.2 standard deviations from the mean. Here the limits hold exactly, because they protect the film. Clipping
-    reduces the variance a little (to 0.343 V²) and puts a little power above the band (0.22 %; `share_above_band`
-    returns the value for a given signal).
+    The defaults are the excitation of W. R. Jacobs' thesis, whose variance, band and limits cannot all hold exactly:
+    the limits lie only 2.2 standard deviations from the mean. Here the limits hold exactly, because they protect the
+    film. Clipping reduces the variance a little (to 0.343 V²) and puts a little power above the band (0.22 %;
+    `share_above_band` returns the value for a given signal).
 
     Parameters
     ----------
