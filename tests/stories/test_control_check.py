@@ -220,7 +220,7 @@ def concealed(base: Verdict = FAIL, amended: Verdict = PASS, effect: str = "elec
             controller=SimpleNamespace(name="PI", closed_loop_time=0.4),
             runs=SimpleNamespace(steps=loop(5e-6)),
             check=SimpleNamespace(verdict=verdict, reason="the phase margin is 22°"),
-            truth=SimpleNamespace(verdict=verdict, text="steps overshoot by 51 % on the physics plant"),
+            truth=SimpleNamespace(verdict=verdict, text="in simulation with the plant model, steps overshoot by 51 %"),
         )
         for source, verdict in (("base", base), ("amended", amended))
     )

@@ -10,4 +10,4 @@ class ControlError(DeatwinError, ValueError):
 
 
 class MissingPackageError(DeatwinError, ImportError):
-    """A design needs a package that is not installed; nothing follows about the controller."""
+    """A design needs a package that is not installed. The error says nothing about the controller."""

@@ -55,7 +55,7 @@ class ActuationCurve(Described):
     Parameters
     ----------
     commands : ndarray, shape (n,)
-        Commands, in the rig's unit. If the film pulls in, the last one is the command of pull-in.
+        Commands, in the rig's unit. If the film pulls in, the last value is the command at which it does.
     readings : ndarray, shape (n,)
         Reading at rest under each command, SI.
     signals : mapping of str to ndarray, each of shape (n,)

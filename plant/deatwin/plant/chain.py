@@ -32,7 +32,7 @@ from deatwin.plant.errors import DataError
 
 @dataclass(frozen=True, kw_only=True)
 class MeasuringChain:
-    """Drive and sensor hardware of a rig; by default that of the thesis, as far as it is known.
+    """Drive and sensor hardware of a rig; by default that of W. R. Jacobs' thesis, as far as it is known.
 
     Parameters
     ----------

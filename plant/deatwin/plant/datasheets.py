@@ -118,7 +118,7 @@ class Converter(Part):
 
 @dataclass(frozen=True, kw_only=True)
 class Amplifier(Part):
-    """High-voltage amplifier, described as in the thesis by a gain with limits.
+    """High-voltage amplifier, described by a gain and limits, as in W. R. Jacobs' thesis.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ class Laser(Part):
         Largest measurable displacement from the reference distance, to either side, m. The analogue output is then
         `output_full_scale`.
     output_full_scale : float
-        V.
+        Largest output voltage, V.
     noise : float
         Standard deviation of the noise, m. Prefer a value measured on the rig: the repeatability of a data sheet holds
         after averaging, for which sampling at 50 Hz leaves no time.

@@ -35,7 +35,7 @@ DURATION = 1100.0
 
 @dataclass(frozen=True, kw_only=True)
 class Tolerance:
-    """Fabrication tolerance of a quantity, uniformly distributed about its specification.
+    """Fabrication tolerance of a quantity, which is distributed uniformly about its specification.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ the thesis gives none."""
 
 @dataclass(frozen=True, kw_only=True)
 class History:
-    """Changes in an actuator during its recording.
+    """What changes in an actuator during its recording.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ HISTORIES: tuple[History, ...] = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Actuator:
-    """One of six simulated actuators of the same specification.
+    """One of six simulated actuators that were made to the same specification.
 
     Parameters
     ----------

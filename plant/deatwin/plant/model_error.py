@@ -58,7 +58,7 @@ class Discrepancy:
     motion : float
         Standard deviation of the readings, SI.
     before : float
-        Rms error with the parameters before the refit, SI.
+        Rms error before the refit, SI.
     commands : ndarray, shape (n,)
         Centres of equal intervals of the command, in the rig's unit.
     mean, deviation : ndarray, shape (n,)

@@ -25,7 +25,7 @@ class Simulation:
     Parameters
     ----------
     status : RunStatus
-        Way in which the simulation ended. If it reached its end, the first event, if there was one.
+        How the simulation ended. If it ran to the end but an event occurred, the status names the first event.
     outputs : tuple of ndarray, each of shape (readings, n)
         Noise-free readings of each recording, SI, in the order of `Rig.readings`; NaN after a failure.
     watched : tuple of mapping of str to ndarray, each of shape (n,)

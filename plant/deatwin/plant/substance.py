@@ -56,7 +56,7 @@ class Material:
     permittivity : Parameter
         Relative permittivity of the stretched film.
     breakdown : BreakdownLaw, or None
-        Field that the film bears; None if it is unknown, so that no breakdown is watched.
+        Field that the film withstands; None if it is unknown, in which case no breakdown is detected.
     density : float
         Density, kg/m³, for rigs in which the film's own inertia matters.
     """

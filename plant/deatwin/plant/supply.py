@@ -25,12 +25,13 @@ LEAST_SUNK = 1e-12
 
 @dataclass(frozen=True, kw_only=True)
 class Supply:
-    r"""High-voltage source with limits, and what lies between it and the film.
+    r"""High-voltage source with limited current, and the circuit between it and the film.
 
     .. math:: \frac{d}{dt}\bigl[(C(q) + C_p)V\bigr] = I(V_a - V) - \frac{V}{R_b}, \qquad
               I(x) = \frac{x}{R}\Bigl(1 + \Bigl|\frac{x}{R\,I_\pm}\Bigr|^8\Bigr)^{-1/8}
 
-    A resistance R whose current stays below :math:`I_+` into the film and :math:`I_-` out of it.
+    The source acts through a resistance R. Its current stays below :math:`I_+` into the film and below :math:`I_-` out
+    of it.
 
     Parameters
     ----------
@@ -40,7 +41,7 @@ class Supply:
         :math:`I_-`, A: 0 for a converter that cannot take current back, whose film then falls through `bleed_resistance`
         alone. None if it is `current_limit`.
     series_resistance : float
-        R, ohm. The default is of no consequence to a film of some nanofarad.
+        R, ohm. The default has no noticeable influence on a film of some nanofarads.
     bleed_resistance : float, optional
         :math:`R_b` across the film, ohm: a probe, a divider, a bleeder; None if there is none.
     parallel_capacitance : float

@@ -9,7 +9,7 @@ from deatwin.plant.rigs.diaphragm import Diaphragm
 
 
 def thesis_plant() -> Plant:
-    """Return the thesis' actuator: prestretched diaphragm, Maxwell stress, permittivity drift and hysteresis.
+    """Return the actuator of W. R. Jacobs' thesis: prestretched diaphragm with permittivity drift and hysteresis.
 
     The 80 mm frame, 35 mm electrode, 3 g ball, gain of 800 and 50 Hz are from the thesis; its "350 %" is taken as a
     stretch of 3.5. The thesis does not state the contact between film and ball. Here the film slides on the ball, the

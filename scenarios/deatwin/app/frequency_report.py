@@ -175,7 +175,7 @@ def _reliance(known: Reliance) -> Measure:
     return Measure(
         "failed residual tests and bias of the model on held-out data",
         "none",
-        "; ".join(known.caveats) or "none",
+        ". ".join(text[:1].upper() + text[1:] for text in known.caveats) or "none",
         not known.caveats,
     )
 

@@ -141,8 +141,8 @@ def test_the_report_shows_every_finding_beside_its_limit(results: Path) -> None:
     for title in (
         "Margins of the model",
         "Margins of creep",
-        "Runs on the physics plant",
-        "Runs on further:late",
+        "Simulation with the plant model",
+        "Simulation with further:late",
         "Prediction",
         "Film",
         "Limit cycles",

@@ -231,7 +231,7 @@ class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_d
         return "".join(f" {text[0].upper()}{text[1:]}." for text in self.caveats)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot the step reference, the output that the model predicted, and the output of the physics plant.
+        """Plot the step reference, the output that the identified model predicted, and the output of the plant model.
 
         Parameters
         ----------
@@ -244,7 +244,7 @@ class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_d
         if self.steps is not None:
             steps = self.steps
             unit, size = written_amplitude(steps.output_unit)
-            axes.plot(steps.timepts, steps.output / size, color="C3", linewidth=1.2, label="on the physics plant")
+            axes.plot(steps.timepts, steps.output / size, color="C3", linewidth=1.2, label="plant model")
             if self.predicted is None:
                 axes.plot(steps.timepts, steps.reference / size, "--", color="0.4", linewidth=0.9, label="reference")
             axes.set_xlabel("time (s)")

@@ -73,7 +73,7 @@ class OperatingPoint:
 
 @dataclass(frozen=True, kw_only=True)
 class MarginRow:
-    """Margins at one operating point; infinite if nothing bounds them, zero if the loop is unstable.
+    """Margins at one operating point. A margin is infinite if nothing bounds it, and zero if the loop is unstable.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Limit:
-    """Limits of a number: one up to which it passes, and one beyond which it fails.
+    """Two limits of a number: up to the first it passes, and beyond the second it fails.
 
     Parameters
     ----------

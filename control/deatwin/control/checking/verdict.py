@@ -53,8 +53,8 @@ class Runs:
 
     @property
     def where(self) -> str:
-        """The plant in words."""
-        return "on the physics plant" if self.source == "plant" else f"on {self.source}"
+        """Where the runs were made, in words."""
+        return f"in simulation with {'the plant model' if self.source == 'plant' else self.source}"
 
     def subject(self, name: str) -> str:
         """Subject of a finding on these runs."""
@@ -78,7 +78,7 @@ def judge_margins(rows: Sequence[MarginRow], linear: LinearModel, specification:
     if stability.verdict is not Verdict.PASS:
         return (stability,)  # margins of unstable loops would only repeat this
     by = (
-        ("gain margin", lambda r: r.gain_low, spec.gain, "{:.2f}"),
+        ("gain margin", lambda r: r.gain_low, spec.gain, "a factor of {:.2f}"),
         ("phase margin", lambda r: r.phase_low_deg, spec.phase_deg, "{:.0f}°"),
         ("delay margin", lambda r: r.delay_low / linear.sample_time, spec.delay_samples, "{:.1f} samples"),
         ("disk margin", lambda r: r.disk_low, spec.disk, "{:.2f}"),
@@ -88,7 +88,7 @@ def judge_margins(rows: Sequence[MarginRow], linear: LinearModel, specification:
         row = min(rows, key=measure)
         value = measure(row)
         size = written.format(value) if isfinite(value) else "infinite"
-        found.append(_finding(_subject(name, row), value, limit, f"the {name} is {_at(size, row, unit)}"))
+        found.append(_finding(_subject(name, row), value, limit, _margin(name, size, row, unit)))
     return tuple(found)
 
 
@@ -107,13 +107,13 @@ def judge_runs(runs: Runs, sine_predicted: float, specification: Specification) 
     times = amount(ratio, ".2f", " times")
     measured = (
         ("overshoot", steps.overshoot, spec.overshoot, f"steps overshoot by {over}"),
-        ("steady error", steps.steady_error, spec.steady_error, f"steps end {off} off"),
-        ("ripple", steps.ripple, spec.ripple, f"late after a step, the output still moves by {moves} of the step"),
+        ("steady error", steps.steady_error, spec.steady_error, f"steps end {off} from the reference"),
+        ("ripple", steps.ripple, spec.ripple, f"the output still moves by {moves} of the step long after it"),
         ("saturation", saturated, spec.saturated, f"{100 * saturated:.0f} % of the commands are at a limit"),
         ("tracking", ratio, spec.tracking, f"the error on a slow sine is {times} the predicted one"),
     )
     return tuple(
-        _finding(runs.subject(name), value, limit, f"{text} {runs.where}") for name, value, limit, text in measured
+        _finding(runs.subject(name), value, limit, f"{runs.where}, {text}") for name, value, limit, text in measured
     )
 
 
@@ -133,13 +133,13 @@ def judge_width(predicted: PredictedLoop, step: float, specification: Specificat
 def judge_prediction(predicted: PredictedLoop, achieved: ClosedLoop, specification: Specification) -> Finding:
     """Judge whether the physics plant did what the model predicted."""
     share = predicted.inside(achieved)
-    where = f"on the physics plant{_beyond(predicted.trained, achieved)}"
-    text = f"{100 * share:.1f} % of the steps {where} lie inside the band that the model predicts"
+    where = f"in simulation with the plant model{_beyond(predicted.trained, achieved)}"
+    text = f"{where}, {100 * share:.1f} % of the output lies inside the band that the identified model predicts"
     return _finding("prediction", share, specification.inside, text)
 
 
 def judge_raised(raised: Sequence[tuple[float, ClosedLoop]], specification: Specification) -> Finding:
-    """Judge the gain margin measured on the physics plant, which may have a fast mode that the model lacks."""
+    """Judge the gain margin measured on the plant model, which may have a fast mode that the model lacks."""
     calm: list[float] = []
     for factor, run in sorted(raised, key=lambda entry: entry[0]):
         if not (run.status.ok and run.ripple <= specification.ripple.poor):
@@ -147,11 +147,9 @@ def judge_raised(raised: Sequence[tuple[float, ClosedLoop]], specification: Spec
         calm.append(factor)
     reached = max(calm, default=1.0)
     if calm:
-        text = f"the physics plant does not ring with the controller's gain multiplied by {reached:g}"
+        text = f"the plant model does not ring with the controller's gain multiplied by {reached:g}"
     else:
-        text = (
-            f"the physics plant rings or fails with the controller's gain multiplied by {min(f for f, _ in raised):g}"
-        )
+        text = f"the plant model rings or fails with the controller's gain multiplied by {min(f for f, _ in raised):g}"
     return _finding("gain margin on the plant", reached, specification.gain, text)
 
 
@@ -168,13 +166,13 @@ def _beyond(trained: tuple[float, float] | None, achieved: ClosedLoop) -> str:
     unit, size = written_amplitude(achieved.output_unit)
     ends = " to ".join(f"{value / size:.3g}" for value in (low, high))
     data = " to ".join(f"{value / size:.3g}" for value in trained)
-    return f", which go from {ends} {unit} and leave the training data of {data} {unit},"
+    return f", whose output goes from {ends} {unit} and leaves the training data of {data} {unit}"
 
 
 def _failed(runs: Runs, run: ClosedLoop) -> Finding:
     """The finding on a run that did not reach its end."""
     when = "before" if not run.timepts.size else f"{run.timepts[-1]:.2f} s after"
-    who = "the physics plant" if runs.source == "plant" else runs.source
+    who = "the plant model" if runs.source == "plant" else runs.source
     text = f"{who} failed {when} the loop was closed: {run.status.value}"
     return Finding(subject=runs.subject("plant"), value=None, verdict=Verdict.FAIL, text=text)
 
@@ -183,37 +181,44 @@ def _subject(name: str, row: MarginRow) -> str:
     return name if row.source == "model" else f"{name} ({row.source})"
 
 
-def _at(size: str, row: MarginRow, unit: str) -> str:
-    """A margin with its source and its operating point, in words."""
+def _margin(name: str, size: str, row: MarginRow, unit: str) -> str:
+    """A margin with its operating point and its source, in words."""
     where = _where(row, unit)
     if row.source == BAND:
         # The band does not bound an infinite margin.
         least = size if size == "infinite" else f"at least {size}"
-        return f"{least} (lower limit of the two-sided 95 % band, linearised, from the model's covariance) {where}"
+        of = "lower end of the 95 % interval, by linearisation from the model's covariance"
+        return f"{where}, the {name} is {least} ({of})"
     if row.samples > 1:
-        return f"{size} at the 2.5 % quantile over draws of {_whose(row)}, {where}"
-    return f"{size} on {_whose(row)}, {where}"
+        return f"{where}, the {name} is {size} (2.5 % quantile of {_draws(row)})"
+    return f"{where}, the {name} is {size} for {_whose(row)}"
 
 
 def _partly_stable(row: MarginRow, unit: str) -> str:
     where = _where(row, unit)
     share = f"{100 * row.stable_share:.0f} %"
     if row.source == BAND:
-        return f"the model's loop is stable with {share} certainty (linearised, from the model's covariance) {where}"
+        of = "by linearisation from the model's covariance"
+        return f"{where}, the model's loop is stable with a probability of {share} ({of})"
     if row.samples > 1:
-        return f"the loop is stable in {share} of the draws of {_whose(row)}, {where}"
-    return f"the loop of {_whose(row)} is stable with {share} certainty {where}"
+        return f"{where}, the loop is stable for {share} of the {_draws(row)}"
+    return f"{where}, the loop of {_whose(row)} is stable with a probability of {share}"
 
 
 def _where(row: MarginRow, unit: str) -> str:
     """Operating point of a row of margins, in words."""
-    when = "" if row.time is None else f" {row.time:.0f} s after the start"
-    return f"at the input {with_unit(f'{row.operating_input:.3g}', unit)}{when}"
+    when = "" if row.time is None else f" and {row.time:.0f} s after the start"
+    return f"at an input of {with_unit(f'{row.operating_input:.3g}', unit)}{when}"
+
+
+def _draws(row: MarginRow) -> str:
+    """The draws of a row in words."""
+    return "models drawn from the posterior" if row.source == "model" else f"draws of {_whose(row)}"
 
 
 def _whose(row: MarginRow) -> str:
     """A source in words."""
-    names = {"model": "the model", "plant": "the physics plant"}
+    names = {"model": "the model", "plant": "the plant model"}
     for name, words in names.items():
         if row.source == name or row.source.startswith(f"{name} "):
             return row.source.replace(name, words, 1)
@@ -223,14 +228,16 @@ def _whose(row: MarginRow) -> str:
 def _stable(rows: Sequence[MarginRow], unit: str) -> str:
     """The finding that the loops of one source are stable, in words."""
     if rows[0].source == BAND:
-        return f"every loop inside the model's 95 % band, linearised from its covariance, is stable {_where(rows[0], unit)}"
+        where = _where(rows[0], unit)
+        return f"{where}, every loop inside the 95 % band of the model (linearised from its covariance) is stable"
     whose = _whose(rows[0])
     kind = "operating points" if all(row.time is None for row in rows) else "operating points and times"
     count = f" at all {len(rows)} {kind}" if len(rows) > 1 else ""
-    return f"the loop is stable on {whose}{count}" + (" and in all draws" if rows[0].samples > 1 else "")
+    return f"the loop is stable with {whose}{count}" + (" and in all draws" if rows[0].samples > 1 else "")
 
 
 def _finding(subject: str, value: float, limit: Limit, text: str) -> Finding:
     verdict = limit.judge(value)
-    wanted = "" if verdict is Verdict.PASS else f" ({limit.wanted} is wanted)"
-    return Finding(subject=subject, value=value, verdict=verdict, text=text + wanted, room=limit.room(value))
+    if verdict is not Verdict.PASS:
+        text = f"{text[:-1]}; {limit.wanted} is wanted)" if text.endswith(")") else f"{text} ({limit.wanted} is wanted)"
+    return Finding(subject=subject, value=value, verdict=verdict, text=text, room=limit.room(value))

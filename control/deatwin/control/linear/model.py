@@ -29,7 +29,10 @@ SIGN_LEVEL = 1.96
 
 
 class LinearStatus(Enum):
-    """Status of a linear model as a basis for controller design; the value is the advice."""
+    """Status of a linear model as a basis for controller design.
+
+    The value of each member is a text that advises the user.
+    """
 
     OK = "the operating point is stable and the static gain has a certain sign"
     NO_EQUILIBRIUM = "the model does not settle at this input: choose another operating input or identify again"

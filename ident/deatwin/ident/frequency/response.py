@@ -33,7 +33,10 @@ LINEAR_LAW = 4.0
 
 
 class FrequencyStatus(Enum):
-    """Stability of the operating point of a frequency response; the value is the advice."""
+    """Stability of the operating point of a frequency response.
+
+    The value of each member is a text that advises the user.
+    """
 
     OK = "the operating point is stable"
     UNSTABLE = (

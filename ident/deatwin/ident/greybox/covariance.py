@@ -43,6 +43,12 @@ def with_errors(spread: np.ndarray, jacobian: np.ndarray, columns: np.ndarray) -
     return np.asarray(spread + carried @ carried.T)
 
 
+def beside(jacobian: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Return what least squares leaves of columns. Shapes: `jacobian` (n, p); `columns` and the result (n, k)."""
+    scaled, _ = _unit_columns(jacobian)
+    return np.asarray(columns - scaled @ np.linalg.lstsq(scaled, columns, rcond=np.sqrt(RANK))[0])
+
+
 def white_variances(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
     """Variances of the coordinates if the residuals were white noise. Shapes: `residuals` (m,); `jacobian` (m, n);
     returns (n,).

@@ -6,7 +6,7 @@ from enum import Enum
 
 
 class FitStatus(Enum):
-    """Outcome of a calibration; the value is the advice."""
+    """Outcome of a calibration. The value of each member is a text that advises the user."""
 
     SETTLED = "the fit settled"
     STOPPED = "the fit used up its evaluations: its parameters may still move"

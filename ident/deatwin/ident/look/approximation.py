@@ -24,7 +24,7 @@ Lines = NDArray[np.bool_]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BestLinearApproximation(Frozen):
-    """Response of the linear system nearest to a recorded one, and what of the output it leaves.
+    """Response of the linear system nearest to a recorded one, and the part of the output that it does not explain.
 
     Amplitudes are the magnitudes of Fourier coefficients, (1/n) sum_k y(k) e^(-jwkT); the rms of a part is the root of
     twice the sum of their squares.
@@ -53,7 +53,7 @@ class BestLinearApproximation(Frozen):
         Standard deviation of the output's mean over the periods of one realisation.
     distortion_variance : ndarray, shape (n_all,)
         Power of the nonlinear distortion, unbiased, so that it may fall below zero where there is none; NaN where it
-        cannot be told.
+        cannot be determined.
     realisations : int
         Number of different inputs.
     periods : int

@@ -55,13 +55,13 @@ class CalibratedMaterial:
         Energies and numbers of branches that were tried: ``energy``, ``branches``, and ``behind``, the logarithm of the
         odds of the most probable one to it.
     notes : tuple of str
-        What the tests do not tell.
+        Remarks on what the tests cannot determine.
     tests : tuple of MaterialTest
         The tests.
     data : Observations
-        Samples that were taken of the tests.
+        Samples of the tests that were used.
     modelled : ndarray, shape (n,)
-        What the material says of these samples, Pa.
+        Stresses or moduli that the material predicts for these samples, Pa.
     """
 
     section: Mapping[str, Json]

@@ -80,7 +80,7 @@ class MaterialTests:
     tests : tuple of MaterialTest
         The tests, in the order of the file.
     about : mapping
-        The section ``[material]``: name, permittivity and what else tests do not tell.
+        The section ``[material]``: name, permittivity and other values that tests cannot determine.
     files : tuple of Path
         Files of the tests.
     """

@@ -137,7 +137,7 @@ class Diagnosis(Described):
     parameters : mapping of str to FittedParameter
         Of the calibrated base plant.
     forms : tuple of FormSummary
-        The ways to read the rig file that competed, the one chosen first.
+        The interpretations of the rig file that competed, the chosen one first.
     warnings : tuple of str
         What the user should know besides.
     model, base_model : CalibratedPlant or None

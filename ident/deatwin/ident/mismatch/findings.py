@@ -89,14 +89,15 @@ class Findings:
     def intervals(self) -> Calibration:
         """The answer whose parameters are as uncertain as the plant's own error makes them, too.
 
-        The errors that repeat, as the likelihood expects them, bend a fit the same way in every recording: residuals
-        tell nothing of that.
+        The errors that repeat, as the likelihood expects them, bend a fit the same way in every recording: of bends and
+        slow errors residuals tell nothing.
         """
         fit, whole = self.final, self.bench.everything
         parts = whole if fit.residuals.size == sum(part.size for part in whole) else self.bench.fitted
         rig, readings = self.bench.nominal.rig, readings_of_fit(parts, fit.residuals)
         own = own_errors(rig, parts, readings, self.base.noise, self.bench.expected_error)
-        return replace(fit, covariance=with_errors(fit.covariance, fit.jacobian, own.columns))
+        columns = own.columns_after(fit.residuals, fit.jacobian)
+        return replace(fit, covariance=with_errors(fit.covariance, fit.jacobian, columns))
 
     @property
     def unit(self) -> tuple[str, float]:

@@ -392,8 +392,8 @@ class Fault:
 
 @dataclass(frozen=True, kw_only=True)
 class FormSummary:
-    """A way to read the rig file, and what it leaves without any effect."""
+    """An interpretation of the rig file, and the error that remains with it without any effect."""
 
-    form: Mapping[str, Json]  # What is read otherwise than in the file, or where it is silent
+    form: Mapping[str, Json]  # What is interpreted otherwise than in the file, or where it is silent
     fitted: float | None  # Rms residuals
     unseen: float | None

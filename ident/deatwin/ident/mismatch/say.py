@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from deatwin.ident.mismatch.diagnosis import Diagnosis
+from deatwin.ident.mismatch.locate.region import SINCE_REST
 from deatwin.ident.mismatch.located import Unexplained
 from deatwin.ident.mismatch.result import Fault
 from deatwin.ident.mismatch.verdict import Cause, Interval, Verdict
@@ -58,15 +59,7 @@ def number(value: float, digits: int = 3) -> str:
 def risk(share: float) -> str:
     """A predicted probability of a wrong explanation as the sentence shows it, in per cent without the sign.
 
-    Parameters
-    ----------
-    share : float
-        From 0 to 1.
-
-    Returns
-    -------
-    str
-        Two significant digits, or the bound where it is less than a thousandth.
+    Two significant digits, or the bound if the share, from 0 to 1, is less than a thousandth.
 
     Examples
     --------
@@ -134,7 +127,7 @@ def _elsewhere(cause: str, diagnosis: Diagnosis) -> str:
     """Return where a rival's effect acts, if that is at a further place only."""
     effects = (effect for rival in diagnosis.rival_models.values() for effect in rival.plant.effects)
     places = dict.fromkeys(effect.placed_at for effect in effects if effect.cause == cause)
-    return f" (at the {' or the '.join(map(_plain, places))})" if places and "" not in places else ""
+    return f" (acting on the {' or the '.join(map(_plain, places))})" if places and "" not in places else ""
 
 
 def _or_nothing(cause: Cause, diagnosis: Diagnosis) -> str:
@@ -171,9 +164,15 @@ def _mostly(left: Unexplained, diagnosis: Diagnosis) -> str:
         return f", mostly between {window.from_s:.2f} and {window.to_s:.2f} s"
     if band is not None:
         return f", mostly from {number(band.from_Hz, 2)} to {number(band.to_Hz, 2)} Hz"
-    if region is not None:
-        return f", mostly at a {_plain(region.signal)} from {number(region.low)} to {number(region.high)}"
-    return ""
+    if region is None:
+        return ""
+    span = f"{number(region.low)} to {number(region.high)}"
+    after = region.signal == SINCE_REST
+    return (
+        f", mostly {span} s after the command last rested"
+        if after
+        else f", mostly at a {_plain(region.signal)} from {span}"
+    )
 
 
 def _unknown(diagnosis: Diagnosis) -> str:
@@ -387,8 +386,8 @@ def _refuted(diagnosis: Diagnosis) -> bool:
 
 def _fault(fault: Fault, many: bool) -> str:
     which = f"recording {fault.recording}" + (f" of experiment {fault.experiment}" if many else "")
-    between = f"{fault.samples} samples between {fault.from_s:.2f} and {fault.to_s:.2f} s"
-    return f"in {which} {fault.fault}, {between if fault.samples > 1 else f'one sample at {fault.from_s:.2f} s'}"
+    samples = f"{fault.samples} samples between {fault.from_s:.2f} and {fault.to_s:.2f} s"
+    return f"in {which} {fault.fault} in {samples if fault.samples > 1 else f'one sample, at {fault.from_s:.2f} s'}"
 
 
 def _first_up(text: str) -> str:

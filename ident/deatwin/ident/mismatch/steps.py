@@ -47,7 +47,7 @@ class FittedPlant:
     """Fitted parameters, their values, and the residuals."""
 
     effects: tuple[str, ...]
-    form: Mapping[str, Json]  # How the rig is read, where its file is read otherwise or is silent
+    form: Mapping[str, Json]  # How the rig file is interpreted where that departs from it or it is silent
     fitted: float  # Rms residuals in the unit that a diagnosis reports
     unseen: float | None  # None before it was judged there
     parameters: Mapping[str, FittedParameter]
@@ -165,7 +165,7 @@ def base_step(bench: Bench, base: Base) -> Step:
 
 
 def forms_tried(bench: Bench, base: Base) -> tuple[FormSummary, ...]:
-    """Return how each form of the base plant reads the rig file, and what it leaves.
+    """Return how each form of the base plant interprets the rig file, and what error remains.
 
     Parameters
     ----------
@@ -242,7 +242,7 @@ def _remainder(bench: Bench, form: Candidate) -> FormSummary:
 
 
 def _form(bench: Bench, fit: Calibration) -> dict[str, Any]:
-    """Return how the rig is read, where its file is read otherwise or is silent."""
+    """Return how the rig file is interpreted where that departs from it or it is silent."""
     return differences([bench.nominal.rig, fit.plant.rig])[1]
 
 

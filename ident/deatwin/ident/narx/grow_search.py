@@ -29,7 +29,7 @@ _ROUNDING = 1e-12  # of the output: between smaller errors, of exact recordings,
 
 @dataclass(frozen=True, kw_only=True)
 class GrowStep:
-    """Model on the path of `Grow`, with the terms that were added and removed.
+    """One step of `Grow`: its model, and the terms that were added and removed.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ Progress = Callable[[float, str], None]
 
 
 class FitStatus(Enum):
-    """Outcome of a fit; the value is a sentence that advises."""
+    """Outcome of a fit. The value of each member is a sentence that advises the user."""
 
     DONE = "done"
     INTERRUPTED = "interrupted: the model is the best that was found until then; fit again for the whole search"
@@ -173,8 +173,8 @@ class NarxIdentifier(Identifier, ABC):
         Outcome of the search.
     notes_ : tuple of str
         Remarks on the fit, one sentence each; usually empty. Reasons are: the one-step error on the training data is
-        more than 1 % above that of least squares on the same terms, an input acts only after its last lag in the model,
-        or products of several noisy outputs may stand for the noise.
+        more than 1 % above that of least squares on the same terms, the plant reacts to an input later than the model's
+        largest lag of that input, or products of several noisy outputs may stand for the noise.
     equations_ : tuple of NarxIdentifier
         Fitted estimator of each output if there are several, otherwise empty. Further learned attributes of a class are
         then on these estimators.

@@ -29,7 +29,7 @@ _CHUNK = 4096  # samples whose quantiles are taken at once
 
 
 class BandStatus(Enum):
-    """Whether a band holds; the value is the advice."""
+    """Whether a band holds. The value of each member is a text that advises the user."""
 
     OK = "done"
     DIVERGED = (

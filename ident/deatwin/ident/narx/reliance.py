@@ -82,7 +82,7 @@ class Reliance:
 
     @property
     def caveats(self) -> tuple[str, ...]:
-        """Reasons not to rely on the model, one sentence each without a full stop."""
+        """Reasons not to rely on the model, each without its last full stop."""
         found = []
         if self.status is None:
             found.append(
@@ -94,15 +94,19 @@ class Reliance:
         elif self.status is ValidationStatus.UNSTABLE:
             found.append("the model is unstable, so its free run on held-out data means nothing")
         elif not self.status.ok:
-            tests = f" ({', '.join(self.failed)})" if self.failed else ""
+            count = len(self.failed)
+            tests = (
+                f"{_COUNTED.get(count, count)} residual test{'s' if count > 1 else ''}" if count else "residual tests"
+            )
+            names = f" ({', '.join(self.failed)})" if count else ""
             found.append(
-                f"the model failed its residual tests on held-out data{tests}: {_MEANING[self.status]}, and bands from "
-                "the model alone do not include this"
+                f"the model failed {tests} on held-out data{names}, so its residual {_MEANING[self.status]}. The "
+                "uncertainty bands do not include this error"
             )
         if self.biased and self.gain_error is not None and self.gain_error_half_width is not None:
             way = "more" if self.gain_error > 0 else "less"
             found.append(
-                f"the model is biased: on held-out data the output swings {100 * abs(self.gain_error):.2g} ± "
+                f"the model is biased: the measured output on held-out data swings {100 * abs(self.gain_error):.2g} ± "
                 f"{100 * self.gain_error_half_width:.2g} % {way} than the model's free run"
             )
         return (*found, *self.remarks)
@@ -181,9 +185,10 @@ class Reliance:
         )
 
 
+_COUNTED = {1: "one", 2: "two", 3: "three", 4: "four", 5: "five"}
 _MEANING = {
-    ValidationStatus.STRUCTURE: "the residual depends on the input",
-    ValidationStatus.NOISE: "the residual is predictable from its own past",
+    ValidationStatus.STRUCTURE: "still depends on the input",
+    ValidationStatus.NOISE: "is predictable from its own past",
 }
 
 

@@ -27,7 +27,7 @@ _DIVERGED_UNTRAINED = 1e9
 
 
 class ResponseStatus(Enum):
-    """Outcome of a prediction or free run; the value is a sentence that advises."""
+    """Outcome of a prediction or free run. The value of each member is a sentence that advises the user."""
 
     OK = "done"
     DIVERGED = (

@@ -27,7 +27,7 @@ _STEPS = 4  # times max_terms: a search that still turns terms over then goes no
 
 @dataclass(frozen=True, kw_only=True)
 class SempStep:
-    """Step of the search: a term added or exchanged, and the terms pruned after it.
+    """One step of the search: a term is added or exchanged, and other terms may be pruned after it.
 
     Parameters
     ----------

@@ -32,12 +32,12 @@ _PRUNING = 0.9  # share of the progress that is pruning where a clean-up follows
 
 @dataclass(frozen=True, kw_only=True)
 class CleanUpMove:
-    """Move of the clean-up, which changes the structure by one term or one exchange.
+    """One step of the final clean-up of a structure: a term is added, removed or exchanged for another.
 
     Parameters
     ----------
     removed, added : Term or None
-        Removed and added term, both for an exchange; both None for the initial structure.
+        Term that was removed and term that was added. An exchange has both; the initial structure has neither.
     terms : tuple of Term
         Terms after the move.
     log_odds : float

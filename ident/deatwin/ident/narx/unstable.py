@@ -41,7 +41,8 @@ class Unstable:
         Pole z of largest magnitude of a long ARX model of the recordings, which noise does not bias; None if they are
         too short for one.
     interval : tuple of float, or None
-        95 % interval of its magnitude. It holds if the controller sees no disturbance before the output shows it.
+        95 % interval of the magnitude of `recorded_pole`. It is valid if the controller sees no disturbance before the
+        output shows it.
     """
 
     pole: complex

@@ -46,7 +46,7 @@ _DIGITS = 1e-8  # and below this share of the output's deviation those of a file
 
 
 class ValidationStatus(Enum):
-    """Outcome of a validation; the value is a sentence that advises."""
+    """Outcome of a validation. The value of each member is a sentence that advises the user."""
 
     PASSED = "nothing is left to explain: the residual is white and independent of the input"
     NOISE = (
@@ -123,13 +123,15 @@ class Validation(
     input_names, output_names, output_units : tuple of str
         Names and units of the signals.
     unstable : Unstable or None
-        Pole outside the unit circle with the fit of predictions over its growth time; None if the model is stable.
+        Unstable pole, and the fit of predictions over a horizon equal to the pole's growth time; None if the model is
+        stable.
     gain_error, gain_error_half_width : float or None
         Relative error of the free run's gain, positive if the recorded output swings more, and half of its 95 %
-        interval; None if the free run rests or runs away, or there are several outputs.
+        interval; None if the free run is constant or diverges, or if there are several outputs.
     notes : tuple of str
-        Further remarks on the model, one sentence each; usually empty. Reasons are: an input acts only after its last
-        lag in the model, or the plant has an unstable pole that the model lacks.
+        Further remarks on the model, one sentence each; usually empty. Reasons are: the plant
+        reacts to an input later than the model's largest lag of that input, or the plant has an unstable pole that the
+        model lacks.
     """
 
     one_step: Fit

@@ -34,7 +34,7 @@ class Structure(StrEnum):
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class Cascade(StateSpaceIdentifier):
-    """Cascade of linear dynamics and static functions with one input and one output, by the least free-run error.
+    """Identify a cascade of linear dynamics and static functions, of one input and one output, by its free-run error.
 
     The linear dynamics begin as the best linear approximation, to which those of a cascade with one linear block are
     proportional where the input is Gaussian (Bussgang). For ``"LNL"`` its poles and zeros are parted between the two
@@ -52,7 +52,8 @@ class Cascade(StateSpaceIdentifier):
     feedthrough : bool
         True if the linear block that ends the path acts within the sample.
     held_out : float
-        Share of each recording, at its end, that ends the search; 0 to fit all samples.
+        Share of each recording, at its end, that is held out: the search stops when the error there no longer falls.
+        With 0, all samples are fitted.
     max_steps : int
         Largest number of steps of a search.
 

@@ -38,7 +38,7 @@ class StateSpaceIdentifier(Identifier):
         Outcome of the search.
     linear_error_, error_, held_out_error_ : ndarray, shape (n_outputs,)
         Root mean square of the free-run error of the linear start and of the model on all samples, and of the model at
-        the end of the search on the held-out ones (NaN without), in the outputs' units.
+        the end of the search on the held-out ones (NaN if there are none), in the outputs' units.
     first_states_ : ndarray, shape (n_recordings, n_states)
         State of the model at the first sample of each recording, as `NonlinearStateSpace.simulate` takes it.
     """

@@ -34,10 +34,10 @@ class Pnlss(StateSpaceIdentifier):
     output_degrees : sequence of int
         Degrees of the monomials in the equation of the output.
     inputs_in_products : bool
-        True if monomials hold inputs too; False if states alone.
+        True if monomials may contain inputs too; False if they contain states only.
     terms, output_terms : sequence of str
-        Further terms of the state and of the output, as ``"|x2|"``, ``"tanh(s1,1) u"`` or one with a function of
-        `register_function`. Functions that are built in are those of NARX terms.
+        Further terms of the equations of the state and of the output, as ``"|x2|"``, ``"tanh(s1,1) u"`` or one with a
+        function of `register_function`. Functions that are built in are those of NARX terms.
     directions : int
         Number of weighted sums s1, s2, ... of 1, states and inputs that terms may hold; their weights are learned too.
     starts : int
@@ -45,7 +45,8 @@ class Pnlss(StateSpaceIdentifier):
     feedthrough : bool
         True if inputs act on the output within the sample.
     held_out : float
-        Share of each recording, at its end, that ends the search; 0 to fit all samples.
+        Share of each recording, at its end, that is held out: the search stops when the error there no longer falls.
+        With 0, all samples are fitted.
     max_steps : int
         Largest number of steps of a search.
     seed : int
@@ -59,7 +60,7 @@ class Pnlss(StateSpaceIdentifier):
         Outcome of the search.
     linear_error_, error_, held_out_error_ : ndarray, shape (n_outputs,)
         Root mean square of the free-run error of the linear start and of the model on all samples, and of the model at
-        the end of the search on the held-out ones (NaN without), in the outputs' units.
+        the end of the search on the held-out ones (NaN if there are none), in the outputs' units.
     first_states_ : ndarray, shape (n_recordings, n_states)
         State of the model at the first sample of each recording, as `NonlinearStateSpace.simulate` takes it.
 

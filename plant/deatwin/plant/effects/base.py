@@ -41,11 +41,11 @@ class Alone(Enum):
     """Condition under which one reading alone can distinguish a further place of an effect."""
 
     TOLD = "told"
-    """It may, so that the place is tried in every diagnosis."""
+    """One reading alone may distinguish the place, so it is tried in every diagnosis."""
     AS_FIRST = "as first"
-    """It reads the same as with the effect at its first place, whatever the plant, unless a clock moves that, too."""
+    """The reading is the same as with the effect at its first place, in any plant, unless a clock moves that, too."""
     AS_ANOTHER = "as another"
-    """It hardly tells the effect there from another one, so that the place is tried in the place of what was found."""
+    """One reading hardly distinguishes the effect there from another one, so the place is tried only as a replacement."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +67,7 @@ class Site:
     order : int
         As `Effect.order`.
     alone : Alone
-        What one reading alone tells of this place.
+        Whether one reading alone can distinguish this place from others.
     covered_by : str
         Name of another effect that does the same there: a plant that takes it has no such place of this effect.
     """

@@ -24,9 +24,9 @@ class DryFriction(CoulombFriction):
     are not film actuators. s > 0 is stiction with the Stribeck curve: the part breaks loose at :math:`(1 + s)F_c` and
     slides against :math:`F_c` far above :math:`v_S`. a > 0 gives more friction forwards, as in a drive that lifts or a
     seal with one lip. Typical: s from 0 to 1; :math:`v_S` 2 to 40 % of the usual speed, since less is lost in the slip
-    of a part that sticks, and more is viscous damping; a up to 0.3 to either side. Signature of s: small motion sticks,
-    breaks loose with a jump and may limit-cycle (stick-slip); of a: a shift by :math:`aF_c` while the part moves; that of
-    an `amplifier_offset` remains at rest. Off at :math:`F_c = 0`.
+    of a part that sticks, and more is viscous damping; a up to 0.3 to either side. Signature of s: in small motion the
+    part sticks, breaks loose with a jump and may oscillate (stick-slip). Signature of a: a shift by :math:`aF_c` while
+    the part moves, whereas the shift by an `amplifier_offset` is also present at rest. Off at :math:`F_c = 0`.
 
     Parameters
     ----------

@@ -15,17 +15,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class EndStop(Effect):
-    r"""The ball meets an elastic stop beyond a position; the stop may absorb energy.
+    r"""Beyond a position the ball meets an elastic stop, which may absorb energy.
 
     .. math:: F = -k\,d\,\Bigl(1 + \frac{\lambda v}{\sqrt{1 + \lambda^2 v^2}}\Bigr), \qquad
               d = w\ln\bigl(1 + e^{(y - y_s)/w}\bigr)
 
-    No state. y is the displacement from rest, downwards; d is the depth of contact, with the first touch rounded over
-    w = 5 µm. The force is k d in slow contact, and at any speed if nothing is lost, λ = 0. Otherwise the stop resists
-    more on the way in and pushes less on the way out: far above a speed of 1/λ twice as much, and nothing. It never
-    pulls. A slow impact at :math:`v_0` loses :math:`4/3\,\lambda v_0` of the energy. Typical: 100 N/m for foam, and
-    20 s/m, a fifth of the energy at 10 mm/s. 3 kN/m is 100 times the film's stiffness :math:`k_f` and as good as a
-    wall; ringing on anything harder cannot be followed with 50 samples a second. Signature: nothing below
+    No state. y is the displacement from rest, downwards; d is the depth of contact, with the first touch rounded over w
+    = 5 µm. The force is k d in slow contact, and at any speed if λ = 0, when no energy is lost. Otherwise the force is
+    larger on the way in and smaller on the way out. At speeds far above 1/λ it is 2kd on the way in and zero on the way
+    out. The stop never pulls. A slow impact at :math:`v_0` loses :math:`4/3\,\lambda v_0` of the energy. Typical: 100
+    N/m for foam, and 20 s/m, a fifth of the energy at 10 mm/s. 3 kN/m is 100 times the film's stiffness :math:`k_f` and
+    as good as a wall; ringing on anything harder cannot be followed with 50 samples a second. Signature: nothing below
     :math:`y_s`; above it the stroke grows by only :math:`k_f/(k_f + k)` of its growth without a stop, at any voltage
     and frequency, and the ball's ringing is cut on one side. An `amplifier_saturation` cuts the drive, so the ball
     still swings through. Off at k = 0.

@@ -32,8 +32,8 @@ class PermittivityDrift(Effect):
 
     References
     ----------
-    Relaxation as one Debye process; sizes from the drifts of six actuators in thesis section 2.3.2. The capacitance
-    of ageing acrylic actuators fell by 4 to 12 % in 1000 h: J. Appl. Phys. 115 (2014) 214105.
+    Relaxation as one Debye process; sizes from the drifts of six actuators in W. R. Jacobs' thesis, section 2.3.2. The
+    capacitance of ageing acrylic actuators fell by 4 to 12 % in 1000 h: J. Appl. Phys. 115 (2014) 214105.
     """
 
     relative_change: float = -0.1

@@ -23,7 +23,7 @@ class Resonance(Effect):
               \omega = 2\pi f
 
     F acts on the ball. Two states: :math:`x_2` (m), relative to the position of the mass at rest, and its velocity
-    (m/s). It adds inertia but no weight, which the structure that vibrates carries. Typical: a mode of film, frame or
+    (m/s). The mass adds inertia but no weight, which the vibrating structure carries. Typical: a mode of film, frame or
     holder, with 1 to 20 % of the ball's mass and a damping ratio of 0.01 to 0.1. Signature: a narrow peak beside a dip
     that stays in place when the voltage lowers the ball's own frequency from 16 Hz, and that needs excitation, unlike a
     `periodic_disturbance`; far below f it acts as mass alone. Modes above half the sampling rate do not appear at their

@@ -24,10 +24,10 @@ def band_limited_noise(
     White Gaussian noise is filtered (every spectral line above `band`, and the line at 0 Hz, is set to zero), then
     scaled to `variance` exactly, shifted by `mean`, and clipped to `lower` and `upper`.
 
-    The defaults are the thesis' excitation, whose variance, band and limits cannot all hold exactly: the limits lie
-    only 2.2 standard deviations from the mean. Here the limits hold exactly, because they protect the film. Clipping
-    reduces the variance a little (to 0.343 V²) and puts a little power above the band (0.22 %; `share_above_band`
-    returns the value for a given signal).
+    The defaults are the excitation of W. R. Jacobs' thesis, whose variance, band and limits cannot all hold exactly:
+    the limits lie only 2.2 standard deviations from the mean. Here the limits hold exactly, because they protect the
+    film. Clipping reduces the variance a little (to 0.343 V²) and puts a little power above the band (0.22 %;
+    `share_above_band` returns the value for a given signal).
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def two_level_noise(
     sample_time : float
         Time between two samples, s.
     means : sequence of float
-        Operating point of each level, V; equal values if only the variance shall change.
+        Operating point of each level, V; equal values if only the variance is to change.
     variances : sequence of float
         Variance of each level before the limits, V²; one per mean.
     segment : float

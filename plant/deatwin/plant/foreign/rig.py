@@ -51,7 +51,7 @@ class ForeignRig(Rig):
     output_name, output_unit : str
         Name and unit of the reading.
     channels : tuple of tuple of str and float
-        Further inputs that recordings measure: name, and value for recordings without it.
+        Further measured inputs: pairs of a name and the value that applies if a recording lacks it.
     rest_command : float
         Command before the first row.
     varying : tuple of str

@@ -38,8 +38,8 @@ class BowTie(FilmActuator):
     With free sides the waist pulls in first, before that strip would. With clamped sides a waist near its limit of
     stretch lags behind.
 
-    The drawings in the thesis (2.2.3) and of the first bow-tie actuators (Kornbluh, Pelrine and others) were not
-    available: the outline and its free or fibre-held sides are assumptions. Some of these actuators have a frame of
+    The drawings in W. R. Jacobs' thesis (2.2.3) and of the first bow-tie actuators (Kornbluh, Pelrine and others) were
+    not available: the outline and its free or fibre-held sides are assumptions. Some of these actuators have a frame of
     hinged bars that turns sideways expansion into elongation; this rig has none.
 
     Parameters

@@ -59,8 +59,9 @@ class Diaphragm(Rig):
     start_ramp, start_hold : float
         Ramp and hold of the start procedure, s.
     start_is_known : bool
-        False if nobody knows what the film went through before the first sample. The start procedure does not count
-        then, and how far each memory is from rest is fitted, as ``branch_at_start`` and ``creep.at_start``.
+        False if nobody knows what the film went through before the first sample. Then the start
+        procedure is ignored, and the distance of each memory from rest is fitted, as ``branch_at_start`` and
+        ``creep.at_start``.
     zero_is_known : bool
         False if the sensor's zero is arbitrary, instead of near the position without voltage.
     direction : float

@@ -70,7 +70,7 @@ def groups(view: View) -> list[Group]:
 
 
 def _split(subject: str, view: View) -> tuple[str, str]:
-    """Split a finding's subject into its name and its source; the model and the physics plant need no brackets."""
+    """Split a finding's subject into its name and its source; the model and the plant model need no brackets."""
     match = re.fullmatch(r"(.+?) \((.+)\)", subject)
     if match is not None and match[2] in view.looks:
         return match[1], match[2]
@@ -110,7 +110,7 @@ def _limits(finding: Finding, subject: str, kind: _Kind, view: View) -> tuple[st
 
 
 _percent = partial(_Kind, unit=" %", scale=100.0)
-_OF_RUNS = "Runs on {}"
+_OF_RUNS = "Simulation with {}"
 _MARGINS: Mapping[str, _Kind] = {
     name: _Kind(group="Margins of {}", form=form, unit=unit, scale=scale, limit=limit)
     for name, form, unit, scale, limit in (

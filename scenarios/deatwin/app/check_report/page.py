@@ -109,7 +109,7 @@ def _tiles(view: View) -> list[Tile]:
     if check.steps is not None:
         tiles.append(
             Tile(
-                name="error on the steps, physics plant",
+                name="error on the steps, plant model",
                 value=three_digits(check.steps.rms_error / view.size),
                 unit=f"{view.shown_unit} rms".strip(),
             )

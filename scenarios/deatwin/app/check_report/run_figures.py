@@ -28,20 +28,20 @@ _TIME = "time since the loop was closed (s)"
 
 
 def draw_steps(view: View, steps: ClosedLoop) -> Drawing:
-    """Draw the steps on the physics plant in the predicted band, and the command below."""
+    """Draw the steps of the plant model in the predicted band, and the command below."""
     with draw((7.0, 4.8)) as figure:
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.5))
         _draw_prediction(upper, view)
         faint = {"linewidth": 0.5, "alpha": 0.6}
         _draw(upper, view, steps, steps.measured, color=Hue.MEASURED, label="simulated reading", **faint)
         _draw_reference(upper, view, steps)
-        _draw(upper, view, steps, steps.output, color=Hue.BEFORE, linewidth=1.3, label="on the physics plant")
+        _draw(upper, view, steps, steps.output, color=Hue.BEFORE, linewidth=1.3, label="plant model")
         upper.set_ylabel(view.reading)
         _draw_command(lower, steps, Hue.BEFORE)
         _draw_limits(lower, view, steps)
         figure.align_ylabels()
         figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=3)
-        caption = "Steps of the reference and the response of the physics plant; dotted: the limits of the command."
+        caption = "Steps of the reference and the response of the plant model; dotted: the limits of the command."
         if view.check.predicted is not None:
             caption += (
                 " The band contains 95 % of the predicted loops at all times simultaneously. They have parameters "
@@ -52,7 +52,9 @@ def draw_steps(view: View, steps: ClosedLoop) -> Drawing:
                 " No band is predicted, because every draw of the model diverged, or because the model's free-run "
                 "error is unknown."
             )
-        return Drawing.of(figure, "steps", "Steps on the physics plant", caption, _step_columns(view, steps))
+        return Drawing.of(
+            figure, "steps", "Steps in simulation with the plant model", caption, _step_columns(view, steps)
+        )
 
 
 def draw_others(view: View, others: Mapping[str, ClosedLoop]) -> Drawing:
@@ -87,10 +89,10 @@ def draw_sine(view: View, sine: ClosedLoop) -> Drawing:
     with draw((7.0, 5.2)) as figure:
         upper, middle, lower = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 1.5))
         _draw_reference(upper, view, sine)
-        _draw(upper, view, sine, sine.output, color=Hue.BEFORE, label="on the physics plant")
+        _draw(upper, view, sine, sine.output, color=Hue.BEFORE, label="plant model")
         middle.plot(*envelope(sine.timepts, error), color=Hue.BEFORE, linewidth=0.9)
         middle.axhline(0, color=Hue.INK, linewidth=0.6)
-        caption = "A sine at a fifth of the required bandwidth, the response of the physics plant, and the error."
+        caption = "A sine at a fifth of the required bandwidth, the response of the plant model, and the error."
         if view.check.sine_predicted is not None and error.size:
             size = np.sqrt(2.0) * view.check.sine_predicted / view.size
             for sign in (1.0, -1.0):
@@ -113,7 +115,7 @@ def draw_sine(view: View, sine: ClosedLoop) -> Drawing:
         return Drawing.of(
             figure,
             "sine",
-            "A slow sine on the physics plant",
+            "A slow sine in simulation with the plant model",
             caption,
             {"time_s": sine.timepts, **_run_columns(view, sine)},
         )

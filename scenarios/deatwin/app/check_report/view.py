@@ -35,7 +35,7 @@ class View:
 
     check: Check
     model: NarxModel
-    plants: Mapping[str, Plant]  # The physics plant as ``plant``, and the others by their names
+    plants: Mapping[str, Plant]  # The plant model as ``plant``, and the others by their names
     specification: Specification  # Limits of the check
 
     @property
@@ -44,7 +44,7 @@ class View:
         styles = cycle(product(("-", "--", "-."), (Hue.MARK, Hue.MEASURED, Hue.INK)))
         found = {
             "model": Look(label="model", colour=Hue.AFTER),
-            "plant": Look(label="physics plant", colour=Hue.BEFORE),
+            "plant": Look(label="plant model", colour=Hue.BEFORE),
         }
         for name in self.plants:
             if name not in found:

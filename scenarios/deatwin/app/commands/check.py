@@ -122,7 +122,7 @@ def check(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Design a controller on an identified model, close the loop on the physics plant, and give a verdict.
+    """Design a controller on an identified model, simulate the loop with a plant model, and give a verdict.
 
     Writes check.json, report.html, the figures' data and run.json into DIR. A controller that fails is an answer, not
     an error: the exit status is 0.

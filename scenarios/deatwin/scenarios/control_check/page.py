@@ -101,7 +101,7 @@ def _scheduled(fleet: Sequence[FleetRun]) -> Measure:
 
 def _both(designed: Designed) -> str:
     """Verdict of the check, and what the true rig did."""
-    true = designed.truth.text.replace(" on the physics plant", "").replace("the physics plant", "it")
+    true = designed.truth.text.removeprefix("in simulation with the plant model, ").replace("the plant model", "it")
     return f"{designed.check.verdict.value}; on the true rig {designed.truth.verdict.value}: {true}"
 
 

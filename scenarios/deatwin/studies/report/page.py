@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from deatwin.ident.mismatch.locate.region import RATE, SINCE_REST
+from deatwin.ident.mismatch.locate.region import RATE
 from deatwin.plant.amplitudes import reported_size, written_unit
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.report.figures import drawings
@@ -81,9 +81,7 @@ def _signal_units(diagnosis: Diagnosis) -> dict[str, str]:
     unit = written_unit(diagnosis.output.unit)
     found = {}
     for region in (*located, *([left] if left else [])):
-        if region.signal == SINCE_REST:
-            found[region.signal] = "s"
-        elif region.signal == diagnosis.output.name:
+        if region.signal == diagnosis.output.name:
             found[region.signal] = unit
         elif region.signal.endswith(RATE):
             found[region.signal] = f"{unit or '1'}/s"

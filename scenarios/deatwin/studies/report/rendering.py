@@ -68,9 +68,20 @@ def templates(package: str) -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"number": three_digits, "risk": risk, "likely": likely}
+    environment.filters |= {"number": three_digits, "risk": risk, "likely": likely, "plain": plain}
     environment.finalize = unbroken
     return environment
+
+
+def plain(name: str) -> str:
+    """Write the name of an effect as words, with the place on which it acts.
+
+    Examples
+    --------
+    >>> plain("sensor_drift_at_command_gain")
+    'sensor drift acting on the command gain'
+    """
+    return name.replace("_at_", " acting on the ").replace("_", " ")
 
 
 def unbroken(shown: Any) -> Any:

@@ -81,7 +81,8 @@ def _drawable(findings: Findings) -> dict[str, Drawable]:
         found["free_form"] = (
             (WIDTH, 4.0),
             "The free form",
-            "A formula for what is missing, without a physical meaning: force against state.",
+            "A formula fitted to the missing force as a function of the state. It describes the data; it does not name a "
+            "cause.",
             lambda figure: discovery.plot(figure.add_subplot()),
         )
     if (advice := findings.advice) is not None:
@@ -122,12 +123,12 @@ def parameters(diagnosis: Diagnosis) -> list[dict[str, Any]]:
 
 
 def forms(diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    """Return the rows of the table of the ways to read the rig file, the chosen one first."""
+    """Return the rows of the table of the interpretations of the rig file, the chosen one first."""
     if len(diagnosis.forms) < 2:
         return []
     rows = []
     for place, form in enumerate(diagnosis.forms):
-        read = ", ".join(f"{name} = {value}" for name, value in form.form.items()) or "as the rig file says"
+        read = ", ".join(f"{name} = {value}" for name, value in form.form.items()) or "as the rig file states"
         rows.append({"read": read, "fitted": form.fitted, "unseen": form.unseen, "chosen": place == 0})
     return rows
 

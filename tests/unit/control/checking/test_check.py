@@ -46,7 +46,7 @@ def test_a_dataset_holds_findings_margins_runs_and_the_whole_file(passed, kept):
 def test_a_far_too_aggressive_controller_fails(passed, model, plant, recording):
     judged = checked(model, plant, controller=passed.controller.scaled(12.0), recording=recording)
     assert judged.verdict is Verdict.FAIL
-    assert "physics plant" in judged.reason
+    assert "plant model" in judged.reason
     assert judged.steps.ripple > 0.3
     assert judged.steps.command.min() >= passed.controller.command_min
 
@@ -63,7 +63,7 @@ def test_what_pulls_in_fails_with_the_reason(model, plant):
     weak = plant.with_values({"shear_modulus": plant.parameters["shear_modulus"].value / 3})
     judged = checked(model, weak)
     assert judged.verdict is Verdict.FAIL
-    assert "physics plant" in judged.reason
+    assert "plant model" in judged.reason
     assert json.dumps(judged.steps.to_dict(), allow_nan=False)
 
 

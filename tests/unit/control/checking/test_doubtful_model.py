@@ -144,7 +144,7 @@ def test_a_model_of_the_wrong_gain_is_caught_on_the_plant(checked, exact, rig):
     """Designed for an eighth of the gain, the loop of the plant has an eighth of the margin."""
     found = checked(exact(gain=SLOPE / 8, spread=1e-4), rig)
     assert found.verdict is Verdict.FAIL
-    assert "physics plant" in found.reason
+    assert "plant model" in found.reason
 
 
 def test_a_crossover_beyond_the_band_is_marginal_and_says_what_would_settle_it(checked, exact, known, rig, fast):

@@ -212,7 +212,7 @@ def test_a_loop_that_is_weak_only_at_its_own_operating_input_is_caught_on_the_pl
     found = checked(exact(), steep, controller=controller, operating_inputs=[-0.1, 0.0, 0.1])
     unstable = next(f for f in found.findings if f.subject == "stability (plant)")
     assert unstable.verdict is Verdict.FAIL
-    assert "at the input 0.9" in unstable.text
+    assert "at an input of 0.9" in unstable.text
 
 
 def test_a_controller_from_a_transfer_function_is_judged_by_its_own_margins(checked, exact, rig):

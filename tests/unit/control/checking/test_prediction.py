@@ -14,7 +14,8 @@ from deatwin.control.loop.predicted import PredictedLoop
 N = 100
 TIME = 0.02 * np.arange(N)
 SINE = 2e-4 + 5e-5 * np.sin(2 * np.pi * TIME)  # from 150 to 250 µm
-SENTENCE = "of the steps on the physics plant lie inside the band that the model predicts"
+WHERE = "in simulation with the plant model"
+SENTENCE = "of the output lies inside the band that the identified model predicts"
 
 
 def run_of(output) -> ClosedLoop:
@@ -41,7 +42,7 @@ def test_steps_inside_the_training_data_are_told_without_it(predicted):
     for known in (predicted, replace(predicted, trained=None)):
         found = judge_prediction(known, run_of(SINE), Specification())
         assert (found.verdict, found.value) == (Verdict.PASS, 1.0)
-        assert found.text == f"100.0 % {SENTENCE}"
+        assert found.text == f"{WHERE}, 100.0 % {SENTENCE}"
 
 
 @pytest.mark.parametrize("trained", [(1e-4, 2.2e-4), (1.8e-4, 3e-4)])
@@ -53,6 +54,6 @@ def test_steps_that_leave_the_training_data_are_told_so_at_either_end_and_judged
     assert (found.verdict, found.value) == (inside.verdict, inside.value) == (Verdict.MARGINAL, 0.8)
     low, high = (f"{1e6 * value:.3g}" for value in (output.min(), output.max()))
     least, most = (f"{1e6 * value:.0f}" for value in trained)
-    told = f"which go from {low} to {high} µm and leave the training data of {least} to {most} µm, lie inside"
+    told = f"whose output goes from {low} to {high} µm and leaves the training data of {least} to {most} µm, 80.0 %"
     assert told in found.text
     assert told not in inside.text

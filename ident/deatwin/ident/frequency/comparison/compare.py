@@ -24,7 +24,10 @@ if TYPE_CHECKING:
 
 
 class Agreement(Enum):
-    """Outcome of the comparison of two responses in a band; the value is the advice."""
+    """Outcome of the comparison of two responses in a band.
+
+    The value of each member is a text that advises the user.
+    """
 
     ALIKE = "no difference can be shown: in this band either may stand for the other"
     DRIFT = "the means differ, but a drift within a record may be the cause: compare at the same age"

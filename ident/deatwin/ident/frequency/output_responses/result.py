@@ -36,7 +36,10 @@ class NofrfWarning(UserWarning):
 
 
 class NofrfStatus(Enum):
-    """Reliability of nonlinear output frequency responses; the value is the advice."""
+    """How reliable a nonlinear output frequency response is.
+
+    The value of each member is a text that advises the user.
+    """
 
     OK = "excitation and levels suit these orders"
     UNSTABLE = (

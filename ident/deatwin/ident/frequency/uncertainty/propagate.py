@@ -47,7 +47,10 @@ class UncertaintyWarning(UserWarning):
 
 
 class UncertaintyStatus(Enum):
-    """Validity of the first-order propagation of uncertainty; the value is the advice."""
+    """Validity of the first-order propagation of uncertainty.
+
+    The value of each member is a text that advises the user.
+    """
 
     OK = "the response is linear in the parameters over their uncertainty"
     LOW_GAIN = (

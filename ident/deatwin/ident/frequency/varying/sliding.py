@@ -34,7 +34,10 @@ _CHANCE = 0.01  # a change as large as this seldom is taken for drift
 
 
 class SlidingStatus(Enum):
-    """Conclusion from sliding windows about drift of a record; the value is the advice."""
+    """Conclusion from sliding windows about drift of a record.
+
+    The value of each member is a text that advises the user.
+    """
 
     STEADY = "neither mean nor gain changes by more than chance: constant parameters may do"
     DRIFTING = "mean or gain changes along the record: constant parameters will not do, let them vary with time"

@@ -340,12 +340,12 @@ REPERTOIRE: Mapping[str, Maker] = {
     "a slow and a fast sweep": _sweeps,
     "a sine at two amplitudes": _two_sines,
     "holds with rests between them": _rests,
-    "fast chirp": _chirp,
+    "fast linear sweep": _chirp,
     "staircase up and down": _staircase,
     "triangles at two rates": _triangles,
     "long hold": _long_hold,
-    "three holds and a fast chirp in turn": _rounds,
-    "long holds, each probed by chirps and low holds": _probed_holds,
+    "three holds and a fast linear sweep in turn": _rounds,
+    "long holds, each probed by sweeps and low holds": _probed_holds,
     "holds of alternating polarity": _reversals,
 }
 """Waveforms of inputs, by name."""

@@ -86,7 +86,7 @@ def _is_uneven(lines: np.ndarray) -> bool:
 
 
 def _is_white(values: np.ndarray, variance: float, others: np.ndarray, hiding: float) -> bool:
-    """Return whether a stretch has the power of white noise of a variance, and more than the others, where these do not hide it.
+    """Return whether a stretch is white noise of a variance, and louder than the others, where these do not hide it.
 
     `others` (WINDOW // 2 + 1,) are their mean power densities, of which those from `hiding` on hide it.
     """
@@ -95,10 +95,10 @@ def _is_white(values: np.ndarray, variance: float, others: np.ndarray, hiding: f
     for lowest in (0.0, SLOW):
         # Every second line, since a Hann window makes neighbours alike; the mean is no line.
         clear = (1 + np.flatnonzero((usual < hiding)[1:] & (frequency >= lowest)[1:]))[::2]
-        lines, least = densities[clear], max(variance / WHITE, TWICE**2 * usual[clear].mean())
-        if lines.size < FEWEST_LINES or not least < lines.mean() < WHITE * variance:
+        if clear.size < FEWEST_LINES:
             return False
-        if _is_uneven(lines):
+        lines, least = densities[clear], max(variance / WHITE, TWICE**2 * usual[clear].mean())
+        if not least < lines.mean() < WHITE * variance or _is_uneven(lines):
             return False
     return True
 

@@ -61,6 +61,12 @@ class OwnError:
         )
 
     @property
+    def of_timing(self) -> np.ndarray:
+        """Return which of the columns is the timing, shape (k,)."""
+        count = self.columns.shape[1]
+        return np.arange(count) == count - 1 - SLOW_MODES
+
+    @property
     def process(self) -> Process:
         """Return what does not repeat, of variance 1."""
         return Process(weights=(0.5, 0.5), times=tuple(time * self.sample_time for time in FAST_TIMES))

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from deatwin.ident.greybox.covariance import beside
 from deatwin.ident.greybox.parts import Part
 from deatwin.ident.mismatch.likelihood.beforehand import ACCURACY, FAST, NOISE, SPREAD, OwnError
 from deatwin.ident.mismatch.likelihood.model import LogNormal, Reading
@@ -42,6 +43,19 @@ class OwnErrors:
             found[at, first:last] = one.columns
             first = last
         return found
+
+    def columns_after(self, residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
+        """Return the columns after a fit, with timing at the size that its residuals show; shape (n, k).
+
+        All fast motion tells when readings are taken. What a fit made of bends and slow errors, its residuals do not
+        tell, so these keep their size. Shapes: `residuals` (n,), `jacobian` (n, p).
+        """
+        free = beside(jacobian, self.columns)
+        variance = float(np.mean(residuals**2))
+        spread = np.linalg.inv(np.eye(free.shape[1]) + free.T @ free / variance)
+        mean = spread @ (free.T @ residuals) / variance
+        shown = np.minimum(np.sqrt(mean**2 + np.diag(spread)), 1.0)
+        return self.columns * np.where(np.concatenate([one.of_timing for one in self.of]), shown, 1.0)
 
     def likelihood(self, residuals: np.ndarray, columns: np.ndarray) -> list[Reading]:
         """Each reading as the likelihood takes it; `residuals` (n,) and `columns` (n, m) over all samples."""

@@ -1,4 +1,4 @@
-"""Effects in other forms of the plant: another reading of what the rig file leaves open costs less than physics."""
+"""Effects in other forms of the plant: another interpretation of what the rig file leaves open costs less than physics."""
 
 from __future__ import annotations
 

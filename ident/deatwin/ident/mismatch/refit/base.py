@@ -1,4 +1,4 @@
-"""The base plant, given every fair chance: other readings of what the rig file leaves open compete."""
+"""The base plant, given every fair chance: other interpretations of what the rig file leaves open compete."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ MORE_STARTS, SPREAD = 2, 0.2
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Base(Described):
-    """Calibrated base plant, and the other readings of the rig file that fit no better.
+    """Calibrated base plant, and the other interpretations of the rig file that fit no better.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ class Base(Described):
 
 
 def calibrate_base(bench: Bench) -> Base:
-    """Calibrate the base plant for every possible reading of the rig file.
+    """Calibrate the base plant for every possible interpretation of the rig file.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ _MOST_SAMPLES = 20_000
 
 
 class DeadTimeStatus(Enum):
-    """Outcome of a dead-time estimation; the value is a sentence that advises."""
+    """Outcome of a dead-time estimation. The value of each member is a sentence that advises the user."""
 
     FOUND = "the recordings tell at which lag the input begins to act"
     AT_ONCE = (

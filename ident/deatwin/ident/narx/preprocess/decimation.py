@@ -42,7 +42,7 @@ _SURE = 8.0
 
 
 class SamplingStatus(Enum):
-    """Assessment of the sampling time; the value is a sentence that advises."""
+    """Assessment of the sampling time. The value of each member is a sentence that advises the user."""
 
     KEEP = "the sampling time suits: the first minimum lies at 20 samples or fewer, and at 10 or more"
     DECIMATE = "sampled faster than a NARX model needs: decimate by the factor"

@@ -31,7 +31,7 @@ _BLOCKS = 10  # of the squared errors, whose means tell how certain their mean i
 
 
 class TrialStatus(Enum):
-    """Outcome of a trial; the value says it in words."""
+    """Outcome of a trial. The value of each member says it in words."""
 
     DONE = "done"
     DIVERGED = "the free run over the held-out data diverged"
