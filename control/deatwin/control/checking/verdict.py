@@ -53,7 +53,7 @@ class Runs:
 
     @property
     def where(self) -> str:
-        """Where the runs were made, in words."""
+        """Return in words where the runs were made."""
         return f"in simulation with {'the plant model' if self.source == 'plant' else self.source}"
 
     def subject(self, name: str) -> str:

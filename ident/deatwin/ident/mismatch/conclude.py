@@ -131,7 +131,7 @@ def _held_back(findings: Findings) -> Iterator[str]:
 
 
 def _hardly_shown(findings: Findings) -> Iterator[str]:
-    """What explains the recordings by a cycle of which they show too little."""
+    """Name an explanation by a cycle of which the recordings show too little."""
     best = findings.naming.best
     if (
         findings.verdict is Verdict.UNKNOWN

@@ -242,7 +242,7 @@ _SENTENCES: Mapping[Verdict, Callable[[Diagnosis], str]] = {
 def _left(shown: _Shown) -> str:
     """State the error of the calibrated plant."""
     return (
-        f"the error of the calibrated plant{f' in{shown.of[3:]}' if shown.of else ''} is {shown.sized(shown.fitted)} on "
+        f"the error of the calibrated plant{shown.reading and f' in {shown.reading}'} is {shown.sized(shown.fitted)} on "
         f"fitted data and {shown.sized(shown.unseen)} on held-out data"
     )
 
@@ -258,7 +258,7 @@ def _gain(diagnosis: Diagnosis) -> str:
         raise ModelError("a diagnosis with causes needs the error that they leave on held-out data")
     alone = "" if gain > 0 else ", a fall that could be chance"
     return (
-        f"the error{shown.of} on held-out data falls from {_rounded(shown.unseen)} to {shown.sized(shown.after)}{alone} "
+        f"the error{shown.reading and f' of {shown.reading}'} on held-out data falls from {_rounded(shown.unseen)} to {shown.sized(shown.after)}{alone} "
         f"(sensor noise: {shown.sized(shown.noise)})"
     )
 
@@ -272,7 +272,7 @@ class _Shown:
     after: float | None
     noise: float
     unit: str
-    of: str = ""
+    reading: str = ""
 
     def sized(self, value: float) -> str:
         return f"{_rounded(value)} {self.unit}".rstrip()
@@ -287,7 +287,7 @@ def _of_first(diagnosis: Diagnosis) -> _Shown:
         after=fit.unseen.after,
         noise=diagnosis.noise,
         unit=written_unit(diagnosis.output.unit),
-        of=f" of the {_plain(diagnosis.output.name)}" if diagnosis.taught else "",
+        reading=f"the {_plain(diagnosis.output.name)}" if diagnosis.taught else "",
     )
 
 
@@ -304,7 +304,7 @@ def _shown(diagnosis: Diagnosis) -> _Shown:
         after=None if most.unseen.after is None else most.unseen.after / size,
         noise=most.noise / size,
         unit=unit,
-        of=f" of the {most.name}",
+        reading=f"the {most.name}",
     )
 
 

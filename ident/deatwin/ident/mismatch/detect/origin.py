@@ -140,7 +140,7 @@ def origin_of(left: Leftover, repeats: Repeats | None, practical: float) -> Orig
 
 
 def _is_noise(left: Leftover) -> bool:
-    """Whether most of what a residual has beyond the noise is white noise, too, whose level may change."""
+    """Return whether most of a residual beyond the noise is white noise, too, whose level may change."""
     pieces = [left.residual[r] for r in left.records if r.stop - r.start >= WINDOW]
     if not pieces:
         return False

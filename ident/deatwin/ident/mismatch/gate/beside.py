@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from deatwin.ident.mismatch.gate.bursts import noisier
-from deatwin.ident.mismatch.gate.gate import Gate, Masks
+from deatwin.ident.mismatch.gate.gate import Gate, Masks, marked_in_any
 from deatwin.ident.mismatch.gate.suspects import held
 from deatwin.ident.soundness import resolution
 from deatwin.plant.model import Plant
@@ -44,7 +44,7 @@ def without_faults(checked: Gate, plant: Plant) -> Gate:
         return checked
     own = stuck.pop("", None)
     return replace(
-        checked, bursts=bursts, stuck_further=stuck, stuck=_either(checked.stuck, own) if own else checked.stuck
+        checked, bursts=bursts, stuck_further=stuck, stuck=marked_in_any(checked.stuck, own) if own else checked.stuck
     )
 
 
@@ -52,9 +52,3 @@ def _of_each(checked: Gate, masks: Sequence[np.ndarray]) -> Masks:
     """Masks of all records, one after another, for each experiment."""
     following = iter(masks)
     return tuple(tuple(next(following) for _ in experiment.recordings) for experiment in checked.experiments)
-
-
-def _either(one: Masks, other: Masks) -> Masks:
-    """Samples that are marked in either."""
-    pairs = zip(one, other, strict=True)
-    return tuple(tuple(a | b for a, b in zip(*pair, strict=True)) for pair in pairs)

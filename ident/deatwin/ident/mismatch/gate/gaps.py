@@ -33,7 +33,7 @@ def without_unknown(checked: Gate, plant: Plant, noise: float) -> Gate:
 
 
 def _changed_early(experiment: Experiment) -> Experiment:
-    """The same experiment, with the command behind each gap given from the beginning of that."""
+    """Return an experiment in which the command after each gap applies from the beginning of the gap."""
     first, *others = experiment.recordings
     records: list[Recording] = [first]
     for record in others:

@@ -51,6 +51,12 @@ def _joined(name: str) -> Callable[[Gate], np.ndarray]:
     return lambda checked: np.concatenate([mask for masks in getattr(checked, name) for mask in masks])
 
 
+def marked_in_any(*kinds: Masks) -> Masks:
+    """Return the samples that are marked in any of several kinds."""
+    each = zip(*kinds, strict=True)
+    return tuple(tuple(np.any(masks, axis=0) for masks in zip(*one, strict=True)) for one in each)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Gate(Described):
     """Recordings with their faulty samples marked and their noise estimated.
@@ -104,8 +110,7 @@ class Gate(Described):
     @property
     def sound(self) -> Masks:
         """For each experiment and record, the samples without a fault."""
-        pairs = zip(self.stuck, self.outliers, strict=True)
-        return tuple(tuple(~(s | o) for s, o in zip(*pair, strict=True)) for pair in pairs)
+        return tuple(tuple(~mask for mask in masks) for masks in marked_in_any(self.stuck, self.outliers))
 
     @property
     def usable(self) -> Masks:
@@ -129,14 +134,11 @@ class Gate(Described):
 
     def _left_out(self, name: str) -> Masks:
         """The samples of a reading that are left out though they are sound."""
-        kinds = (
+        return marked_in_any(
             self._bursts(name),
             self.stuck_further.get(name, self._none),
             self.unknown or self._none,
             self._unsettled,
-        )
-        return tuple(
-            tuple(np.any(masks, axis=0) for masks in zip(*one, strict=True)) for one in zip(*kinds, strict=True)
         )
 
     @property

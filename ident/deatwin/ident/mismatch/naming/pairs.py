@@ -105,7 +105,7 @@ def with_doubt(search: Search, naming: Naming) -> Naming:
 
 
 def _promising(search: Search, scale: Scale) -> dict[Names, list[str]]:
-    """Beside which single effects which others promise most, to first order: those that make the likeliest pairs.
+    """Return, for each single effect, the others that make the likeliest pairs with it, to first order.
 
     A plant that was bent to imitate an effect, as a lag bends the damping, hides what that promises: so the nats count,
     too, by which the effect alone lets the rig's own parameters be nearer to their nominal values.

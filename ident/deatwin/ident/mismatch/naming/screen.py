@@ -163,7 +163,7 @@ def most_promising(*several: Iterable[Lead]) -> tuple[Lead, ...]:
 def footprint(
     plant: Plant, parts: Sequence[Part], without: np.ndarray, effect: Effect, missing: float
 ) -> Footprint | None:
-    """What an effect does at its typical strength, or a weaker one; None where the plant can be simulated at none.
+    """Return what an effect does at its typical strength, or a weaker one; None if the plant can be simulated at none.
 
     Parameters
     ----------
