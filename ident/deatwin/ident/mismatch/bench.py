@@ -20,19 +20,19 @@ class Bench:
     Parameters
     ----------
     nominal : Plant
-        As the user gave it, not calibrated.
+        Plant as the user gave it, not calibrated.
     effects : tuple of Effect
-        What may be missing.
+        Effects that may be missing.
     fitted, unseen, everything : tuple of Part
-        What is fitted, what only judges, and both together.
+        Fitted data, held-out data, and all data.
     jobs : int
-        Worker processes.
+        Number of worker processes.
     stated_error : float
         Model error that the user's rig states, SI.
     expected_error : float
-        What that is for the motion seen, SI.
+        Stated model error, scaled to the recorded motion, SI.
     elsewhere : tuple of Effect
-        Effects at further places, to be tried in the place of what was found.
+        Effects at other places, tried in place of the effect that was found.
     """
 
     nominal: Plant
@@ -51,12 +51,12 @@ class Bench:
         return (*self.effects, *self.elsewhere)
 
     def log_share(self, names: Collection[str]) -> float:
-        """Return the logarithm of the share of the prior of effects that falls to these places: each takes as much.
+        """Return the logarithm of the prior share of these places: each place has the same share.
 
         Parameters
         ----------
         names : collection of str
-            Names of effects, at their places.
+            Names of effects with their places.
 
         Returns
         -------
@@ -67,22 +67,22 @@ class Bench:
         return -sum(log(places[effect.cause]) for effect in chosen)
 
     def log_size(self, names: Collection[str], plant: Plant) -> float:
-        """Return how much less likely the shares by which effects at further places act are than usual ones.
+        """Return by how much the strengths of effects at other places are less likely than typical ones.
 
-        Of what reads alike, the strength is known as a share of itself: its prior is that of the logarithm, z φ(z).
-        Typical strengths with a unit are those of a film's rig, and say nothing of another one.
+        If effects change the reading alike, only the relative strength is known: the prior is that of its logarithm, z
+        φ(z). Typical strengths that have a unit apply to film rigs only.
 
         Parameters
         ----------
         names : collection of str
-            Names of effects, at their places.
+            Names of effects with their places.
         plant : Plant
-            With these effects, as fitted.
+            Fitted plant with these effects.
 
         Returns
         -------
         float
-            In nats; 0 for those that are no larger than usual.
+            Log-prior in nats; 0 if no strength exceeds its typical one.
         """
         found = [effect for effect in self.everywhere if effect.name in names and effect.placed_at]
         sizes = [
@@ -94,6 +94,6 @@ class Bench:
 
     @property
     def of_first(self) -> Bench:
-        """Return the same bench with the first reading only."""
+        """Return the same problem with the first reading only."""
         fitted, unseen, everything = map(first_only, (self.fitted, self.unseen, self.everything))
         return replace(self, fitted=fitted, unseen=unseen, everything=everything)

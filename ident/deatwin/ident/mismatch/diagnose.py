@@ -58,24 +58,24 @@ def diagnose(
     Parameters
     ----------
     plant : Plant
-        Nominal; it is calibrated first.
+        Nominal plant; it is calibrated first.
     experiments : Experiment or sequence of Experiment
-        Each starts from rest.
+        Experiments, each from rest.
     effects : sequence of Effect, optional
-        What may be missing; the whole catalogue by default. Those that the rig cannot take are passed over.
+        Effects that may be missing; by default the whole catalogue. Effects that the rig does not accept are skipped.
     jobs : int
-        Worker processes; -1 takes all cores.
+        Number of worker processes; -1 takes all cores.
     seed : int
-        Of all random numbers.
+        Seed of all random numbers.
     progress : callable, optional
-        Called with the share that is done and what is being done.
+        Called with the completed share and a description of the current work.
     through : callable, optional
-        Called with what each step found as soon as it is through, so that it can be kept if the diagnosis ends early.
+        Called with each finished step, so that its result can be kept if the diagnosis ends early.
 
     Returns
     -------
     Diagnosis
-        Verdict, evidence, and the calibrated (amended) plant.
+        Verdict, evidence, and the calibrated plant, amended if causes were found.
 
     Raises
     ------

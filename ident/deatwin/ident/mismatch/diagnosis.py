@@ -96,63 +96,64 @@ def _readings(diagnosis: Diagnosis) -> Variables:
 class Diagnosis(Described):
     """Verdict with all results that support it. Amplitudes are in the unit that `output` names.
 
-    A diagnosis that was read from its file has no models, readings and findings.
+    A diagnosis that was read from its file has no models, readings or findings.
 
     Parameters
     ----------
     output : Output
         ``name`` and ``unit`` of the reading.
     verdict : Verdict
-        The conclusion.
+        Conclusion of the diagnosis.
     noise, model_error : float
-        Rms of the sensor's noise and of the plant's own model error.
+        Sensor noise and model error of the plant, rms.
     detection : DetectionSummary
-        Whether anything is missing, and the smallest size that could have been seen.
+        Test for missing physics, and the smallest detectable effects.
     location : LocationSummary or None
-        Where the mismatch is; None where nothing is missing.
+        Location of the mismatch; None if nothing is missing.
     causes : tuple of Cause
-        What is built into the amended plant.
+        Effects that are built into the amended plant.
     names : tuple of str
-        Effects that could be the explanation (``set`` in the file).
+        Effects that may be the explanation (``set`` in the file).
     rivals : tuple of tuple of str
-        Effects of each other explanation that the recordings do not rule out; empty for the plant without any.
+        Effects of each alternative explanation that the recordings do not rule out; an empty tuple is the plant without
+        effects.
     indistinguishable : tuple of IndistinguishablePair
         Pairs of explanations with their distance d².
     advice : AdviceSummary or None
-        The next experiment, where one is advised.
+        Next experiment; None if none is advised.
     unexplained : Unexplained or None
-        What the causes leave, and where, if the verdict is `partly`.
+        Remaining mismatch and its location, if the verdict is `partly`.
     free_form : FreeFormSummary or None
-        A description of what no effect explains.
+        Description of a mismatch that no effect explains.
     sentence : str
-        The conclusion in plain words; each number in it is a field of the file.
+        Conclusion in plain words; each number in it is a field of the file.
     fit : FitSummary
-        Rms residuals before and after, on the fitted and on the held-out part.
+        Rms residuals before and after, on fitted and on held-out data.
     verification : VerificationSummary or None
-        What the best explanation had to bear, where there was one: ablation, shams, transfer, constancy.
+        Tests of the best explanation: ablation, placebo effects, transfer, constancy; None if there is no explanation.
     faults : tuple of Fault
         Faults of the recordings.
     taught : tuple of ReadingSummary or None
-        What each reading taught (``readings`` in the file); None where there is one reading.
+        Contribution of each reading to the answer (``readings`` in the file); None if there is only one reading.
     parameters : mapping of str to FittedParameter
-        Of the calibrated base plant.
+        Parameters of the calibrated base plant.
     forms : tuple of FormSummary
-        The interpretations of the rig file that competed, the chosen one first.
+        Interpretations of the rig file that were compared, the chosen one first.
     warnings : tuple of str
-        What the user should know besides.
+        Further warnings for the user.
     model, base_model : CalibratedPlant or None
-        The calibrated plant with the causes, in a file of its own, and without them.
+        Calibrated plant with and without the causes; the file of the diagnosis does not hold them.
     rival_models : mapping of str to CalibratedPlant
-        Plants that the recordings cannot tell from the answer, as they were fitted to the fitted part, by their
-        effects joined with ``+`` (``none`` for a plant without any).
+        Plants of the explanations that the recordings cannot rule out, calibrated on the fitted data. A key joins the
+        names of the effects with ``+``; it is ``none`` for the plant without effects.
     candidates : tuple of CandidateSummary
         All explanations that were tried, the base plant first.
     readings : Readings or None
-        Recordings beside simulations.
+        Recorded and simulated readings.
     further : tuple of Readings
-        The same of each further reading that was recorded.
+        Recorded and simulated readings of each further sensor.
     findings : Findings or None
-        What each step found, as its own result, which draws itself.
+        Result of each step, as an object that can draw itself.
     """
 
     output: Output
@@ -219,7 +220,7 @@ class Diagnosis(Described):
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            A new figure without it.
+            Axes to draw on; a new figure by default.
 
         Returns
         -------
@@ -240,7 +241,7 @@ class Diagnosis(Described):
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """The diagnosis that `to_dict` described.
+        """Return the diagnosis that `to_dict` described.
 
         Parameters
         ----------
@@ -281,13 +282,13 @@ class Diagnosis(Described):
         Parameters
         ----------
         path : path
-            File to write; replaced as a whole.
+            File to write; an existing one is replaced.
         """
         write_document(path, self.to_dict())
 
     @classmethod
     def load(cls, path: Path | str) -> Self:
-        """Read what `save` wrote.
+        """Read a diagnosis that `save` wrote.
 
         Parameters
         ----------
@@ -301,6 +302,6 @@ class Diagnosis(Described):
         Raises
         ------
         ModelError
-            If it is no such file.
+            If the file is no such diagnosis.
         """
         return read_document(path, SCHEMA, cls.from_dict)

@@ -32,31 +32,31 @@ class Findings:
     bench : Bench
         Plant, effects and recordings.
     checked : Gate
-        State of the recordings.
+        Recordings with their faults marked.
     base : Base
         The calibrated base plant.
     detection : Detection
-        Whether anything is missing.
+        Test for missing physics.
     location : Location or None
-        Where it is missing; None where nothing is.
+        Location of the mismatch; None if nothing is missing.
     naming : Naming
-        The explanations that were tried.
+        Explanations that were tried.
     verification : Verification
-        On held-out data.
+        Tests of the best explanation on held-out data.
     advice : Advice or None
-        The experiment that would tell rivals apart.
+        Experiment that would distinguish the explanations.
     discovery : Discovery or None
-        A free form of what no effect explains.
+        Free form for a mismatch that no effect explains.
     verdict : Verdict
-        The conclusion.
+        Conclusion of the diagnosis.
     answer : Candidate
-        The explanation, or the base plant.
+        Best explanation, or the base plant.
     final : Calibration
-        The answer, fitted to all sound samples.
+        Answer, calibrated on all sound samples.
     left : Location or None
-        Where the answer leaves what it does not explain, of a partial one.
+        Location of the mismatch that a partial answer leaves.
     elsewhere : tuple of Candidate
-        The answer at other places that the recordings cannot rule out.
+        The answer with its effects at other places that the recordings cannot rule out.
     """
 
     bench: Bench
@@ -81,7 +81,7 @@ class Findings:
 
     @property
     def calibrated(self) -> Calibration:
-        """The base plant as it is reported: fitted to all recordings where that took up what seemed to be missing."""
+        """The base plant as reported; fitted to all data if that removes the apparent mismatch."""
         taken_up = self.detection.taken_up
         return self.base.chosen.calibration if taken_up is None else taken_up
 
@@ -101,5 +101,5 @@ class Findings:
 
     @property
     def unit(self) -> tuple[str, float]:
-        """Unit of amplitudes, and its SI size."""
+        """Reported unit of amplitudes, and its size in SI."""
         return amplitude_unit(self.final.plant.rig.output_unit)

@@ -20,20 +20,20 @@ SPACE = 0.02
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Readings:
-    """Recordings and the simulations that belong to them; SI.
+    """Recorded readings and the simulated ones beside them; SI.
 
     Parameters
     ----------
     experiments : tuple of Experiment
         The recordings.
     base : tuple of tuple of ndarray, each of shape (n,)
-        The calibrated base plant's readings, for each experiment and record.
+        Readings of the calibrated base plant, for each experiment and record.
     amended : same shape, or None
-        The amended plant's, where there are causes.
+        Readings of the amended plant; None if there are no causes.
     unseen : tuple of tuple of ndarray of bool
-        Samples that no fit saw before the verdict.
+        Held-out samples, to which nothing was fitted before the verdict.
     reading : str
-        Name of a further reading; the first one's are meant if it is empty.
+        Name of a further reading; empty for the first one.
     """
 
     experiments: tuple[Experiment, ...]

@@ -95,24 +95,24 @@ class ResponseDifference:
 
 @dataclass(frozen=True, kw_only=True)
 class Unexplained:
-    """Mismatch that the causes do not explain, and where most of it lies.
+    """Mismatch that the causes do not explain, and its location.
 
     Parameters
     ----------
     rms, mismatch : float
-        Rms beyond the sensor's noise over all readings, with the causes and without them.
+        Rms residual beyond the sensor noise over all readings, with and without the causes.
     share : float
-        Share of the mismatch's power that is left.
+        Share of the mismatch's power that remains.
     fitted, unseen : float
-        Rms beyond the noise that the causes leave of the fitted and of the held-out part.
+        Rms residual beyond the noise with the causes, on fitted and on held-out data.
     time : Window or None
-        The stretch of the clock that holds most of it; None where it is everywhere alike.
+        Stretch of time that contains most of it; None if it is evenly spread.
     frequency : Band or None
-        The band of frequencies that holds most of it.
+        Frequency band that contains most of it.
     region : Region or None
-        The range of an operating signal in which its mean is largest.
+        Range of an operating signal in which its mean is largest.
     place : str or None
-        The part of the plant whose signals predict it best.
+        Part of the plant whose signals predict it best.
     """
 
     rms: float
@@ -166,21 +166,21 @@ class LocationSummary:
     Parameters
     ----------
     time : tuple of Window
-        When.
+        Times with a mismatch.
     period_s : float or None
-        At which the mismatch comes back, s; None where it does not.
+        Period with which the mismatch repeats, s; None if it does not.
     frequency : tuple of Band
-        At which frequencies.
+        Frequencies with a mismatch.
     lines : LinesSummary or None
-        On which lines of a periodic input; None where no record has one.
+        Mismatch on the lines of a periodic input and between them; None if no record is periodic.
     region : tuple of Region
-        In which range of the operating signals.
+        Ranges of the operating signals with a mismatch.
     place : tuple of PlaceSummary
-        In which part of the plant, the best first.
+        Parts of the plant that predict the mismatch, the best first.
     response : tuple of ResponseDifference, or None
-        In which order and band of the response; None where that could not be tested.
+        Orders and bands of the frequency response that differ; None if they could not be tested.
     readings : tuple of ReadingLocation or None
-        Where it is in each further reading; None where there is one reading, of which all else speaks.
+        Location in each further reading; None if there is only one. All other fields are about the first reading.
     """
 
     time: tuple[Window, ...]

@@ -27,30 +27,30 @@ def prepare(
 ) -> tuple[Bench, Base]:
     """Prepare the diagnosis problem from plant, effects and recordings, and calibrate the plant.
 
-    Where only the held-out part has a mismatch, some of it is fitted too.
+    If only the held-out data have a mismatch, some of them are fitted, too.
 
     Parameters
     ----------
     plant : Plant
-        Nominal.
+        Nominal plant.
     checked : Gate
-        What `gate` returned.
+        Checked recordings from `gate`.
     effects : sequence of Effect, optional
-        What may be missing; by default all that the rig offers. Those that it cannot take are passed over.
+        Effects that may be missing; by default all that the rig offers. Effects that it does not accept are skipped.
     jobs : int
-        Worker processes; -1 takes all cores.
+        Number of worker processes; -1 takes all cores.
 
     Returns
     -------
     Bench
-        Its plant is judged by the model error that these recordings let expect.
+        Diagnosis problem; its plant is judged by the model error expected for these recordings.
     Base
-        The calibrated plant, judged likewise.
+        Calibrated plant, judged by the same model error.
 
     Raises
     ------
     ModelError
-        If something among the effects is none.
+        If one of the effects is no effect.
     SimulationError
         If the plant cannot be simulated on the recordings.
     """

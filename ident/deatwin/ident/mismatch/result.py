@@ -43,9 +43,10 @@ class ReadingSummary:
     noise : float
         Standard deviation of its noise.
     fitted, unseen : Errors
-        Rms residuals on the fitted and on the held-out part, of the calibrated plant and of that with the causes.
+        Rms residuals on fitted and on held-out data, of the calibrated and of the amended plant.
     with_it, without_it : mapping of str to float, or None
-        Probabilities of the explanations by all readings, and by all but this one; None where there are not two.
+        Probabilities of the explanations by all readings, and by all but this one; None if there are fewer than two
+        explanations.
     """
 
     reading: str
@@ -58,7 +59,7 @@ class ReadingSummary:
 
     @property
     def sentence(self) -> str:
-        """Return what the reading taught, in words."""
+        """Return, in words, how this reading changed the answer."""
         before, after = with_unit(self.unseen.before, self.unit), self.unseen.after
         left = before + ("" if after is None else f", and {with_unit(after, self.unit)} with the causes")
         noise = with_unit(self.noise, self.unit)
@@ -72,7 +73,7 @@ class ReadingSummary:
 
     @property
     def name(self) -> str:
-        """The signal as a sentence names it."""
+        """Name of the signal as it stands in a sentence."""
         return self.reading.replace("_", " ")
 
 
@@ -121,30 +122,30 @@ class OriginSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class DetectionSummary:
-    """Summary of the test whether anything is missing, and of the smallest effects that would be detected.
+    """Summary of the test for missing physics, and of the smallest detectable effects.
 
     Parameters
     ----------
     p_value : float or None
-        Chance of statistics as large where nothing is missing.
+        Probability of statistics at least as large if nothing is missing.
     excess : float or None
-        Rms beyond the sensor's noise.
+        Rms residual beyond the sensor noise.
     practical : float or None
-        Rms from which an excess counts.
+        Smallest excess that counts as missing physics, rms.
     taken_up : bool or None
-        Whether the plant leaves nothing that counts once the held-out part is fitted, too.
+        True if the plant leaves no mismatch once all data are fitted.
     moved : float or None
-        Rms of what the commands move the readings by.
+        Rms change of the readings that the commands cause.
     smallest_detectable : mapping of str to float or None
-        For each effect the rms that it must add to the readings to be detected; None where the refit takes it up.
+        Rms change of the readings at which each effect is detected; None if a refit of the parameters absorbs it.
     statistics : tuple of Statistic or None
-        One for each group.
+        Statistics, one for each group.
     noise_source : str or None
-        Where the noise is known from.
+        Source of the noise estimate.
     repeatability : RepeatabilitySummary or None
-        None where no command is repeated.
+        Test of repeated commands; None if no command is repeated.
     origin : OriginSummary or None
-        Whether the residual is the plant's.
+        Evidence that the residual comes from the plant rather than from a disturbance.
     """
 
     p_value: float | None
@@ -231,21 +232,22 @@ class VerificationSummary:
     Parameters
     ----------
     holds : bool
-        Whether nothing speaks against it.
+        True if all tests are passed.
     failures : tuple of str
-        What speaks against it, each in a clause.
+        Failed tests, each in a clause.
     gain_low : float
-        Lower 95 % bound of the fall of the rms.
+        Lower 95 % bound of the decrease of the rms on held-out data.
     counts : bool or None
-        Whether the error falls for certain over both parts together, and on the unseen one beyond model error.
+        True if the error certainly decreases over all data and, on held-out data, decreases by more than the model
+        error.
     ablation : tuple of Ablation
-        Each effect taken out, the rest fitted anew.
+        Results without each effect, the rest refitted.
     shams : tuple of ShamSummary
-        Of each kind for each effect.
+        Results with placebo effects, of each kind for each effect.
     transfer : tuple of TransferSummary
-        Each record, where there are several, and each third of the amplitudes.
+        Results for each record, if there are several, and for each third of the amplitudes.
     constancy : tuple of ConstancySummary or None
-        One for each effect that is no event.
+        Test of constancy of each effect that is no event.
     """
 
     holds: bool
@@ -263,29 +265,29 @@ class VerificationSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class AdviceSummary:
-    """The next experiment.
+    """Summary of the next experiment.
 
     Parameters
     ----------
     file : str or None
-        Name of the input's file; None where no input can tell the rivals apart.
+        Name of the input's file; None if no input can distinguish the explanations.
     seconds : float or None
         Length of the input, s.
     confusion_before, confusion_after : float or None
-        Probability of taking the wrong explanation, before the input and after it.
+        Probability of preferring a wrong explanation, before and after the experiment.
     waveform : str or None
-        What it looks like, in words.
+        Description of the input.
     added_mass_g : float or None
-        What has to be added to the load first, g.
+        Mass to add to the load before the experiment, g.
     measure : str or None
-        The signal that would tell apart what the input leaves.
+        Signal that would distinguish the explanations that the input cannot.
     undecided : tuple of str or None
-        Explanations that the input leaves with another one nearby.
+        Explanations that the input cannot distinguish from another one.
     log_odds : float or None
-        Natural logarithm of the odds that are expected of an explanation over the nearest other one after the best
+        Natural logarithm of the expected odds of the true explanation over the nearest other one, after the best
         waveform alone.
     readings : tuple of PricedReading
-        What each further reading would tell, the best first.
+        How well each further reading would distinguish the explanations, the best first.
     """
 
     file: str | None
@@ -327,15 +329,15 @@ class FreeFormSummary:
     Parameters
     ----------
     place : str
-        Where it enters.
+        Place at which it enters the plant.
     signal : str or None
-        To which signal it is added.
+        Signal to which it is added.
     terms : tuple of TermSummary
-        The one that adds most first; SI.
+        Terms, the one with the largest contribution first; SI.
     before, after : float
-        Rms error on the held-out part without and with it.
+        Rms error on held-out data, without and with it.
     gain_low : float or None
-        Lower 95 % bound of the fall.
+        Lower 95 % bound of the decrease of this error.
     """
 
     place: str
@@ -360,9 +362,9 @@ class FitSummary:
     Parameters
     ----------
     fitted : Errors
-        Rms residuals on the fitted part.
+        Rms residuals on fitted data.
     unseen : UnseenErrors
-        On the held-out part; the bound of its fall is that over all readings.
+        Rms residuals on held-out data; the bound of their decrease is over all readings.
     """
 
     fitted: Errors

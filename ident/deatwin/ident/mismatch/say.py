@@ -75,12 +75,12 @@ def say(diagnosis: Diagnosis) -> str:
     Parameters
     ----------
     diagnosis : Diagnosis
-        Its own sentence is not read.
+        Diagnosis to describe; its own sentence is ignored.
 
     Returns
     -------
     str
-        One sentence, licensed by the verdict.
+        One sentence that claims no more than the verdict allows.
     """
     return _SENTENCES[diagnosis.verdict](diagnosis)
 

@@ -91,11 +91,11 @@ class Step:
         ``gate``, ``base``, ``detect``, ``locate``, ``fit``, ``verify``, ``advise`` or ``discover``.
     result : GateSummary, FittedPlant, DetectionSummary, LocationSummary, VerificationSummary, AdviceSummary or \
 FreeFormSummary
-        What it found, its amplitudes in the unit that a diagnosis reports.
+        Result of the step; amplitudes in the unit that the diagnosis reports.
     subject : str
-        Of a fit, what was fitted; a later step of the same name and subject replaces this one.
+        What was fitted, if the step is a fit. A later step with the same name and subject replaces this one.
     model : CalibratedPlant or None
-        The calibrated base plant, of the step ``base``.
+        Calibrated base plant, if the step is ``base``.
     """
 
     name: str
@@ -104,7 +104,7 @@ FreeFormSummary
     model: CalibratedPlant | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """The result as a file holds it, with None for a number that no fit determines."""
+        """Return the step as its file holds it; numbers that no fit determines are None."""
         found: dict[str, Any] = _finite(plain(self.result))
         return found
 

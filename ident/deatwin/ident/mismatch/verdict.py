@@ -67,12 +67,12 @@ class Shown:
 
 @dataclass(frozen=True, kw_only=True)
 class Interval:
-    """A parameter with its 95 % interval.
+    """Parameter with its 95 % interval.
 
     Parameters
     ----------
     value, low, high : float
-        SI.
+        Estimate and 95 % interval, SI.
     unit : str
         SI unit.
     """
@@ -84,9 +84,9 @@ class Interval:
 
     @property
     def shown(self) -> Shown:
-        """Return the same as a person writes it.
+        """Return the interval, rounded as a person would write it.
 
-        A value that is nothing beside its interval about zero, as on a bound there, is 0.
+        A value that is negligible compared with its interval about zero is shown as 0.
         """
         nothing = self.low <= 0.0 <= self.high and abs(self.value) < NOTHING * (self.high - self.low)
         value = 0.0 if nothing else self.value
@@ -101,15 +101,15 @@ class FittedParameter(Interval):
     Parameters
     ----------
     value, low, high : float
-        With its 95 % interval, SI.
+        Estimate and 95 % interval, SI.
     unit : str
         SI unit.
     nominal : float or None
-        Before the calibration, SI.
+        Value before the calibration, SI.
     at_bound : bool
-        Whether it ended on a bound of its range.
+        True if the estimate lies on a bound of its range.
     undetermined : bool
-        Whether its interval is its whole allowed range: the recordings say nothing of it.
+        True if the interval is the whole allowed range: the recordings do not determine the parameter.
     """
 
     nominal: float | None = None
@@ -124,17 +124,18 @@ class Cause:
     Parameters
     ----------
     effect, family : str
-        Canonical names.
+        Canonical names of the effect and of its family.
     probability : float
-        Of this effect being part of the truth: among the explanations compared, less a margin for what nobody compared.
+        Probability that this effect is part of the truth, among the explanations compared, less a margin for causes
+        that were not tried.
     share_explained : float
-        Share of the mismatch's energy that goes with it, from 0 to 1.
+        Share of the mismatch's energy that the effect explains, from 0 to 1.
     parameters : mapping of str to Interval
-        The effect's own parameters.
+        Parameters of the effect.
     place : str or None
-        Where it enters the plant; None where it has no other place, or the recordings cannot tell.
+        Place at which it enters the plant; None if it has only one place, or the recordings cannot decide.
     places : tuple of str or None
-        Where it may enter if the recordings cannot tell; first the place in the amended plant, with the parameters.
+        Places at which it may enter, if the recordings cannot decide; the first is that of the amended plant.
     """
 
     effect: str
@@ -148,16 +149,16 @@ class Cause:
 
 @dataclass(frozen=True, kw_only=True)
 class CandidateSummary:
-    """Explanation that was tried, with the errors that it leaves.
+    """Summary of an explanation that was tried.
 
     Parameters
     ----------
     effects : tuple of str
-        Empty for the base plant.
+        Names of its effects; empty for the base plant.
     fitted, unseen : float
-        Rms residuals on the fitted and on the held-out part, SI.
+        Rms residuals on fitted and on held-out data, SI.
     d2 : float or None
-        Squared distance d² from the chosen explanation on these recordings, where it was computed.
+        Squared distance d² from the chosen explanation on these recordings; None if it was not computed.
     """
 
     effects: tuple[str, ...]

@@ -48,33 +48,32 @@ class Advice(Described):
     Parameters
     ----------
     rivals : tuple of str
-        The explanations that it is to tell apart, the best so far first.
+        Explanations to be distinguished, the best so far first.
     recording : Recording or None
-        Commands of the input, without readings; None where no input can tell them apart.
+        Commands of the advised input, without readings; None if no input can distinguish the explanations.
     waveform : str
-        What it looks like, in words; empty without one.
+        Description of the input; empty if there is none.
     added_mass : float or None
-        What has to be added to the load first, kg; None for nothing.
+        Mass to add to the load before the experiment, kg; None if none is needed.
     measure : str or None
-        Where no input tells all of them apart: another signal that would.
+        Another signal that would decide, if no input distinguishes all explanations.
     confusion_before, confusion_after : float
-        Probability of taking the wrong explanation for the nearest other one, averaged over which of them is the
-        truth, before the input and after it; the same where there is none. How near the others are before it is told to
-        first order by the fitted part, and where refits to all recordings bring them nearer, by these.
+        Probability of preferring the nearest wrong explanation, averaged over which explanation is true, before and
+        after the advised experiment; equal if there is none. The first is the larger of two estimates: first-order, and
+        from refits to all recordings.
     undecided : tuple of str
-        Those of `rivals` that still have another one nearby (d² below 16) after it.
+        Those of `rivals` that the experiment leaves with another explanation nearby (d² below 16).
     tried : mapping of str to float
-        d² that each waveform of the length at which all were screened would reach, to first order.
+        First-order d² that each waveform would reach, all at the length used for screening.
     predicted : tuple of ndarray, each of shape (n,)
-        Readings that the explanations predict for the input, in the order of `rivals`, each refitted to imitate
-        the first; SI.
+        Readings that each explanation in `rivals` predicts for the input, refitted to imitate the first; SI.
     log_odds : float
-        Natural logarithm of the odds that are expected of an explanation over the nearest other one after the best
+        Natural logarithm of the expected odds of the true explanation over the nearest other one, after the best
         waveform alone.
     readings : tuple of PricedReading
-        Readings that the rig could have beside those that were recorded, the best first.
+        Further readings that the rig could have, the most informative first.
     noise : float
-        Standard deviation of the sensor's noise, SI.
+        Standard deviation of the sensor noise, SI.
     output : tuple of str
         Name and SI unit of the reading.
     """
@@ -118,12 +117,12 @@ class Advice(Described):
 
     @property
     def seconds(self) -> float | None:
-        """Length of the input, s; None without one."""
+        """Length of the input, s; None if there is no input."""
         return None if self.recording is None else self.recording.duration
 
     @property
     def experiment(self) -> Experiment | None:
-        """The input as an experiment from rest on the rig as it is; None where that is not the advice."""
+        """The input as an experiment from rest on the unchanged rig; None if no such experiment is advised."""
         if self.recording is None or self.added_mass is not None:
             return None
         return Experiment(recordings=(self.recording,))
@@ -155,7 +154,7 @@ class Advice(Described):
 
     @property
     def summary(self) -> AdviceSummary:
-        """Summarise it as a diagnosis does; without an input it has no file and no seconds."""
+        """Summarise the advice for a diagnosis; without an input, file and seconds are None."""
         none = self.recording is None
         return AdviceSummary(
             file=None if none else INPUT_FILE,
@@ -188,18 +187,19 @@ class Advice(Described):
         Parameters
         ----------
         path : path
-            File to write; nothing is written where no input is advised.
+            File to write; nothing is written if no input is advised.
         """
         if self.recording is not None:
             write_input(path, self.recording)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the input and how far the explanations' readings part; without an input, what each waveform reaches.
+        """Draw the input and the difference between the predicted readings or, without an input, the d² of each
+        waveform.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            New ones by default.
+            Axes to draw on; new ones by default.
 
         Returns
         -------

@@ -70,19 +70,19 @@ def advise(
     bench : Bench
         Rig and recordings.
     rivals : sequence of Candidate
-        The explanations that the recordings leave, the best first; of many the first eight count.
+        Explanations that the recordings leave, the best first; the first eight are used.
     rng : numpy.random.Generator
-        Source of posterior plants and of what is random in waveforms.
+        Source of posterior plants and of random waveforms.
     distances : sequence of Distance, optional
-        Between rivals, where they are known from refits with simulations: the confusion before the input is told by
-        them, for a rival that is far off may come nearer in a refit than its derivatives promise.
+        Distances between the explanations, if refits have computed them. They give the confusion before the input,
+        because a refit may bring two explanations nearer than derivatives predict.
     progress : callable, optional
-        Called with the share that is done and what is being done.
+        Called with the completed share and a description of the current work.
 
     Returns
     -------
     Advice or None
-        None where there are not two explanations.
+        The advice; None if there are fewer than two explanations.
     """
     tell = progress or (lambda share, text: None)
     left = list(rivals[:MOST_RIVALS])

@@ -48,13 +48,13 @@ class PricedReading(SensorOffer):
     noise : float
         Standard deviation of its noise, SI.
     noise_source : str
-        Where that is known from.
+        Source of this value.
     log_odds : float
-        Natural logarithm of the odds that are expected of the truth over the explanation nearest to it, with this
-        reading beside the recordings at hand. Below 0 the other one would still be preferred: the reading shows too
-        little of the difference to make up for what was held more likely beforehand.
+        Natural logarithm of the expected odds of the true explanation over the nearest other one, if this reading is
+        added to the recordings at hand. If it is negative, the other one would still be preferred: the reading shows
+        too little of the difference to outweigh the prior.
     resolves : bool
-        Whether that tells all of the explanations apart.
+        True if the reading distinguishes all explanations.
     """
 
     log_odds: float

@@ -86,39 +86,40 @@ class Detection(Described):
     Parameters
     ----------
     p_value : float
-        Chance of statistics as large where nothing is missing, all of them together; never less than one over the
-        number of draws and one.
+        Probability of statistics at least as large, all of them together, if nothing is missing; at least 1 / (number
+        of draws + 1).
     statistics : tuple of Statistic
-        One for each group.
+        Statistics, one for each group.
     size : float
-        Rms of what is not sensor noise, of the fitted or of the held-out part, whichever is larger, SI.
+        Rms residual beyond the sensor noise, on fitted or held-out data, whichever is larger, SI.
     practical : float
-        Rms from which an excess counts, SI.
+        Smallest excess that counts as missing physics, rms, SI.
     noise, model_error : float
-        Rms, SI.
+        Sensor noise and model error, rms, SI.
     certain : bool
-        Whether the size alone leaves no doubt, whatever the scatter.
+        True if the size alone proves a mismatch, whatever the scatter.
     taken_up : Calibration or None
-        The plant fitted to the held-out part, too, where it leaves nothing that counts then; None otherwise.
+        Plant fitted to all data, if it then leaves no mismatch; else None.
     sensor : NoiseFloor
-        What each source says of the noise.
+        Estimates of the noise from each source.
     repeatability : Repeatability or None
-        None where no command is repeated.
+        Test of repeated commands; None if no command is repeated.
     evidence : OriginEvidence
-        Whether the residual is the plant's.
+        Evidence that the residual comes from the plant rather than from a disturbance.
     moved : float
-        Rms of what the recorded commands have moved the readings by, SI.
+        Rms change of the readings that the recorded commands cause, SI.
     visible : bool
-        Whether any effect could show at a physical strength; true where none was asked for.
+        True if any effect could be detected at a physical strength, or if this was not asked.
     seen : callable or None
-        Gives `smallest` and `visible` of effects by what they do; None where that was asked.
+        Function that computes `smallest` and `visible` from the responses of effects; None if they are computed
+        already.
     smallest : mapping of str to float or None
-        For each effect the rms that it must add to the readings to be detected nine times in ten, SI; None where the
-        refit takes up all of it.
+        Rms change of the readings at which each effect is detected nine times in ten, SI; None if a refit of the
+        parameters absorbs it completely.
     output_unit : str
         SI unit of the readings.
     curves : Curves
-        To be drawn.
+        Curves for the plots.
     """
 
     p_value: float = field(metadata=attribute())
@@ -152,12 +153,12 @@ class Detection(Described):
     }
 
     def beside(self, known: Sequence[Footprint]) -> Detection:
-        """Return the same, with what could have been seen of effects.
+        """Return the same result, with the smallest detectable effects.
 
         Parameters
         ----------
         known : sequence of Footprint
-            What each effect does to the readings of the fitted part.
+            Linearised response of each effect on the fitted data.
 
         Returns
         -------
@@ -170,10 +171,12 @@ class Detection(Described):
 
     @property
     def mismatch(self) -> bool:
-        """Return whether something is missing: beyond chance and large enough to count, or too large for any doubt.
+        """Return whether something is missing: a mismatch beyond chance and large enough to count, or certain by its
+        size alone.
 
-        Model errors are slow, so that few independent ones are in a short record, and chance allows them much. What
-        the plant takes up once all recordings are fitted is not missing: its parameters were not known well enough.
+        Model errors vary slowly, so a short record contains few independent ones, and chance alone makes large ones
+        likely. A mismatch that vanishes once all data are fitted is no missing physics: the parameters were not known
+        well enough.
         """
         return counts(self.p_value, self.size, self.practical, self.certain) and self.taken_up is None
 
@@ -181,24 +184,24 @@ class Detection(Described):
     def testable(self) -> bool:
         """Return whether these recordings can show a mismatch at all.
 
-        The recorded commands must move the readings by more than noise and model error hide, and there must be an
-        effect that could show.
+        The recorded commands must move the readings by more than noise and model error, and some effect must be
+        detectable.
         """
         return self.moved > float(np.hypot(self.noise, self.model_error)) and self.visible
 
     @property
     def origin(self) -> Origin:
-        """Return whether the residual comes back with the command."""
+        """Return whether the residual repeats with the command."""
         return self.evidence.origin
 
     @property
     def disturbance(self) -> bool:
-        """Return whether there is a mismatch, and it is certainly not the plant's."""
+        """Return whether there is a mismatch that certainly does not come from the plant."""
         return self.mismatch and self.origin is Origin.DISTURBANCE
 
     @property
     def summary(self) -> DetectionSummary:
-        """Return what a diagnosis says of it; amplitudes in the unit that is reported."""
+        """Summarise the result for a diagnosis; amplitudes in the reported unit."""
         size = amplitude_unit(self.output_unit)[1]
         found = self.repeatability
         return DetectionSummary(
@@ -223,12 +226,12 @@ class Detection(Described):
         )
 
     def plot(self, ax: Sequence[Axes] | None = None) -> Sequence[Axes]:
-        """Draw spectrum, cumulative periodogram and correlations of the residual with what chance allows.
+        """Draw spectrum, cumulative periodogram and correlations of the residual with the limits of chance.
 
         Parameters
         ----------
         ax : sequence of three matplotlib Axes, optional
-            Where to draw; a new figure otherwise.
+            Axes to draw on; a new figure by default.
 
         Returns
         -------

@@ -64,13 +64,13 @@ def discover(
     rng : numpy.random.Generator
         Source of all resampling.
     place : Opening, optional
-        Where it enters; the force on what moves by default, where the rig has one, else the reading.
+        Place at which the force enters; by default the moving part if the rig has one, else the reading.
 
     Returns
     -------
     Discovery or None
-        None where the plant leaves no mismatch, where no term is stable, or where the error on the held-out part does
-        not fall by a tenth, and certainly.
+        The free form; None if the plant leaves no mismatch, no term is stable, or the error on held-out data does not
+        certainly fall by a tenth.
     """
     plant = base.calibration.plant
     site = _site(plant, place)

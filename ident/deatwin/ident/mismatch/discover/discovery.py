@@ -134,22 +134,22 @@ class Discovery(Described):
     Parameters
     ----------
     calibration : Calibration
-        The plant with the free form, fitted to the fitted part.
+        Plant with the free form, calibrated on the fitted data.
     terms : tuple of FoundTerm
-        Of the free form, the one that adds most first.
+        Terms of the free form, the one with the largest contribution first.
     before, after : float
-        Rms error of the free run on the held-out part without and with it, SI.
+        Rms error of the free run on held-out data, without and with the free form, SI.
     gain_low : float
-        Lower 95 % bound of the fall, SI.
+        Lower 95 % bound of the decrease of this error, SI.
     unseen : ndarray, shape (m,)
-        Residuals with it on the held-out part, SI.
+        Residuals with the free form on held-out data, SI.
     state : ndarray, shape (n,)
-        What the first term is a function of, along the fitted part, SI.
+        Argument of the first term along the fitted data, SI.
     entering : ndarray, shape (n,)
-        What the free form adds there, SI.
+        Contribution of the free form along the fitted data, SI.
     latent : Latent or None
-        What the recordings say enters there, smoothed, with the other parameters as they are; None where the filter
-        sees nothing.
+        Smoothed estimate from the recordings of the signal that enters there, with the other parameters unchanged; None
+        if the filter cannot observe it.
     """
 
     calibration: Calibration
@@ -177,12 +177,12 @@ class Discovery(Described):
 
     @property
     def free_form(self) -> FreeForm:
-        """The free form, as it was before the fit."""
+        """The free form before the fit."""
         return next(effect for effect in self.model.effects if isinstance(effect, FreeForm))
 
     @property
     def summary(self) -> FreeFormSummary:
-        """Return what a diagnosis says of it: errors in its unit of amplitudes, terms in SI."""
+        """Summarise the free form for a diagnosis: errors in its unit of amplitudes, terms in SI."""
         size = amplitude_unit(self.model.rig.output_unit)[1]
         return FreeFormSummary(
             place=self.free_form.enters.value,
@@ -194,17 +194,17 @@ class Discovery(Described):
         )
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw what enters against the state that it depends on most.
+        """Draw the contribution of the free form against the state on which it depends most.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to; new ones by default.
+            Axes to draw on; new ones by default.
 
         Returns
         -------
         matplotlib Axes
-            With the smoothed force of the recordings as a cloud, and a band of two of its standard deviations.
+            Axes that also show the smoothed force of the recordings as points, with a band of two standard deviations.
         """
         ax = axes_or_new(ax)
         variable = self.terms[0].term.variable

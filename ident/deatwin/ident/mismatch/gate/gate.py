@@ -64,22 +64,22 @@ class Gate(Described):
     Parameters
     ----------
     experiments : tuple of Experiment
-        As given.
+        Experiments as given.
     stuck, outliers : tuple of tuple of ndarray of bool
-        For each experiment and record, the samples at fault.
+        Faulty samples, for each experiment and record.
     clipped, jumps : tuple of tuple of ndarray of bool
-        Likewise the samples at a limit of the reading, and the first ones after it stepped within a sample while the
-        command did not. They are reported and kept: effects of the catalogue explain them.
+        Samples at a limit of the reading, and first samples after the reading jumped while the command did not. They
+        are reported but kept, because effects of the catalogue explain them.
     bursts : mapping of str to tuple of tuple of ndarray of bool
-        Likewise the samples at which a reading is much noisier than elsewhere, by its name, which is empty for the first
-        one. They are reported and left out.
+        Samples at which a reading is much noisier than elsewhere, by the name of the reading, which is empty for the
+        first one. They are reported and left out.
     stuck_further : mapping of str to tuple of tuple of ndarray of bool
-        Likewise the samples at which a further reading is stuck, by its name. They are reported and left out of it.
+        Samples at which a further reading is stuck, by its name. They are reported and left out of this reading.
     settled : tuple of tuple of ndarray of bool
-        Likewise the samples after the uncounted time of an unknown start. The others are reported and left out.
+        Samples after the time in which an unknown start has decayed. Earlier samples are reported and left out.
     unknown : tuple of tuple of ndarray of bool
-        Likewise the samples that depend on when the command changed in a gap, of all readings; empty where there are none.
-        They are reported and left out.
+        Samples of all readings that depend on when the command changed in a gap; empty if there are none. They are
+        reported and left out.
     """
 
     experiments: tuple[Experiment, ...]
@@ -114,7 +114,8 @@ class Gate(Described):
 
     @property
     def usable(self) -> Masks:
-        """The sound samples that are not left out; of a sensor that is dead all along, all: a fit needs some, whatever it is worth."""
+        """Sound samples that are not left out; all samples if the sensor is dead throughout, because a fit needs
+        some."""
         everything = [mask for masks in self.sound for mask in masks]
         if sum(int(m.sum()) for m in everything) >= FEWEST_SOUND * sum(m.size for m in everything):
             return tuple(
@@ -147,7 +148,7 @@ class Gate(Described):
         return tuple(tuple(~mask for mask in masks) for masks in self.settled)
 
     def known(self, name: str) -> Masks:
-        """For each experiment and record, the samples of a further reading that count.
+        """Return the samples of a further reading that count, for each experiment and record.
 
         Parameters
         ----------
@@ -167,19 +168,19 @@ class Gate(Described):
 
     @property
     def soundness(self) -> Soundness:
-        """Return whether there is a fault: a lone outlier is a nuisance, a stuck sensor or a burst is a fault."""
+        """Return whether there is a fault: a stuck sensor or a burst is a fault, a single outlier is not."""
         masks = [mask for masks in self.sound for mask in masks]
         bad, total = sum(int((~m).sum()) for m in masks), sum(m.size for m in masks)
         return Soundness.FAULTY if bad > max(10, 1e-3 * total) else Soundness.SOUND
 
     @property
     def findings(self) -> tuple[str, ...]:
-        """Return what is at fault, and where."""
+        """Return the faults and where they are."""
         return (*self._described(self.stuck, "the reading is stuck"), *self._described(self.outliers, "outliers"))
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Return what is no fault of the recordings, but should be known: limits, jumps, coarse steps, gaps."""
+        """Return remarks that are no faults: limits, jumps, coarse steps, gaps."""
         found = [*self._described(self.clipped, "the reading is at a limit"), *self._described(self.jumps, "jumps")]
         for what, readings in (("is much noisier than elsewhere", self.bursts), ("is stuck", self.stuck_further)):
             for name, masks in readings.items():
@@ -214,12 +215,12 @@ class Gate(Described):
         return found
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the readings with what was found in them; experiments one after another.
+        """Draw the readings with the marked samples, one experiment after another.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; new ones by default.
 
         Returns
         -------
@@ -260,21 +261,22 @@ def gate(plant: Plant, experiments: Experiment | Sequence[Experiment]) -> Gate:
     Parameters
     ----------
     plant : Plant
-        Whose recordings they should be.
+        Plant to which the recordings belong.
     experiments : Experiment or sequence of Experiment
-        Each from rest.
+        Experiments, each from rest.
 
     Returns
     -------
     Gate
-        Its outliers and jumps are suspects until `confirm` has seen them beside a calibrated plant.
+        Checked recordings; outliers and jumps are suspects until `confirm` compares them with a calibrated plant.
 
     Raises
     ------
     DataError
-        If there is nothing to diagnose: no recording, no output, a constant input; or something else than experiments.
+        If there is nothing to diagnose: no recording, no output, a constant input, or an argument that is no
+        experiment.
     ModelError
-        If there are too few samples for the plant's parameters, or there is no plant.
+        If there is no plant, or there are too few samples for its parameters.
     """
     if not isinstance(plant, Plant):
         raise ModelError(f"a diagnosis needs a Plant, not a {type(plant).__name__}: Plant(rig=...) makes one of a rig")
@@ -310,14 +312,14 @@ def _listed(experiments: Experiment | Sequence[Experiment]) -> tuple[Experiment,
 
 
 def confirm(checked: Gate, readings: Sequence[Sequence[np.ndarray]]) -> Gate:
-    """Keep only outliers and jumps that also appear in the residual, since fast motion of the plant is no fault.
+    """Keep only outliers and jumps that also appear in the residual, because fast motion of the plant is no fault.
 
     Parameters
     ----------
     checked : Gate
-        With suspects.
+        Checked recordings with suspected faults.
     readings : sequence of sequence of ndarray, each of shape (n,)
-        The calibrated plant's, for each experiment and record, SI.
+        Readings of the calibrated plant, for each experiment and record, SI.
 
     Returns
     -------

@@ -38,21 +38,21 @@ class Location(Described):
     Parameters
     ----------
     time : Times
-        When.
+        Times with a mismatch.
     frequency : Bands
-        At which frequencies.
+        Frequencies with a mismatch.
     lines : Lines or None
-        On which lines of a periodic input; None where no record has one.
+        Mismatch on the lines of a periodic input and between them; None if no record is periodic.
     region : Regions
-        In which range of the operating signals.
+        Ranges of the operating signals with a mismatch.
     place : Places
-        In which part of the plant.
+        Parts of the plant that predict the mismatch.
     response : tuple of ResponseDifference, or None
-        In which order and band of the response; None where that could not be tested.
+        Orders and bands of the frequency response that differ; None if they could not be tested.
     unit : tuple of str and float
-        In which amplitudes are reported, and its SI size.
+        Reported unit of amplitudes, and its size in SI.
     readings : tuple of ReadingLocation or None
-        Where it is in each further reading; None where there is one reading, of which all else speaks.
+        Location in each further reading; None if there is only one. All other fields are about the first reading.
     """
 
     time: Times
@@ -71,7 +71,7 @@ class Location(Described):
 
     @property
     def summary(self) -> LocationSummary:
-        """Return what a diagnosis says of it; amplitudes in the unit reported."""
+        """Summarise the location for a diagnosis; amplitudes in the reported unit."""
         size, lines = self.unit[1], self.lines
         return LocationSummary(
             time=tuple(replace(window, slope=window.slope / size) for window in self.time),
@@ -91,12 +91,12 @@ class Location(Described):
         )
 
     def plot(self, ax: Sequence[Axes] | None = None) -> list[Axes]:
-        """Draw time, frequency, operating region and place, then lines and response where there is something of them.
+        """Draw time, frequency, operating region and place, then lines and response if they were computed.
 
         Parameters
         ----------
         ax : sequence of four to six matplotlib Axes, optional
-            Where to draw; a new figure otherwise.
+            Axes to draw on; a new figure by default.
 
         Returns
         -------
@@ -137,11 +137,11 @@ def locate(base: Candidate, bench: Bench, checked: Gate, rng: np.random.Generato
     base : Candidate
         The calibrated base plant.
     bench : Bench
-        What is fitted of the recordings.
+        Diagnosis problem with the fitted data.
     checked : Gate
-        The recordings, and which of their samples are sound.
+        Recordings with their sound samples.
     rng : numpy.random.Generator
-        Of the test of repeatability.
+        Source of random numbers of the test of repeatability.
 
     Returns
     -------

@@ -48,16 +48,16 @@ def readings(plant: Plant, experiments: Sequence[Experiment], reading: str = "")
     Parameters
     ----------
     plant : Plant
-        Simulated from rest through each experiment.
+        Plant, simulated from rest through each experiment.
     experiments : sequence of Experiment
-        Only the commands are used.
+        Experiments, of which only the commands are used.
     reading : str
-        Which reading; the first one if empty.
+        Name of the reading; the first one if empty.
 
     Returns
     -------
     tuple of tuple of ndarray, each of shape (n,)
-        SI.
+        Readings for each experiment and record, SI.
 
     Raises
     ------

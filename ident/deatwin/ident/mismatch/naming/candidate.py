@@ -25,28 +25,28 @@ third of it in 0.6 % of so many."""
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Candidate:
-    """Plant with a set of effects, fitted to the fitted part and judged on the held-out data.
+    """Plant with a set of effects, calibrated on the fitted data and judged on the held-out data.
 
     Parameters
     ----------
     effects : tuple of str
-        Canonical names of the effects that were added to the plant on the bench; none for the base.
+        Canonical names of the effects that were added to the plant; empty for the base plant.
     calibration : Calibration
-        The fit.
+        Calibration on the fitted data.
     unseen : ndarray, shape (n,)
-        Residuals on the held-out part, SI.
+        Residuals on held-out data, SI.
     noise : float
-        Standard deviation of the sensor's noise by which it is judged, SI.
+        Standard deviation of the sensor noise by which the candidate is judged, SI.
     contribution : ndarray, shape (m,)
-        What the effects by themselves do to the readings of the fitted part, SI; may be empty without effects.
+        Change of the fitted readings by the effects alone, SI; may be empty if there are none.
     sizes : tuple of (int, int)
-        Fitted and held-out samples of each experiment; empty where there is one.
+        Numbers of fitted and of held-out samples of each experiment; empty if there is only one.
     measured : ndarray, shape (m + n,)
-        Readings of the fitted and the held-out part, SI; empty where nothing is to depend on them.
+        Fitted and held-out readings, SI; empty if no test depends on them.
     log_share : float
-        Logarithm of the share of its effects' prior that falls to the places at which they are.
+        Logarithm of the prior share of the places at which the effects act.
     log_size : float
-        How much less likely than usual strengths those at further places are, in nats; 0 or less.
+        Log-prior of the strengths at other places, relative to typical strengths, in nats; 0 or less.
     """
 
     effects: tuple[str, ...]
@@ -75,7 +75,7 @@ class Candidate:
         Parameters
         ----------
         model_error : float
-            Rms, SI.
+            Model error, rms, SI.
 
         Returns
         -------
@@ -86,37 +86,38 @@ class Candidate:
 
     @property
     def mismatch(self) -> bool:
-        """Return whether it certainly leaves more than noise and model error, on the fitted or on the held-out part."""
+        """Return whether the residuals certainly exceed noise and model error, on fitted or held-out data."""
         return self.fitted_test.mismatch or self.unseen_test.mismatch
 
     @property
     def adequate(self) -> bool:
-        """Return whether it explains the recordings.
+        """Return whether the candidate explains the recordings.
 
-        What it leaves of the fitted part must be no larger than noise and model error, which is more than the
-        absence of a significant mismatch; the held-out part, which is extrapolated, must not refute it.
+        On fitted data the residuals must not exceed noise and model error, which is stricter than having no significant
+        mismatch. On held-out data, which are extrapolated, there must be no significant mismatch.
         """
         return self.fitted_test.within_floor and not self.unseen_test.mismatch
 
     @property
     def residuals(self) -> np.ndarray:
-        """Return the residuals of the fitted part and of the held-out part, concatenated; SI."""
+        """Return the residuals on fitted and held-out data, concatenated, SI."""
         return np.concatenate([self.calibration.residuals, self.unseen])
 
     @property
     def pieces(self) -> tuple[int, ...]:
-        """Samples of the pieces of `residuals`: of each experiment what was fitted, then of each what was not."""
+        """Numbers of samples of the pieces of `residuals`: the fitted piece of each experiment, then each held-out
+        piece."""
         sizes = self.sizes or ((self.calibration.residuals.size, self.unseen.size),)
         return tuple(size for part in zip(*sizes, strict=True) for size in part if size)
 
     @property
     def losses(self) -> np.ndarray:
-        """Block losses over both parts."""
+        """Losses of all blocks, fitted and held-out."""
         return np.concatenate([block_losses(self.calibration.residuals), block_losses(self.unseen)])
 
     @property
     def mean_squares(self) -> np.ndarray:
-        """Mean square of all residuals, and that in each experiment which is long enough to say something by itself."""
+        """Mean square of all residuals, and of those of each experiment that is long enough to be judged alone."""
         parts = [
             np.split(residuals**2, np.cumsum([pair[part] for pair in self.sizes])[:-1])
             for part, residuals in enumerate((self.calibration.residuals, self.unseen))
@@ -126,12 +127,12 @@ class Candidate:
 
     @property
     def log_prior(self) -> float:
-        """Logarithm of what is known beforehand of the places of its effects, and of their strengths there."""
+        """Log-prior of the places of the effects and of their strengths there."""
         return self.log_share + self.log_size
 
     @property
     def evidence(self) -> float:
-        """Logarithm of the evidence over both parts, and of the prior of the effects' places."""
+        """Logarithm of the evidence of all data, plus the log-prior of the effects' places."""
         return evidence(self.losses, len(self.calibration.names)) + self.log_prior
 
 
@@ -202,10 +203,10 @@ class Distance:
     Parameters
     ----------
     effects : tuple of str
-        Names of the two, those of a set joined by ``+``.
+        Names of the two explanations; the effects of a set are joined by ``+``.
     d2 : float
-        Squared distance after a refit of the one to the other; to first order where the recordings have told the two
-        apart.
+        Squared distance after one is refitted to the other; to first order if the recordings have already distinguished
+        them.
     """
 
     effects: tuple[str, str]

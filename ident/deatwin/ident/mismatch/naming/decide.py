@@ -33,26 +33,25 @@ RIVAL_SHARE = 0.5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Naming(Described):
-    """Ranking of all explanations that were tried, with the decision among them.
+    """Ranking of all explanations that were tried, and the choice among them.
 
     Parameters
     ----------
     candidates : tuple of Candidate
-        All that could be fitted, in the order in which they were tried; the base plant first.
+        All candidates that could be fitted, in the order of trial; the base plant first.
     best : Candidate or None
-        The explanation with the most evidence.
+        Explanation with the most evidence.
     rivals : tuple of Candidate
-        Other ones that these recordings cannot rule out.
+        Alternative explanations that these recordings cannot rule out.
     probabilities : mapping of tuple of str to float
-        Of each candidate of the size of the best one, by evidence; of rivals that evidence does not compare with it,
-        the same as of the best one.
+        Probability of each candidate with as many effects as the best one, by evidence. An alternative that cannot be
+        compared by evidence has the probability of the best one.
     noise : float
-        Standard deviation of the sensor's noise, as the best explanation shows it, SI.
+        Standard deviation of the sensor noise that the best explanation leaves, SI.
     distances : tuple of Distance
-        From the best to each other explanation.
+        Distances from the best to each other explanation.
     failed : tuple of str
-        Effects and sets of effects that could not be tried, since no fit with them could be simulated; that is no
-        evidence against them.
+        Effects and sets of effects with which no fit could be simulated; this is no evidence against them.
     """
 
     candidates: tuple[Candidate, ...]
@@ -69,12 +68,13 @@ class Naming(Described):
     }
 
     def beside(self, others: Sequence[Candidate]) -> Naming:
-        """Return the same answer, with rivals that were found elsewhere; of equal effects those with the most evidence.
+        """Return the same answer with alternatives that were found elsewhere; of equal sets of effects, the one with
+        the most evidence is kept.
 
         Parameters
         ----------
         others : sequence of Candidate
-            As likely before the recordings as those that competed.
+            Alternatives that were as likely a priori as the candidates.
 
         Returns
         -------
@@ -93,17 +93,17 @@ class Naming(Described):
         )
 
     def led_by(self, first: Candidate) -> Naming:
-        """Return the same answer with another explanation at its head; the one that was there becomes a rival.
+        """Return the same answer with another explanation as the best; the former best becomes an alternative.
 
         Parameters
         ----------
         first : Candidate
-            The best one or a rival.
+            Best explanation, or an alternative.
 
         Returns
         -------
         Naming
-            With the distances that are known from `first`.
+            Answer with the known distances from `first`.
         """
         if first is self.best or self.best is None:
             return self
@@ -113,12 +113,12 @@ class Naming(Described):
         return replace(self, best=first, rivals=others, distances=known)
 
     def as_likely(self, others: Sequence[Candidate]) -> Naming:
-        """Return the same answer with rivals that evidence does not compare with the best one, each as likely as that.
+        """Return the same answer with alternatives that cannot be compared by evidence, each as likely as the best one.
 
         Parameters
         ----------
         others : sequence of Candidate
-            Those that are rivals already are left as they are.
+            Alternatives to add; those already present are unchanged.
 
         Returns
         -------
@@ -132,12 +132,12 @@ class Naming(Described):
         return replace(self, rivals=(*self.rivals, *further), probabilities=normalised(weights))
 
     def without(self, refuted: Collection[frozenset[str]]) -> Naming:
-        """Return the same answer, of which some rivals have been refuted.
+        """Return the same answer without alternatives that have been refuted.
 
         Parameters
         ----------
         refuted : collection of frozenset of str
-            Sets of effects.
+            Sets of effects that were refuted.
 
         Returns
         -------
@@ -150,12 +150,12 @@ class Naming(Described):
         return replace(self, rivals=rivals, probabilities=normalised(weights) if any(weights.values()) else weights)
 
     def knowing(self, later: Naming) -> Naming:
-        """Return the same answer, with what was tried in the same form of the plant since.
+        """Return the same answer with the later trials on the same interpretation of the rig file.
 
         Parameters
         ----------
         later : Naming
-            Of the same search; of another one there is nothing to know.
+            Later result of the same search.
 
         Returns
         -------
@@ -173,14 +173,15 @@ class Naming(Described):
         return self.candidates[0]
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw what each candidate leaves of the fitted and of the held-out part, the base plant first.
+        """Draw the residuals of each candidate on fitted and held-out data, the base plant first.
 
-        Of many the best on held-out data are drawn, and always the best explanation and its rivals.
+        If there are many, the candidates with the smallest held-out errors are drawn, and always the best explanation
+        and its alternatives.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; new ones by default.
 
         Returns
         -------

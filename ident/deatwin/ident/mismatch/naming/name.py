@@ -35,15 +35,17 @@ def name_causes(
 ) -> Naming:
     """Search for the smallest set of effects that explains the recordings.
 
-    Each promising effect is built into the base plant alone, then into its rival forms, since another reading of what
-    the rig file leaves open costs less than a further effect; where one suffices, or none takes most of the mismatch,
-    only into those that fit clearly better without any, lest it explain a wrong form away. Where none suffices, each
-    further one beside the best, or where none counts there beside the next best, with the pairs that promise most
-    together, and so on to three; where one does, a second one that has a part of its own. The effects that were there
-    before a step are replaced in turn: the best single effect may only imitate two others, and it has rivals beside the
-    new one, too. Where all this was done in a rival form and in vain, it is done in the rig file's own. Of several, one
-    is left out where another form does its work; where nothing explains, the best pair is tried in the other forms,
-    too.
+    First, each promising effect is added alone to the base plant, then to its other interpretations, because another
+    interpretation of the rig file costs less than a further effect. If one effect is adequate, or none removes most of
+    the mismatch, only interpretations that fit clearly better without effects are tried, so that no effect hides a
+    wrong interpretation.
+
+    If no single effect is adequate, further effects are added to the best one (or to the next best, if none adds to the
+    best), together with the most promising pairs, up to three effects. If one is adequate, a second one is added only
+    if it explains a part of its own. After each step, the earlier effects are replaced in turn, because the best single
+    effect may merely imitate two others. If this fails in another interpretation, the search is repeated in the rig
+    file's own. Finally, an effect of a set is removed if another interpretation makes it unnecessary; if nothing
+    explains the mismatch, the best pair is tried in the other interpretations, too.
 
     Parameters
     ----------
@@ -52,19 +54,19 @@ def name_causes(
     base : Candidate
         The calibrated plant without further effects.
     known : sequence of Footprint
-        Of all effects in that plant.
+        Linearised responses of all effects in that plant.
     rivals : sequence of Candidate
-        Other forms of the base plant.
+        Other interpretations of the base plant.
     finished : callable, optional
-        Called with the share that is done.
+        Called with the completed share.
     fitted : callable, optional
-        Called with each fit as soon as there is one and None, and again with its residuals on the held-out part, ndarray
-        of shape (n,), SI, once they are known.
+        Called with each fit and None once it is finished, and again with its held-out residuals, ndarray of shape (n,),
+        SI, once they are computed.
 
     Returns
     -------
     Naming
-        Its first candidate is the base plant in the form that was taken.
+        Ranking whose first candidate is the base plant in the chosen interpretation.
     """
     return next(explanations(bench, base, known, rivals, finished, fitted))
 

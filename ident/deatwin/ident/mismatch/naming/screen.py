@@ -44,15 +44,16 @@ TINY = 1e-300
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Footprint:
-    """Linearised response: how an effect of one shape changes the readings of the calibrated base plant.
+    """Linearised response: how an effect of given shape changes the readings of the calibrated base plant.
 
     Parameters
     ----------
     effect : Effect
-        With its shape, at its typical strength, or a weaker one at which the plant can be simulated.
+        Effect with its shape, at its typical strength, or at a weaker one if the plant cannot be simulated with that.
     change : ndarray, shape (m,)
-        Change of the fitted part's readings per unit of strength, SI; where the effect does more than is missing, at
-        the strength at which it does as much, for much of a stop or a lag is another thing than a little of it.
+        Change of the fitted readings per unit of strength, SI. If the typical strength changes them by more than the
+        mismatch, the change is computed at the strength that equals the mismatch, because the responses of stops and
+        lags are not proportional to their strength.
     """
 
     effect: Effect
@@ -93,20 +94,20 @@ def footprints(
     Parameters
     ----------
     bench : Bench
-        The fitted part and the number of workers.
+        Fitted data and number of workers.
     base : Calibration
-        Of the plant without the effects, on the fitted part.
+        Calibration of the plant without the effects, on the fitted data.
     effects : sequence of Effect
-        To be tried.
+        Effects to compute.
     fit : Calibration
-        Whose residual is to be explained: effects that come at a time or with a period look there for it.
+        Calibration whose residual is to be explained; effects with an event time or a period take start values from it.
     finished : callable, optional
-        Called with the number of effects that are done.
+        Called with the number of finished effects.
 
     Returns
     -------
     tuple of Footprint
-        In the order of `effects`; none of a shape with which the plant cannot be simulated.
+        Responses in the order of `effects`; shapes with which the plant cannot be simulated are omitted.
     """
     jobs = [(base, effect, bench.fitted, fit) for effect in effects]
     found = run_jobs(_of_effect, jobs, workers=bench.jobs, finished=finished)

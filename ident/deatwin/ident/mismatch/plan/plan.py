@@ -53,28 +53,27 @@ def plan_experiment(
 ) -> ExperimentPlan:
     """Compute which effects an input would reveal, from which strength on, and which it could not distinguish.
 
-    To first order about the nominal plant, by the likelihood that the readings would have: parameters are refitted, and
-    the plant's own error is allowed for. An effect counts as found where its expected evidence makes it 95 % probable
-    against nothing missing, and what the parameters leave of it is more than the plant's own error and a part of the
-    noise, below which `diagnose` takes nothing for missing.
+    The computation is to first order about the nominal plant: its parameters are refitted, and its model error is
+    allowed for. An effect counts as found if its expected evidence makes it 95 % probable, and if the part of it that
+    the parameters cannot absorb is large enough for `diagnose` to count it as missing physics.
 
     Parameters
     ----------
     plant : Plant
-        Nominal.
+        Nominal plant.
     commands : Recording, optional
-        The input; its readings are not looked at. Without one the repertoire of waveforms is tried, and the one is
-        taken that leaves the least confusion among the effects.
+        The input; its readings are ignored. Without it, several waveforms are tried, and the one with the least
+        confusion among the effects is chosen.
     effects : sequence of Effect, optional
-        What may be missing; by default all that the rig offers. Those that it cannot take are passed over.
+        Effects that may be missing; by default all that the rig offers. Effects that it does not accept are skipped.
     seconds : float, optional
-        Length of an input that is advised; by default 3000 samples.
+        Length of the suggested input, s; by default 3000 samples.
     jobs : int
-        Worker processes; -1 takes all cores.
+        Number of worker processes; -1 takes all cores.
     seed : int
-        Of what is random in waveforms.
+        Seed of random waveforms.
     progress : callable, optional
-        Called with the share that is done and what is being done.
+        Called with the completed share and a description of the current work.
 
     Returns
     -------
@@ -84,8 +83,8 @@ def plan_experiment(
     ------
     DataError
         If no input is given and the rig states no range of its command, both an input and a length are given, the
-        length is not one of 100 to 100,000 samples, the rig takes none of the effects, or neither noise nor motion is
-        there to judge them by.
+        length is not 100 to 100,000 samples, the rig accepts none of the effects, or neither noise nor motion is known
+        to judge them by.
     SimulationError
         If the nominal plant cannot follow the input.
     """

@@ -29,7 +29,7 @@ class Foreseen:
     Parameters
     ----------
     effect, family : str
-        Canonical names.
+        Canonical names of the effect and of its family.
     strength : str
         Name of the parameter that is its strength.
     unit : str
@@ -37,13 +37,13 @@ class Foreseen:
     typical : float
         Typical strength.
     change : float
-        Rms by which the typical strength changes the readings, in the plan's unit.
+        Rms change of the readings by the typical strength, in the plan's unit.
     smallest : float or None
-        Strength from which on the effect would be found to act; None where no strength within its range would.
+        Smallest strength at which the effect would be detected; None if no strength within its range suffices.
     smallest_change : float or None
-        Rms by which that changes the readings, in the plan's unit.
+        Rms change of the readings by this strength, in the plan's unit.
     alike : tuple of str
-        Effects that could not be told from this one at its typical strength, the most alike first.
+        Effects that could not be distinguished from this one at its typical strength, the most similar first.
     """
 
     effect: str
@@ -58,12 +58,12 @@ class Foreseen:
 
     @property
     def visible(self) -> bool:
-        """True if the effect would be found to act at its typical strength."""
+        """True if the effect would be detected at its typical strength."""
         return self.smallest is not None and self.smallest <= abs(self.typical)
 
     @property
     def sentence(self) -> str:
-        """Return what the experiment would show of the effect, in one sentence."""
+        """Return, in one sentence, what the experiment would show of the effect."""
         name = self.effect.replace("_", " ")
         if self.smallest is None:
             return f"{name}: this input does not show it at any strength within its range"
@@ -84,11 +84,11 @@ class TellingReading(SensorOffer):
     noise : float
         Standard deviation of its noise, SI.
     noise_source : str
-        Where that is known from.
+        Source of this value.
     tells : tuple of tuple of str
-        Pairs of effects, at their typical strengths, that it tells apart.
+        Pairs of effects, at their typical strengths, that it distinguishes.
     left : int
-        Number of pairs that the input leaves without it.
+        Number of pairs that remain undistinguished without it.
     """
 
     tells: tuple[tuple[str, ...], ...]
@@ -97,7 +97,7 @@ class TellingReading(SensorOffer):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ExperimentPlan:
-    """Plan of an experiment: which effects it would reveal, and from which strength on.
+    """Plan of an experiment: the effects that it would reveal, and from which strength on.
 
     Parameters
     ----------
@@ -106,20 +106,20 @@ class ExperimentPlan:
     unit : str
         Unit of all changes of the readings.
     noise, model_error : float
-        Rms of the sensor's noise and of the plant's own error, in that unit.
+        Sensor noise and model error of the plant, rms, in that unit.
     seconds : float
-        Length of the input.
+        Length of the input, s.
     waveform : str
-        What the input looks like, in words, where it is advised; empty where it was given.
+        Description of the input if it is advised; empty if it was given.
     effects : tuple of Foreseen
-        The effects that the rig can take, those first of which the least is needed.
+        Effects that the rig accepts; the one that is detected at the smallest strength comes first.
     impossible : tuple of str
         Effects with which the plant could not be simulated.
     tried : mapping of str to float
-        For each waveform that was tried, the probability of taking an effect for its nearest alternative, averaged over
-        the effects; empty where the input was given.
+        Probability of confusing an effect with its nearest alternative, averaged over the effects, for each waveform
+        tried; empty if the input was given.
     readings : tuple of TellingReading
-        Readings that the rig could have beside its own, the one first that tells most apart.
+        Further readings that the rig could have, the most informative first.
     recording : Recording
         The input, with the readings of the nominal plant.
     """
@@ -160,7 +160,7 @@ class ExperimentPlan:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the plan as plain data, as ``plan.json`` holds it.
+        """Return the plan as plain data, in the format of ``plan.json``.
 
         Returns
         -------
@@ -180,7 +180,7 @@ class ExperimentPlan:
         write_input(path, self.recording)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw for each effect the change of the readings that would be found, beside its typical one.
+        """Draw, for each effect, the smallest change of the readings that would be detected beside its typical change.
 
         Parameters
         ----------

@@ -51,11 +51,11 @@ class Base(Described):
     Parameters
     ----------
     chosen : Candidate
-        The form that the diagnosis goes on with.
+        Interpretation of the rig file with which the diagnosis continues.
     rivals : tuple of Candidate
-        The other forms, the best first.
+        The other interpretations, the best first.
     noise : float
-        Standard deviation of the sensor's noise, SI.
+        Standard deviation of the sensor noise, SI.
     """
 
     chosen: Candidate
@@ -67,7 +67,7 @@ class Base(Described):
     }
 
     def in_form_of(self, chosen: Candidate) -> Base:
-        """Return the same forms, another of them chosen.
+        """Return the same interpretations with another one chosen.
 
         Parameters
         ----------
@@ -83,12 +83,12 @@ class Base(Described):
         return Base(chosen=chosen, rivals=others, noise=chosen.noise)
 
     def as_filed(self, rig: Rig) -> Base:
-        """Return the same forms, chosen that of the rig file, where it could be simulated.
+        """Return the same interpretations; that of the rig file is chosen if it could be simulated.
 
         Parameters
         ----------
         rig : Rig
-            Of the file.
+            Rig that the file describes.
 
         Returns
         -------
@@ -98,12 +98,12 @@ class Base(Described):
         return self.in_form_of(filed[0]) if filed else self
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw what each form leaves of the fitted and of the held-out part, the chosen one first.
+        """Draw the residuals of each interpretation on fitted and held-out data, the chosen one first.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; new axes otherwise.
+            Axes to draw on; new ones by default.
 
         Returns
         -------
@@ -123,13 +123,13 @@ def calibrate_base(bench: Bench) -> Base:
     Returns
     -------
     Base
-        The nominal form, or the first rival that leaves no mismatch where the nominal one does. A rival that
-        merely fits better does not replace it: a missing effect must not be explained away by a wrong rig.
+        The nominal interpretation, or the first alternative that leaves no mismatch if the nominal one does. An
+        alternative that merely fits better does not replace it: a wrong rig must not explain away a missing effect.
 
     Raises
     ------
     SimulationError
-        If the plant cannot be simulated on these recordings, in any form.
+        If no interpretation of the plant can be simulated on these recordings.
     """
     first = _fitted_well(bench, bench.nominal)
     if first is not None and first.adequate:

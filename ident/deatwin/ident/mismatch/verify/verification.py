@@ -36,30 +36,30 @@ class Verification(Described):
     Parameters
     ----------
     fitted_before, fitted_after : float
-        Rms residuals on the fitted part.
+        Rms residuals on fitted data.
     unseen_before, unseen_after : float
-        On the held-out part, in free run.
+        Rms residuals of the free run on held-out data.
     gain_low : float
-        Lower 95 % bound of the fall on the held-out part.
+        Lower 95 % bound of the decrease on held-out data.
     counts : bool
-        Whether the error falls for certain over both parts, and on the unseen one by more than the plant's own error
-        and by most of what is more than noise.
+        True if the error certainly decreases over all data and, on held-out data, decreases by more than the model
+        error and by most of the excess over noise.
     ablations : tuple of Ablation
-        One for each effect.
+        Result without each effect.
     shams : tuple of Sham
-        Of each kind for each effect.
+        Results with placebo effects, of each kind for each effect.
     transfers : tuple of Transfer
-        Records, where there are several, and thirds of the amplitudes.
+        Results for each record, if there are several, and for each third of the amplitudes.
     constancies : tuple of Constancy
-        One for each effect that is no event.
+        Test of constancy of each effect that is no event.
     noise : float
-        Rms.
+        Sensor noise, rms.
     output_unit : str
         SI unit of the reading.
     whole : Calibration or None
-        The amended plant fitted to all recordings, where that was needed: whoever needs it next has it here.
+        Amended plant calibrated on all data, if a test needed it.
     one_clock : tuple of str
-        Two effects that run by one clock, and so may be one mechanism that is in no catalogue.
+        Names of two effects with the same time course, which may be one mechanism outside the catalogue.
     """
 
     fitted_before: float
@@ -101,12 +101,12 @@ class Verification(Described):
 
     @property
     def holds(self) -> bool:
-        """Return whether nothing speaks against the explanation; see `doubted` for when it is shown all the same."""
+        """Return whether all tests are passed; see `doubted` for an explanation that is reported nevertheless."""
         return not self.failures
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """Return what speaks against it, each in a clause."""
+        """Return the failed tests, each in a clause."""
         falls = self.gain_low > 0.0 or self.counts  # as for `Ablation.returns`
         found = [] if falls else ["it is not certain that the error on held-out data falls"]
         found += [
@@ -130,16 +130,16 @@ class Verification(Described):
 
     @property
     def doubted(self) -> tuple[str, ...]:
-        """Effects of several without which the error on held-out data does not return for certain, though with others.
+        """Effects of a set whose removal does not certainly raise the error on held-out data while others replace them.
 
-        Nothing else may speak against the explanation: then it stands, and the one without that effect beside it.
+        If all other tests are passed, the explanation is reported together with the one without that effect.
         """
         spared = tuple(a.effect for a in self.ablations if not a.returns)
         return spared if len(self.failures) == len(spared) < len(self.ablations) else ()
 
     @property
     def summary(self) -> VerificationSummary:
-        """Return what a diagnosis says of it; amplitudes in the unit that is reported."""
+        """Summarise the tests for a diagnosis; amplitudes in the reported unit."""
         size = amplitude_unit(self.output_unit)[1]
         return VerificationSummary(
             holds=self.holds,
@@ -176,12 +176,13 @@ class Verification(Described):
         )
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the error on held-out data: before and after on each part, without each effect, and with its shams.
+        """Draw the error on held-out data: before and after for each record, without each effect, and with placebo
+        effects.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            A new figure without it.
+            Axes to draw on; a new figure by default.
 
         Returns
         -------

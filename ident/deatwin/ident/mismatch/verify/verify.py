@@ -42,13 +42,13 @@ def verify(
     Parameters
     ----------
     base, amended : Candidate
-        Judged on the same samples.
+        Base plant and explanation, judged on the same samples.
     rng : numpy.random.Generator
-        Of the paired block bootstrap and of random phases.
+        Source of the paired block bootstrap and of random phases.
     bench : Bench, optional
-        Recordings; without them each record, the amplitudes and the shams cannot be told.
+        Recordings; without them, transfer and placebo effects are not tested.
     tried : sequence of Candidate
-        Where the explanation without one of its effects is looked up before it is fitted.
+        Candidates among which an explanation without one of its effects is looked up before it is fitted.
 
     Returns
     -------
