@@ -66,7 +66,8 @@ class Builder:
         Returns
         -------
         float
-            SI; the equations hold up to it, and are written anew where a value beyond it widens the range.
+            End of the range in SI, up to which the equations hold; they are rebuilt if a value beyond it widens the
+            range.
         """
         return self.written.parameters[name].upper
 
@@ -114,7 +115,8 @@ class Builder:
         Returns
         -------
         list of casadi.SX, length 1 + count
-            Command of this sample first, then those before it. Before the first sample the command is the one at rest.
+            Command of this sample, then the earlier ones, the latest first. Before the first sample the command is the
+            one at rest.
         """
         while len(self.written.past) < count:
             self.written.past.append(ca.SX.sym(f"command_{len(self.written.past) + 1}_ago"))
@@ -141,7 +143,7 @@ class Builder:
         Returns
         -------
         Parts
-            Symbols that tell in which part the present step lies.
+            Symbols that indicate to which part the present step belongs.
 
         Raises
         ------
@@ -207,7 +209,7 @@ class Builder:
         Parameters
         ----------
         owner : str
-            Branch or effect whose memory it is; nothing happens unless the plant has a parameter for its start.
+            Branch or effect whose memory it is. Without a parameter for its start the call has no effect.
         state : casadi.SX
             Symbol that `state` returned.
         displaced : callable
@@ -367,7 +369,7 @@ class Builder:
         name : str
             Name of the reading. A watched signal is offered under its own name without this call.
         level : symbol or float
-            Part of the reading that is read as it is, SI.
+            Part of the reading to which no sensor effect applies, SI.
         stored : symbol or float
             Quantity whose mean rate over a sample is added, such as a charge, in SI.
         share : symbol or float

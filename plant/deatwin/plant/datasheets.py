@@ -160,8 +160,8 @@ class Laser(Part):
     output_full_scale : float
         Largest output voltage, V.
     noise : float
-        Standard deviation of the noise, m. Prefer a value measured on the rig: the repeatability of a data sheet holds
-        after averaging, for which sampling at 50 Hz leaves no time.
+        Standard deviation of the noise, m. Prefer a value measured on the rig: a data sheet states repeatability after
+        averaging, which sampling at 50 Hz does not allow.
     resolution : float
         Quantisation step of the digital value, m.
     linearity : float

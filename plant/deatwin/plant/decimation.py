@@ -32,8 +32,8 @@ def decimate(recording: Recording, factor: int, *, reading: ReadingTime = Readin
     factor : int
         Number of old samples per new sample, at least 1.
     reading : ReadingTime
-        Time within a row at which the reading is taken. If rows are means, so are the new ones, of ``factor`` rows in
-        all signals: that is exact, no filter is needed, and nothing is dropped but what fills no new row.
+        Time within a row at which the reading is taken. If rows are means, the new rows are means of ``factor`` rows in
+        all signals: this is exact, needs no filter, and drops only the rows that do not fill a new one.
 
     Returns
     -------

@@ -73,7 +73,7 @@ the thesis gives none."""
 
 @dataclass(frozen=True, kw_only=True)
 class History:
-    """What changes in an actuator during its recording.
+    """Changes of an actuator during its recording.
 
     Parameters
     ----------

@@ -210,7 +210,7 @@ class Plant:
 
     @property
     def runner(self) -> Runner:
-        """Return what simulates this plant as a whole."""
+        """Return the function that simulates this plant as a whole."""
         return self.rig.runner(self._structure.simulator, self.parameters)
 
     @property

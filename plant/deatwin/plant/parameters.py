@@ -94,8 +94,8 @@ class Parameter:
     known : bool
         True if the experimenter measured the value, so that a calibration keeps it.
     widest : float, optional
-        Largest size that physics allows, if the range states only what is usual: a value beyond `upper`, or beyond a
-        negative `lower`, widens the range fourfold, as often as it takes.
+        Largest size that physics allows, if the range contains only usual values. A value beyond `upper`, or beyond a
+        negative `lower`, then widens the range fourfold, repeatedly if necessary.
 
     Raises
     ------
@@ -134,7 +134,7 @@ class Parameter:
 
     @property
     def beyond(self) -> float | None:
-        """The value just beyond the end of the range near which this one is, SI; None where physics ends there."""
+        """Value just beyond the nearest end of the range, SI; None if physics ends there."""
         end = self.lower if self.is_low else self.upper
         open_end = self.widest is not None and 0.0 < abs(end) < self.widest and (end < 0.0 or not self.is_low)
         return BEYOND * end if open_end else None

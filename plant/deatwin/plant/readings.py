@@ -38,7 +38,7 @@ class Reading:
         Known resistance between the drive and the film, ohm. Only the reading ``current`` of a plant with `Leakage`
         depends on it: the leakage current is the voltage drop divided by it.
     column : str
-        Column of a file that holds the reading, with or without a unit as in ``"I_mon=nA"``; by default the one with
+        Column of a file that holds the reading, with or without a unit as in ``"I_mon=nA"``; by default the column with
         the name of the reading, if the file has it.
 
     Raises

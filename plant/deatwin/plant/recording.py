@@ -191,7 +191,7 @@ class Recording:
         Returns
         -------
         array, shape (n,)
-            SI; NaN where it was not measured.
+            Values in SI units; NaN if not measured.
         """
         if not name:
             return np.asarray(self.outputs[0])

@@ -141,7 +141,7 @@ class Specification:
     diverged : Limit
         Share of the model's draws whose own closed loop diverges.
     width : Limit
-        Half width of the predicted band relative to the step; a band wider than the step says too little to pass.
+        Half width of the predicted band relative to the step; a band wider than the step is too uncertain to pass.
     inside : Limit
         Share of a run that lies inside the simultaneous band predicted by the model.
     limit_cycle : Limit
@@ -194,7 +194,7 @@ class Specification:
 
     @property
     def on_a_stand_in(self) -> Specification:
-        """The requirements for runs on a plant that stands in for the actuator: tightened by the reserve."""
+        """Requirements for runs on a plant that replaces the actuator: tightened by the reserve."""
         names = ("overshoot", "steady_error", "ripple", "saturated")
         limits: dict[str, Any] = {name: getattr(self, name) for name in names}
         kept = {n: replace(v, good=(1.0 - self.reserve) * v.good) for n, v in limits.items()}

@@ -123,8 +123,8 @@ class FrequencyResponse(Described, Frozen):
         Function that returns the derivative with respect to these parameters, complex, shape (n, n_terms), including
         the shift of the equilibrium; a `Pointwise` is evaluated only at the points that are needed.
     evaluate : callable, optional
-        Function from parameters of shape (n_draws, n_terms) to the response at all of them, an ``Evaluated``; a
-        `Pointwise` likewise.
+        Function from parameters of shape (n_draws, n_terms) to the response at all of them, an ``Evaluated``; or a
+        `Pointwise`.
     theta_dof : float
         Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
     inputs : tuple of str
@@ -252,11 +252,11 @@ class FrequencyResponse(Described, Frozen):
     def band(self, level: float = 0.95) -> Band:
         """Return a pointwise confidence band of the gain.
 
-        The parameters are assumed normal, or Student-t if ``theta_dof`` is finite, and the gain linear in them. That
-        fails if the gain is not large compared with its uncertainty (the gain of a normal complex number near zero is
-        Rice-distributed): below four standard deviations of the longer axis of the ellipse, ``linear_law`` is False.
-        Use `propagate` to test whether the response itself is linear in the parameters. The lower limit is never below
-        zero.
+        The parameters are assumed normal, or Student-t if ``theta_dof`` is finite, and the gain linear in them. The
+        linearisation fails if the gain is not large compared with its uncertainty (the gain of a normal complex number
+        near zero is Rice-distributed): below four standard deviations of the longer axis of the ellipse, ``linear_law``
+        is False. Use `propagate` to test whether the response itself is linear in the parameters. The lower limit is
+        never below zero.
 
         Parameters
         ----------

@@ -56,7 +56,7 @@ class Calibration(Described):
         Covariance of the fitted coordinates, each in its parameter's `Scale`.
     residuals : ndarray, shape (m,)
         Measured minus simulated readings at the samples used, SI. Those of further readings follow those of the first
-        one, in units in which their noise is as large.
+        one, scaled so that their noise is equally large.
     jacobian : ndarray, shape (m, n)
         Derivative of the simulated readings with respect to the fitted coordinates, SI.
     status : FitStatus
@@ -72,8 +72,8 @@ class Calibration(Described):
     equals : tuple of tuple of float
         Other values of the fitted parameters, in the order of `names`, SI, at which fits ended with the same error.
     reach : tuple of tuple of float
-        Least and greatest values, SI, of the fitted parameters at which the error is hardly larger, where it does not
-        rise as the covariance predicts; empty if it does.
+        Smallest and largest values, SI, of the fitted parameters at which the error is hardly larger, if the error does
+        not rise as the covariance predicts; empty if it does.
     fault : str
         Reason why the plant cannot be simulated at its starting values; empty if it can.
     """
@@ -139,7 +139,7 @@ class Calibration(Described):
 
     @property
     def movable(self) -> np.ndarray:
-        """Jacobian of the parameters that a refit may move, shape (m, k), SI: without those that ended on a bound."""
+        """Jacobian of the parameters that a refit can change, shape (m, k), SI; parameters on a bound are left out."""
         return self.jacobian[:, [k for k, name in enumerate(self.names) if name not in self.at_bound]]
 
     @cached_property

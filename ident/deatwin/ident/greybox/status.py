@@ -25,5 +25,5 @@ class FitStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """True if the fit can be used."""
+        """True if the search was completed and its result passed all checks."""
         return self is not FitStatus.IMPOSSIBLE

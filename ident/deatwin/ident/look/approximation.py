@@ -46,14 +46,14 @@ class BestLinearApproximation(Frozen):
     all_frequencies : ndarray, shape (n_all,)
         All lines of a period between 0 and half the sampling rate, Hz.
     excited, odd : ndarray of bool, shape (n_all,)
-        Which lines are excited, and which are odd harmonics of the period.
+        True for excited lines, and for odd harmonics of the period.
     output : ndarray, shape (n_all,)
         Amplitude of the output, rms over the realisations.
     noise : ndarray, shape (n_all,)
         Standard deviation of the output's mean over the periods of one realisation.
     distortion_variance : ndarray, shape (n_all,)
-        Power of the nonlinear distortion, unbiased, so that it may fall below zero where there is none; NaN where it
-        cannot be determined.
+        Power of the nonlinear distortion. The estimate is unbiased, so it may be negative if there is no distortion;
+        NaN if it cannot be determined.
     realisations : int
         Number of different inputs.
     periods : int
@@ -98,7 +98,7 @@ class BestLinearApproximation(Frozen):
 
     @property
     def odd_rms(self) -> float:
-        """Root mean square of the odd distortion over time, output unit; NaN where it cannot be told."""
+        """Root mean square of the odd distortion over time, output unit; NaN if it cannot be determined."""
         return self._rms(self.odd) if self.separates else float("nan")
 
     def _rms(self, lines: Lines) -> float:
@@ -115,7 +115,7 @@ class BestLinearApproximation(Frozen):
         Returns
         -------
         ndarray, shape (n_lines,)
-            In output unit by input unit.
+            Radius in output unit by input unit.
         """
         from scipy.special import fdtri
 

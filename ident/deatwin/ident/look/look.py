@@ -169,7 +169,7 @@ class Look:
         }
 
     def plot(self, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
-        """Draw the first input, the first output with what is at fault in it, and their coherence.
+        """Draw the first input, the first output with its faults, and their coherence.
 
         Parameters
         ----------
@@ -219,7 +219,7 @@ class Look:
 def look_at(recordings: Recordings) -> Look:
     """Inspect a recording before identifying a model.
 
-    Nothing is fitted except the regression that finds dead times, and nothing is altered. Recordings of any length are
+    The recording is not altered, and only the regression that finds dead times is fitted. Recordings of any length are
     accepted; results that need a longer one are omitted.
 
     Parameters

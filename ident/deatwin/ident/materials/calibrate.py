@@ -48,28 +48,28 @@ def calibrate_material(tests: Sequence[MaterialTest], about: Mapping[str, Any] |
     """Fit one material to several tests.
 
     The equilibrium network is one of the energies of `deatwin.plant.laws`; Schwarz' criterion, an approximation of the
-    evidence, chooses it and the number of Maxwell branches. Of energies whose odds differ by less than 20, the one with
-    fewest parameters is taken. Samples are weighed by their errors, which have an absolute and
-    a relative part, a factor of each specimen, and may hang together; all of these are estimated.
+    evidence, chooses it and the number of Maxwell branches. If the odds of several energies differ by less than a
+    factor of 20, the one with the fewest parameters is chosen. Samples are weighed by their errors, which have an
+    absolute and a relative part, a factor of each specimen, and may hang together; all of these are estimated.
 
     Parameters
     ----------
     tests : sequence of MaterialTest
         Tests of one material, of one specimen or several.
     about : mapping, optional
-        What tests do not tell, as the section ``[material]`` of a rig file has it: ``name``, ``permittivity``,
-        ``breakdown``, ``density_kg_m3``. An ``energy`` is taken instead of chosen; of a formula of your own
-        ``parameters`` says where the fit starts, with ranges.
+        Properties that tests cannot determine, in the form of the section ``[material]`` of a rig file: ``name``,
+        ``permittivity``, ``breakdown``, ``density_kg_m3``. If it contains an ``energy``, no other is tried; for a
+        formula of your own, ``parameters`` gives start values and ranges.
 
     Returns
     -------
     CalibratedMaterial
-        The material, its parameters with intervals of 95 %, and notes on what the tests do not tell.
+        The material, its parameters with 95 % intervals, and notes on what the tests cannot determine.
 
     Raises
     ------
     DataError
-        If the tests do not tell the parameters of any energy.
+        If the tests do not determine the parameters of any energy.
     RigError
         If `about` has mistakes.
     """

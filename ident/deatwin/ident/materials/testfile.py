@@ -96,13 +96,13 @@ def read_material_tests(path: str | Path) -> MaterialTests:
     Parameters
     ----------
     path : str or Path
-        TOML file with sections ``[material]``, ``[specimen]`` and ``[[tests]]``; the page "A material from tests" explains
-        its keys. Files of tests are looked for beside it.
+        TOML file with sections ``[material]``, ``[specimen]`` and ``[[tests]]``; the page "A material from tests"
+        explains its keys. The files of the tests must be in the same folder.
 
     Returns
     -------
     MaterialTests
-        Tests in SI units, and what the file says of the material.
+        Tests in SI units, and the properties of the material that the file states.
 
     Raises
     ------

@@ -40,14 +40,14 @@ class MaterialTest:
     stress : array_like, shape (n,)
         Force per area of the unstretched specimen, Pa; of an equibiaxial test along one direction. Not in a dma test.
     frequencies, storage, loss : array_like, shape (n,)
-        Of a dma test: frequencies in Hz, moduli in Pa, referred to the unstretched specimen.
+        Data of a dma test: frequencies in Hz, moduli in Pa, referred to the unstretched specimen.
     shear : bool
         True if a dma test measured shear moduli; False for those of tension.
 
     Raises
     ------
     DataError
-        If the arrays do not fit each other or the kind, times do not rise, or values cannot be.
+        If the arrays do not fit each other or the kind of test, times do not increase, or a value is impossible.
     """
 
     name: str

@@ -41,12 +41,12 @@ class Grow(CandidateSearch):
     The start is the linear model of second order by least squares. The candidate that lowers the free-run error most,
     to first order, is added, and all parameters are refined to the least free-run error (`extend`), until the model has
     half as many terms again as allowed. Terms are then removed one by one, always the one that raises the error least
-    (`prune`). Of all these models with at most ``max_terms`` terms, the one with the smallest free-run error on held-out
-    samples is kept and refined on all samples.
+    (`prune`). Among all these models with at most ``max_terms`` terms, the one with the smallest free-run error on
+    held-out samples is kept and refined on all samples.
 
     Parameters are those of an output-error model: they are unbiased if the noise is on the readings, where least
-    squares of the one-step error is biased. Where the noise acts on the plant itself, the one-step methods (`Frols`,
-    `SvbNarx`) use it better.
+    squares of the one-step error is biased. If the noise acts on the plant itself, the one-step methods (`Frols`,
+    `SvbNarx`) are more efficient.
 
     Parameters
     ----------
@@ -57,8 +57,9 @@ class Grow(CandidateSearch):
     held_out : float
         Share of each recording, at its end, that chooses the number of terms.
     parts : int
-        Number of parts into which each recording is cut. A structure is grown on each part, refined on all recordings,
-        and the one with the smallest free-run error there is kept: several structures are tried for the time of one.
+        Number of parts into which each recording is cut. A structure is grown on each part and refined on all
+        recordings; the one with the smallest free-run error there is kept. Several structures thus cost no more time
+        than one.
 
     Attributes
     ----------

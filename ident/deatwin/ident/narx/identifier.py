@@ -161,9 +161,9 @@ class NarxIdentifier(Identifier, ABC):
 
     Arguments are stored untouched under their names, learned attributes end in ``_``, and ``fit`` returns the
     estimator. Estimators that choose terms subtract the mean from signals whose mean is larger than their swing,
-    because powers of such signals are nearly identical, and then (but for `Grow`), in a second run, count the outputs
-    from the rest of the model, where no constant term is needed. For recordings with several outputs, a clone of the estimator
-    learns each equation, from the lags of all outputs and inputs.
+    because powers of such signals are nearly identical. All but `Grow` then run a second time with outputs relative to
+    the model's state of rest, so that no constant term is needed. For recordings with several outputs, a clone of the
+    estimator learns each equation, from the lags of all outputs and inputs.
 
     Attributes
     ----------

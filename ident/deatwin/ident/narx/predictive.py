@@ -85,7 +85,7 @@ class PredictiveBand(Described):
 
     @property
     def status(self) -> BandStatus:
-        """Outcome, which says if draws diverged and are left out of the band."""
+        """Outcome, which states whether draws diverged and were left out of the band."""
         return BandStatus.DIVERGED if self.diverged else BandStatus.OK
 
     @property

@@ -60,7 +60,7 @@ class PruningStep(Described):
         return self.bounds[-1]
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the relevance of each term, with the threshold and those that it prunes.
+        """Draw the relevance of each term, the threshold, and the terms that are pruned.
 
         Parameters
         ----------

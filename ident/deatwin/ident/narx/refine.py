@@ -101,8 +101,9 @@ def extend(
     """Add terms one by one, always the one that lowers the free-run error most, and refine after each.
 
     The reduction by a candidate is computed to first order: its response to a small coefficient, orthogonalised against
-    the sensitivities of the parameters, is projected on the free-run error. Simulation-error minimisation, in contrast,
-    estimates parameters by the one-step error and runs every enlarged model. On Ctrl-C the path so far is returned.
+    the sensitivities of the parameters, is projected on the free-run error. In contrast, simulation-error minimisation
+    (`Semp`) estimates parameters from the one-step error and simulates every enlarged model. On Ctrl-C the path so far
+    is returned.
 
     Parameters
     ----------

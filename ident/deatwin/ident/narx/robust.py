@@ -144,7 +144,7 @@ def pseudovalues(
 
 
 def robust(model: NarxModel, recordings: Recordings, *, n_blocks: int = BLOCKS) -> NarxModel:
-    """Return a model whose covariance assumes nothing of the residuals of least squares (block jackknife).
+    """Return the model with a covariance that assumes nothing about the residuals of least squares (block jackknife).
 
     The estimate is valid even if the terms cannot describe the plant: it is then the scatter, over records of similar
     excitation, about the parameters that fit an endless record best. The missing terms do not average out, so

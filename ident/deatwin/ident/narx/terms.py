@@ -146,7 +146,7 @@ def generate_terms(
     Raises
     ------
     ModelError
-        If the lags or the degree make no sense, or the rule leaves nothing.
+        If the lags or the degree are invalid, or the rule drops all terms.
     """
     if not isinstance(degree, int | np.integer) or degree < 1:
         raise ModelError(f"degree = {degree!r}; it must be an integer of at least 1")

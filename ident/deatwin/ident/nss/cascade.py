@@ -36,19 +36,19 @@ class Structure(StrEnum):
 class Cascade(StateSpaceIdentifier):
     """Identify a cascade of linear dynamics and static functions, of one input and one output, by its free-run error.
 
-    The linear dynamics begin as the best linear approximation, to which those of a cascade with one linear block are
-    proportional where the input is Gaussian (Bussgang). For ``"LNL"`` its poles and zeros are parted between the two
-    blocks in all ways, each is tried, and the best is fitted.
+    The linear dynamics start from the best linear approximation, to which they are proportional if the input is
+    Gaussian and the cascade has one linear block (Bussgang). For ``"LNL"`` all divisions of its poles and zeros between
+    the two blocks are tried, and the best is fitted.
 
     Parameters
     ----------
     structure : str
         Blocks from input to output: ``"NL"`` (Hammerstein), ``"LN"`` (Wiener), ``"NLN"`` or ``"LNL"``.
     states : int
-        Number of states of the linear block; for ``"LNL"`` of both together.
+        Number of states of the linear block, or of both blocks together for ``"LNL"``.
     shape : sequence of str
-        Terms of the static functions beside v itself and a constant, for the signal v that enters one, of unit size:
-        powers ``"v^2"``, or functions as ``"|v|"``, ``"sat(v,1)"`` and, for splines, ``"hinge(v,0.5)"``.
+        Terms of the static functions, besides the signal v (scaled to unit size) and a constant: powers ``"v^2"``, or
+        functions such as ``"|v|"``, ``"sat(v,1)"`` and, for splines, ``"hinge(v,0.5)"``.
     feedthrough : bool
         True if the linear block that ends the path acts within the sample.
     held_out : float
@@ -64,7 +64,7 @@ class Cascade(StateSpaceIdentifier):
     status_ : FitStatus
         Outcome of the search.
     linear_error_, error_, held_out_error_ : ndarray, shape (1,)
-        As those of `Pnlss`.
+        Errors, defined as in `Pnlss`.
     first_states_ : ndarray, shape (n_recordings, n_states)
         State of the model at the first sample of each recording, as `NonlinearStateSpace.simulate` takes it.
 

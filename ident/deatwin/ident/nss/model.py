@@ -46,7 +46,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
     transition : array_like, shape (n_states, n_regressors)
         W; columns are the weights of 1, states, inputs and terms.
     output : array_like, shape (n_outputs, n_regressors)
-        V, likewise.
+        Matrix V.
     directions : array_like, shape (n_directions, n_regressors), optional
         P; no directions if omitted.
     sample_time : float

@@ -19,11 +19,12 @@ from deatwin.plant.recording import Recording
 class Pnlss(StateSpaceIdentifier):
     """Polynomial nonlinear state space, with functions as terms, by the least error of the free run.
 
-    The start is a linear state space: by subspace identification from the best linear approximation where the input is
-    periodic, or from the samples, then by the free run. Its state is turned into the first output, its changes, and so
-    on, each of unit size and without what is in those before, so that x1 is about the output and x2 its rate. Then all
-    weights are fitted by Levenberg's and Marquardt's method with exact sensitivities. The free run over the end of each
-    recording, which is not fitted at first, ends the search; then all samples are fitted, for as many steps if it had risen.
+    The search starts from a linear state space. Subspace identification gives it from the best linear approximation if
+    the input is periodic, else from the samples; it is then refined on the free run. Its state is transformed into the
+    first output, its change, and so on, each of unit size and uncorrelated with the ones before, so that x1 is roughly
+    the output and x2 its rate. Then all weights are fitted by Levenberg's and Marquardt's method with exact
+    sensitivities. The free run over the end of each recording, which is not fitted at first, ends the search; then all
+    samples are fitted, for as many steps if it had risen.
 
     Parameters
     ----------
@@ -41,7 +42,7 @@ class Pnlss(StateSpaceIdentifier):
     directions : int
         Number of weighted sums s1, s2, ... of 1, states and inputs that terms may hold; their weights are learned too.
     starts : int
-        Number of random starts of the directions, of which the one with the least held-out error is kept.
+        Number of random starts of the directions; the one with the smallest held-out error is kept.
     feedthrough : bool
         True if inputs act on the output within the sample.
     held_out : float

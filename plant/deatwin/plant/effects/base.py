@@ -59,15 +59,15 @@ class Site:
     signal : str
         Signal that the effect rewrites there.
     wording : str
-        As `Effect.wording`.
+        Wording at this place, in the form of `Effect.wording`.
     strength : Parameter, or None
         Strength with its typical value, unit and range there; None if they are those of the first place.
     family : Enum, or None
         Family there; None if it is that of the first place.
     order : int
-        As `Effect.order`.
+        Order at this place, in the form of `Effect.order`.
     alone : Alone
-        Whether one reading alone can distinguish this place from others.
+        Ability of a single reading to distinguish this place from others.
     covered_by : str
         Name of another effect that does the same there: a plant that takes it has no such place of this effect.
     """
@@ -184,7 +184,7 @@ class Effect(ABC):
         Returns
         -------
         Effect
-            Of the name ``effect_at_place``.
+            Effect with the name ``effect_at_place``.
 
         Raises
         ------

@@ -31,8 +31,8 @@ class ForeignRig(Rig):
     The callable is ``model(parameters, inputs, time) -> readings``: `parameters` maps names to values, `inputs` the
     names of the command and of the channels to arrays of shape (n,), `time` has shape (n,), s. The readings, shape
     (n,), or a mapping of names to such arrays, belong to the rows of a recording that has these commands and times. The
-    same arguments must give the same readings, whoever calls. The times are uniform, from the first row of an
-    experiment to its last; the model knows in which state it begins.
+    model must be deterministic: the same arguments give the same readings. The times are uniform, from the first row of
+    an experiment to its last; the model knows in which state it begins.
 
     Effects act on the command before the callable gets it (its mean over each sample), on the readings that come back,
     and on the parameters in `varying`. Derivatives are central differences, which worker processes compute side by side
@@ -45,7 +45,7 @@ class ForeignRig(Rig):
     parameters : tuple of Parameter
         Its parameters, with values, units and ranges.
     sizes : Sizes
-        Typical command and reading, and a typical time of the motion, by which the ranges of effects are scaled.
+        Typical command, reading and time constant of the motion; they scale the ranges of effects.
     input_name, input_unit : str
         Name and unit of the command.
     output_name, output_unit : str
@@ -64,7 +64,7 @@ class ForeignRig(Rig):
     longest : float
         Time after which a run of the model in a worker process is ended, as if it had crashed, s; infinite by default.
     sample_time, noise, reading, model_error, command_range, chain, supply
-        As for every `Rig`.
+        Properties that every `Rig` has.
     further : tuple of Reading
         Must be empty: a foreign model gives one reading.
 
@@ -177,7 +177,7 @@ class ForeignRig(Rig):
         Raises
         ------
         RigError
-            If this program has not imported such a model.
+            If the module of such a model has not been imported.
         """
         if isinstance(data, Mapping):
             tuples = {"inputs": tuple(data["inputs"]), "units": tuple((str(n), str(u)) for n, u in data["units"])}

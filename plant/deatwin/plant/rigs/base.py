@@ -60,7 +60,7 @@ class StartProcedure:
     hold : float
         Time for which the first command is then held, s.
     uncounted : float
-        Time from the first sample in which readings are not compared, s, since nobody knows what moved before it; at
+        Time from the first sample in which readings are not compared, s, because the motion before it is unknown; at
         most a tenth of the experiment.
     """
 
@@ -173,7 +173,7 @@ class Rig(ABC):
         """
 
     def runner(self, simulator: Simulator, parameters: ParameterSet) -> Runner:
-        """Return what simulates a plant of this rig.
+        """Return the function that simulates a plant of this rig.
 
         Parameters
         ----------
@@ -259,7 +259,7 @@ class Rig(ABC):
         Returns
         -------
         tuple of Effect
-            Effects, including those that act on a signal which this rig lacks.
+            Effects, including those that act on a signal that this rig does not have.
         """
         known = catalogue() if self.has_film else machine_catalogue()
         return known if self.sizes is None else tuple(self.sizes.of(effect) for effect in known)

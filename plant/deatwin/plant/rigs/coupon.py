@@ -41,8 +41,8 @@ class Coupon(Rig):
     Parameters
     ----------
     material : str or Material
-        Material, or its key in `deatwin.plant.MATERIALS`. By default VHB 4910 without its branch: a strip whose relaxation
-        is to be found.
+        Material, or its key in `deatwin.plant.MATERIALS`. The default is VHB 4910 without its branch: a strip whose
+        relaxation is to be identified.
     width, thickness, length : float
         Dimensions of the unstretched strip between the clamps, m.
     sample_time, noise, reading, model_error, command_range, chain, further, supply

@@ -59,13 +59,12 @@ class Diaphragm(Rig):
     start_ramp, start_hold : float
         Ramp and hold of the start procedure, s.
     start_is_known : bool
-        False if nobody knows what the film went through before the first sample. Then the start
-        procedure is ignored, and the distance of each memory from rest is fitted, as ``branch_at_start`` and
-        ``creep.at_start``.
+        False if the history of the film before the first sample is unknown. Then the start procedure is ignored, and
+        the initial value of each memory is fitted, as ``branch_at_start`` and ``creep.at_start``.
     zero_is_known : bool
         False if the sensor's zero is arbitrary, instead of near the position without voltage.
     direction : float
-        1 if the reading grows with the displacement, -1 if it falls, as that of a sensor on the other side does.
+        1 if the reading grows with the displacement, -1 if it falls, as with a sensor on the other side.
     ball : {"bonded", "sliding"}
         Contact between film and ball.
     ball_is_known : bool

@@ -143,7 +143,7 @@ def load_material(path: str | Path) -> Material:
     Parameters
     ----------
     path : str or Path
-        TOML file, as `deatwin material` writes it; a rig file with such a section will do.
+        TOML file that `deatwin material` wrote, or a rig file with a section ``[material]``.
 
     Returns
     -------

@@ -118,7 +118,7 @@ class CaseStore(Generic[S]):
         Returns
         -------
         dict
-            Stamp of the seal, followed by what was written.
+            Stamp of the seal, followed by the saved values.
 
         Raises
         ------
@@ -147,7 +147,7 @@ class CaseStore(Generic[S]):
         Raises
         ------
         DataError
-            For the reasons given in `get`, or if the file describes no such thing.
+            For the reasons given in `get`, or if the file does not describe such an object.
         """
         found = self.get(name)
         try:
@@ -255,7 +255,7 @@ class CaseStore(Generic[S]):
 
     @contextmanager
     def exclusive_lock(self) -> Iterator[None]:
-        """Lock the folder against a second run, and remove what a killed run left.
+        """Lock the folder against a second run, and remove the remains of a killed run.
 
         Raises
         ------

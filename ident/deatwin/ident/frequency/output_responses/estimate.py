@@ -112,8 +112,9 @@ def nofrf_exact(
 ) -> FrequencyResponse:
     """Compute a nonlinear output frequency response from the model's equations, without truncation.
 
-    The response is G_n = Y_n / U_n, where `output_orders` gives the n-th order Y_n of the output. Of a model with several
-    inputs, Y_n is the part that goes with the given power of each, and U_n the spectrum of the product of these powers.
+    The response is G_n = Y_n / U_n, where `output_orders` gives the n-th order Y_n of the output. For several inputs,
+    Y_n is the part of the output that is proportional to the given power of each, and U_n the spectrum of the product
+    of these powers.
 
     Parameters
     ----------
@@ -123,8 +124,8 @@ def nofrf_exact(
         One period of the input as deviations from the operating input, at the model's sampling time, in the input's
         unit.
     order : int, or mapping of str to int
-        Order n, at least 1; for several inputs the power of each by its name, as ``{"u1": 1, "u2": 1}``, 0 where it is
-        not named.
+        Order n, at least 1; with several inputs, the power of each by its name, as ``{"u1": 1, "u2": 1}``; an input
+        that is not named has power 0.
     operating_input : float, or array_like of shape (n_inputs,), optional
         Constant input about which the model is analysed, in its unit; the centre of the training data by default.
 

@@ -84,8 +84,8 @@ class Nofrf(Described, Frozen):
     order : int
         Requested order n.
     orders : tuple of FrequencyResponse, length N
-        Responses G_1, ..., G_N, each at the lines where it exists; output unit by power of the input unit. Their
-        derivatives and covariances, and their values at other parameters, are those of the exact G_n.
+        Responses G_1, ..., G_N, each at the lines at which it exists, in output unit by power of the input unit.
+        Derivatives, covariances and values at other parameters are those of the exact G_n.
     outputs : tuple of FrequencyResponse, length N
         Orders Y_n = G_n U_n of the output, at level 1 and at all lines.
     inputs : tuple of InputSpectrum, length N

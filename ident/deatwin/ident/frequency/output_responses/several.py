@@ -31,8 +31,8 @@ def nofrf_of_inputs(
     """Estimate nonlinear output frequency responses of a model with several inputs by least squares over levels.
 
     The model is simulated with each input at levels of its own, in all combinations. At each line, the parts of the
-    output that go with a power of each input are told apart by how they grow with these levels. `nofrf_exact` has the
-    same responses from the equations.
+    output are separated by how they grow with these levels, because each is proportional to a power of each input.
+    `nofrf_exact` has the same responses from the equations.
 
     Parameters
     ----------
@@ -48,8 +48,8 @@ def nofrf_of_inputs(
     Returns
     -------
     tuple of FrequencyResponse
-        Responses of all powers whose sum is at most the order, by rising sum; ``inputs`` of each names an input as
-        often as its power says.
+        Responses of all powers whose sum is at most the order, in the order of this sum; ``inputs`` of each repeats the
+        name of an input as often as its power.
 
     Warns
     -----

@@ -68,7 +68,7 @@ class VaryingResponse(Described, Frozen):
     responses : tuple of (FrequencyResponse or None), length n_times
         Response of each model; at least one is not None.
     correct : callable
-        Function without arguments that returns what changing parameters add to the frozen response.
+        Function without arguments that returns the correction of the frozen response for changing parameters.
     """
 
     timepts: Array = field(metadata=coordinate("time", name="time", unit="s"))

@@ -54,7 +54,7 @@ class LogNormal:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reading:
-    """One reading of a rig, all recordings one after another.
+    """One reading of a rig: its name, its unit, and its accuracy.
 
     `times` (n,) in s; `records` (n,) is another number in each recording, which starts from the stationary process;
     `residual` (n,) is measured minus fitted; `columns` (n, m) the derivative by each coordinate. All SI.

@@ -202,8 +202,8 @@ def estimate_dead_time(
     If the input repeats itself, as a triangle does, several dead times far apart may fit equally well (`ALIKE`); the
     interval then covers all of them. An input of a few sines may not determine the dead time at all (`POOR`).
 
-    An input that repeats itself is tested for feedback by what differs between its periods: nonlinear distortion, which
-    is alike in all periods, is no sign of a loop, and a loop without noise cannot be seen.
+    A periodic input is tested for feedback by the differences between its periods: nonlinear distortion is the same in
+    all periods and no sign of a loop, and a loop without noise cannot be detected.
 
     At most 20 000 samples are used, from the beginning of each recording. Decimated recordings are not tested for
     feedback: after a zero-phase filter each sample depends on later ones.
