@@ -369,7 +369,7 @@ class Builder:
         name : str
             Name of the reading. A watched signal is offered under its own name without this call.
         level : symbol or float
-            Part of the reading to which no sensor effect applies, SI.
+            Part of the reading that is a quantity itself, not a rate, SI.
         stored : symbol or float
             Quantity whose mean rate over a sample is added, such as a charge, in SI.
         share : symbol or float

@@ -124,7 +124,7 @@ def read_json(path: str | os.PathLike[str]) -> Any:
     try:
         return json.loads(content.decode("utf-8-sig"), parse_float=real, parse_int=whole, parse_constant=_finite)
     except RecursionError:
-        raise ModelError(f"{path}: not a readable JSON file (lists in lists, too deep)") from None
+        raise ModelError(f"{path}: not a readable JSON file (lists are nested too deeply)") from None
     except ValueError as error:  # no UTF-8, or no JSON
         raise ModelError(f"{path}: not a readable JSON file ({clipped(error, 200)})") from error
 

@@ -52,7 +52,7 @@ def read_regular(path: str | os.PathLike[str], limit: int, refuse: Callable[[str
             raise refuse(f"{_KINDS.get(stat.S_IFMT(found.st_mode), 'no file')}; give a plain file")
         content = file.read(found.st_size + 1) if found.st_size <= limit else b""  # it may be growing
     if max(found.st_size, len(content)) > limit:
-        raise refuse(f"the file has {in_words(found.st_size)}; at most {in_words(limit)} can be read")
+        raise refuse(f"the file is too large: {in_words(found.st_size)}; at most {in_words(limit)} can be read")
     return content
 
 

@@ -56,7 +56,7 @@ class CheckTask:
             low, high = self.operating_range
             if not -math.inf < low < high < math.inf:
                 raise ControlError(
-                    f"the operating range {low:g} to {high:g} is empty: its ends must be finite and rise"
+                    f"the operating range {low:g} to {high:g} is empty: its ends must be finite, the lower one first"
                 )
             if self.operating_input is not None and not low <= self.operating_input <= high:
                 raise ControlError(

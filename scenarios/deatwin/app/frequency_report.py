@@ -190,7 +190,7 @@ def _rows(found: Responses) -> list[Measure]:
         share = float(np.mean(response.band(found.level).linear_law))
         rows.append(
             Measure(
-                f"band of {symbol_of(response)}: frequencies at which the gain is above four standard deviations",
+                f"band of {symbol_of(response)}: share of frequencies at which the gain exceeds four standard deviations",
                 "all",
                 f"{100 * share:.0f} %",
                 share == 1.0,
@@ -204,13 +204,13 @@ def _rows(found: Responses) -> list[Measure]:
         left = float(fitted.residual[:, -1].max())
         rows += [
             Measure(
-                "test signal: factor by which an error of an order grows in its NOFRF",
+                "test signal: factor by which an error in one order is amplified in its NOFRF",
                 f"at most {AMPLIFICATION:g}",
                 f"{grown:.3g}",
                 grown <= AMPLIFICATION,
             ),
             Measure(
-                f"{fitted.highest} orders at {fitted.levels.size} levels: largest share of an output not explained",
+                f"{fitted.highest} orders fitted at {fitted.levels.size} levels: largest unexplained share of an output",
                 "below 1 %",
                 f"{100 * left:.2g} %",
                 left < 0.01,

@@ -295,7 +295,7 @@ def _truncated(found: Nofrf) -> Iterator[str]:
         share = float(np.mean(error > UNKNOWN * g.gain))
         if share > 0:
             yield (
-                f"{symbol_of(g)}: at {100 * share:.0f} % of the lines orders beyond those fitted may cause more than "
+                f"{symbol_of(g)}: at {100 * share:.0f} % of the frequencies, orders above those fitted may cause more than "
                 f"{100 * UNKNOWN:.0f} % of the gain"
             )
 

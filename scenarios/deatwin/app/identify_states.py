@@ -77,7 +77,7 @@ def identify_states(
             model=model,
             told=f"A nonlinear state space of order {states} with {model.theta.size} weights",
             unseen=unseen,
-            tested=Tested(why_not="the model is fitted to the free run, whose error holds all that it leaves out"),
+            tested=Tested(why_not="it was fitted to the free run, so its error shows all that is missing"),
             complete=identifier.status_.ok,
             notes=found,
             clocks=notes,

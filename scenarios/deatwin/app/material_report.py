@@ -72,7 +72,7 @@ def _page(found: CalibratedMaterial, drawings: list[Drawing]) -> StoryPage:
             "logarithm of the odds against it": lambda one: f"{one.behind:.1f}",
         },
     )
-    notes = [Note(title="What the tests do not tell", paragraphs=[_sentence(note) for note in found.notes])]
+    notes = [Note(title="What the tests cannot determine", paragraphs=[_sentence(note) for note in found.notes])]
     notes.append(Note(title="In a rig file", paragraphs=[_USE], code=f'[film]\nmaterial = "{MATERIAL_FILE}"'))
     return StoryPage(
         title="material",

@@ -43,7 +43,7 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
     [
         ("narx.json", "C99, NARX model of 2 terms from input to output, 0.1 s a sample", "drive_2"),
         ("model.json", "C99, coupon with creep, 0.1 s a sample", "drive_2"),
-        ("check.json", "C99, PI controller (linear), 0.02 s a sample", "drive_2"),
+        ("check.json", "C99, PI controller (linear), 0.02 s per sample", "drive_2"),
     ],
 )
 def test_each_kind_of_model_becomes_a_file_of_c(run: Run, model: str, said: str, name: str) -> None:
@@ -99,7 +99,7 @@ def test_plants_and_narx_models_become_fmus(run: Run, model: str, to: str, inter
         (("late.json", "--to", "fmu", "--out", "a.fmu"), "delay: needs the commands of earlier samples"),
         (("narx.json", "--to", "fmu", "--out", "a.zip"), "a.zip: the name of an FMU ends in .fmu"),
         (("narx.json", "--to", "c", "--out", "no/a.c"), "no/a.c: there is no folder no"),
-        (("narx.json", "--to", "c", "--out", "a.c", "--name", "a b"), "'a b' cannot stand before the names of C"),
+        (("narx.json", "--to", "c", "--out", "a.c", "--name", "a b"), "'a b' cannot be a prefix of C names"),
     ],
 )
 def test_what_cannot_be_exported_is_said_in_one_line(run: Run, arguments: tuple[str, ...], said: str) -> None:

@@ -84,7 +84,7 @@ def test_single_precision_loses_digits_only(run_c: Any) -> None:
 
 def test_a_name_that_is_no_identifier_and_a_rest_of_another_size_are_refused() -> None:
     model = NarxModel.from_terms(SINGLE, sample_time=0.02)
-    with pytest.raises(ModelError, match="cannot stand before the names of C functions"):
+    with pytest.raises(ModelError, match="cannot be a prefix of C names"):
         narx_source(model, name="my model")
     with pytest.raises(ModelError, match="the model has 1 inputs"):
         narx_source(model, rest_input=[1.0, 2.0])

@@ -54,7 +54,7 @@ def judge_cycles(
     judged = [_judged(what, cycle, amplitude / abs(step), specification) for what, cycle, amplitude in found]
     if response is None:
         return _with_plant_unmeasured(judged)
-    finding = worst(judged) if judged else _none("plant, limits and codes")
+    finding = worst(judged) if judged else _none("the plant, the command limits and the sensor's resolution")
     return replace(finding, text=finding.text + _sizes_measured(response))
 
 
@@ -84,7 +84,7 @@ def _with_plant_unmeasured(judged: list[Finding]) -> Finding:
     least = f"{100 * SIZES[1]:g} % of the distance to the command's limits"
     why = f"the plant's own response to sines is not measured: the plant fails under sines of {least}"
     # Without a cycle there is no number: zero would be one.
-    finding = worst(judged) if judged else replace(_none("limits and codes"), value=None)
+    finding = worst(judged) if judged else replace(_none("the command limits and the sensor's resolution"), value=None)
     verdict = max(finding.verdict, Verdict.MARGINAL, key=lambda verdict: verdict.severity)
     return replace(finding, verdict=verdict, text=f"{finding.text}; {why}")
 
@@ -137,7 +137,7 @@ def _of_codes(plant: Plant, controller: Controller, linear: LinearModel, omega: 
         return quantiser(step, amplitude)
 
     cycles = limit_cycles(top, bottom, controller.sample_time, codes, sizes, _between(omega))
-    return [("the codes of the sensor's converter", c, c.amplitude) for c in cycles]
+    return [("the resolution of the sensor's converter", c, c.amplitude) for c in cycles]
 
 
 def _room(controller: Controller) -> float:

@@ -87,12 +87,12 @@ def require_pair(model: NarxModel, plant: Plant) -> None:
         )
     if "deviations_from" in model.provenance:
         raise ModelError(
-            f"the model is one of deviations from {model.provenance['deviations_from']}; give the model with "
+            f"the model describes deviations from {model.provenance['deviations_from']}; give the model with "
             "its operating point, as it was identified"
         )
     if model.output_names[0] in {reading.name for reading in rig.further}:
         raise ModelError(
-            f"the model is of the {model.output_names[0].replace('_', ' ')}, and a check closes the loop on the rig's first "
+            f"the model predicts the {model.output_names[0].replace('_', ' ')}, and a check closes the loop on the rig's first "
             f"reading, the {rig.output_name.replace('_', ' ')}: identify a model of that"
         )
     for signal, unit, known in (

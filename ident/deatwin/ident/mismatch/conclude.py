@@ -154,7 +154,7 @@ def _alike_but_unlikely(findings: Findings) -> Iterator[str]:
     for other in naming.candidates:
         name = "+".join(other.effects)
         if name in near and name not in known and not is_possible(other, naming.best):
-            yield f"{name} would read almost alike (d² = {near[name]:.2g}), but would have to be larger than usual"
+            yield f"{name} would change the readings almost identically (d² = {near[name]:.2g}), but only at an unusual strength"
 
 
 def _seconds(findings: Findings) -> float:

@@ -72,8 +72,8 @@ def _require_semidefinite(scaled: Array, complaint: str) -> None:
     eigenvalues = np.linalg.eigvalsh(scaled)
     if not eigenvalues[0] >= -_INDEFINITE * eigenvalues[-1]:
         raise ModelError(
-            f"{complaint}: beside the largest, {eigenvalues[-1]:.3g}, its correlations have the "
-            f"eigenvalue {eigenvalues[0]:.3g}; all must be at least 0"
+            f"{complaint}: its correlations have the negative "
+            f"eigenvalue {eigenvalues[0]:.3g} (the largest is {eigenvalues[-1]:.3g})"
         )
 
 

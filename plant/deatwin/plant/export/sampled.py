@@ -79,8 +79,7 @@ def require_identifier(name: str) -> str:
     """Return the name if it is a valid prefix of C functions."""
     if _IDENTIFIER.fullmatch(name) is None:
         raise ModelError(
-            f"{name!r} cannot stand before the names of C functions: take a letter, then at most 40 letters, digits "
-            "and underscores"
+            f"{name!r} cannot be a prefix of C names: give a letter, then at most 40 letters, digits and underscores"
         )
     return name
 

@@ -153,7 +153,7 @@ def on_one_clock(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
     files = " and ".join(label(recording) for recording in recordings)
     if None in dates and len(dates) > 1 and any(one.provenance.get("times") == DATES for one in recordings):
         raise DataError(
-            f"{files}: the dates of some may have the day or the month first, and none tells; state it for all: "
+            f"{files}: the dates of some may have the day or the month first, and none shows which; state it for all: "
             f"--time-column NAME={ORDERS[0]} or NAME={ORDERS[1]}"
         )
     if None in dates or len(set(dates)) < 2:

@@ -193,7 +193,7 @@ def _sample_time(
     sample = int(np.argmax(late))
     if stated:
         raise DataError(
-            f"{where(sample)}: the times do not keep the stated sample time of {stated:g} s; they go on by "
+            f"{where(sample)}: the times do not keep the stated sample time of {stated:g} s; they advance by "
             f"{fitted:.9g} s; correct one of the two"
         )
     options = resampling_options(timepts, fitted)

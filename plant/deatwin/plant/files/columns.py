@@ -224,7 +224,7 @@ def _usual_column(table: Table, name: str, taken: Collection[int] = frozenset())
     unit = table.units[named[0]]
     raise DataError(
         f'{table.path}: the column "{table.shown(named[0])}" has the unit {unit or "(none)"}; '
-        f'it must be one like {right}, as in "{usual}"'
+        f'it must be in {right} or the like, as in "{usual}"'
     )
 
 

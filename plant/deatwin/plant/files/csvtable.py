@@ -146,7 +146,7 @@ class CsvTable(Table):
             )
         if not sure:
             raise DataError(
-                f"{comma} may mean thousands or a decimal comma, and no number of the file tells; "
+                f"{comma} may mean thousands or a decimal comma, and no number in the file shows which; "
                 "write it with a decimal point"
             )
         return [[cell.replace(",", ".") for cell in cells] for cells in texts]
@@ -195,7 +195,7 @@ def _unzipped(content: bytes, path: str) -> bytes:
         with gzip.GzipFile(fileobj=io.BytesIO(content)) as packed:
             text = packed.read(TEXT_BYTES + 1)
     except (OSError, EOFError, zlib.error) as error:
-        raise DataError(f"{path}: gzip cannot unpack it: {clipped(error)}; it is damaged, or not all there") from None
+        raise DataError(f"{path}: gzip cannot unpack it: {clipped(error)}; it is damaged or incomplete") from None
     if len(text) > TEXT_BYTES:
         raise DataError(f"{path}: it unpacks to more than {in_words(TEXT_BYTES)}, which is the most that can be read")
     return text

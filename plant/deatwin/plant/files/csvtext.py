@@ -317,6 +317,6 @@ def _no_layout(lines: list[str], rows: list[int], delimiter: str, path: str) -> 
     )
     by = _DELIMITERS.get(delimiter, "blanks")
     return DataError(
-        f"{path}, row {rows[k]}: {len(cells[k])} cells by {by}, but the header in row {rows[k - 1]} has "
+        f"{path}, row {rows[k]}: {len(cells[k])} cells separated by {by}, but the header in row {rows[k - 1]} has "
         f"{len(header)}{advice}"
     )

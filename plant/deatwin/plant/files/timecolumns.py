@@ -145,7 +145,7 @@ def with_times(table: Table, column: int, unit: str) -> Table:
         either = [ReadOptions(time_column=f"{table.unmistakable(column)}={order}") for order in ORDERS]
         raise DataError(
             f'{table.path}: the dates in the column "{table.shown(column)}" may have the day or the month first, and '
-            f"none of them tells; state it: {' or '.join(map(str, either))}",
+            f"none of them shows which; state it: {' or '.join(map(str, either))}",
             either[0],
         )
     return replace(table, units=units, scales={column: scale} if scale else {})
@@ -178,7 +178,7 @@ def no_times(table: Table, taken: set[int]) -> DataError:
         others = likely_times(table, taken)
         offers = times_options(table, others[0]) if others else NO_OPTIONS
         return DataError(
-            f"{table.path}, row {table.row(0)}: no header, so nothing says the times; name their column by its "
+            f"{table.path}, row {table.row(0)}: no header, so it is unknown which column holds the times; name it by its "
             f"place ({offers or '--time-column PLACE'}), or give the sample time in seconds: --dt, in Python dt",
             offers,
         )

@@ -137,13 +137,13 @@ def _another_unit(table: Table, column: int, unit: str, wanted: str, taken: Coll
     better = header_like(name.removesuffix(unit).rstrip(" _") if name.endswith(unit) else name, wanted)
     if wanted == "1":
         return DataError(
-            f"{place}, but the plant takes it without a unit: nobody knows whether it means these numbers or those in "
-            f'SI; declare the unit in the plant, or, where these numbers are meant, call the column "{better}"'
+            f"{place}, but the plant takes it without a unit: it is unclear whether it takes these numbers or those in "
+            f'SI; declare the unit in the plant, or, if these numbers are meant, name the column "{better}"'
         )
     likes = units_like(wanted)
     fault = f"{place}, but the plant takes it in {wanted}"
     if len(likes) == 1:
-        return DataError(f'{fault}; where it is in that, call the column "{better}"')
+        return DataError(f'{fault}; if these numbers are meant, name the column "{better}"')
     fitting = [k for k, own in enumerate(table.units) if own in likes and k not in taken]
     example = f', such as "{table.unmistakable(fitting[0])}"' if fitting else ""
     counted = [like for like in likes if unit in UNITS and _may_be(unit, like)]

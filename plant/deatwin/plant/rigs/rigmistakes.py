@@ -141,7 +141,7 @@ def _outside(name: str, table: Mapping[str, Keys]) -> Mistake:
     for section, keys in table.items():
         if name in keys:
             return Mistake(
-                text=f'the key "{name}" stands outside of the sections; it belongs into [{section}]',
+                text=f'the key "{name}" stands outside the sections; it belongs in [{section}]',
                 line_of=(name,),
                 meant=(section, name),
             )
@@ -206,7 +206,7 @@ def _inside(
         replaced = key.instead in values or key.instead[1:-1] in data
         if name in values and key.instead in values:
             yield Mistake(
-                text=f'"{key.instead}" stands in its place; keep one of them', at=(called, name), line_of=(called, name)
+                text=f'"{key.instead}" already says this; keep one of them', at=(called, name), line_of=(called, name)
             )
         if name not in values and key.required and not replaced:
             other = f"; or give {_written(key.instead, keys)} instead" if key.instead else ""
@@ -231,7 +231,7 @@ def _unknown(name: str, section: str, called: str, table: Mapping[str, Keys]) ->
     keys = table[section]
     owners = [other for other, others in table.items() if name in others]
     hint = nearest(name[:100], keys)
-    right = f"; it belongs into [{owners[0]}]" if owners else hint or f"; known are {_listed(keys)}"
+    right = f"; it belongs in [{owners[0]}]" if owners else hint or f"; known are {_listed(keys)}"
     meant = (owners[0], name) if owners else (section, *_offered(hint, keys))
     return Mistake(
         text=f'unknown key "{clipped(name)}"{right}',

@@ -42,8 +42,8 @@ Source = Annotated[
 To = Annotated[
     Form,
     typer.Option(
-        help="fmu: FMI 3.0, plants for model exchange, NARX models for co-simulation; fmu-cs: co-simulation, a sample "
-        "a step; c: one file of C99."
+        help="fmu: FMI 3.0, plants for model exchange, NARX models for co-simulation; fmu-cs: co-simulation, one sample "
+        "per step; c: one file of C99."
     ),
 ]
 OutFile = Annotated[Path, typer.Option("--out", metavar="FILE", help="File to write: .c for --to c, else .fmu.")]
@@ -84,9 +84,9 @@ def _require_ending(out: Path, to: Form) -> None:
     from deatwin.plant.errors import DataError
 
     if to is Form.C and out.suffix != ".c":  # behind .C compilers expect C++
-        raise DataError(f"{out}: the name of a C source ends in .c; compilers go by it")
+        raise DataError(f"{out}: the name of a C source ends in .c; compilers require it")
     if to is not Form.C and out.suffix.lower() != ".fmu":
-        raise DataError(f"{out}: the name of an FMU ends in .fmu; programs that read it insist")
+        raise DataError(f"{out}: the name of an FMU ends in .fmu; programs that read FMUs require it")
 
 
 def _identifier(stem: str) -> str:
@@ -184,7 +184,7 @@ def _written(given: _Given, to: Form, out: Path, name: str) -> dict[str, Any]:
     form = "C99" if to is Form.C else "FMU 3.0 for co-simulation"
     return {
         "name": name,
-        "description": f"{form}, {source.description}, {source.sample_time:g} s a sample",
+        "description": f"{form}, {source.description}, {source.sample_time:g} s per sample",
         "sample_time_s": source.sample_time,
         "inputs": [s.name for s in source.inputs],
         "outputs": [s.name for s in source.outputs],

@@ -53,7 +53,7 @@ def scenario(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Run a story and write its figures, tables and report.
+    """Run a scenario and write its figures, tables and report.
 
     Example: deatwin scenario vhb4910 --data recordings --out pulls
 
@@ -74,7 +74,7 @@ def scenario(
 
 
 def scenarios(as_json: Json = False, quiet: Quiet = False) -> None:
-    """List the stories, the time that each takes, and which of them can be resumed.
+    """List the scenarios, the time that each takes, and which of them can be resumed.
 
     Example: deatwin scenarios
     """

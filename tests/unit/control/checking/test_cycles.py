@@ -121,7 +121,7 @@ def test_codes_sustain_a_cycle_where_the_gain_margin_is_below_four_by_pi(slow):
     controller = integral(plant, 1 / 1.18, room=10.0)
     linear = linearise_plant(plant, 0.0).in_loop(plant.rig.reading)
     found = judge_cycles(plant, controller, linear, 1.0, Specification())
-    assert "the codes" in found.text
+    assert "the resolution" in found.text
     amplitude, frequency = sustained(plant, controller, count=3000, kick=10 * step)
     assert found.value == pytest.approx(amplitude, rel=0.15)
     assert parts(found.text)[0] == pytest.approx(frequency, rel=0.05)
@@ -160,7 +160,7 @@ def test_a_plant_that_does_not_live_through_the_sines_is_not_measured(gap):
     found = judge_cycles(gap, controller, linear, 0.1, Specification())
     assert found.verdict is Verdict.MARGINAL
     assert found.value is None
-    assert "of limits and codes predict no limit cycle" in found.text
+    assert "of the command limits and the sensor's resolution predict no limit cycle" in found.text
     assert "not measured: the plant fails under sines of 6 % of the distance" in found.text
 
 
@@ -173,7 +173,9 @@ def test_the_sizes_of_the_sines_that_a_plant_lived_through_are_told(brittle):
     controller, linear = about(brittle, 0.5)
     found = judge_cycles(brittle, controller, linear, 0.1, Specification())
     assert (found.verdict, found.value) == (Verdict.PASS, 0.0)
-    assert found.text == "describing functions of plant, limits and codes predict no limit cycle"
+    assert found.text == (
+        "describing functions of the plant, the command limits and the sensor's resolution predict no limit cycle"
+    )
 
 
 def test_a_cycle_of_the_limits_is_told_where_the_plant_is_not_measured(slow, monkeypatch):

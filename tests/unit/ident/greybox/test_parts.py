@@ -48,4 +48,6 @@ def test_a_recording_that_begins_in_the_middle_of_the_motion_fits_its_own_plant(
     (track,) = tracks(UNKNOWN, (one,))
     assert not track.residual[:99].any() and np.abs(track.residual).max() < 1e-3 * np.ptp(readings)
     checked = gate(UNKNOWN, one)
-    assert not checked.usable[0][0][:99].any() and "the start is unknown" in " ".join(checked.notes)
+    assert not checked.usable[0][0][:99].any() and "the motion before the first sample is unknown" in " ".join(
+        checked.notes
+    )

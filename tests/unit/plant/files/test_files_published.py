@@ -206,7 +206,7 @@ class TestOneQuantity:
         np.testing.assert_array_equal(recording.extras["force"], [0.0, 1.0, 2.0, 3.0])  # the one in newtons
 
     def test_name_that_fits_both(self, write) -> None:
-        with pytest.raises(DataError, match=r'stands 2 times; name one by its whole header, "laser_V" or "laser_mm"'):
+        with pytest.raises(DataError, match=r'occurs 2 times; name one by its whole header, "laser_V" or "laser_mm"'):
             read_recording(write(self.HEADER, *self.ROWS), input_column="laser", output_column="force_N")
 
     def test_usual_name_in_two_units(self, write) -> None:
@@ -261,5 +261,5 @@ def test_without_a_header_the_first_column_holds_the_times_if_it_rises_evenly(
     assert caplog.text == ""
     # Values that happen to rise, but not evenly, are no times.
     np.savetxt(tmp_path / "uneven.txt", np.c_[np.cumsum(rng.uniform(0.1, 0.9, 40)), rng.standard_normal((40, 2))])
-    with pytest.raises(DataError, match="nothing says the times"):
+    with pytest.raises(DataError, match="it is unknown which column holds the times"):
         read_recording(tmp_path / "uneven.txt", input_column="#2", output_column="#3")

@@ -80,7 +80,9 @@ def test_a_file_of_ten_gigabytes_is_refused_by_its_size(ending: str, tmp_path: P
     with open(path, "wb") as file:
         file.truncate(10 * 2**30)  # sparse: takes no room on the disk
     most = {"csv": "1 GB", "json": "500 MB", "toml": "1 MB"}.get(ending, "2 GB")
-    with pytest.raises(DeatwinError, match=rf"{path.name}: the file has 10\.7 GB; at most {most} can be read"):
+    with pytest.raises(
+        DeatwinError, match=rf"{path.name}: the file is too large: 10\.7 GB; at most {most} can be read"
+    ):
         READERS[ending](path)
 
 
@@ -182,7 +184,7 @@ def test_what_unpacks_to_too_much_is_refused_within_little_memory(tmp_path: Path
         "gzip.mat": "it unpacks to 8 GB or more; at most 2 GB can be read",
         "gzip.nc": "it unpacks to 8 GB or more; at most 2 GB can be read",
         "same.nc": "it declares more samples than it holds; it is damaged",
-        "deep.json": "not a readable JSON file (lists in lists, too deep)",
+        "deep.json": "not a readable JSON file (lists are nested too deeply)",
         "list.json": "it holds 20000004 numbers, texts and lists; at most 20000000 can be read",
         "digits.json": f"not a readable JSON file ({'9' * 20}… is not a finite number)",
         "whole.json": f"not a readable JSON file ({'9' * 20}… is not a finite number)",

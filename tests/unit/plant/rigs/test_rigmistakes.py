@@ -107,7 +107,7 @@ def test_a_name_in_the_wrong_place_is_not_missing_as_well() -> None:
     drive = {key: value for key, value in SOUND["drive"].items() if key != "gain"}
     above, moved = {"gain": 800.0}, {"load": {**SOUND["load"], "gain": 1}}
     for data in ({**SOUND, "drive": drive, **above}, {**SOUND, "drive": drive, **moved}):
-        with pytest.raises(RigError, match=r"a rig.*belongs into \[drive\]$") as caught:
+        with pytest.raises(RigError, match=r"a rig.*belongs in \[drive\]$") as caught:
             RigFile.from_dict(data, "a rig")
         assert "mistakes" not in str(caught.value)
 

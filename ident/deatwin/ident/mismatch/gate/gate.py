@@ -187,7 +187,9 @@ class Gate(Described):
                 found += self._described(masks, f"the {name.replace('_', ' ') or 'reading'} {what}, and is left out,")
         if self.unknown:
             found += self._described(self.unknown, "the reading depends on when the command changed, and is left out,")
-        found += self._described(self._unsettled, "the start is unknown, and what moved before it does not count,")
+        found += self._described(
+            self._unsettled, "the motion before the first sample is unknown, so readings are left out,"
+        )
         for experiment in self.experiments:
             for number, record in enumerate(experiment.recordings):
                 found += _coarse(_called(record, number), record)

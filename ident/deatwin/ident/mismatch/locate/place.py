@@ -136,7 +136,7 @@ class Places(Described):
         names = [f"{o.place}: {o.signal.replace('_', ' ')}" for o in self.opened]
         best = [o.among_best and self.repeatable for o in self.opened]
         for mask, style, label in (
-            (best, {"color": "C0"}, "not told from the best"),
+            (best, {"color": "C0"}, "not distinguished from the best"),
             ([not b for b in best], {"color": "none", "edgecolor": "C0"}, "worse"),
         ):
             rows = [k for k, chosen in enumerate(mask) if chosen]

@@ -227,9 +227,7 @@ def sham_effects(
     problem = Problem(plant=without.plant, parts=tuple(everything), names=without.names)
     evaluated, change = problem.evaluate(problem.start()), _change(without.plant, effect, everything)
     if evaluated is None or change is None:
-        return _none_judged(
-            effect.name, "the plant fitted without the effect cannot be simulated, or not with the placebo effect"
-        )
+        return _none_judged(effect.name, "the plant cannot be simulated without the effect, or with the placebo effect")
     if gain <= 0:
         return _none_judged(effect.name, "the effect gains nothing, so there is nothing to compare")
     residual, jacobian = evaluated

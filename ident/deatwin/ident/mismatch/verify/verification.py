@@ -110,7 +110,7 @@ class Verification(Described):
         falls = self.gain_low > 0.0 or self.counts  # as for `Ablation.returns`
         found = [] if falls else ["it is not certain that the error on held-out data falls"]
         found += [
-            f"it is not certain that the error on held-out data returns without {a.effect}"
+            f"it is not certain that the error on held-out data rises again without {a.effect}"
             for a in self.ablations
             if not a.returns
         ]

@@ -59,7 +59,7 @@ def read_lvm(path: str | Path) -> CsvTable:
     first = segments[0]
     if other := next((segment for segment in segments if segment.names != first.names), None):
         raise DataError(
-            f"{name}, row {other.rows[0]}: a segment with other channels than the first one has; give each its own file"
+            f"{name}, row {other.rows[0]}: the channels differ from those of the first segment; save each segment in its own file"
         )
     kind = next((cell for cell in first.header.get("X_Dimension", []) if cell and cell != "Time"), "")
     if kind:
@@ -136,7 +136,7 @@ def _table(segments: list[_Segment], separator: str, x_columns: str, path: str, 
         starts = {first.number("X0", k) for k in range(len(first.names) - 1)} - {None}
         step = deltas.pop() if len(deltas) == 1 else None
         if not step or step < 0.0 or len(starts) > 1:
-            raise DataError(f"{path}: its channels have different clocks, or none (Delta_X, X0); save them apart")
+            raise DataError(f"{path}: its channels have different clocks, or none (Delta_X, X0); save them separately")
         if len(segments) == 1:
             timing = Timing(sample_time=step, start=(starts.pop() if starts else None) or 0.0)
         else:

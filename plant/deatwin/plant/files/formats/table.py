@@ -131,7 +131,7 @@ class Table(ABC):
             whole = " or ".join(f'"{self.shown(k)}"' for k in found)
             place = f"its place, for example #{next(filter(works, found), found[0]) + 1}"
             raise DataError(
-                f'{self.path}: the column "{clipped(wanted)}" stands {len(found)} times; name one by '
+                f'{self.path}: the column "{clipped(wanted)}" occurs {len(found)} times; name one by '
                 f"{f'its whole header, {whole}' if different else place}"
             )
         return found[0]

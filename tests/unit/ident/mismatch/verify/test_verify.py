@@ -219,7 +219,10 @@ def test_the_wrong_sign_is_noticed():
 @needs_compiler
 @pytest.mark.parametrize(
     ("gain", "simulates", "reason"),
-    [(0.0, True, "the effect gains nothing"), (1e-12, False, "cannot be simulated, or not with the placebo")],
+    [
+        (0.0, True, "the effect gains nothing"),
+        (1e-12, False, "cannot be simulated without the effect, or with the placebo"),
+    ],
 )
 def test_shams_that_nothing_can_be_learned_of_say_so(monkeypatch, gain, simulates, reason):
     bench = bench_of(seed=0)
