@@ -165,7 +165,7 @@ class amplifier_gain(Effect, relative_change=-0.03, time=150.0):
 
 
 class amplifier_offset(Effect, volts=40.0):
-    """An offset that comes with time, as an offset from the start is one of the zero of the command."""
+    """Volts that the film sees beside the command's, from the start on."""
 
     def amplifier(self, t, volts):
         return volts + self.volts

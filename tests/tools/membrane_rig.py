@@ -2,7 +2,7 @@
 
 ``python tests/tools/membrane_rig.py OUT --seed 7001 --effect creep:modulus=50e3,time=55 [--effect ...] [--seconds 540]``
 writes noise.csv, steps.csv and check.csv (shares of 4, 3 and 2 of the time), rig.toml and truth.json; ``--list`` names
-the effects and their values, SI. Elements of two nodes with one point each carry a Gent film whose Maxwell branches
+the effects of `membrane_effects` and their values, SI. Elements of two nodes with one point each carry a Gent film whose Maxwell branches
 flow at that point. The film has no inertia; the ball obeys Newmark's average acceleration with steps of 4 ms, which
 answers a held command half a step late.
 """
@@ -33,7 +33,7 @@ thickness_mm = 0.5
 prestretch = 3.5
 frame_diameter_mm = 80.0
 electrode_diameter_mm = 35.0
-{ball}
+
 [load]
 mass_g = 3.0
 contact_diameter_mm = 6.0
@@ -314,7 +314,7 @@ def main():
         head = "time_s,command_V,displacement_mm"
         np.savetxt(asked.out / f"{name}.csv", rows, ("%.2f", "%.5f", "%.5f"), ",", header=head, comments="")
         at += len(part)
-    (asked.out / "rig.toml").write_text(RIG.format(ball=""))
+    (asked.out / "rig.toml").write_text(RIG)
     truth = {
         "effects": {e.name: e.given for e in effects if not e.dirt},
         "dirt": {e.name: e.given for e in effects if e.dirt},
