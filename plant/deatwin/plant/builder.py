@@ -35,6 +35,7 @@ class Builder:
         self._effects = tuple(sorted(effects, key=lambda e: (e.order, e.name)))
         self._shared: dict[str, Any] = {}
         self._offered: set[tuple[Enum, str]] = set()
+        self._last: list[Callable[[Symbol, Builder], Symbol]] = []
         self.command = ca.SX.sym("command")
         self.time = ca.SX.sym("time")
         symbols = {name: ca.SX.sym(name) for name in parameters}
@@ -239,6 +240,37 @@ class Builder:
             number(mass, f"the mass of state {name}"),
         )
 
+    def begin(self, state: Symbol, after: Symbol | None = None, *, at_rest: float = 1.0) -> None:
+        """Let a state begin each sample at zero, or with what another one has reached.
+
+        Parameters
+        ----------
+        state : casadi.SX
+            Symbol that `state` returned.
+        after : casadi.SX, optional
+            State of the same scale whose value at the end of the sample before it takes and keeps; it has a rate of zero,
+            and all states written after it are such, too. By default `state` begins at zero.
+        at_rest : float
+            For a state that begins at zero: what it reaches at rest, over a sample at its rate of the sample's end.
+        """
+        names = {n: s.symbol for n, s in self.written.states.items()}
+        name, source = (next((n for n, one in names.items() if is_same(one, each)), "") for each in (state, after))
+        self.sample_start  # noqa: B018  (tells a step where its sample begins)
+        if after is None:
+            self.written.integrals[name] = at_rest * self.signal("sample_time")
+        else:
+            self.written.shifts[name] = source
+
+    def at_last(self, rewrite: Callable[[Symbol, Builder], Symbol]) -> None:
+        """Let an effect rewrite the reading behind all others and behind its mean over the sample.
+
+        Parameters
+        ----------
+        rewrite : callable
+            Takes the reading, SI, and this builder; returns the reading that results.
+        """
+        self._last.append(rewrite)
+
     def coordinate(self, name: str, *, scale: float) -> Symbol:
         """Add an algebraic coordinate; each needs one `balance`.
 
@@ -432,10 +464,13 @@ class Builder:
                     f"effect {effect.name} acts on {effect.place.value} signal {effect.signal!r}, which this "
                     f"rig does not have{nearest(effect.signal, names)}"
                 )
-        if mean_size := self._shared.get("mean_size", 0.0):
-            output = self._mean("reading", number(output, "what write returns, the reading,"), mean_size)
+        if self._shared.get("averages"):
+            size_of_reading = self.signal("reading_size")
+            output = self._mean("reading", number(output, "what write returns, the reading,"), size_of_reading)
             for name in set(further):
                 self._average(name)
+        for rewrite in self._last:
+            output = rewrite(number(output, "what write returns, the reading,"), self)
         return self.written.equations(output, further)
 
     def _average(self, name: str) -> None:
@@ -450,10 +485,9 @@ class Builder:
         if value.is_constant():
             return value
         width, known = self.sample_time, f"{name}_integral"
-        self.sample_start  # noqa: B018  (tells a step where its sample begins)
-        self.written.integrals[known] = self.signal("sample_time")
-        integral = self.state(known, scale=size * self.written.integrals[known], start=value * width)
+        integral = self.state(known, scale=size * self.signal("sample_time"), start=value * width)
         self.rate(integral, value)
+        self.begin(integral, at_rest=1.0)
         return integral / width
 
     def _unknown(self, name: str) -> Symbol:

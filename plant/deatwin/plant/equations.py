@@ -48,7 +48,9 @@ class Equations:
     hold: ca.Function  # ``(x, z, p, c) -> d`` at rest
     further: ca.Function | None = None  # ``(x, z, d, u, t, p, c) ->`` rows of the further readings, if any
     integrals: Mapping[str, float] = field(default_factory=dict)
-    """States that begin each sample at zero, and how long that lasts, s."""
+    """States that begin each sample at zero, and what they reach at rest over their rate at its end, s."""
+    shifts: Mapping[str, str] = field(default_factory=dict)
+    """States that begin each sample with what another one reached in the sample before, and keep it: the last states."""
     history: int = 0  # Number of past samples of the command that follow it in *u*
     channels: Mapping[str, float] = field(default_factory=dict)
 
@@ -61,6 +63,20 @@ class Equations:
     def begins_at_zero(self) -> np.ndarray:
         """Places of the states that begin each sample at zero, which are integrals of readings that are means."""
         return np.array([self.states.index(name) for name in self.integrals], dtype=int)
+
+    @property
+    def begun(self) -> np.ndarray:
+        """The states with which a sample begins, by those at the end of the one before, shape (n_x, n_x)."""
+        matrix = np.eye(len(self.states))
+        matrix[self.begins_at_zero] = 0.0
+        for state, source in self.shifts.items():
+            matrix[self.states.index(state)] = np.eye(len(self.states))[self.states.index(source)]
+        return matrix
+
+    @property
+    def moving(self) -> np.ndarray:
+        """Places of the unknowns that a step solves for: all but the states that only keep what another one reached."""
+        return np.delete(np.arange(self.scale.size), [self.states.index(name) for name in self.shifts])
 
     def held_inputs(self, command: float) -> np.ndarray:
         """Inputs under a command that has been constant for long. Shapes: returns (n_u,)."""

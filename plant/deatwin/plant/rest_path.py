@@ -178,10 +178,13 @@ def sample_functions(equations: Equations) -> SampleFunctions:
     f, y = ca.cse(equations.dynamics(*split)), equations.output(*split)
     rest = equations.rest(w[:n_x, :], w[n_x:, :], u, p, c)
     dynamics = resting = ca.Function("small_dynamics", arguments, _with_slopes(f, w, u))
-    if equations.integrals:
+    if equations.integrals or equations.shifts:
         ends = ca.SX(f)
         for row, width in zip(equations.begins_at_zero.tolist(), equations.integrals.values(), strict=True):
             ends[row] -= w[row] / width
+        for name, source in equations.shifts.items():
+            row, other = (equations.states.index(each) for each in (name, source))
+            ends[row] += w[other] - w[row]
         resting = ca.Function("small_resting", arguments, _with_slopes(ends, w, u))
     return SampleFunctions(
         dynamics=dynamics,

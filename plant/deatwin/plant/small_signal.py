@@ -97,7 +97,7 @@ def _differentiated(equations: Equations, point: Point, time: float, sample_time
     step, *second = [_step_derivatives(equations, point, time, part) for part in equations.steps(0.0, sample_time)]
     for later in second:
         step = np.hstack([later[:, :n_x] @ step[:n_x, :n_x], later[:, :n_x] @ step[:n_x, n_x:] + later[:, n_x:]])
-    step[:, equations.begins_at_zero] = 0.0
+    step[:, :n_x] = step[:, :n_x] @ equations.begun
 
     seen = inputs_at(equations, inputs, time - sample_time, time)
     reading = functions.output(here, held, seen, time, values, equations.constants)

@@ -47,7 +47,8 @@ class Written:
     channels: dict[str, tuple[Symbol, float]] = field(default_factory=dict)  # Symbol, value where none is measured
     displaced: list[tuple[Symbol, Symbol]] = field(default_factory=list)  # State, its value at rest
     parts: Parts | None = None
-    integrals: dict[str, float] = field(default_factory=dict)  # States that begin each sample at zero: its width, s
+    integrals: dict[str, float] = field(default_factory=dict)  # As in `Equations`, likewise the next
+    shifts: dict[str, str] = field(default_factory=dict)
 
     def equations(self, output: Symbol, further: Sequence[str]) -> Equations:
         """Return the equations with a reading and further ones; errors name what is missing or wrong."""
@@ -87,6 +88,7 @@ class Written:
             hold=ca.Function("hold", [x, z, p, c], [self._held_at_start()]),
             history=len(self.past),
             integrals=self.integrals,
+            shifts=self.shifts,
             channels={name: default for name, (_, default) in self.channels.items()},
         )
 

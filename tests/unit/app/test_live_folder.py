@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import rig_files
 
 from deatwin.app.cli import main
 from deatwin.app.live import desk
@@ -16,6 +17,7 @@ from deatwin.app.live.glance import glance
 from deatwin.app.live.uploads import keep_upload
 from deatwin.app.live.verdicts import Verdict
 from deatwin.ident.look import look_at
+from deatwin.plant import load_plant
 from deatwin.plant.errors import DataError, DeatwinError
 from deatwin.plant.files import read_recordings
 from deatwin.plant.readoptions import NO_OPTIONS, ReadOptions
@@ -204,6 +206,25 @@ def test_a_recording_with_other_columns_is_kept_for_the_page_to_ask_for_them(roo
     assert found.refused.startswith('other.csv: no column "command_V"')
     assert found.further == ReadOptions(input_column="Eingang")
     assert [(column.header, column.role) for column in found.columns[:2]] == [("time_s", "time"), ("Eingang", "input")]
+
+
+def test_a_recording_of_two_readings_is_kept_and_the_rig_says_which_column_is_the_second(root: Path) -> None:
+    rows = "".join(f"{0.02 * k:.2f},{2 + 0.1 * (k % 7):.1f},0.3,{k % 5}\n" for k in range(40))
+    content = f"time_s,Eingang,stretch_mm,I_mon_nA\n{rows}".encode()
+    assert keep_upload(root, "two.csv", content, most_bytes=10_000) == "two.csv"
+    second = '\n[readings.current]\ncolumn = "I_mon_nA"\nunit = "nA"\nnoise = 20.0\n'
+    rig = Path(rig_files.__file__).with_name("rig.toml").read_text(encoding="utf-8") + second
+    (root / "both.toml").write_text(rig, encoding="utf-8")
+    (root / "faulty.toml").write_text("[rig", encoding="utf-8")
+    asked = ReadOptions(input_column="Eingang=V", output_column="stretch_mm")
+    one, two, faulty = (glance(root, "two.csv", asked, rig) for rig in ("", "both.toml", "faulty.toml"))
+    assert [column.role for column in one.columns] == ["time", "input", "output", ""]
+    assert [column.role for column in faulty.columns] == ["time", "input", "output", ""]
+    assert [(column.role, column.unit) for column in two.columns[2:]] == [("output", "mm"), ("reading", "nA")]
+    assert not two.refused and "by the rig" in two.html()
+    further = load_plant(root / "both.toml").plant.rig.further
+    (record,) = read_recordings(root / "two.csv", readings=further, **asked.given)
+    assert record.reading("current")[4] == pytest.approx(4e-9)
 
 
 def test_a_glance_shows_what_look_says(root: Path) -> None:

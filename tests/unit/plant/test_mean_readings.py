@@ -2,61 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, ClassVar
-
 import numpy as np
 import pytest
+from lag import GAIN, HOLD, TIME, Lag, mean
 from rig_files import SOUND
 
 from deatwin.ident.greybox.filter_openings import places
 from deatwin.plant import (
-    Builder,
     Delay,
     Diaphragm,
     Experiment,
-    Parameter,
-    Place,
     Plant,
     Reading,
     ReadingTime,
     Recording,
-    Rig,
-    Sizes,
 )
 from deatwin.plant.decimation import decimate
 from deatwin.plant.rigs.rigfile import RigFile
 from deatwin.plant.small_signal import small_signals
-
-GAIN, TIME, HOLD = 2.0, 0.08, 0.05
-
-
-@dataclass(frozen=True, kw_only=True)
-class Lag(Rig):
-    """A tank with an outlet."""
-
-    sample_time: float = HOLD
-    noise: float = 1e-3
-    reading: ReadingTime = ReadingTime.MEAN_OVER_HOLD
-    kind: ClassVar[str] = "lag"
-    input_name: ClassVar[str] = "command"
-    input_unit: ClassVar[str] = "V"
-    output_name: ClassVar[str] = "level"
-    output_unit: ClassVar[str] = "1"
-    sizes: ClassVar[Sizes] = Sizes(motion=1.0, force=1.0, period=0.3, command=1.0)
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="gain", value=GAIN, unit="1", lower=0.1, upper=10.0),
-            Parameter(name="time", value=TIME, unit="s", lower=1e-3, upper=10.0),
-        )
-
-    def write(self, build: Builder) -> Any:
-        level = build.watch("displacement", build.state("level", scale=1.0))
-        command = build.place(Place.DRIVE, "command", build.command)
-        build.rate(level, build.parameter("gain") * command - level, mass=build.parameter("time"))
-        return build.place(Place.SENSOR, "reading", level)
 
 
 def commands(count: int = 300) -> np.ndarray:
@@ -65,16 +28,6 @@ def commands(count: int = 300) -> np.ndarray:
 
 def given(command: np.ndarray, hold: float = HOLD) -> Experiment:
     return Experiment(recordings=(Recording.from_arrays(command, np.zeros(command.size), hold),))
-
-
-def mean(command: np.ndarray, gain: float, time: float, hold: float = HOLD) -> np.ndarray:
-    """The exact means, and that of an exponential in each of them."""
-    level, found = 0.0, []
-    for end in gain * command:
-        away = (level - end) * np.exp(-hold / time)
-        found.append(end + (level - end - away) * time / hold)
-        level = end + away
-    return np.array(found)
 
 
 def test_the_mean_of_an_exponential() -> None:

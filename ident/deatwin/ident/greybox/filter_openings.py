@@ -44,7 +44,8 @@ class Opening:
 def places(plant: Plant) -> tuple[Opening, ...]:
     """Places that can be opened in a plant."""
     declared, equations = dict.fromkeys([COMMAND, *_heard(plant), READING]), plant.equations
-    states = [name for name in equations.states if name not in equations.integrals]
+    of_a_sample = {*equations.integrals, *equations.shifts, *equations.shifts.values()}
+    states = [name for name in equations.states if name not in of_a_sample]
     found = [
         *(Opening(place=place, signal=signal) for place, signal in declared),
         *(Opening(place=Place.PARAMETER.value, signal=name) for name in plant.parameters.free),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil
@@ -10,8 +10,10 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import casadi as ca
+import numpy as np
 
 from deatwin.plant.effects.base import Alone, Effect, Family, Place, Site
+from deatwin.plant.integrator.collocation import STAGES
 from deatwin.plant.parameters import Parameter
 
 if TYPE_CHECKING:
@@ -20,8 +22,8 @@ if TYPE_CHECKING:
 
 USUAL, LONGEST = 0.1, 1.6
 """Upper end of the dead time, s: usual, and the longest one; a command that comes later has gone through a queue."""
-POLES = 8
-"""Number of poles of the approximant of a late reading."""
+INVERSE = np.linalg.inv(1 / (1 + np.add.outer(np.arange(STAGES), np.arange(STAGES))))
+"""From moments over a sample to the coefficients of a polynomial."""
 ROUNDING = 1e-10
 """Tolerance in samples: a shift this close to a whole sample counts as whole."""
 
@@ -43,11 +45,18 @@ class Delay(Effect):
     command alike. Below 1 Hz a short `electrode_rc` or `sensor_lag` looks the same; above 5 Hz they roll off. Off at
     :math:`\tau_d = 0`.
 
-    Further place: the ``reading``, as of a camera. There the delay is the Padé approximant of :math:`e^{-\tau_d s}` with
-    7 zeros and 8 poles, which errs by less than 0.1 % up to :math:`1.3/\tau_d`, 13 Hz at 100 ms. It smooths the corners
-    at which a held command changes: behind a lag T the reading comes :math:`h^2/12T` early, 0.7 ms if h is 20 ms and T
-    is 50 ms, and a fitted delay errs as much. One reading alone cannot distinguish the two places; a second reading that
-    is not delayed can.
+    Further place: the ``reading``, as of a camera. All that it shows comes late then, noise excepted. Within the sample in
+    which it left the plant, the reading is the polynomial through its values at the integrator's five stages, which
+    moments of the reading over the sample tell:
+
+    .. math:: y(t_{k+1} - \sigma h) = \sum_{i,j} \sigma^i (H^{-1})_{ij} m_j, \qquad
+              m_j = \frac1h \int_{t_k}^{t_{k+1}} \Big(\frac{t_{k+1}-t}{h}\Big)^j y\,dt, \qquad
+              H_{ij} = \frac{1}{i+j+1}
+
+    It errs by at most :math:`(\omega h)^5/15000` of a component of the angular frequency :math:`\omega`, and by nothing at
+    whole samples; the corners at which a held command changes lie between samples, and cost nothing. A command and a
+    reading that are both late by parts of a sample have a corner within one, which the polynomial rounds. One reading
+    alone cannot distinguish the two places; a second reading that is not delayed can.
 
     Parameters
     ----------
@@ -87,12 +96,14 @@ class Delay(Effect):
         return (Parameter(name="time", value=self.time, unit="s", lower=0.0, upper=USUAL, widest=LONGEST),)
 
     def rewrite(self, signal: Any, build: Builder) -> Any:
-        if self.placed_at:
-            return _late(signal, self.own("time", build), build)
-        past = build.past_commands(ceil(build.reach(f"{self.name}.time") / build.signal("sample_time") - ROUNDING) + 1)
+        count = 1 + ceil(build.reach(f"{self.name}.time") / build.signal("sample_time") - ROUNDING)
         shift = self.own("time", build) / build.sample_time
-        whole = ca.fmin(ca.fmax(ca.floor(shift + ROUNDING), 0.0), len(past) - 2.0)
+        whole = ca.fmin(ca.fmax(ca.floor(shift + ROUNDING), 0.0), count - 1.0)
         share = ca.fmin(shift - whole, 1.0)
+        if self.placed_at:
+            build.at_last(lambda reading, last: _late(reading, last, whole, share, count))
+            return signal
+        past = build.past_commands(count)
         after, before = past[0], past[1]
         for number, (later, earlier) in enumerate(pairwise(past)):
             after, before = (ca.if_else(whole == number, new, old) for new, old in ((later, after), (earlier, before)))
@@ -103,13 +114,44 @@ class Delay(Effect):
         return signal + acting - build.command
 
 
-def _late(signal: Any, time: Any, build: Builder) -> Any:
-    """A signal after a dead time, by a rational function of POLES poles and one zero fewer.
+def _late(reading: Any, build: Builder, whole: Any, share: Any, count: int) -> Any:
+    """A reading after a dead time of `whole` samples, of which there are fewer than `count`, and a `share` of one."""
+    if build.signal("averages"):
+        now = _inside(reading, build, share, 2)
+    elif build.signal("follows_at_once"):
+        now = (1 - share) * reading
+    else:
+        return _past([_inside(reading, build, share, 1)], build, whole, [count])
+    return _past([now, reading - now], build, whole, [count, count + 1])  # of parts of two samples
 
-    Its states are the terms of the denominator, :math:`c_k (\\tau s)^k y`, so that all are of the signal's size.
-    """
-    states = [build.state(f"late_{k}", scale=1e-3) for k in range(POLES)]
-    last = signal - sum(states)
-    for k, (state, following) in enumerate(zip(states, [*states[1:], last], strict=True)):
-        build.rate(state, following * (2 * POLES - 1 - k) * (k + 1) / (POLES - k), mass=time)
-    return sum((-1) ** k * (1 - k / POLES) * state for k, state in enumerate(states))
+
+def _past(parts: Sequence[Any], build: Builder, whole: Any, counts: Sequence[int]) -> Any:
+    """The sum of what was at the end of a sample that is a `whole` number back, one further back for each further part."""
+    size = build.signal("reading_size")
+    first = [build.state(f"late_{n}", scale=size, start=part) for n, part in enumerate(parts)]
+    for state, part in zip(first, parts, strict=True):
+        build.rate(state, part - state, mass=0.0)
+    total = 0.0
+    for n, (state, part, count) in enumerate(zip(first, parts, counts, strict=True)):
+        chain = [state, *(build.state(f"late_{n}_{k}_ago", scale=size, start=part) for k in range(1, count))]
+        for before, after in pairwise(chain):
+            build.rate(after, 0.0)
+            build.begin(after, before)
+        total += sum(ca.if_else(whole + n == k, past, 0.0) for k, past in enumerate(chain))
+    return total
+
+
+def _inside(reading: Any, build: Builder, share: Any, growth: int) -> Any:
+    """A reading a `share` of the sample before its end; at rest it is constant, or grows from zero if `growth` is 2."""
+    size = build.signal("reading_size")
+    width, moments = build.sample_time, []
+    above = reading
+    for j in range(STAGES):
+        at_rest = 1 / (j + 1) if growth == 1 else 1 / ((j + 1) * (j + 2))
+        moment = build.state(f"late_moment_{j}", scale=size, start=at_rest * reading)
+        build.rate(moment, max(j, 1) * above / width)
+        build.begin(moment, at_rest=1 / (j + growth))
+        moments.append(moment)
+        above = moment
+    rows = [sum(float(weight) * moment for weight, moment in zip(row, moments, strict=True)) for row in INVERSE]
+    return sum(share**i * row for i, row in enumerate(rows))

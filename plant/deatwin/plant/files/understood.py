@@ -2,16 +2,18 @@
 
 import re
 import shlex
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.files.columns import chosen_columns, data_columns, extra_columns, works
+from deatwin.plant.files.columns import chosen_columns, data_columns, extra_columns, with_readings, works
 from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.recordings import recordings_of_table, table_of_file
 from deatwin.plant.files.timecolumns import likely_times, time_column
 from deatwin.plant.files.wanted import split_stated, with_stated_units
+from deatwin.plant.readings import Reading
 from deatwin.plant.readoptions import NO_OPTIONS, ReadOptions
 from deatwin.plant.recording import Recording
 from deatwin.plant.rigs.base import ReadingTime
@@ -38,7 +40,7 @@ class Column:
 
     place: int  # From 1
     header: str
-    role: str  # ``input``, ``output``, ``time``, ``extra``; empty where it is passed over
+    role: str  # ``input``, ``output``, ``time``, ``extra``, ``reading``; empty where it is passed over
     unit: str  # As the file or an option gives it; empty where none does
     si: str  # Unit of its values in the recording
     how: str  # What gave it its role
@@ -68,10 +70,10 @@ class Understood:
         return (self.asked | self.further).with_column(role, f"#{place}").words
 
 
-def understand(path: str | Path, asked: ReadOptions = NO_OPTIONS) -> Understood:
+def understand(path: str | Path, asked: ReadOptions = NO_OPTIONS, readings: Sequence[Reading] = ()) -> Understood:
     """Read a file with the options that are asked for, and where that refuses it, look for options that read it.
 
-    Every option that is found was tried.
+    Every option that is found was tried. `readings` are the further ones of a rig, whose columns are then told as such.
     """
     found = Understood(path=str(path), asked=asked)
     try:
@@ -87,7 +89,7 @@ def understand(path: str | Path, asked: ReadOptions = NO_OPTIONS) -> Understood:
             if not more:
                 return _unread(table, found, str(error))
         else:
-            return replace(found, columns=_columns(table, found), recordings=read)
+            return replace(found, columns=_columns(table, found, readings), recordings=read)
     return _unread(table, found, found.refused)
 
 
@@ -192,7 +194,7 @@ def _times(table: Table, taken: set[int], wanted: str | None) -> set[int]:
     return set(likely_times(table, taken)) if column is None else {column}
 
 
-def _columns(table: Table, found: Understood) -> tuple[Column, ...]:
+def _columns(table: Table, found: Understood, readings: Sequence[Reading] = ()) -> tuple[Column, ...]:
     """Return all columns with what they were taken for."""
     roles = _roles(found.asked | found.further)
     try:
@@ -204,21 +206,27 @@ def _columns(table: Table, found: Understood) -> tuple[Column, ...]:
     except DataError:
         read, chosen, times, unit, extras = table, {}, None, "", []
     times = None if found.placeholders else times
+    others = {*(column for columns in chosen.values() for column in columns), *([] if times is None else [times])}
+    read, further = with_readings(read, readings, others)
     role_of = {column: role for role, columns in chosen.items() for column in columns}
-    role_of |= dict.fromkeys(extras, "extra") | ({} if times is None else {times: "time"})
+    role_of |= (
+        dict.fromkeys(extras, "extra") | dict.fromkeys(further, "reading") | ({} if times is None else {times: "time"})
+    )
     made = []
     for k, header in enumerate(table.headers):
         role = role_of.get(k, "")
         own = unit if k == times else read.own_unit(k)
         si = "s" if k == times else read.unit(k).si
         how = _how(table, role, found) if role else "passed over"
-        numbers = role in ("input", "output", "extra") or works(table, k)
+        numbers = role in ("input", "output", "extra", "reading") or works(table, k)
         made.append(Column(place=k + 1, header=header, role=role, unit=own, si=si, how=how, numbers=numbers))
     return tuple(made)
 
 
 def _how(table: Table, role: str, found: Understood) -> str:
     """Say what gave a column its role, and its unit if an option did."""
+    if role == "reading":
+        return "by the rig"
     key = f"{role}_column"
     if value := _roles(found.asked | found.further).get(role):
         said = "guessed" if key in found.further.given else f"named by --{role}-column"

@@ -65,43 +65,45 @@ class StepFunctions:
 def step_functions(equations: Equations) -> StepFunctions:
     """Write the implicit step over a sample, or those over its two parts."""
     stages = Stages.of(equations, *radau(STAGES))
-    step = stages.symbols()
-    x, z, *known = step
-    w, error = solved_stages(stages)(*step)
+    n_all, n_x = len(equations.states), stages.n_x
+    x = ca.MX.sym("x", n_all)
+    _, z, *known = stages.symbols()
+    step = [x, z, *known]
+    w, error = solved_stages(stages)(x[:n_x, :], z, *known)
     end = w[-stages.n :, :]
-    x_end, z_end = end[: stages.n_x, :], end[stages.n_x :, :]
+    x_end, z_end = ca.vertcat(end[:n_x, :], x[n_x:, :]), end[n_x:, :]
     d, u, t, h, p, c = known
     after = [x_end, z_end, d, u, t + h, p, c]
     reading = equations.outputs(*after)
     plain = ca.Function("plain", step, [x_end, z_end, reading, ca.densify(equations.watched(*after)), error])
 
-    dx, dd = ca.MX.sym("dx", stages.n_x, stages.n_p), ca.MX.sym("dd", stages.n_d, stages.n_p)
-    new = stages.differentiate(w, x, known, dx, dd)
+    dx, dd = ca.MX.sym("dx", n_all, stages.n_p), ca.MX.sym("dd", stages.n_d, stages.n_p)
+    solved = stages.differentiate(w, x[:n_x, :], known, dx[:n_x, :], dd)
+    new = ca.vertcat(solved[:n_x, :], dx[n_x:, :], solved[n_x:, :])
     by = stages.output_derivatives(*after)
     dy = ca.densify(by[0] @ new + by[1] @ dd + by[2])
     arguments = [x, z, dx, dd, *known]
-    sensitive = ca.Function("sensitive", arguments, [x_end, z_end, new[: stages.n_x, :], reading, dy, error])
+    sensitive = ca.Function("sensitive", arguments, [x_end, z_end, new[:n_all, :], reading, dy, error])
     place = equations.step_middle
     if place is not None:
         plain, sensitive = _in_two(plain, 2, place), _in_two(sensitive, 3, place)
     place = equations.sample_start
-    if place is not None and equations.integrals:
-        plain = _begun_at_zero(plain, (0,), equations, place)
-        sensitive = _begun_at_zero(sensitive, (0, 2), equations, place)
+    if place is not None and (equations.integrals or equations.shifts):
+        plain = _begun(plain, (0,), equations, place)
+        sensitive = _begun(sensitive, (0, 2), equations, place)
     return StepFunctions(plain=plain, sensitive=sensitive, in_lanes=stages.in_lanes)
 
 
-def _begun_at_zero(step: ca.Function, rows: Sequence[int], equations: Equations, place: int) -> ca.Function:
-    """A step before which integrals over the sample are put to zero where the sample begins. `rows` the arguments that
-    have a row for each state: the states, and their derivatives; `place` of the time at which the sample begins.
+def _begun(step: ca.Function, rows: Sequence[int], equations: Equations, place: int) -> ca.Function:
+    """A step before which, where the sample begins, integrals over it are put to zero and values are passed on. `rows` the
+    arguments that have a row for each state: the states, and their derivatives; `place` of the time at which it begins.
     """
     arguments = step.mx_in()
     u, t, h = arguments[-5:-2]
     begins = t - u[place] < h / 2  # not so in a shorter step that goes on within a sample
-    integral = np.isin(np.arange(len(equations.states)), equations.begins_at_zero)
-    kept = 1 - begins * ca.DM(integral.astype(float))
-    given = [ca.repmat(kept, 1, a.size2()) * a if n in rows else a for n, a in enumerate(arguments)]
-    return ca.Function(f"{step.name()}_from_zero", arguments, step.call(given))
+    begun = ca.sparsify(ca.DM(equations.begun))
+    given = [begins * (begun @ a) + (1 - begins) * a if n in rows else a for n, a in enumerate(arguments)]
+    return ca.Function(f"{step.name()}_begun", arguments, step.call(given))
 
 
 def _with_middle(u: ca.MX, place: int, middle: ca.MX) -> ca.MX:

@@ -27,7 +27,7 @@ REVERSE = {"helper_options": {"ad_weight": 0.6}}
 class Stages:
     """Residual and derivatives of a DAE at the stages of a collocation step."""
 
-    n_x: int  # Numbers of states, coordinates, held quantities, inputs, free parameters and constants
+    n_x: int  # Numbers of states that move, coordinates, held quantities, inputs, free parameters and constants
     n_z: int
     n_d: int
     n_u: int
@@ -41,22 +41,23 @@ class Stages:
     derivatives: ca.Function  # ``(w, d, u, t, p, c) -> `` derivatives by d and p
     mass: ca.Function  # ``(p, c) -> diag M``
     mass_slope: ca.Function  # ``(p, c) -> `` its derivative by p
-    output_derivatives: ca.Function  # ``(x, z, d, u, t, p, c) -> `` derivatives of the reading by w, d and p
+    output_derivatives: ca.Function  # ``(x, z, d, u, t, p, c) -> `` of the reading by all states and z, by d and by p
 
     @classmethod
     def of(cls, equations: Equations, nodes: np.ndarray, matrix: np.ndarray) -> Stages:
         """Differentiate a DAE. Shapes: `nodes` (s,); `matrix` (s, s)."""
-        w = ca.SX.sym("w", equations.scale.size)
-        n_x, n_d = len(equations.states), len(equations.held)
+        every, n_d = ca.SX.sym("w", equations.scale.size), len(equations.held)
+        n_all, moving = len(equations.states), equations.moving.tolist()
+        n_x, w = n_all - len(equations.shifts), every[moving]
         n_u = equations.held_inputs(0.0).size
         d, u, t = ca.SX.sym("d", n_d), ca.SX.sym("u", n_u), ca.SX.sym("t")
         p, c = ca.SX.sym("p", len(equations.parameters.free)), ca.SX.sym("c", equations.constants.size)
         arguments = [w, d, u, t, p, c]
-        split = [w[:n_x, :], w[n_x:, :], d, u, t, p, c]
+        split = [every[:n_all, :], every[n_all:, :], d, u, t, p, c]
         # Common parts of different forces are found before differentiation.
-        f = ca.cse(equations.dynamics(*split))
+        f = ca.cse(equations.dynamics(*split))[moving]
         y = equations.outputs(*split)
-        mass = equations.mass(p, c)
+        mass = equations.mass(p, c)[:n_x, :]
         f_w = ca.jacobian(f, w, REVERSE)
         return cls(
             n_x=n_x,
@@ -65,7 +66,7 @@ class Stages:
             n_u=n_u,
             n_p=p.numel(),
             n_c=c.numel(),
-            scale=equations.scale,
+            scale=equations.scale[moving],
             nodes=nodes,
             inverse=np.linalg.inv(matrix),
             residual=ca.Function("stage_residual", arguments, [f]),
@@ -76,7 +77,7 @@ class Stages:
             mass=ca.Function("stage_mass", [p, c], [mass]),
             mass_slope=ca.Function("stage_mass_slope", [p, c], [ca.jacobian(mass, p)]),
             output_derivatives=ca.Function(
-                "output_derivatives", split, [ca.jacobian(y, w), ca.jacobian(y, d), ca.jacobian(y, p)]
+                "output_derivatives", split, [ca.jacobian(y, every), ca.jacobian(y, d), ca.jacobian(y, p)]
             ),
         )
 

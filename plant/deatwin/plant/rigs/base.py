@@ -304,8 +304,8 @@ def written(rig: Rig, build: Builder) -> Iterator[Any]:
     """Let a rig write its equations and give its reading; what its code raises here becomes one line."""
     build.share("sample_time", rig.sample_time)
     build.share("follows_at_once", rig.follows_at_once)
-    if rig.averages:
-        build.share("mean_size", rig.reading_size)
+    build.share("reading_size", rig.reading_size)
+    build.share("averages", rig.averages)
     build.measure("room_temperature", ROOM_TEMPERATURE)  # an effect that knows better replaces it
     for reading in rig.further:
         if reading.name == "current":

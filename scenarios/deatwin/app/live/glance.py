@@ -9,6 +9,7 @@ from deatwin.app.live.desk import inside
 from deatwin.app.live.drawing import DRAWING
 from deatwin.plant.errors import DeatwinError
 from deatwin.plant.files.understood import Column, Understood, understand
+from deatwin.plant.readings import Reading
 from deatwin.plant.readoptions import ReadOptions
 
 SIZE = (5.4, 6.4)
@@ -33,9 +34,9 @@ class Glance:
         return templates("deatwin.app.live").get_template("glance.html.j2").render(glance=self)
 
 
-def glance(root: Path, name: str, asked: ReadOptions) -> Glance:
-    """Look at a file of the folder with the options that were asked for."""
-    file = understand(inside(root, name), asked)
+def glance(root: Path, name: str, asked: ReadOptions, rig: str = "") -> Glance:
+    """Look at a file of the folder with the options that were asked for, and the further readings of a rig in it."""
+    file = understand(inside(root, name), asked, _further(root, rig))
     fault = file.refused
     try:
         lines, picture = _looked(name, file) if file.recordings else ((), "")
@@ -50,6 +51,16 @@ def glance(root: Path, name: str, asked: ReadOptions) -> Glance:
         further=file.further,
         needs_sample_time=bool(file.placeholders),
     )
+
+
+def _further(root: Path, rig: str) -> tuple[Reading, ...]:
+    """Further readings of a rig file or a model; none of one at fault, which a job that is started tells."""
+    from deatwin.plant import load_plant
+
+    try:
+        return load_plant(inside(root, rig)).plant.rig.further if rig else ()
+    except DeatwinError:
+        return ()
 
 
 def _looked(name: str, file: Understood) -> tuple[tuple[str, ...], str]:

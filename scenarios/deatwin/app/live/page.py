@@ -104,6 +104,7 @@ class View:
         self.recordings = _choice("Recordings of one experiment", multiple=True)
         self.recordings.on_value_change(self.show)
         self.rig = _choice("Rig file or calibrated model")
+        self.rig.on_value_change(self.show)
         self.out = _field(ui.input("Name for the results"))
         with ui.expansion("Columns, clock, units", value=False).props("dense").classes("full") as self.details:
             fields = ui.element("div").classes("fields")
@@ -203,7 +204,7 @@ class View:
         if name is None:
             return
         try:
-            found = await run.io_bound(glance, self.board.root, name, self.asked())
+            found = await run.io_bound(glance, self.board.root, name, self.asked(), self.rig.value or "")
         except (DeatwinError, OSError) as error:
             self.seen.set_content("")
             self.complain(_told(error))

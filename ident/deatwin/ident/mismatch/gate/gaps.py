@@ -1,7 +1,8 @@
-"""Readings behind a gap in which the command changed: nobody knows when, and a while they depend on it."""
+"""Readings behind a gap in which the command changed: nobody knows how, and a while they depend on it."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -12,35 +13,55 @@ from deatwin.plant.recording import Experiment, Recording
 
 
 def without_unknown(checked: Gate, plant: Plant, noise: float) -> Gate:
-    """The recordings with those readings marked that depend on when a command changed in a gap.
+    """The recordings with those readings marked that depend on how a command changed in a gap.
 
-    It changed at its end, as is assumed, or at its beginning: where a calibrated plant reads otherwise then, by more than
-    the sensor's `noise`, SI, and its own error. The same object where there are none, or hardly any others.
+    It changed at its end, as is assumed, at its beginning, or wandered as on either side of it: where a calibrated plant
+    reads otherwise then, by more than the sensor's `noise`, SI, and its own error. A plant that swings is thus left out
+    for as long as it does. The same object where there are none, or hardly any others.
     """
     floor, marked = float(np.hypot(noise, plant.rig.model_error)), []
     for experiment in checked.experiments:
         masks = [np.zeros(record.n_samples, dtype=bool) for record in experiment.recordings]
-        early = _changed_early(experiment)
-        if len(early.recordings) > len(masks):
+        histories = [_filled(experiment, fill) for fill in (_early, _as_before, _as_behind)]
+        if len(histories[0].recordings) > len(masks):
             starts = {record.start for record in experiment.recordings}
-            late, soon = (plant.simulate(one).require().outputs for one in (experiment, early))
-            known = [rows for record, rows in zip(early.recordings, soon, strict=True) if record.start in starts]
-            for mask, one, other in zip(masks, late, known, strict=True):
-                mask[: np.flatnonzero(np.abs(other[0] - one[0]) > floor).max(initial=-1) + 1] = True
+            assumed = plant.simulate(experiment).require().outputs
+            for history in histories:
+                found = zip(history.recordings, plant.simulate(history).require().outputs, strict=True)
+                known = [rows for record, rows in found if record.start in starts]
+                for mask, one, other in zip(masks, assumed, known, strict=True):
+                    mask[: np.flatnonzero(np.abs(other[0] - one[0]) > floor).max(initial=-1) + 1] = True
         marked.append(tuple(masks))
     every = np.concatenate([mask for masks in marked for mask in masks])
     return replace(checked, unknown=tuple(marked)) if every.any() and np.mean(~every) >= FEWEST_SOUND else checked
 
 
-def _changed_early(experiment: Experiment) -> Experiment:
-    """Return an experiment in which the command after each gap applies from the beginning of the gap."""
+def _filled(experiment: Experiment, fill: Callable[[np.ndarray, np.ndarray, int], np.ndarray]) -> Experiment:
+    """An experiment with commands in each gap in which they changed."""
     first, *others = experiment.recordings
     records: list[Recording] = [first]
     for record in others:
         before = records[-1]
         gap = round((record.start - before.end) / before.sample_time)
         if gap > 0 and record.inputs[0, 0] != before.inputs[0, -1]:
-            inputs, outputs = (np.repeat(rows[:, :1], gap, axis=1) for rows in (record.inputs, record.outputs))
+            inputs = np.repeat(record.inputs[:, :1], gap, axis=1)
+            inputs[0] = fill(before.inputs[0], record.inputs[0], gap)
+            outputs = np.repeat(record.outputs[:, :1], gap, axis=1)
             records.append(replace(record, start=before.end, inputs=inputs, outputs=outputs, extras={}))
         records.append(record)
     return Experiment(recordings=tuple(records))
+
+
+def _early(before: np.ndarray, behind: np.ndarray, gap: int) -> np.ndarray:
+    """The command behind a gap from its beginning on."""
+    return np.full(gap, behind[0])
+
+
+def _as_before(before: np.ndarray, behind: np.ndarray, gap: int) -> np.ndarray:
+    """The commands before a gap backwards from its beginning on, so that nothing leaps there."""
+    return np.pad(before[::-1][:gap], (0, max(gap - before.size, 0)), mode="reflect")[:gap]
+
+
+def _as_behind(before: np.ndarray, behind: np.ndarray, gap: int) -> np.ndarray:
+    """The commands behind a gap backwards up to its end."""
+    return _as_before(behind[::-1], before, gap)[::-1]

@@ -20,6 +20,12 @@ MOVES = 0.02
 """Share of the command's range that is motion, over which a reading cannot stay the same."""
 SPIKE_DEVIATIONS = 12.0
 """A normal reading this far from its neighbours' cubic comes once in 10^32 samples."""
+SIDE = 25
+"""Samples on either side of a spike that tell if the noise is louder there: so many tell a deviation to a seventh,"""
+ROUNDS, FURTHEST = 30, 1000.0
+"""rounds in which the shares settle, and the square of a bend beyond which it is as surely loud as can be."""
+MOSTLY, TWICE = 0.5, 2.0
+"""Share of a stretch that must be as usual for a value in it to be an outlier, and how much louder a burst is at least."""
 LONE = 0.5
 """Share of a spike by which its neighbours bend at most once it is replaced: a film that rings bends there as well."""
 STILL = 1e-9
@@ -53,7 +59,7 @@ def stuck(record: Recording) -> np.ndarray:
 
     Those up to a leap are longer than chance makes them. Readings in coarse steps stay the same over slow commands, too,
     but then go on by a step or two. And dry friction holds a plant, whose reading stands still without any noise if it is
-    a counter's, until the command is large enough.
+    a counter's, until the command is large enough; or, if it sticks and slips, stands as often, and leaps as far, elsewhere.
     """
     reading, command = record.outputs[0], record.inputs[0]
     usual = reading[~spikes(reading)]
@@ -62,7 +68,8 @@ def stuck(record: Recording) -> np.ndarray:
     shortest = samples_in(STUCK_SECONDS, record.sample_time)
     equal, leaps = np.diff(reading) == 0.0, np.append(jumps(reading), False)
     by_chance = min(shortest, max(RISE_SAMPLES, _longest_by_chance(equal)))
-    for same in runs(equal):
+    ways = np.array([np.ptp(command[run[0] : run[-1] + 2]) for run in runs(equal)])
+    for number, same in enumerate(runs(equal)):
         first, last = same[0], same[-1] + 2
         if last - first < (by_chance if leaps[last] else shortest):
             continue
@@ -71,7 +78,10 @@ def stuck(record: Recording) -> np.ndarray:
         gradual = np.ptp(reading[max(first - 1, 0) : last + 1]) <= near
         moved = np.ptp(command[first:last]) / (np.ptp(command) or 1.0)
         sound = (
-            gradual or reading[first] in ends or _may_be_held(reading, command, record.sample_time, (first, last), near)
+            gradual
+            or reading[first] in ends
+            or _may_be_held(reading, command, record.sample_time, (first, last), near)
+            or (_is_likely(ways, number) and _slips(reading, command, record.sample_time, (first, last)))
         )
         if moved > (FROZEN if sound else MOVES):
             mask[first:last] = True
@@ -82,6 +92,29 @@ def _longest_by_chance(equal: np.ndarray) -> float:
     """Readings that one run of equal ones may hold by chance, if each is `equal` to the next as often as any other is."""
     share = float(equal.mean())
     return 1 + np.log(BY_CHANCE) / np.log(share) if 0.0 < share < 1.0 else np.inf
+
+
+def _is_likely(ways: np.ndarray, number: int) -> bool:
+    """Return whether a reading stands so long on the command's way by chance, if each bit of way may make it go on, as the
+    other ways on which it stood say.
+    """
+    others = np.delete(ways, number)
+    return bool(others.size and ways[number] < -np.log(BY_CHANCE) * others.mean())
+
+
+def _slips(reading: np.ndarray, command: np.ndarray, sample_time: float, run: tuple[int, int]) -> bool:
+    """Return whether a `run` of one `reading` under a command without leaps ends in a step as others: one of ten or more is
+    half as large where the command changed no faster.
+    """
+    first, last = run
+    speed = np.abs(np.diff(command, prepend=command[0]))
+    if last == reading.size or speed[first + 1 : last + 1].max() > MOVES * np.ptp(command):
+        return False
+    delay = max(3, round(LETS_GO / sample_time))
+    recent = np.lib.stride_tricks.sliding_window_view(np.pad(speed, (delay, 0)), delay + 1).max(axis=1)
+    steps = np.abs(np.diff(reading, prepend=reading[0]))
+    others = steps[(steps > 0.0) & (recent <= recent[last])]
+    return bool(np.mean(others >= steps[last] / 2) > 1 - HOLDS)
 
 
 def _may_be_held(
@@ -111,10 +144,11 @@ def _may_be_held(
 def held(
     reading: np.ndarray, simulated: np.ndarray, command: np.ndarray, sample_time: float, noise: float
 ) -> np.ndarray:
-    """Runs in which a `reading` is but noise, for a second and longer, while the plant moves.
+    """Runs in which a `reading` is but noise while the plant moves.
 
     A converter that holds its last value still has its noise. It comes back within a sample, to where the plant is by
-    then, or never. What the plant did in the last second does not count: it may come late. Arrays of shape (n,);
+    then, or never. A leap that is larger than any motion within a sample, of plant and reading, is no motion. One that is
+    not may be: what the plant did in the last second may come late then, or friction have held it. Arrays of shape (n,);
     `simulated` is the calibrated plant's reading; `reading` is nan where unknown.
     """
     mask, known = np.zeros(reading.size, dtype=bool), np.flatnonzero(np.isfinite(reading))
@@ -124,21 +158,24 @@ def held(
     filled = np.interp(np.arange(reading.size), known, reading[known])
     residual = filled - simulated
     alive = max(noise, min(map(noise_of_bends, (filled, residual))), resolution(reading[known]) / 2)
-    far = SPIKE_DEVIATIONS * alive
-    for back in (*np.flatnonzero(jumps(filled) & jumps(residual)), reading.size):
-        value = float(np.median(filled[max(back - shortest, 0) : back]))
+    far, moved = SPIKE_DEVIATIONS * alive, MOVES * np.ptp(command)
+    returns = np.flatnonzero(jumps(filled) & jumps(residual))
+    steps = np.delete(np.abs(np.diff(filled, prepend=filled[0])), returns)
+    fastest = max(steps.max(), np.abs(np.diff(simulated)).max())
+    for back in (*returns, reading.size):
+        value = float(np.median(filled[max(back - RISE_SAMPLES, 0) : back]))
         away = np.flatnonzero(~(np.abs(reading[:back] - value) <= far / 2))
         first = int(away[-1]) + 1 if away.size else 0
-        late = slice(first, max(back - shortest, first))
-        missed, moved = simulated[late], MOVES * np.ptp(command)
-        if (
-            missed.size < RISE_SAMPLES
-            or np.ptp(np.quantile(missed, USUALLY)) <= 2 * far
-            or np.ptp(command[late]) <= moved
-        ):
+        is_fault = back < reading.size and abs(filled[back] - value) > fastest + far
+        missed = slice(first, back if is_fault else max(back - shortest, first))
+        if missed.stop - first < RISE_SAMPLES or np.ptp(np.quantile(simulated[missed], USUALLY)) <= 2 * far:
             continue
-        is_farther = back < reading.size and abs(residual[back]) >= abs(value - simulated[back])
-        if not is_farther and not _may_be_held(filled, command, sample_time, (first, int(back)), far / 2):
+        if back < reading.size and abs(residual[back]) >= abs(value - simulated[back]):
+            continue
+        if is_fault or (
+            np.ptp(command[missed]) > moved
+            and not _may_be_held(filled, command, sample_time, (first, int(back)), far / 2)
+        ):
             mask[first:back] = True
     return mask
 
@@ -163,13 +200,46 @@ def lost(record: Recording) -> np.ndarray:
 
 def spikes(signal: np.ndarray) -> np.ndarray:
     """Single values of a `signal` far from the cubic through their four neighbours."""
-    bend = neighbours_deviation(np.pad(signal, 2, mode="edge"))[2:-2]
+    bend = _bends(signal)
     deviation = np.abs(bend)
     # A spike bends its neighbours' cubics too, by two thirds of its size: only the peak is the outlier.
     around = np.pad(deviation, 1)
     peak = (deviation >= around[:-2]) & (deviation >= around[2:])
-    far = deviation > SPIKE_DEVIATIONS * _typical(deviation, signal)
-    return peak & far & (_beside(bend) < LONE * deviation)
+    typical = _typical(deviation, signal)
+    found = peak & (deviation > SPIKE_DEVIATIONS * typical) & (_beside(bend) < LONE * deviation)
+    others = np.flatnonzero(~found)
+    return _isolated(found, _bends(np.interp(np.arange(signal.size), others, signal[others])), typical)
+
+
+def _bends(signal: np.ndarray) -> np.ndarray:
+    """Distance of each value from the cubic through its four neighbours, as if the signal went on at its ends."""
+    return neighbours_deviation(np.pad(signal, 2, mode="edge"))[2:-2]
+
+
+def _isolated(far: np.ndarray, bend: np.ndarray, typical: float) -> np.ndarray:
+    """The values `far` off with others as usual on both sides, and not in a burst of noise or at its edge.
+
+    `bend` is that of the signal without them, shape (n,).
+    """
+    alone, squares = far.copy(), bend**2 / typical**2
+    for place in np.flatnonzero(far):
+        sides = squares[max(place - SIDE, 0) : place], squares[place + 1 : place + 1 + SIDE]
+        alone[place] = all(_usual_share(side) > MOSTLY for side in sides if side.size)
+    return alone
+
+
+def _usual_share(squares: np.ndarray) -> float:
+    """Share of values, by their `squares`, that are normal with a deviation of 1, where the others have a larger one.
+
+    Share and larger deviation have their largest likelihood, by expectation and maximisation.
+    """
+    share, larger = 0.5, max(float(squares.mean()), TWICE**2)
+    for _ in range(ROUNDS):
+        odds = (1 / share - 1) / np.sqrt(larger) * np.exp((1 - 1 / larger) * np.minimum(squares, FURTHEST) / 2)
+        usual = 1 / (1 + odds)
+        share = float(np.clip(usual.mean(), 1e-6, 1 - 1e-6))
+        larger = max(float((1 - usual) @ squares / (1 - usual).sum()), TWICE**2)
+    return share
 
 
 def _beside(bend: np.ndarray) -> np.ndarray:

@@ -46,6 +46,24 @@ def test_a_hold_under_a_brisk_command_is_found_up_to_its_end(last: int) -> None:
     assert sum(map(bool, found)) >= 9
 
 
+@pytest.mark.parametrize("samples", [40, 80, 160])
+def test_a_hold_of_part_of_a_second_is_found(samples: int) -> None:
+    """0.2 to 0.8 s in which the plant moved on by a fifth of its range: at least nine of ten draws, up to the end."""
+    found = []
+    for seed in range(10):
+        rng = np.random.default_rng(50 + seed)
+        command = holds(rng)
+        simulated = lag(command)
+        first = next(k for k in range(1000, 2500) if abs(simulated[k + samples] - simulated[k]) > 0.4)
+        reading = simulated + NOISE * rng.standard_normal(SIZE)
+        held = slice(first, first + samples)
+        reading[held] += simulated[first] - simulated[held]
+        where = marked(reading, simulated, command)
+        ends = np.flatnonzero(np.diff(where) > 1)
+        found.append(where.size and not ends.size and where[0] <= first and where[-1] == first + samples - 1)
+    assert sum(map(bool, found)) >= 9
+
+
 def friction(command: np.ndarray, level: float) -> np.ndarray:
     """Where a lag comes whose drive must exceed a level before it moves on, and which then lacks it."""
     place, found = 0.0, np.zeros(command.size)

@@ -9,6 +9,7 @@ from scipy.signal import lfilter
 from deatwin.ident.mismatch.gate.beside import without_faults
 from deatwin.ident.mismatch.gate.bursts import noisier
 from deatwin.ident.mismatch.gate.gate import Soundness, gate, split
+from deatwin.ident.mismatch.gate.suspects import spikes
 from deatwin.plant import Experiment, Planar, Plant, Reading, Recording
 
 STRETCH = slice(600, 800)
@@ -46,6 +47,32 @@ def test_a_burst_is_marked_to_a_window(seed: int) -> None:
 )
 def test_what_is_no_white_noise_is_no_burst(added: np.ndarray) -> None:
     assert not marked(added).any()
+
+
+@pytest.mark.parametrize("size", [10.0, 20.0, 100.0])
+def test_a_loud_burst_is_no_heap_of_outliers(size: float) -> None:
+    """Of normal noise hardly a value is usual then: none of ten draws has an outlier, and each stretch is a burst."""
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        residual = rng.standard_normal(1500)
+        residual[STRETCH] += size * rng.standard_normal(200)
+        assert not spikes(residual).any()
+        assert noisier([residual], [np.zeros(1500)], 1.0)[0][STRETCH].all()
+
+
+@pytest.mark.parametrize(("many", "least"), [(1, 1.0), (5, 0.9)])
+def test_outliers_are_no_burst(many: int, least: float) -> None:
+    """Of values fifty deviations off, so many in 200 and none within five samples of another, nearly all are found."""
+    found = []
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        residual = rng.standard_normal(1500)
+        off = rng.choice(np.arange(600, 800, 6), many, replace=False)
+        residual[off] += 50.0 * rng.choice([-1.0, 1.0], many)
+        found.append(spikes(residual)[off].mean())
+        assert spikes(residual).sum() <= many
+        assert not noisier([np.where(spikes(residual), np.nan, residual)], [np.zeros(1500)], 1.0)[0].any()
+    assert np.mean(found) >= least
 
 
 def test_noise_that_goes_with_the_command_may_be_the_plants_own() -> None:

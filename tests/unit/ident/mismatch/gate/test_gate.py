@@ -317,6 +317,54 @@ def test_a_motor_that_friction_holds_is_not_stuck():
     assert not checked.stuck[0][0].any()
 
 
+def sticking(drag: np.ndarray, step: float) -> np.ndarray:
+    """Place of a slider on a spring of 10 Hz that is dragged over a rough table, as a counter of one per `step` reads it.
+
+    It sticks until the spring is stretched by 1, slides against 0.6 of it, and is damped lightly.
+    """
+    place, speed, omega, inner, found = 0.0, 0.0, 2 * np.pi * 10.0, 40, np.zeros(drag.size)
+    for k, end in enumerate(drag):
+        for _ in range(inner):
+            pull = end - place
+            if speed == 0.0 and abs(pull) <= 1.0:
+                continue
+            way = np.sign(speed) or np.sign(pull)
+            new = speed + 0.02 / inner * (omega**2 * (pull - 0.6 * way) - 0.4 * omega * speed)
+            speed = 0.0 if speed * new < 0.0 else new
+            place += 0.02 / inner * speed
+        found[k] = step * np.round(place / step)
+    return found
+
+
+def test_a_slider_that_sticks_and_slips_is_not_stuck():
+    """Of ten draws of a slow drag, under which it stands for seconds and then leaps, nine have no part that is called stuck."""
+    stood, sound = [], 0
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        timepts = 0.02 * np.arange(6000)
+        drag = np.interp(timepts, np.arange(0.0, 130.0, 10.0), 8.0 * rng.uniform(-1.0, 1.0, 13))
+        place = sticking(drag, rng.choice([0.02, 0.05, 0.1]))
+        stood.append(max(np.diff(np.flatnonzero(np.diff(place)))) * 0.02)
+        given = [Experiment(recordings=(Recording.from_arrays(drag, place, 0.02),))]
+        sound += not gate(PLANT, given).stuck[0][0].any()
+    assert min(stood) > 1.0
+    assert sound >= 9
+
+
+def test_a_slider_whose_counter_stands_still_is_stuck():
+    """In ten draws: eight seconds in which it slips four times or more, in nine at least."""
+    found = []
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        drag = np.interp(0.02 * np.arange(6000), np.arange(0.0, 130.0, 10.0), np.tile([8.0, -8.0], 7)[:13])
+        place = sticking(drag, 0.05)
+        first = int(rng.integers(1000, 5000))
+        place[first : first + 400] = place[first]
+        stuck = gate(PLANT, [Experiment(recordings=(Recording.from_arrays(drag, place, 0.02),))]).stuck[0][0]
+        found.append(stuck[first : first + 400].all() and stuck.sum() < 700)
+    assert sum(found) >= 9
+
+
 def test_a_hold_is_stuck_however_short_where_noise_is_alive(sound):
     """Fifteen equal readings up to a leap: noise of many levels is equal to its neighbour once in as many."""
     outputs = sound.recordings[0].outputs[0].copy()
