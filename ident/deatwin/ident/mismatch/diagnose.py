@@ -62,7 +62,8 @@ def diagnose(
     experiments : Experiment or sequence of Experiment
         Each starts from rest.
     effects : sequence of Effect, optional
-        What may be missing; the whole catalogue by default. Those that the rig cannot take are passed over.
+        What may be missing; the whole catalogue by default. Those that the rig cannot take are passed over. Those of the
+        catalogue are tried at the sizes of the rig, if it states any (`Rig.sizes`).
     jobs : int
         Worker processes; -1 takes all cores.
     seed : int
