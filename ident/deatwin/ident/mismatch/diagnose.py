@@ -62,7 +62,8 @@ def diagnose(
     experiments : Experiment or sequence of Experiment
         Experiments, each from rest.
     effects : sequence of Effect, optional
-        Effects that may be missing; by default the whole catalogue. Effects that the rig does not accept are skipped.
+        Effects that may be missing; by default the whole catalogue, at the sizes of the rig if it states any
+        (`Rig.sizes`). Effects that the rig does not accept are skipped.
     jobs : int
         Number of worker processes; -1 takes all cores.
     seed : int

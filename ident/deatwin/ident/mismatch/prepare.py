@@ -16,6 +16,7 @@ from deatwin.ident.mismatch.locate.track import tracks
 from deatwin.ident.mismatch.refit.base import Base, calibrate_base
 from deatwin.ident.soundness import noise_of_bends
 from deatwin.plant.effects.base import Alone, Effect
+from deatwin.plant.effects.catalogue import catalogue, machine_catalogue
 from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant
 from deatwin.plant.readings import Reading
@@ -36,7 +37,8 @@ def prepare(
     checked : Gate
         Checked recordings from `gate`.
     effects : sequence of Effect, optional
-        Effects that may be missing; by default all that the rig offers. Effects that it does not accept are skipped.
+        Effects that may be missing; by default all that the rig offers, at the sizes of the rig. Effects that it does
+        not accept are skipped.
     jobs : int
         Number of worker processes; -1 takes all cores.
 
@@ -54,7 +56,7 @@ def prepare(
     SimulationError
         If the plant cannot be simulated on the recordings.
     """
-    known = plant.rig.effects() if effects is None else _checked(effects)
+    known = plant.rig.effects() if effects is None else _at_sizes_of(plant.rig, _checked(effects))
     bench = _bench(plant, checked, known, jobs)
     base = calibrate_base(bench)
     noisier = _noisier(base, bench)
@@ -81,6 +83,14 @@ def _checked(effects: Sequence[Effect]) -> Sequence[Effect]:
                 f"effects[{place}] is {effect!r}, not an Effect: deatwin.plant.effect_named gives one by its name"
             )
     return effects
+
+
+def _at_sizes_of(rig: Rig, effects: Sequence[Effect]) -> Sequence[Effect]:
+    """Effects of the catalogue at the sizes and in the words of a rig, as it offers them; one's own as they are."""
+    if rig.sizes is None:
+        return effects
+    known = {type(effect) for effect in (*catalogue(), *machine_catalogue())}
+    return [rig.sizes.of(effect) if type(effect) in known else effect for effect in effects]
 
 
 def _bench(plant: Plant, checked: Gate, effects: Sequence[Effect], jobs: int, onset: float | None = None) -> Bench:

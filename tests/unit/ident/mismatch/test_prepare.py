@@ -5,13 +5,24 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from foreign_models import Motor
 
 from deatwin.ident.mismatch import confirm, detect, diagnose, footprints, gate, prepare
 from deatwin.ident.mismatch.locate.track import readings
-from deatwin.ident.mismatch.prepare import _motion
+from deatwin.ident.mismatch.prepare import _at_sizes_of, _motion
 from deatwin.ident.mismatch.refit.base import Base
 from deatwin.ident.parallel import spawn_generators
-from deatwin.plant import Creep, Diaphragm, ElectrodeRC, Experiment, ModelError, Plant, Recording
+from deatwin.plant import (
+    CoulombFriction,
+    Creep,
+    Diaphragm,
+    ElectrodeRC,
+    Experiment,
+    ModelError,
+    Plant,
+    Recording,
+    SensorDrift,
+)
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.integrator.compiled import compiler
 
@@ -47,6 +58,21 @@ def test_a_base_plant_is_not_calibrated_again_to_the_same_samples(monkeypatch):
         monkeypatch.setattr(module, "_bench", lambda *given, later=later: part(first) if len(given) == 4 else later)
         prepare(NOMINAL, None, ())
         assert len(asked) == times
+
+
+def test_effects_that_are_passed_speak_of_the_rig_and_a_users_own_stay_as_they_are():
+    """The rig has a rotor and reads rad/s; a film's friction has 10 mN and a ball."""
+
+    class Rubbing(CoulombFriction):
+        name = "rubbing"
+
+    given = [CoulombFriction(), SensorDrift(), own := Rubbing()]
+    friction, drift, kept = _at_sizes_of(Motor(), given)
+    assert "rotor" in friction.wording and "ball" not in friction.wording
+    assert friction.described("force").unit == "N m" and drift.described("change").unit == "rad/s"
+    assert kept is own
+    assert _at_sizes_of(Motor(), [friction])[0] is friction
+    assert _at_sizes_of(Diaphragm(), given) is given
 
 
 @pytest.mark.skipif(compiler() is None, reason="fits: without a C compiler they take ten times as long")

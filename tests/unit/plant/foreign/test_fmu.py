@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import fmi2
+import fmi3
 import numpy as np
 import pytest
 from foreign_models import PARAMETERS, commands, experiment, motor
@@ -78,6 +79,16 @@ def read(plant: Plant) -> np.ndarray:
 def test_an_fmu_of_version_2_moves_as_its_equations(folder: Path, kind: str) -> None:
     expected = motor(VALUES, {"voltage": commands()}, ROWS)
     assert read(plant(folder, kind)) == pytest.approx(expected, abs=KINDS[kind] * np.ptp(expected))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_fmu_of_version_3_moves_as_its_equations(tmp_path: Path, kind: str, c_compiler: str) -> None:
+    made = fmi3.build(tmp_path / "motor.fmu", c_compiler)
+    model = FmuModel.of(made, inputs=("voltage",), output="speed", kind=kind)
+    values = VALUES | {"inertia": 1.2e-4}
+    expected = motor(values, {"voltage": commands()}, ROWS)
+    found = model({"inertia": 1.2e-4}, {"voltage": commands()}, ROWS)
+    assert found == pytest.approx(expected, abs=KINDS[kind] * np.ptp(expected))
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -138,7 +138,8 @@ def finish(rough: Calibration, parts: Sequence[Part]) -> Calibration:
         again = further(found, parts, tolerance=DECIDING)
         if not again.status.ok:
             break
-        gained, found = 1.0 - (again.rms / found.rms) ** 2, again
+        spent = found.evaluations + again.evaluations - 1  # the first of a further fit is the last of the one before
+        gained, found = 1.0 - (again.rms / found.rms) ** 2, replace(again, evaluations=spent)
         if gained < DECIDING:
             break
     return found

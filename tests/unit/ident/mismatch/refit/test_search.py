@@ -12,7 +12,7 @@ from deatwin.ident.greybox import Part, calibrate
 from deatwin.ident.greybox.parts import simulated
 from deatwin.ident.greybox.status import FitStatus
 from deatwin.ident.mismatch.refit import search
-from deatwin.ident.mismatch.refit.search import at_its_time, further, gap_around, in_a_wider_range, in_its_gap
+from deatwin.ident.mismatch.refit.search import at_its_time, finish, further, gap_around, in_a_wider_range, in_its_gap
 from deatwin.plant import Delay, Diaphragm, Experiment, Plant, ReadingTime, Recording, SensorJump
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.integrator.compiled import compiler
@@ -49,6 +49,17 @@ def test_an_event_between_fitted_stretches_is_placed_by_what_lies_there(parts):
     left = fitted.measured - simulated(placed.plant, [fitted])
     np.testing.assert_allclose(placed.residuals, left, rtol=0, atol=1e-12)  # of the plant that was moved
     assert placed.rms < 1.01 * fit.rms  # the fit knows hardly anything of it
+
+
+def test_a_finished_fit_counts_the_simulations_of_all_its_rounds(parts, monkeypatch):
+    """Three more rounds make two simulations each besides the known one, and the last gains nothing."""
+    _, whole = parts
+    rough = replace(calibrate(Plant(rig=Diaphragm()), [whole], evaluations=3, starts=1), evaluations=7)
+    shares = iter((0.9, 0.8, 0.8))
+    monkeypatch.setattr(
+        search, "further", lambda *_, **__: replace(rough, residuals=next(shares) * rough.residuals, evaluations=3)
+    )
+    assert finish(rough, [whole]).evaluations == 7 + 3 * 2
 
 
 def test_where_the_moved_plant_has_no_fit_the_one_before_stays(parts, monkeypatch):
