@@ -69,9 +69,7 @@ def forward(model: StateSpace, outputs: Array) -> tuple[Array, Array, Array, Arr
 
 
 def backward(model: StateSpace, innovations: Array, variances: Array, gains: Array) -> tuple[Array, Array]:
-    """Run the adjoint of the filter. Shapes: `innovations, variances` (n_outputs, n); `gains` (n_outputs, n,
-    n_states).
-    """
+    """Run the filter's adjoint. Shapes: `innovations, variances` (n_outputs, n); `gains` (n_outputs, n, n_states)."""
     _, n, m = model.rows.shape
     found = np.empty((n, m)), np.empty((n, m, m))
     kernel = _kernel(compiler())

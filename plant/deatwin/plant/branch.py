@@ -119,11 +119,7 @@ def _stable(
     values: np.ndarray,
     stable: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Samples that end in a stable state, and a flag for unstable states between each and the one before.
-
-    Stability is judged at a command that the branch reaches: beyond its end the voltage itself changes the film's
-    stiffness.
-    """
+    """Samples that end in a stable state, and a flag for unstable states between each and the one before."""
     told = inputs.copy()
     past = slice(0, 1 + equations.history)
     told[past] = np.clip(told[past], *ends)

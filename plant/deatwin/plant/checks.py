@@ -110,9 +110,7 @@ def check_motion(recording: Recording, widest: float) -> None:
 
 
 def falls_with_voltage(recordings: Sequence[Recording]) -> bool:
-    """Return whether the readings fall where the squared voltage, which moves a film, rises, and half of what they vary
-    by does so.
-    """
+    """Return whether the readings mostly fall where the squared voltage, which moves a film, rises."""
     both = np.concatenate([[r.inputs[0] ** 2, r.outputs[0]] for r in recordings if len(r.outputs)], axis=1)
     both = both[:, np.isfinite(both).all(axis=0)]
     moves = both.shape[1] > 0 and np.ptp(both, axis=1).all()

@@ -190,9 +190,7 @@ def _rootless(equations: Equations, closest: np.ndarray, kept: np.ndarray) -> st
 def has_equilibrium(
     equations: Equations, rest: RestState, rest_command: float, command: float, values: np.ndarray
 ) -> bool:
-    """True if the plant, brought slowly from rest to a command, has an equilibrium there with its film in tension.
-    Shapes: `values` (n_p,).
-    """
+    """True if the plant, brought slowly from rest to a command, has an equilibrium with its film in tension."""
     state, share, step = rest, 0.0, 1.0 / CONTINUATION
     while share < 1.0 - 1e-12:
         at = rest_command + min(share + step, 1.0) * (command - rest_command)

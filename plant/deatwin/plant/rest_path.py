@@ -26,10 +26,7 @@ SETTLED = 1e-12
 
 
 def rest_under(plant: Plant, command: float, *, time: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Find the state in which a plant rests after it was brought from its start to a constant command.
-
-    Shapes: returns (n_x,).
-    """
+    """State in which a plant rests after it was brought to a constant command. Shapes: returns (n_x,)."""
     equations, start, values = plant.equations, plant.rig.start.rest_command, plant.free_values
     first = rest_state(equations, start, values)
     if not first.found:

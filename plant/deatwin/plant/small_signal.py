@@ -146,9 +146,7 @@ def _static_gain(equations: Equations, point: Point, time: float, sample_time: f
 
 
 def _step_derivatives(equations: Equations, point: Point, time: float, step: Step) -> np.ndarray:
-    """Derivatives of the unknowns after a step, by the states at its start and by the commands, in units of the
-    scale.
-    """
+    """Derivatives of the scaled unknowns after a step, by the states at its start and by the commands."""
     here, held, inputs, values = point
     functions, constants, n_x = sample_functions(equations), equations.constants, len(equations.states)
     nodes, matrix = radau(STAGES)

@@ -183,9 +183,7 @@ def lambda_tuning_pid(
 
 
 def default_closed_loop_time(linear: LinearModel, band_Hz: float | None = None) -> float:
-    """The time constant of the closed loop that `lambda_tuning` chooses by itself. `band_Hz` band that the recording
-    excited, Hz.
-    """
+    """Closed-loop time constant that `lambda_tuning` chooses by itself; `band_Hz` the recording excited."""
     plant, h = reduce_to_first_order(linear), linear.sample_time
     return _default_time(h, plant.time_constant, plant.delay + 0.5 * h, band_Hz)
 

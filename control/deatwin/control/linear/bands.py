@@ -107,10 +107,7 @@ class FamilyBands(Described):
 
     @cached_property
     def slowest(self) -> Banded:
-        """Time constant of the pole nearest to the unit circle, s, arrays of shape (n_points,); negative if it grows.
-
-        0 for a model without poles.
-        """
+        """Time constants (n_points,) of the pole nearest to the unit circle, s; negative if it grows."""
         poles = self.family.poles
         times = _time_constant(np.abs(poles).max(axis=2, initial=0.0), self.family.sample_time)
         return Banded.over_samples(np.where(self.family.exists, times, np.nan))

@@ -50,9 +50,7 @@ def beside(jacobian: np.ndarray, columns: np.ndarray) -> np.ndarray:
 
 
 def white_variances(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
-    """Variances of the coordinates if the residuals were white noise. Shapes: `residuals` (m,); `jacobian` (m, n);
-    returns (n,).
-    """
+    """Variances (n,) of the coordinates if the residuals (m,) were white noise; `jacobian` (m, n)."""
     scaled, scale = _unit_columns(jacobian)
     freedom = max(residuals.size - scale.size, 1)
     bread = np.linalg.pinv(scaled.T @ scaled, rcond=RANK)

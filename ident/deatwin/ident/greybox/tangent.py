@@ -19,9 +19,7 @@ def taken_off(signal: np.ndarray, basis: np.ndarray) -> np.ndarray:
 
 
 def linearised_rms(residuals: np.ndarray, jacobian: np.ndarray) -> float:
-    """Rms of what a linear model of a fit would leave, wherever its parameters had to go for that. Shapes:
-    `residuals` (m,); `jacobian` (m, n).
-    """
+    """Rms of what an unbounded linear model of a fit would leave. Shapes: `residuals` (m,); `jacobian` (m, n)."""
     return float(np.sqrt(np.mean(taken_off(residuals, tangent_basis(jacobian)) ** 2)))
 
 

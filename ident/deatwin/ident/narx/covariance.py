@@ -93,10 +93,7 @@ def gram_inverse_root(columns: Array) -> Array:
 
 
 def transformed(jacobian: Array, covariance: Array) -> Array:
-    """Return J C J' for a Jacobian J (n_new, n) and covariance C (..., n, n) as a valid covariance.
-
-    The product itself can be indefinite by rounding if C is nearly singular.
-    """
+    """Return J C J' as a valid covariance. Shapes: `jacobian` (n_new, n); `covariance` (..., n, n)."""
     root = jacobian @ covariance_root(covariance)
     product = root @ root.swapaxes(-1, -2)
     return np.asarray(0.5 * (product + product.swapaxes(-1, -2)))

@@ -83,10 +83,7 @@ def log_odds(data: Statistics, chosen: Indices) -> float:
 
 
 def climb(data: Statistics, start: Indices) -> Iterator[Move]:
-    """Yield moves to the most probable neighbour of a structure until none is more probable.
-
-    Neighbours have one term less, one more, or one exchanged for another candidate.
-    """
+    """Yield moves (one term less, more, or exchanged) to the most probable neighbour until none is more probable."""
     move = Move(chosen=np.sort(start), removed=None, added=None, log_odds=log_odds(data, start))
     yield move
     while move.log_odds > -np.inf:

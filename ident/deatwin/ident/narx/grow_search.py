@@ -109,10 +109,7 @@ def run_error(model: NarxModel, recordings: tuple[Recording, ...]) -> float:
 
 
 def linear_start(data: Regression) -> NarxModel:
-    """Return the linear model of second order by least squares, with poles inside the unit circle.
-
-    Terms that depend on others on these samples are left out.
-    """
+    """Return the linear model of second order by least squares, with poles inside the unit circle."""
     first: dict[tuple[str, int], int] = {}
     for variable in data.table.variables:
         first[variable.kind, variable.channel] = min(

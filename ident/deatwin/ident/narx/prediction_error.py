@@ -218,9 +218,7 @@ def _led(data: Regression, lead: int, rows: Array) -> Array:
 
 
 def spread(data: Regression, errors: Array, lead: int = 0) -> tuple[Array, ...]:
-    """Return e of all fitted samples and of `lead` samples before them, one array (n_outputs, n) per recording, zero
-    elsewhere.
-    """
+    """e of all samples and of `lead` before them, (n_outputs, n) per recording, zero where it was not fitted."""
     noise, begin = [], 0
     for record in data.recordings:
         end = begin + record.n_samples - data.first + lead
@@ -258,10 +256,7 @@ def _filtered(bands: Sequence[Array], rows: Array) -> Array:
 
 
 def _forgets(band: Array) -> bool:
-    """Return True if e forgets its start: a disturbance of e dies out if the recording is repeated for ever.
-
-    For constant coefficients this means that all roots of the noise polynomial lie inside the unit circle.
-    """
+    """Return True if e forgets its start: a disturbance of e dies out if the recording is repeated for ever."""
     lag, n = band.shape[0] - 1, band.shape[1]
     if n <= 2 * lag:
         return True

@@ -175,10 +175,7 @@ class Rls(VaryingParameters):
 
 
 def _beginning(phi: Array, target: Array, forgetting: float) -> tuple[int, Array, Array, float]:
-    """Solve the shortest beginning of the record whose weighted regressors are independent.
-
-    Returns its number of samples, theta, a root of (phi'W phi)^-1, and the weighted residual sum of squares.
-    """
+    """Solve the shortest beginning with independent regressors: samples, theta, covariance root, squared residual."""
     n, count = phi.shape
     while count < n:
         weights = np.sqrt(forgetting) ** np.arange(count - 1, -1, -1)
@@ -220,9 +217,7 @@ def trajectory_of(
     drift_variance: Array | None = None,
     log_likelihood: float | None = None,
 ) -> ThetaTrajectory:
-    """Return a trajectory in physical units. Shapes: `times` (n,); `theta` (n_terms, n); `theta_cov` (n, n_terms,
-    n_terms); `sizes` (n_terms,); `drift_variance` (n_terms,).
-    """
+    """Return a trajectory in physical units. Shapes: `theta` (n_terms, n); `theta_cov` (n, n_terms, n_terms)."""
     last = data.model(
         theta[:, -1] / sizes, theta_cov[-1] / np.outer(sizes, sizes), noise_variance, identifier=identifier
     )

@@ -75,10 +75,7 @@ def _fitted(a: Array, c: Array, records: Sequence[Record], feedthrough: bool) ->
 
 
 def in_own_coordinates(point: Point, records: Sequence[Record]) -> Point:
-    """Turn the state so that it is the first output, then its changes, each without what is in those before, of unit size.
-
-    Functions of a state then mean what they mean of an output and its rates, and powers of states are told apart.
-    """
+    """Turn the state into the first output, then its changes, each orthogonal to those before, of unit size."""
     system, n = point.system, point.system.basis.states
     a, _, c, _ = system.linear_parts
     rows: list[Array] = []

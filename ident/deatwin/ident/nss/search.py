@@ -69,10 +69,7 @@ def judged(system: System, starts: Array, records: Sequence[Record]) -> Point:
 
 
 def triangle(point: Point, records: Sequence[Record]) -> Array:
-    """Return R of the QR decomposition of (sensitivities, errors) over what is fitted.
-
-    Shapes: returns (n + 1, n + 1) with n weights and first states.
-    """
+    """Return R, (n + 1, n + 1), of the QR decomposition of (sensitivities, errors) over what is fitted."""
     n = point.system.theta.size
     found = np.zeros((0, point.theta.size + 1))
     for i, (record, start) in enumerate(zip(records, point.starts, strict=True)):

@@ -104,10 +104,7 @@ class Delay(Effect):
 
 
 def _late(signal: Any, time: Any, build: Builder) -> Any:
-    """A signal after a dead time, by a rational function of POLES poles and one zero fewer.
-
-    Its states are the terms of the denominator, :math:`c_k (\\tau s)^k y`, so that all are of the signal's size.
-    """
+    """A signal after a dead time, by a rational function of POLES poles and one zero fewer."""
     states = [build.state(f"late_{k}", scale=1e-3) for k in range(POLES)]
     last = signal - sum(states)
     for k, (state, following) in enumerate(zip(states, [*states[1:], last], strict=True)):

@@ -45,11 +45,7 @@ def tone_at(timepts: np.ndarray, values: np.ndarray, frequency: float) -> Tone:
 
 
 def tones(timepts: np.ndarray, residual: np.ndarray, count: int = 3) -> tuple[Tone, ...]:
-    """Lines that stand out of a residual's spectrum, each compared with its neighbourhood, best first. Shapes:
-    `timepts` (n,); `residual` (n,).
-
-    A drift has more power than a weak tone, but no line.
-    """
+    """Lines of a residual's spectrum above their neighbourhood, best first. Shapes: `timepts`, `residual` (n,)."""
     from scipy.ndimage import median_filter
 
     if residual.size < 16:

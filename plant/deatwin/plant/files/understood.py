@@ -69,10 +69,7 @@ class Understood:
 
 
 def understand(path: str | Path, asked: ReadOptions = NO_OPTIONS) -> Understood:
-    """Read a file with the options that are asked for, and where that refuses it, look for options that read it.
-
-    Every option that is found was tried.
-    """
+    """Read a file with the options that are asked for; where that fails, try others that read it."""
     found = Understood(path=str(path), asked=asked)
     try:
         table = table_of_file(path)

@@ -229,10 +229,7 @@ def _loaded(names: Iterable[str], library: Path) -> dict[str, ca.Function]:
 
 
 def _sound(library: Path) -> bool:
-    """Tell if a library is as it was built, by the checksum in its name; remove it if not.
-
-    Loading a library that was cut off would end the process.
-    """
+    """Tell if a library is as it was built, by the checksum in its name; remove it if not."""
     try:
         if _checksum(library) == library.stem.rpartition("-")[2]:
             return True

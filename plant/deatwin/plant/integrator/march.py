@@ -60,10 +60,7 @@ def repeated(step: ca.Function, name: str, n_states: int) -> ca.Function:
 
 
 def _until_lost(step: ca.Function) -> ca.Function:
-    """A step that is not tried any more after one that was not solved, whose states are no numbers.
-
-    One that cannot be solved takes some hundred times as long as others, since all methods are tried.
-    """
+    """A step that is not tried any more after one that was not solved, whose states are no numbers."""
     arguments = step.mx_in()
     after, *others, error = step.call(arguments)
     found = [after + ca.if_else(error <= SETTLED, 0.0, np.nan), *others, error]

@@ -8,24 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.control.checking.check import check
-from deatwin.control.checking.result import Check
-from deatwin.control.checking.specification import Specification
+from deatwin.control import Check, Controller, Finding, Specification, check, lambda_tuning, linearise, linearise_plant
 from deatwin.control.checking.trial import Trial
-from deatwin.control.checking.verdict import Finding, Runs, judge_runs, worst
-from deatwin.control.controllers.base import Controller
-from deatwin.control.design.lambda_tuning import lambda_tuning
-from deatwin.control.linear.narx import linearise
-from deatwin.control.linear.plant import linearise_plant
+from deatwin.control.checking.verdict import Runs, judge_runs, worst
 from deatwin.ident.mismatch import Diagnosis, diagnose
 from deatwin.ident.narx import NarxModel
-from deatwin.plant.calibrated import CalibratedPlant
-from deatwin.plant.effects import Effect
-from deatwin.plant.effects.creep import Creep
-from deatwin.plant.effects.electrode_rc import ElectrodeRC
+from deatwin.plant import CalibratedPlant, Creep, Effect, ElectrodeRC, Experiment, Plant, Recording
 from deatwin.plant.excitation import band_limited_noise
-from deatwin.plant.model import Plant
-from deatwin.plant.recording import Experiment, Recording
 from deatwin.scenarios.control_check.rigs import identified, recorded
 from deatwin.scenarios.control_check.tracking import nominal_plant
 

@@ -9,27 +9,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.control import (
+    ClosedLoop,
+    Controller,
+    LinearFamily,
+    LinearModel,
+    closed_loop,
+    draw,
+    draw_plants,
+    lambda_tuning,
+    linearise_many,
+    linearise_plants,
+    predict_loop,
+    sine_response,
+)
 from deatwin.control.checking.rows import rows_of_family
 from deatwin.control.checking.subject import STICKING
 from deatwin.control.checking.trial import Trial
-from deatwin.control.controllers.base import Controller
-from deatwin.control.design.lambda_tuning import lambda_tuning
-from deatwin.control.linear.family import LinearFamily, draw, linearise_many
-from deatwin.control.linear.model import LinearModel
-from deatwin.control.linear.plant import draw_plants, linearise_plants
-from deatwin.control.loop.closed_loop import ClosedLoop, closed_loop
-from deatwin.control.loop.predicted import predict_loop
-from deatwin.control.loop.sine_response import sine_response
 from deatwin.control.stability.bandwidth import bandwidth_Hz
-from deatwin.ident.narx import Fixed, Frols, NarxModel, Semp, SvbNarx
-from deatwin.ident.narx.residual import free_run_residual
+from deatwin.ident.narx import Fixed, Frols, NarxModel, Semp, SvbNarx, free_run_residual
+from deatwin.plant import CalibratedPlant, DeatwinError, Plant, ReadingTime, Recording
 from deatwin.plant.amplitudes import axis_label
-from deatwin.plant.calibrated import CalibratedPlant
-from deatwin.plant.errors import DeatwinError
 from deatwin.plant.excitation import band_limited_noise
-from deatwin.plant.model import Plant
-from deatwin.plant.recording import Recording
-from deatwin.plant.rigs.base import ReadingTime
 from deatwin.scenarios.control_check.rigs import calibrated, fabricated, linear_feedback, recorded
 
 Array = NDArray[np.float64]

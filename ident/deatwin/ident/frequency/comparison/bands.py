@@ -66,9 +66,7 @@ def band_means(
     operating_input: ArrayLike | None = None,
     input_band: Range | None = None,
 ) -> tuple[BandMean, ...]:
-    """Average a model's responses over bands. `bands` of output frequencies, Hz; `input_band` of the input's
-    frequencies, Hz.
-    """
+    """Average a model's responses over bands of output frequencies, with inputs within `input_band`, Hz."""
     several, wanted = whole_orders(orders), _ranges(bands, "bands")
     inputs = (0.0, max(high for _, high in wanted)) if input_band is None else _ranges([input_band], "input_band")[0]
     found = []

@@ -49,9 +49,7 @@ class LevelFit:
 
 
 def chebyshev_levels(count: int) -> Array:
-    """Return levels of both signs for fitting polynomials without a constant: Chebyshev nodes, the largest at 1.
-    Shapes: returns (count,).
-    """
+    """Chebyshev nodes of both signs, the largest at 1, for polynomials without a constant, (count,)."""
     # An even number of nodes omits level zero, which carries no information.
     if count < 2 or count % 2:
         raise ModelError(f"{count} levels; the number must be even and positive, so that they come in pairs without 0")

@@ -105,9 +105,7 @@ def prepare_fleet(seed: int, *, jobs: int = 1, progress: Progress) -> tuple[tupl
 
 
 def order_errors(training: Recording) -> Array:
-    """Free-run errors on the end of a training section, of models that only its beginning has seen. Shapes: returns
-    (n_lags, n_degrees).
-    """
+    """Free-run errors on the end of a section of models that saw its beginning only, (n_lags, n_degrees)."""
     cut = training.n_samples - round(CHOOSING * training.n_samples)
     end = training.section(cut, training.n_samples)
     errors = np.empty((len(LAGS), len(DEGREES)))
