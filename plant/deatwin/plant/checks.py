@@ -62,10 +62,7 @@ def check_units(recording: Recording, rig: Rig) -> None:
 
 
 def check_command_range(recording: Recording, drive: DriveSpec) -> None:
-    """Refuse commands far outside of the rig's range. `recording` its first input is the command in V.
-
-    The range is widened by half its width on either side; without one it is that of a 30 kV amplifier.
-    """
+    """Refuse commands more than half the rig's range (30 kV without one) beyond it."""
     ceiling = _HIGHEST_FILM_VOLTAGE / drive.gain
     low = -ceiling if drive.command_min is None else drive.command_min
     high = ceiling if drive.command_max is None else drive.command_max

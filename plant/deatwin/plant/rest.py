@@ -105,9 +105,7 @@ def _slope(equations: Equations, w: np.ndarray, inputs: np.ndarray, values: np.n
 def undefined_ahead(
     equations: Equations, rest: RestState, path: np.ndarray, inputs: np.ndarray, values: np.ndarray
 ) -> str:
-    """Say which equation has no value where a run was about to go; empty where all have one. `path` (n_x + n_z, n);
-    `inputs` of the sample that could not; `values` (n_p,).
-    """
+    """Say which equation has no value where a run, `path` (n_x + n_z, n), was about to go; else empty."""
     path = np.hstack([np.concatenate([rest.x, rest.z])[:, None], path])
     ahead = path[:, -1] - path[:, -2] if path.shape[1] > 1 else np.zeros(len(path))
     n_x = len(equations.states)

@@ -114,9 +114,7 @@ def linear_part(model: NarxModel, operating_input: ArrayLike, output: float) -> 
 
 
 def levels(model: NarxModel, inputs: Array, output: float) -> Array:
-    """Return the argument of each variable of a model at an equilibrium, counted from the model's origin: the signal,
-    also where the variable is a function of it. Shapes: `inputs` (n_inputs,); returns (n_variables,).
-    """
+    """Arguments (n_variables,) of a model at an equilibrium, counted from its origin; `inputs` (n_inputs,)."""
     moved_in, moved_out = inputs - model.input_origin, output - model.output_origin[0]
 
     def lagged(v: Variable, lag: int) -> Array:

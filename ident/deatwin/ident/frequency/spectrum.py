@@ -213,9 +213,7 @@ def cross_order(
 def inner_lines(
     model: NarxModel, excitation: Array, order: int, operating_input: ArrayLike | None = None
 ) -> FrequencyResponse:
-    """An order of the output at the lines where it is complex and not zero: its covariance has two dimensions there.
-    Shapes: `excitation` (n_samples,).
-    """
+    """An order of the output where it is complex and not zero: there its covariance has two dimensions."""
     whole = output_orders(model, excitation, order, operating_input=operating_input)[-1]
     inner = np.arange(1, whole.values.size - 1)
     kept = inner[whole.gain[inner] > 1e-9 * whole.gain.max()]

@@ -22,10 +22,7 @@ eps kappa; what lost more than half of its digits to cancellation is better form
 
 
 def covariance_of(values: ArrayLike, names: Sequence[object], complaint: str = "theta_cov is no covariance") -> Array:
-    """Return a parameter covariance (n, n), exactly symmetric and read-only; ModelError if it is indefinite.
-
-    Definiteness is judged on the correlations, so that the units of the parameters do not matter.
-    """
+    """Return a covariance (n, n), symmetric and read-only; ModelError if its correlations are indefinite."""
     given = np.asarray(values, dtype=np.float64)
     if not given.any():
         return read_only(given)

@@ -111,11 +111,7 @@ class _Point:
 
 @dataclass(frozen=True, eq=False)
 class _PredictionErrors:
-    """Prediction errors as a function of the parameters.
-
-    Each recording is preceded by as many samples as the longest lag of e; their errors are parameters of their own, the
-    unknown start of e.
-    """
+    """Prediction errors as a function of the parameters and of the unknown errors before each recording."""
 
     process: Regression
     table: TermTable  # The noise terms

@@ -154,11 +154,7 @@ def _directions(rows: Array, size: Array) -> tuple[Array, Array, Array, Array, N
 
 
 def covariance(point: Point, records: Sequence[Record]) -> tuple[Array, Array]:
-    """Return the covariance of the weights, and the variance of the noise of each output.
-
-    Directions that move no output (coordinates of the state) have none: bands of outputs do not depend on them.
-    Shapes: returns (n_theta, n_theta), (n_outputs,).
-    """
+    """Covariance (n_theta, n_theta) of the weights, none along the state's coordinates, and noise variances."""
     rows = triangle(point, records)[:, :-1]
     scale, _, values, right, seen = _directions(rows, np.linalg.norm(rows, axis=0))
     rank, samples = int(seen.sum()), sum(record.fitted for record in records)

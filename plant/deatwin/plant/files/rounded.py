@@ -33,9 +33,7 @@ class Rounded:
 
 
 def rounded_clock(timepts: Floats, stated: float | None = None) -> Rounded | None:
-    """Return the even clock that times keep within their own rounding; None where there is none, or where nothing is
-    rounded. `stated` the only sample time that is tried, s. Shapes: `timepts` (n,).
-    """
+    """Return the even clock that times (n,) keep within their rounding, or None; only `stated`, s, if given."""
     steps = np.diff(timepts)
     usual = float(np.median(steps))
     odd = np.abs(steps - usual) > _SAME * abs(usual)

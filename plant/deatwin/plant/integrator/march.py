@@ -19,10 +19,7 @@ CHUNK = 200
 
 
 class March:
-    """Arguments and results of a function as arrays; each call works on what they hold.
-
-    A call by value would convert every number to CasADi and back, which takes longer than a small plant's step.
-    """
+    """Arguments and results of a function as arrays: converting each call takes longer than a small plant's step."""
 
     def __init__(self, function: ca.Function) -> None:
         self._arguments = [_array(function.size_in(i)) for i in range(function.n_in())]

@@ -46,9 +46,7 @@ class BandMean:
 
 
 def band_frequencies(order: int, band: Range, input_band: Range) -> Array:
-    """Combinations of input frequencies whose sum lies in a band, spread evenly. `band` of their sum, Hz;
-    `input_band` of each without its sign, Hz; returns (n,), rad/s; empty where no combination reaches the band.
-    """
+    """Input frequencies (n,), rad/s, with sums evenly in `band`, Hz; `input_band` of each, Hz."""
     sums = band[0] + (band[1] - band[0]) * (np.arange(LINES) + 0.5) / LINES
     tones = input_band[1] * (2 * np.arange(TONES) + 1 - TONES) / TONES
     grid = frequency_grid(sums, *[tones] * (order - 1))
