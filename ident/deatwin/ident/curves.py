@@ -77,12 +77,7 @@ def loop_area(commands: ArrayLike, readings: ArrayLike) -> float:
 
 
 def linear_share(commands: ArrayLike, readings: ArrayLike, sample_time: float, width: float = 0.025) -> LinearShare:
-    r"""Spectra of the output and of what the best linear model makes of the input as it really is, in bands of a
-    `width` in Hz.
-
-    Source: R. Pintelon and J. Schoukens, "System Identification: A Frequency Domain Approach", 2nd ed., Wiley 2012,
-    chapter 3 (best linear approximation).
-    """
+    """Spectra of output and best linear approximation by bands of `width`, Hz (Pintelon & Schoukens 2012, ch. 3)."""
     u, y = np.asarray(commands, dtype=np.float64), np.asarray(readings, dtype=np.float64)
     n = u.size
     if width * n * sample_time < 2:

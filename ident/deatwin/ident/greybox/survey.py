@@ -65,9 +65,7 @@ def held(
 
 
 def survey(problem: Problem, best: Minimum, known: np.ndarray, deviations: float) -> tuple[Survey | None, int]:
-    """Look how far the parameter that is known worst may go, and count the simulations; None where the linear model's
-    intervals stand. Shapes: `known` (n,), True for parameters that have a variance.
-    """
+    """Look how far the worst known parameter may go, and count runs; None where the linear intervals stand."""
     spread, white = covariance(best.residuals, best.jacobian), white_variances(best.residuals, best.jacobian)
     (lower, upper), own = problem.bounds(), np.sqrt(np.diag(spread))
     ranges = np.where(np.isfinite(upper - lower), upper - lower, 1.0)

@@ -52,13 +52,7 @@ def log_evidence(share: Array | float, n_terms: int, n_samples: int) -> Array:
 
 
 def log_prior(n_terms: int, n_candidates: int) -> float:
-    """Return ln p(structure): every number of terms is equally probable, and so are all structures of one number.
-
-    Source: Scott, Berger, "Bayes and empirical-Bayes multiplicity adjustment in the variable-selection problem", Ann.
-    Statist. 38 (2010) 2587-2619, doi:10.1214/10-AOS792.
-
-    returns In nats.
-    """
+    """ln p(structure), nats, alike for all numbers of terms (Scott, Berger, Ann. Statist. 38 (2010) 2587)."""
     m = n_candidates
     k = min(n_terms, m // 2)
     return float(gammaln(k + 1) + gammaln(m - k + 1) - gammaln(m + 1)) - log(m + 1)

@@ -55,12 +55,7 @@ class NoiseFit:
 def prediction_error_fit(
     process: Regression, noise_terms: Sequence[Term], *, tolerance: float = 1e-6, max_iterations: int = 100
 ) -> NoiseFit:
-    """Estimate process and noise terms together, by the least sum of squared prediction errors.
-
-    Source: Ljung, "System Identification: Theory for the User", 2nd ed. (1999), sections 9.3 and 10.2. Box, Jenkins,
-    Reinsel, "Time Series Analysis", 4th ed. (2008), section 7.1.3 (unconditional least squares),
-    doi:10.1002/9781118619193.
-    """
+    """Estimate process and noise terms by least squared prediction errors (Ljung 1999, 9.3 and 10.2)."""
     rows, target = process.matrix()
     if target.size <= len(rows) + len(noise_terms):
         raise ModelError(

@@ -93,9 +93,6 @@ class Seal(Sealed):
 class Store(CaseStore[Seal]):
     """The cases of a sealed study."""
 
-    def __init__(self, folder: Path | str, seal: Seal) -> None:
-        super().__init__(folder, seal)
-
     def put(self, name: str, result: Mapping[str, Any]) -> None:
         """Write the result of a case, numbers that are not finite as None; one that is there already stays."""
         super().put(name, _finite(dict(result)))

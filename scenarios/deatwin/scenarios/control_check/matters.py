@@ -56,7 +56,7 @@ MODELS: Mapping[str, Callable[[Recording], NarxModel]] = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Interval:
     """A predicted number with its 95 % interval."""
 
@@ -107,7 +107,7 @@ class Promise:
     def of(cls, model: str, quantity: Quantity, predicted: Interval, achieved: float) -> Promise:
         """Convert from SI to the quantity's unit."""
         s = quantity.scale
-        scaled = Interval(value=s * predicted.value, low=s * predicted.low, high=s * predicted.high)
+        scaled = Interval(s * predicted.value, s * predicted.low, s * predicted.high)
         return cls(model=model, quantity=quantity, predicted=scaled, achieved=s * achieved)
 
     @property
@@ -192,19 +192,10 @@ def _of_narx(
         controller = _design(family.at(0, 0))
         left = free_run_residual(model, recording)
         reference = Trial(controller=controller, linear=family.at(0, 0), rng=rng).step_reference
-        predicted = predict_loop(
-            model,
-            controller,
-            reference,
-            reading=ReadingTime.END_OF_HOLD,
-            residual=left,
-            noise=truth.plant.rig.noise,
-            rng=rng,
-        )
-        overshoot, rms = (
-            Interval(value=v[0], low=v[1], high=v[2])
-            for v in (predicted.interval(lambda r: r.overshoot), predicted.interval(lambda r: r.rms_error))
-        )
+        end, noise = ReadingTime.END_OF_HOLD, truth.plant.rig.noise
+        predicted = predict_loop(model, controller, reference, reading=end, residual=left, noise=noise, rng=rng)
+        overshoot = Interval(*predicted.interval(lambda r: r.overshoot))
+        rms = Interval(*predicted.interval(lambda r: r.rms_error))
     except DeatwinError as error:
         return Matter(name=name, residual=residual, reason=str(error))
     return _matter(name, residual, family, controller, (overshoot, rms), truth, reference, rng)

@@ -131,13 +131,7 @@ def make_plan(errors: Mapping[int, Sequence[Array]]) -> Plan:
 
 
 def as_good(errors: Array, least: Array) -> NDArray[np.bool_]:
-    """Whether errors are as good as the least: on average not larger by more than a standard error.
-
-    Source: Hastie, Tibshirani, Friedman, "The Elements of Statistical Learning", 2nd ed. (2009), section 7.10: the
-    one-standard-error rule, here of paired differences.
-
-    Shapes: `errors, least` (n_actuators, ...); returns (...).
-    """
+    """True where errors are within one standard error of the least (Hastie et al., 2nd ed. (2009), 7.10)."""
     finite = np.isfinite(errors).all(axis=0)
     beyond = np.where(finite, errors, 0.0) - least
     good: NDArray[np.bool_] = beyond.mean(axis=0) <= beyond.std(axis=0, ddof=1) / np.sqrt(len(beyond))
