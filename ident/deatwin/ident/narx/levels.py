@@ -33,11 +33,7 @@ def few_levels(values: Array, most: int) -> Array:
 
 
 def _blurred_levels(values: Array, most: int) -> Array:
-    """Return the two or more levels around which white noise scatters readings that rest, if they are few.
-
-    A filter leaves edges between levels, where nothing rests. A slow or held motion about levels is no noise: it shows
-    curvature by the gains at the levels.
-    """
+    """Return the few levels around which white noise scatters resting readings; a moving signal has none."""
     span = float(np.ptp(values))
     still = np.abs(np.diff(values)) <= 4.0 * _SCATTER * span
     resting = np.append(still, True) & np.append(True, still)
