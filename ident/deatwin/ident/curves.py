@@ -38,9 +38,7 @@ class LinearShare:
 
 
 def mean_curve(commands: ArrayLike, readings: ArrayLike, width: float = 0.05, least: int = 20) -> tuple[Array, Array]:
-    """Mean command, V, and mean reading, m, in each bin of commands of some width, V, with enough samples. Shapes:
-    returns (m,), (m,).
-    """
+    """Mean command, V, and mean reading, m, in bins of `width`, V, with at least `least` samples, (m,), (m,)."""
     u, y = np.asarray(commands, dtype=np.float64), np.asarray(readings, dtype=np.float64)
     number = np.floor((u - u.min()) / width + 1e-9).astype(int)
     count = np.bincount(number)
@@ -60,9 +58,7 @@ def straight_line(levels: ArrayLike, displacements: ArrayLike, below: float = 2.
 
 
 def local_gain(commands: ArrayLike, readings: ArrayLike, at: float, width: float = 0.2) -> float:
-    """Slope of the voltage-displacement curve at a command, m/V: that of a parabola through the samples within
-    `width` of it, V.
-    """
+    """Slope of the voltage-displacement curve at a command, m/V, by a parabola through samples within `width`, V."""
     u, y = np.asarray(commands, dtype=np.float64) - at, np.asarray(readings, dtype=np.float64)
     near = np.abs(u) <= width
     if near.sum() < 4:
@@ -81,12 +77,7 @@ def loop_area(commands: ArrayLike, readings: ArrayLike) -> float:
 
 
 def linear_share(commands: ArrayLike, readings: ArrayLike, sample_time: float, width: float = 0.025) -> LinearShare:
-    r"""Spectra of the output and of what the best linear model makes of the input as it really is, in bands of a
-    `width` in Hz.
-
-    Source: R. Pintelon and J. Schoukens, "System Identification: A Frequency Domain Approach", 2nd ed., Wiley 2012,
-    chapter 3 (best linear approximation).
-    """
+    """Spectra of output and best linear approximation by bands of `width`, Hz (Pintelon & Schoukens 2012, ch. 3)."""
     u, y = np.asarray(commands, dtype=np.float64), np.asarray(readings, dtype=np.float64)
     n = u.size
     if width * n * sample_time < 2:

@@ -91,9 +91,7 @@ def gain_change(
     at: tuple[float, float] = (2.0, 3.0),
     blocks: int = 10,
 ) -> GainChange:
-    """Change of gain and of nonlinearity from one time to another, from the whole record, V and m; the nonlinearity
-    is the ratio of the slopes at an upper and a lower command, V.
-    """
+    """Change of gain, and of the ratio of slopes at an upper and a lower command, from one time to another."""
     u, y = np.asarray(commands, dtype=np.float64), np.asarray(readings, dtype=np.float64)
     expected = _expected(u, y, sample_time)
     levels = np.polynomial.Polynomial.fit(u, y, DEGREE)(np.array(at))

@@ -100,10 +100,7 @@ class Smoothed:
 
 
 def kalman_filter(model: StateSpace, outputs: ArrayLike) -> Filtered:
-    """Run the filter over one record; records that start anew are filtered one by one, their likelihoods add.
-
-    Shapes: `outputs` (n_outputs, n) or (n,), NaN where a measurement is missing.
-    """
+    """Filter one record. Shapes: `outputs` (n_outputs, n) or (n,), NaN where a measurement is missing."""
     p, n, _ = model.rows.shape
     measured = np.atleast_2d(np.asarray(outputs, dtype=np.float64))
     if measured.shape != (p, n):

@@ -23,9 +23,7 @@ Array = NDArray[np.float64]
 
 
 def update_root(root: Array, row: Array, noise_variance: float) -> tuple[Array, Array, float]:
-    """Update state gain and covariance root with one measurement by Potter's formula. Shapes: `root` (n_states,
-    n_states); `row` (n_states,); returns root, gain (n_states,) and variance of the innovation.
-    """
+    """Update gain (n_states,) and covariance root with a measurement by Potter's formula; `row` (n_states,)."""
     seen = row @ root
     variance = float(seen @ seen) + noise_variance
     if not variance > 0.0:
@@ -36,9 +34,7 @@ def update_root(root: Array, row: Array, noise_variance: float) -> tuple[Array, 
 
 
 def advance_root(root: Array, transition: Array | None, process_root: Array | None) -> Array:
-    """Advance a root of the covariance by one step: P becomes F P F' + G G'. Shapes: `root`, `transition` (None:
-    identity) (n_states, n_states); `process_root` (None: no noise) (r, n_states).
-    """
+    """Advance a root (n_states, n_states) of the covariance by a step: P becomes F P F' + G G'."""
     moved = root if transition is None else transition @ root
     if process_root is None:
         return moved
@@ -69,9 +65,7 @@ def forward(model: StateSpace, outputs: Array) -> tuple[Array, Array, Array, Arr
 
 
 def backward(model: StateSpace, innovations: Array, variances: Array, gains: Array) -> tuple[Array, Array]:
-    """Run the adjoint of the filter. Shapes: `innovations, variances` (n_outputs, n); `gains` (n_outputs, n,
-    n_states).
-    """
+    """Run the filter's adjoint. Shapes: `innovations, variances` (n_outputs, n); `gains` (n_outputs, n, n_states)."""
     _, n, m = model.rows.shape
     found = np.empty((n, m)), np.empty((n, m, m))
     kernel = _kernel(compiler())

@@ -22,8 +22,6 @@ def written_amplitude(output_unit: str) -> tuple[str, float]:
 def written_unit(reported: str) -> str:
     """A unit in which amplitudes are reported, as a person writes it.
 
-    Examples
-    --------
     >>> written_unit("um"), written_unit("N")
     ('µm', 'N')
     """
@@ -33,8 +31,6 @@ def written_unit(reported: str) -> str:
 def amount(number: str, unit: str) -> str:
     """Format a number with its unit, without one if it is a pure number or the unit is unknown.
 
-    Examples
-    --------
     >>> amount("2.6", "V"), amount("2.6", "1")
     ('2.6 V', '2.6')
     """
@@ -49,8 +45,6 @@ def axis_label(name: str, unit: str) -> str:
 def reported_size(reported: str, output_unit: str) -> float:
     """Size of the unit in which a result states amplitudes, in the unit of the readings.
 
-    Examples
-    --------
     >>> reported_size("um", "m"), reported_size("um", "um"), reported_size("rpm", "rpm")
     (1e-06, 1.0, 1.0)
     """

@@ -72,11 +72,7 @@ def followed(step: Step, at: float, here: np.ndarray, target: float, halvings: i
 def snap_throughs(
     equations: Equations, rest: RestState, unknowns: np.ndarray, inputs: np.ndarray, start: float, values: np.ndarray
 ) -> tuple[int, ...]:
-    """Samples from which on the film of a simulation snaps from one equilibrium to another, or back. Shapes:
-    `unknowns` (n_x + n_z, m); `inputs` (n_u, m); `values` (n_p,).
-
-    A snap passes states whose tangent is not that of a stable equilibrium; a film without a fold is skipped.
-    """
+    """Samples from which on a film snaps from one equilibrium to another, or back; none without a fold."""
     if ACTED_ON not in equations.signals or inputs.shape[1] == 0:
         return ()
     commands = inputs[0]
@@ -119,11 +115,7 @@ def _stable(
     values: np.ndarray,
     stable: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Samples that end in a stable state, and a flag for unstable states between each and the one before.
-
-    Stability is judged at a command that the branch reaches: beyond its end the voltage itself changes the film's
-    stiffness.
-    """
+    """Samples that end in a stable state, and a flag for unstable states between each and the one before."""
     told = inputs.copy()
     past = slice(0, 1 + equations.history)
     told[past] = np.clip(told[past], *ends)

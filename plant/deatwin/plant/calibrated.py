@@ -53,9 +53,7 @@ class Prediction:
     further: Mapping[str, Band] = field(default_factory=dict)  # Of each further reading, by its name
 
     def to_xarray(self, experiment: Experiment) -> Any:
-        """Return the readings and their standard deviation as an `xarray.Dataset` over all samples. returns Along
-        ``sample``, with the coordinates ``time`` in s and ``record``.
-        """
+        """Return readings and standard deviation along ``sample``, with coordinates ``time`` in s and ``record``."""
         unit = experiment.recordings[0].output_units[0]
         return dataset(
             {

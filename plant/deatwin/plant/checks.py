@@ -62,10 +62,7 @@ def check_units(recording: Recording, rig: Rig) -> None:
 
 
 def check_command_range(recording: Recording, drive: DriveSpec) -> None:
-    """Refuse commands far outside of the rig's range. `recording` its first input is the command in V.
-
-    The range is widened by half its width on either side; without one it is that of a 30 kV amplifier.
-    """
+    """Refuse commands more than half the rig's range (30 kV without one) beyond it."""
     ceiling = _HIGHEST_FILM_VOLTAGE / drive.gain
     low = -ceiling if drive.command_min is None else drive.command_min
     high = ceiling if drive.command_max is None else drive.command_max
@@ -110,9 +107,7 @@ def check_motion(recording: Recording, widest: float) -> None:
 
 
 def falls_with_voltage(recordings: Sequence[Recording]) -> bool:
-    """Return whether the readings fall where the squared voltage, which moves a film, rises, and half of what they vary
-    by does so.
-    """
+    """Return whether the readings mostly fall where the squared voltage, which moves a film, rises."""
     both = np.concatenate([[r.inputs[0] ** 2, r.outputs[0]] for r in recordings if len(r.outputs)], axis=1)
     both = both[:, np.isfinite(both).all(axis=0)]
     moves = both.shape[1] > 0 and np.ptp(both, axis=1).all()

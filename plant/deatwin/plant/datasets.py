@@ -68,10 +68,7 @@ def status_of(**told: Any) -> Metadata:
 
 
 def table_along(dimension: str, **told: Any) -> Metadata:
-    """Metadata of records whose fields become variables along a dimension, each with its name after the dimension's.
-
-    With the `kind` of the records these variables are there without any, too.
-    """
+    """Metadata of records whose fields become variables along a dimension; with `kind`, without any record too."""
     return {_DATASET: Entry(role="table", dims=(dimension,), **told)}
 
 
@@ -234,8 +231,6 @@ def gain_unit(result: Any) -> str:
 def squared(unit: str) -> str:
     """The unit of a variance.
 
-    Examples
-    --------
     >>> squared("m/V"), squared("")
     ('(m/V)^2', '')
     """

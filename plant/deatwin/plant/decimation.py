@@ -130,9 +130,7 @@ def removed_share(recording: Recording, factor: int) -> dict[str, float]:
 
 
 def low_pass_gain(factor: int, frequencies: Array, reading: ReadingTime) -> Array:
-    """Return the gain of the filter, or of the mean, of `decimate`. `factor` number of old samples for a new one; `frequencies` in
-    cycles per new sample, from 0 to 0.5.
-    """
+    """Gain of the filter, or of the mean, of `decimate`; `frequencies` in cycles per new sample, 0 to 0.5."""
     if factor == 1:
         return np.ones_like(frequencies)
     taps = np.full(factor, 1.0 / factor) if reading is ReadingTime.MEAN_OVER_HOLD else _low_pass(factor, 0)

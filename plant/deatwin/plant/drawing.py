@@ -29,9 +29,7 @@ def written_unit(unit: str) -> str:
 
 
 def envelope(timepts: Array, values: Array, columns: int = 500) -> tuple[Array, Array]:
-    """Return the samples that a picture of so many columns can show: lowest and highest of each column. Shapes: `timepts,
-    values` (n,).
-    """
+    """Return lowest and highest sample of each column of a picture. Shapes: `timepts, values` (n,)."""
     n = values.size
     if n <= 2 * columns:
         return timepts, values

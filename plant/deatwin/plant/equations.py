@@ -117,9 +117,7 @@ class Equations:
         return np.vstack([*past, *(known.get(name, np.full(n, value))[:n] for name, value in self.channels.items())])
 
     def steps(self, begin: float, width: float) -> tuple[Step, ...]:
-        """The steps in which a sample is solved: one, or two where it is divided. `begin, width` when the sample
-        begins, and for how long it lasts, s.
-        """
+        """Steps in which a sample that begins at `begin` and lasts `width`, s, is solved: one, or two if divided."""
         return (Step(begin, begin + width / 2, width),) if self.step_middle is None else halves(begin, width)
 
     def with_middle(self, inputs: np.ndarray, time: float) -> np.ndarray:

@@ -42,8 +42,6 @@ class SimulationError(DeatwinError, RuntimeError):
 def nearest(name: str, known: Iterable[str], *, likeness: float = 0.6) -> str:
     """Return the end of an error text that offers the known name nearest to a misspelt one.
 
-    Examples
-    --------
     >>> nearest("prestrech", ["material", "prestretch"])
     '; did you mean "prestretch"?'
     >>> nearest("colour", ["material", "prestretch"])

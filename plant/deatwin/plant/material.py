@@ -15,8 +15,6 @@ def material(name: str | Material) -> Material:
     """Return the material of a name: a key of `MATERIALS`, or an energy of `deatwin.plant.laws`, such as
     "neo-Hookean", for a film of which nothing else is known; a material itself is returned.
 
-    Examples
-    --------
     >>> material("VHB 4905").permittivity.value
     4.5
     """

@@ -86,9 +86,7 @@ class Resampling:
         return np.interp(self.clocks[piece], self.timepts[first:last], values[first:last])
 
     def commands(self, piece: int, values: Floats) -> Floats:
-        """Return a command on the finer clock of a piece: a staircase by its levels, any other by the mean of its
-        hold.
-        """
+        """Return a command on the finer clock of a piece: a staircase by its levels, others by their means."""
         first, last = self.rows[piece]
         times, levels, clock = self.timepts[first:last], values[first:last], self.clocks[piece]
         hold = self.sample_time / self.factor
@@ -169,8 +167,6 @@ def plan_resampling(
 def resampling_options(timepts: Floats, usual: float | None = None) -> ReadOptions | None:
     """Return the options that bring rows at uneven times onto an even clock; None where none do.
 
-    Examples
-    --------
     >>> str(resampling_options(np.array([0.0, 0.019, 0.041, 0.06])))
     '--resample 0.019'
     """

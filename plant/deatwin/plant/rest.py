@@ -105,9 +105,7 @@ def _slope(equations: Equations, w: np.ndarray, inputs: np.ndarray, values: np.n
 def undefined_ahead(
     equations: Equations, rest: RestState, path: np.ndarray, inputs: np.ndarray, values: np.ndarray
 ) -> str:
-    """Say which equation has no value where a run was about to go; empty where all have one. `path` (n_x + n_z, n);
-    `inputs` of the sample that could not; `values` (n_p,).
-    """
+    """Say which equation has no value where a run, `path` (n_x + n_z, n), was about to go; else empty."""
     path = np.hstack([np.concatenate([rest.x, rest.z])[:, None], path])
     ahead = path[:, -1] - path[:, -2] if path.shape[1] > 1 else np.zeros(len(path))
     n_x = len(equations.states)
@@ -190,9 +188,7 @@ def _rootless(equations: Equations, closest: np.ndarray, kept: np.ndarray) -> st
 def has_equilibrium(
     equations: Equations, rest: RestState, rest_command: float, command: float, values: np.ndarray
 ) -> bool:
-    """True if the plant, brought slowly from rest to a command, has an equilibrium there with its film in tension.
-    Shapes: `values` (n_p,).
-    """
+    """True if the plant, brought slowly from rest to a command, has an equilibrium with its film in tension."""
     state, share, step = rest, 0.0, 1.0 / CONTINUATION
     while share < 1.0 - 1e-12:
         at = rest_command + min(share + step, 1.0) * (command - rest_command)

@@ -26,10 +26,7 @@ SETTLED = 1e-12
 
 
 def rest_under(plant: Plant, command: float, *, time: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Find the state in which a plant rests after it was brought from its start to a constant command.
-
-    Shapes: returns (n_x,).
-    """
+    """State in which a plant rests after it was brought to a constant command. Shapes: returns (n_x,)."""
     equations, start, values = plant.equations, plant.rig.start.rest_command, plant.free_values
     first = rest_state(equations, start, values)
     if not first.found:
@@ -46,9 +43,7 @@ def rest_under(plant: Plant, command: float, *, time: float = 0.0) -> tuple[np.n
 def held_rest(
     equations: Equations, here: np.ndarray, held: np.ndarray, command: float, values: np.ndarray
 ) -> np.ndarray:
-    """Move an equilibrium to where it is with what was held since the start, such as the zero of the sensor. Shapes:
-    `here` (n_x + n_z,); `held` (n_d,); `values` (n_p,); returns (n_x + n_z,).
-    """
+    """Move an equilibrium (n_x + n_z,) to where it is with what was `held` (n_d,) since the start."""
     if not held.size:
         return here
     try:

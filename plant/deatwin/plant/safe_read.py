@@ -68,8 +68,6 @@ def kind_of_file(path: str | os.PathLike[str]) -> str:
 def in_words(count: float) -> str:
     """Return a number of bytes with a unit.
 
-    Examples
-    --------
     >>> in_words(2_000_000_000), in_words(10_737_418_240), in_words(1_000_000), in_words(12)
     ('2 GB', '10.7 GB', '1 MB', '12 bytes')
     """
@@ -82,8 +80,6 @@ def in_words(count: float) -> str:
 def clipped(text: object, length: int = 80) -> str:
     r"""Return content of a file for an error text: printable and shortened.
 
-    Examples
-    --------
     >>> clipped("one"), clipped("x" * 100, 5), clipped("a\x1b[31m")
     ('one', 'xxxxx…', 'a\\x1b[31m')
     """
@@ -95,8 +91,6 @@ def clipped(text: object, length: int = 80) -> str:
 def reason(error: Exception) -> str:
     """Return the reason why a library could not read a file, for an error text.
 
-    Examples
-    --------
     >>> reason(ValueError("no such block")), reason(MemoryError()), reason(KeyError())
     ('no such block', 'it needs more memory than there is', 'KeyError')
     """

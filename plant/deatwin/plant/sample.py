@@ -26,9 +26,7 @@ class Sample:
     def __call__(
         self, x: Any, z: Any, held: np.ndarray, inputs: np.ndarray, time: float
     ) -> tuple[ca.DM, ca.DM, float] | None:
-        """States, coordinates and reading at the end of the sample. `x, z` (n_x,); `held` (n_d,); `inputs` (n_u,);
-        returns SI; None where the sample is not solved in any number of steps.
-        """
+        """States, coordinates and reading, SI, at the sample's end; None if unsolved. `x, z` (n_x,); `held` (n_d,)."""
         tried = (self._in_steps(x, z, held, inputs, time, n) for n in (1, *SHORTER_STEPS))
         return next((found for found in tried if found is not None), None)
 

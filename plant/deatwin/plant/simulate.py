@@ -283,9 +283,7 @@ def _run(
 
 
 class Stepper:
-    """A plant that is simulated sample by sample; `Simulator.stepper` makes it. `sample` one sample; `inputs` (n_u,);
-    `clock` where among the inputs the clock time at which a sample begins is.
-    """
+    """A plant that is simulated sample by sample; `clock`: index of the clock time among the inputs (n_u,)."""
 
     def __init__(
         self,

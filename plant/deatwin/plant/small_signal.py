@@ -57,11 +57,7 @@ class SmallSignal:
 def small_signals(
     plant: Plant, commands: Sequence[float] | np.ndarray, *, values: np.ndarray | None = None, time: float = 0.0
 ) -> tuple[SmallSignal | None, ...]:
-    """Linearise one sample of a plant about its states of rest at constant commands. `plant` with its sample time;
-    `commands` (n,); `values` (n_p,).
-
-    The quantities held at the start (zero of the reading, capacitance at rest) stay held.
-    """
+    """Linearise a sample of a plant about rest at `commands` (n,); what was held at the start stays held."""
     wanted = np.atleast_1d(np.asarray(commands, dtype=float))
     if not (wanted.ndim == 1 and np.isfinite(wanted).all() and np.isfinite(time)):
         raise DataError(f"commands = {commands} and time = {time} must be finite numbers")
@@ -146,9 +142,7 @@ def _static_gain(equations: Equations, point: Point, time: float, sample_time: f
 
 
 def _step_derivatives(equations: Equations, point: Point, time: float, step: Step) -> np.ndarray:
-    """Derivatives of the unknowns after a step, by the states at its start and by the commands, in units of the
-    scale.
-    """
+    """Derivatives of the scaled unknowns after a step, by the states at its start and by the commands."""
     here, held, inputs, values = point
     functions, constants, n_x = sample_functions(equations), equations.constants, len(equations.states)
     nodes, matrix = radau(STAGES)

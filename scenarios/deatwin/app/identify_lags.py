@@ -79,9 +79,7 @@ def choose_input_lags(recordings: Sequence[Recording], first: int | None, last: 
 
 
 def disagreements(model: NarxModel, found: InputLags, *, by_free_run: bool) -> list[str]:
-    """Return a sentence for each input that is not in the model, or begins there outside the interval of its dead time.
-    `by_free_run` whether the method chose the model's terms by its free run.
-    """
+    """Return a sentence for each input that is not in the model, or begins outside its dead time's interval."""
     from deatwin.ident.narx.preprocess import DeadTimeStatus
 
     acting = (DeadTimeStatus.FOUND, DeadTimeStatus.AT_ONCE, DeadTimeStatus.LOOP)

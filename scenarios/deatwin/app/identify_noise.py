@@ -36,11 +36,7 @@ def outlying(training: Sequence[Recording]) -> list[str]:
 
 
 def biased_by_noise(model: NarxModel, training: Sequence[Recording], unseen: Sequence[Recording]) -> list[str]:
-    """Return a sentence if the free-run fit of the same terms is significantly better in free run on held-out data.
-
-    Noise on the readings is in the regressors too, so that least squares one step ahead is biased; in free run it is
-    not.
-    """
+    """Return a sentence if the free-run fit of the same terms is significantly better on held-out data."""
     from deatwin.ident.narx import refine
     from deatwin.ident.narx.growth import worse
     from deatwin.plant.errors import ModelError

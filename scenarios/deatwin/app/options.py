@@ -97,8 +97,6 @@ _BETWEEN = "\x1f"  # the unit separator: no file name holds it
 def complete_effects(incomplete: str) -> list[str]:
     """Effects of the catalogue for the shell's completion, without loading them.
 
-    Examples
-    --------
     >>> complete_effects("electrode_")
     ['electrode_loss', 'electrode_rc']
     """
@@ -109,8 +107,6 @@ def complete_effects(incomplete: str) -> list[str]:
 def fold_experiments(arguments: list[str]) -> list[str]:
     """Gather the files behind each ``--experiment`` into its one value.
 
-    Examples
-    --------
     >>> folded = fold_experiments(["diagnose", "rig.toml", "--experiment", "a.csv", "b.csv", "--out", "d"])
     >>> [unfold_experiment(value) for value in folded][3]
     ['a.csv', 'b.csv']

@@ -39,9 +39,7 @@ class Thinned:
 
 
 def thinned(records: list[Recording], wanted: str | None, reading: ReadingTime, *, held_out: float) -> Thinned:
-    """Decimate recordings as it was asked for; where it was not, say so if they are sampled too fast. `records` of
-    one sample time.
-    """
+    """Decimate recordings of one sample time as asked; else say so if they are sampled too fast."""
     if wanted not in (None, "auto"):
         made = [decimate(record, int(wanted), reading=reading) for record in records]
         return Thinned(records=made, notes=[_done(int(wanted), made)] if int(wanted) > 1 else [])
@@ -71,9 +69,7 @@ def advised(records: Sequence[Recording], choice: SamplingChoice) -> bool:
 
 
 def lost(model: NarxModel, unseen: Sequence[Recording], whole: Sequence[Recording]) -> list[str]:
-    """Return a sentence if a linear model of the recordings as they came, `whole`, is clearly better in free run than
-    the model of the decimated ones, each on its held-out part.
-    """
+    """Return a sentence if a linear model of the `whole` recordings clearly beats the model of the decimated ones."""
     from deatwin.app.identify_lags import OUTPUT_LAGS, choose_input_lags
     from deatwin.ident.narx import Frols
     from deatwin.ident.narx.assessed import hold_out

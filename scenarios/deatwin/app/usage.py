@@ -43,8 +43,6 @@ class Group(TyperGroup):
 def unwrapped(text: str | None) -> str:
     r"""Return a docstring with a line for each paragraph, so that the terminal's width breaks it and not the source's.
 
-    Examples
-    --------
     >>> unwrapped("Do it.\n\n    So that\n    it is done.\n    ")
     'Do it.\n\nSo that it is done.'
     """

@@ -21,11 +21,7 @@ from typing import Any
 import numpy as np
 
 from deatwin.ident.mismatch import diagnose
-from deatwin.plant.errors import DataError
-from deatwin.plant.files import read_recording
-from deatwin.plant.model import Plant
-from deatwin.plant.recording import Experiment, Recording
-from deatwin.plant.rigs.coupon import Coupon
+from deatwin.plant import Coupon, DataError, Experiment, Plant, Recording, read_recording
 from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of
 from deatwin.studies.missing_physics.page import tell
 from deatwin.studies.public.records import Candidates, DataSet

@@ -38,10 +38,7 @@ class DiagnosisTask:
     seed: int = 0
 
     def run(self, folder: ResultFolder, progress: Progress, say: Callable[[str], None] | None = None) -> Diagnosis:
-        """Diagnose, and write diagnosis, model, rivals, report, figures' data and the record of the run.
-
-        `say` is told the size and place of the mismatch as soon as they are known.
-        """
+        """Diagnose and write all files; `say` is told size and place of the mismatch as soon as they are known."""
         for name in WRITTEN:
             require_unread(folder.path / name, self.files)
         inputs = hashes(self.files)

@@ -43,8 +43,6 @@ class Rate:
     def most(self) -> float:
         """The one-sided upper 95 % bound.
 
-        Examples
-        --------
         >>> round(Rate(hits=0, count=150).most, 4)
         0.0198
         """
@@ -54,8 +52,6 @@ class Rate:
     def least_percent(self) -> int:
         """One-sided lower 95 % bound, rounded down.
 
-        Examples
-        --------
         >>> round(100 * Rate(hits=44, count=45).least, 2), Rate(hits=44, count=45).least_percent
         (89.89, 89)
         """

@@ -11,8 +11,6 @@ LARGEST: Mapping[str, float] = {" %": 1000.0, " times": 100.0, " steps": 100.0}
 def amount(value: float, form: str, unit: str) -> str:
     """A number as a sentence has it.
 
-    Examples
-    --------
     >>> amount(12.34, ".1f", " %"), amount(3e7, ".1f", " %"), amount(999.7, ".3g", " %")
     ('12.3 %', 'more than 1000 %', '1000 %')
     """

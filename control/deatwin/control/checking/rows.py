@@ -124,9 +124,7 @@ def rows_of_family(
 
 
 def row_of_band(band: MarginBand, linear: LinearModel, crossover_Hz: float) -> MarginRow:
-    """Return the margins with their limits from the model's covariance, linearised and without draws. `crossover_Hz` is
-    the highest frequency at which the loop gain is one, Hz.
-    """
+    """Margins with limits from the model's covariance, linearised; `crossover_Hz` is the highest one."""
     return MarginRow(
         source=BAND,
         operating_input=linear.operating_input,

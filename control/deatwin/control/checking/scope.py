@@ -21,9 +21,7 @@ _HOLD = 2.0  # s at the largest command
 
 
 def judge_band(crossovers_Hz: Sequence[float], excited: Excitation) -> Finding:
-    """Judge whether the recording knew the frequencies that the controller works at. `crossovers_Hz` of the model's
-    loops, Hz.
-    """
+    """Judge whether the recording excited the crossover frequencies of the model's loops, Hz."""
     crossover, band = max(crossovers_Hz), excited.highest_Hz
     if crossover > band:
         text = (
@@ -51,9 +49,7 @@ def judge_band(crossovers_Hz: Sequence[float], excited: Excitation) -> Finding:
 def judge_rests(
     linear: LinearModel, amplitude: float, rests: NDArray[np.float64], runs: Runs, verdict: Verdict
 ) -> Finding | None:
-    """Find that a plant cannot follow the references because it rests elsewhere than the model; None if it can.
-    Shapes: `rests` (3,).
-    """
+    """Find that a plant rests elsewhere than the model and so cannot follow the references; `rests` (3,)."""
     centre = linear.operating_output
     if centre is None or not np.isfinite(rests).all():
         return None

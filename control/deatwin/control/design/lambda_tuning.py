@@ -38,11 +38,7 @@ class FirstOrderDelay:
 
 
 def reduce_to_first_order(linear: LinearModel) -> FirstOrderDelay:
-    """Reduce a model to gain, lag and delay by two points of its step response.
-
-    Source: C. L. Smith, Digital Computer Process Control (1972): the two-point method; also in Seborg, Edgar,
-    Mellichamp, Process Dynamics and Control, section 7.2.
-    """
+    """Gain, lag and delay by two points of the step response (Smith, Digital Computer Process Control, 1972)."""
     slowest = float(np.abs(linear.require().poles).max(initial=0.0))
     decay = np.log(_SETTLED) / np.log(slowest) if slowest > 0.0 else 0.0
     count = int(min(max(decay, 0.0), _LONGEST)) + linear.numerator.size + linear.denominator.size + 1
@@ -183,9 +179,7 @@ def lambda_tuning_pid(
 
 
 def default_closed_loop_time(linear: LinearModel, band_Hz: float | None = None) -> float:
-    """The time constant of the closed loop that `lambda_tuning` chooses by itself. `band_Hz` band that the recording
-    excited, Hz.
-    """
+    """Closed-loop time constant that `lambda_tuning` chooses by itself; `band_Hz` the recording excited."""
     plant, h = reduce_to_first_order(linear), linear.sample_time
     return _default_time(h, plant.time_constant, plant.delay + 0.5 * h, band_Hz)
 

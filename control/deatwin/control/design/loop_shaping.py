@@ -45,9 +45,7 @@ class Robustness:
             )
 
     def largest_gain(self, loops: Complex) -> Array:
-        """Up to which factor loops may be raised from nothing before a bound is reached. Shapes: `loops` (n,
-        n_frequencies); returns (n,).
-        """
+        """Factor (n,) up to which loops (n, n_frequencies) may be raised before a bound is reached."""
         # The lower root k of |1 + k L|² = 1/M², or |k L| = 1 where the phase of L is within the margin of -180°. Below
         # the least over all frequencies the locus never touches the circle about -1.
         real, square = loops.real, np.abs(loops) ** 2

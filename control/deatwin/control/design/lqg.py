@@ -36,9 +36,7 @@ class LqgGains:
     observer: Array
 
     def law(self) -> tuple[Law, Array]:
-        """The law from reference and reading to command, and how it follows the command that was applied. Shapes:
-        returns (n + 2,).
-        """
+        """Law from reference and reading to command, and how it follows the applied command, (n + 2,)."""
         n, gain, m = self.states.b.size, self.states.gain, self.observer
         a, c = _with_drift(self.states)
         forward = float(self.regulator[:n] @ self.states.rest + self.regulator[n])
@@ -134,9 +132,7 @@ def lqg(
 
 
 def lqg_gains(linear: LinearModel, closed_loop_time: float, drift_by_noise: float) -> LqgGains:
-    """Both gains of an LQG controller. `drift_by_noise` standard deviation of the drift in a sample by that of the
-    noise.
-    """
+    """Both gains of an LQG controller; `drift_by_noise` standard deviation of drift per sample over noise."""
     states = States.of(linear)
     if linear.realisation is not None:  # of a plant's many states most answer alike: the response keeps eight digits
         states = states.balanced()

@@ -52,11 +52,7 @@ class States:
         return np.asarray(np.linalg.solve(np.eye(self.b.size) - self.a, self.b))
 
     def balanced(self) -> States:
-        """Balanced realisation, without states that are hardly controllable or observable.
-
-        Source: A. J. Laub, M. T. Heath, C. C. Paige and R. C. Ward, "Computation of system balancing
-        transformations", IEEE Trans. Automat. Control 32 (1987) 115-122.
-        """
+        """Balanced realisation, hardly hidden states left out (Laub et al., IEEE Trans. Automat. Control 32 (1987))."""
         from scipy.linalg import solve_discrete_lyapunov
 
         a, b, c = self.a, self.b, self.c

@@ -56,9 +56,7 @@ class PlantSystem:
         return [*self._equations.states, *self._equations.coordinates, *past]
 
     def state(self, x: Array, z: Array, command: float) -> Array:
-        """The state of the system in which the plant is under a command that has long been constant. Shapes: `x, z`
-        (n_x,); returns (n_states,).
-        """
+        """State (n_states,) of the system after a long constant command. Shapes: `x, z` (n_x,)."""
         unknowns = (np.concatenate([x, z]) - self._at_rest) / self._equations.scale
         return np.concatenate([unknowns, np.full(self._memory, command - self._rest_command)])
 

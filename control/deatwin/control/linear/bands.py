@@ -107,10 +107,7 @@ class FamilyBands(Described):
 
     @cached_property
     def slowest(self) -> Banded:
-        """Time constant of the pole nearest to the unit circle, s, arrays of shape (n_points,); negative if it grows.
-
-        0 for a model without poles.
-        """
+        """Time constants (n_points,) of the pole nearest to the unit circle, s; negative if it grows."""
         poles = self.family.poles
         times = _time_constant(np.abs(poles).max(axis=2, initial=0.0), self.family.sample_time)
         return Banded.over_samples(np.where(self.family.exists, times, np.nan))
@@ -142,13 +139,7 @@ class FamilyBands(Described):
         return self.operating_inputs, f"operating {self.family.input_name}" + (f" ({unit})" if unit else "")
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot the static gain over operating input or time, with its band.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-        """
+        """Plot the static gain with its band over operating input or time, on `ax` or new axes."""
         axes, (along, label) = axes_or_new(ax), self._along
         factor, unit = _gain_unit(self.family)
         gain = self.static_gain
@@ -171,13 +162,7 @@ class FamilyBands(Described):
         return axes
 
     def plot_time_constants(self, ax: Axes | None = None) -> Axes:
-        """Plot the time constant of each mode over operating input or time, with its band.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-        """
+        """Plot each mode's time constant with its band over operating input or time, on `ax` or new axes."""
         axes, (along, label) = axes_or_new(ax), self._along
         time_constant = self.modes.time_constant
         for number, k in enumerate(_drawn(self.modes.poles)):
@@ -196,13 +181,7 @@ class FamilyBands(Described):
         return axes
 
     def plot_poles(self, ax: Axes | None = None) -> Axes:
-        """Plot the poles in the z plane, coloured by operating input or time, with those of the samples as a cloud.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-        """
+        """Plot the poles in the z plane on `ax` or new axes, coloured by input or time, those of samples as a cloud."""
         from matplotlib.patches import Circle
 
         axes, (along, label) = axes_or_new(ax), self._along

@@ -142,9 +142,7 @@ class Realisation:
         return found
 
     def coefficients(self) -> tuple[Array, Array]:
-        """Numerator and denominator in powers of z^-1, exact but for one rounding. Shapes: returns (n + n_lags,);
-        returns (n + 1,).
-        """
+        """Numerator (n + n_lags,) and denominator (n + 1,) in powers of z^-1, exact but for one rounding."""
         n, n_lags = self.b.shape
         (a, unit_a), (b, unit_b), (c, unit_c), (d, unit_d) = (_integers(m) for m in (self.a, self.b, self.c, self.d))
         identity = np.array([[int(i == j) for j in range(n)] for i in range(n)], dtype=object).reshape(n, n)

@@ -9,9 +9,7 @@ Array = NDArray[np.float64]
 
 
 def bandwidth_Hz(omega: Array, loops: NDArray[np.complex128]) -> Array:
-    """Find where |L/(1 + L)| first falls below -3 dB; the last frequency where it does not. Shapes: `omega` (k,), rad/s;
-    `loops` (n, k); returns (n,), Hz.
-    """
+    """Where abs(L/(1 + L)) first falls below -3 dB, else the last, (n,) Hz. Shapes: `loops` (n, k); `omega` (k,)."""
     closed = np.abs(loops / (1.0 + loops))
     below = closed < np.sqrt(0.5)
     first = np.where(below.any(axis=1), below.argmax(axis=1), omega.size - 1)

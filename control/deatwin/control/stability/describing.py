@@ -24,10 +24,7 @@ def saturation(limit: float, amplitude: Array) -> Complex:
 
 
 def quantiser(step: float, amplitude: Array) -> Complex:
-    """Return N of rounding to the nearest multiple of a step, for few steps. Shapes: returns that of `amplitude`.
-
-    Each edge, at (k + 1/2) steps, is a relay of one step.
-    """
+    """Return N, as `amplitude`, of rounding to multiples of a step: a relay of one step at each edge."""
     ratio = np.asarray(amplitude / step)[..., None]
     edges = np.arange(np.floor(ratio.max() + 0.5)) + 0.5
     gain = np.sum(np.sqrt(np.maximum(1.0 - (edges / ratio) ** 2, 0.0)), axis=-1)

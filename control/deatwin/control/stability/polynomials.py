@@ -72,9 +72,7 @@ def loop_polynomials(numerators: ArrayLike, denominators: ArrayLike) -> tuple[Ar
 
 
 def jet(columns: Array, angle: Array, order: int) -> tuple[Complex, ...]:
-    """Polynomials on the unit circle, each at an angle of its own, with derivatives by the angle. Shapes: `columns`
-    (m, n); `angle` (n,); returns (n,).
-    """
+    """Polynomials on the unit circle with derivatives by the angle, (n,). Shapes: `columns` (m, n); `angle` (n,)."""
     turn = np.exp(-1j * angle)
     found = []
     for power in range(order + 1):
@@ -87,9 +85,7 @@ def jet(columns: Array, angle: Array, order: int) -> tuple[Complex, ...]:
 
 
 def stable_loops(numerators: Array, denominators: Array) -> NDArray[np.bool_]:
-    """True where all closed-loop poles lie inside the unit circle. Shapes: `numerators, denominators` (n, m);
-    returns (n,).
-    """
+    """True where all closed-loop poles lie inside the unit circle, (n,). Shapes: (n, m)."""
     # Schur and Cohn's recursion decides, for polynomials shrunk and grown a little too; where they disagree,
     # eigenvalues decide.
     closed = numerators + denominators

@@ -137,11 +137,7 @@ def _real_equilibria(model: NarxModel, inputs: Array) -> Array:
 
 
 def _crossings(model: NarxModel, inputs: Array) -> Array:
-    """Return where f(y, ..., y; u) - y changes its sign, for terms that hold functions, increasing.
-
-    Outputs are tried from a thousandth to a thousand times the size of the training data, twenty in each factor of ten,
-    on either side of the origin; two equilibria nearer to each other than that are not seen.
-    """
+    """Where f(y, ..., y; u) - y changes its sign, increasing, on a grid of twenty outputs in each factor of ten."""
     from scipy.optimize import brentq
 
     def imbalance(y: float) -> float:

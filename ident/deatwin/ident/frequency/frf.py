@@ -90,17 +90,13 @@ def _at_rest(model: LinearModel) -> Equilibrium:
 
 
 def _transfer(orders: Orders, theta: Array, angle: Array, channel: int) -> Complex:
-    """Return B_i/(A F_i) for one or many parameter vectors. Shapes: `theta` (..., n_theta); `angle` (n,); returns
-    (..., n).
-    """
+    """B_i/(A F_i) for one or many parameter vectors. Shapes: `theta` (..., n_theta); `angle` (n,); (..., n)."""
     a, b, f = _rows(orders, theta, angle, channel)
     return np.asarray(b / (a * f))
 
 
 def _transfer_gradient(orders: Orders, theta: Array, angle: Array, channel: int) -> Complex:
-    """Return the derivative of B_i/(A F_i) by the parameters. Shapes: `theta` (n_theta,); `angle` (n,); returns (n,
-    n_theta).
-    """
+    """Derivative of B_i/(A F_i) by the parameters. Shapes: `theta` (n_theta,); `angle` (n,); (n, n_theta)."""
     a, b, f = (values[:, None] for values in _rows(orders, theta, angle, channel))
     in_a, in_b, in_f = _slots(orders, channel)
     gradient = np.zeros((angle.size, orders.n_theta), dtype=np.complex128)

@@ -9,10 +9,7 @@ import numpy as np
 
 
 class Frozen:
-    """Base of frozen dataclasses whose arrays are read-only, also after a copy, or in a worker process.
-
-    What such a class computes once and keeps is not copied.
-    """
+    """Base of frozen dataclasses: arrays stay read-only in copies and workers; cached values are not copied."""
 
     def __post_init__(self) -> None:
         for value in vars(self).values():

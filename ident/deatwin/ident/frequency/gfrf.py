@@ -213,9 +213,7 @@ def values_at(about: Deviations, angles: Array, form: str, rows: Sequence[int] =
 
 
 def gradient_at(about: Deviations, angles: Array, form: str, rows: Sequence[int] = ()) -> Complex:
-    """Return the derivative of H_n by the parameters of the model that was expanded. Shapes: `angles` (n, order);
-    returns (n, n_terms).
-    """
+    """Derivative of H_n by the parameters of the expanded model. Shapes: `angles` (n, order); (n, n_terms)."""
     shape, blocks = _blocks(about, angles, FORMS[form], 1 + len(about.model.terms), rows)
     gradient = np.zeros((*shape, about.jacobian.shape[1]), dtype=np.complex128)
     for block, tones in blocks:

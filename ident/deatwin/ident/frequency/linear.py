@@ -114,9 +114,7 @@ def linear_part(model: NarxModel, operating_input: ArrayLike, output: float) -> 
 
 
 def levels(model: NarxModel, inputs: Array, output: float) -> Array:
-    """Return the argument of each variable of a model at an equilibrium, counted from the model's origin: the signal,
-    also where the variable is a function of it. Shapes: `inputs` (n_inputs,); returns (n_variables,).
-    """
+    """Arguments (n_variables,) of a model at an equilibrium, counted from its origin; `inputs` (n_inputs,)."""
     moved_in, moved_out = inputs - model.input_origin, output - model.output_origin[0]
 
     def lagged(v: Variable, lag: int) -> Array:
@@ -142,9 +140,7 @@ def _applied(model: NarxModel, arguments: Array) -> tuple[Array, Array, Array]:
 
 
 def _gathering(model: NarxModel) -> tuple[tuple[tuple[str, int, int], ...], Array]:
-    """Return the lagged signals of a model by kind, row and lag, and the matrix that gathers the slopes by arguments
-    into slopes by them, shape (n_lagged, n_variables).
-    """
+    """Lagged signals by kind, row and lag, and the matrix (n_lagged, n_variables) of slopes by them."""
     held = [
         [(v.kind, v.index, v.lag)] + ([(v.kind, v.index, v.reach)] if v.reach > v.lag else [])
         for v in model.table.variables
@@ -179,9 +175,7 @@ def _bends(model: NarxModel, arguments: Array) -> Array:
 
 
 def feedback(model: NarxModel, arguments: Array) -> tuple[NDArray[np.int64], Array]:
-    """Return how the past outputs act in the linear part. Shapes: `arguments` (n_variables,); returns (n_a,), lags in
-    samples, and (n_a,).
-    """
+    """Lags (n_a,) and coefficients (n_a,) of past outputs in the linear part. Shapes: `arguments` (n_variables,)."""
     lagged, gathering = _gathering(model)
     chosen = [j for j, (kind, _, _) in enumerate(lagged) if kind == "y"]
     with np.errstate(over="ignore", invalid="ignore"):
@@ -197,9 +191,7 @@ def require_finite(coefficients: Array) -> None:
 
 
 def motion(model: NarxModel, arguments: Array) -> Array:
-    """Return how the equilibrium moves with the parameters, dy/dtheta = terms / (1 - sum a). Shapes: `arguments`
-    (n_variables,); returns (n_terms,).
-    """
+    """dy/dtheta = terms / (1 - sum a) of the equilibrium, (n_terms,). Shapes: `arguments` (n_variables,)."""
     # The stiffness of slow poles p, prod (1 - p), is small by nature. At a fold it is zero only to the square root of
     # rounding.
     a = feedback(model, arguments)[1]
@@ -230,9 +222,7 @@ def _along_output(model: NarxModel, values: Array) -> tuple[NDArray[np.int64], f
 
 
 def poles_of(lags: NDArray[np.int64], a: Array) -> NDArray[np.complex128]:
-    """Return the poles in the z plane, the roots of 1 - sum_l a_l z^-l. Shapes: `lags` (n_a,); `a` (n_a,); returns
-    (largest lag,).
-    """
+    """Poles in the z plane, roots of 1 - sum_l a_l z^-l, (largest lag,). Shapes: `lags`, `a` (n_a,)."""
     denominator = np.zeros(int(lags.max(initial=0)) + 1)
     denominator[0] = 1.0
     np.subtract.at(denominator, lags, a)

@@ -85,9 +85,7 @@ def spectrum_of_many(
 
 
 def stable_polynomials(coefficients: Array) -> NDArray[np.bool_]:
-    """Return whether all roots of polynomials lie inside of the unit circle, by the recursion of Schur and Cohn.
-    Shapes: `coefficients` (..., order + 1); returns (...).
-    """
+    """True where all roots lie inside the unit circle (Schur, Cohn). Shapes: (..., order + 1); returns (...)."""
     rest = np.asarray(coefficients, dtype=np.float64)
     stable = np.ones(rest.shape[:-1], dtype=np.bool_)
     while rest.shape[-1] > 1:
@@ -136,9 +134,7 @@ def _feedback_polynomial(expansion: dict[Term, Array], count: int) -> Array:
 
 
 def follow_equilibrium(model: NarxModel, point: Equilibrium, thetas: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Follow the equilibrium from the model's parameters to others by Newton's method. Shapes: `thetas` (n_draws,
-    n_terms); returns (n_draws,); returns (n_draws,).
-    """
+    """Follow the equilibrium to other parameters by Newton's method. Shapes: `thetas` (n_draws, n_terms)."""
     # A root beyond an extremum of y - f(y) belongs to another branch: the model's own has ended in a fold.
     is_output = np.array([v.kind == "y" for v in model.table.variables], dtype=bool)
     degrees = model.table.exponents[:, is_output].sum(axis=1)

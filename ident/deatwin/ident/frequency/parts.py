@@ -20,9 +20,7 @@ _ROUNDING = 64 * np.finfo(float).eps  # what is left of a sum of that many round
 
 
 class Tones:
-    """Sets of tones, each a bit of the part's number. Shapes: `angles` (n, order); `rows` (order,) of the inputs that hold
-    the tones, all the first by default.
-    """
+    """Sets of tones, each a bit of the part's number; `angles` (n, order), `rows` (order,) their inputs."""
 
     # The input is a sum of tones e^(jw_i k); the part of all n tones in the output is n! times the symmetric H_n.
 
@@ -31,9 +29,7 @@ class Tones:
 
     @classmethod
     def on_grid(cls, axes: Sequence[Array], rows: Sequence[int] = ()) -> Self:
-        """All combinations of the tones' frequencies: a set is computed once for those of its own tones. Shapes:
-        `axes` (n_i,).
-        """
+        """All combinations of the tones' frequencies, each set computed once. Shapes: `axes` (n_i,)."""
         tones = cls.__new__(cls)
         tones._take(np.meshgrid(*axes, indexing="ij", sparse=True), rows)
         return tones
@@ -122,9 +118,7 @@ FORMS: Mapping[str, type[Tones]] = {"symmetric": Tones, "recursive": TonesInOrde
 
 
 class Orders:
-    """Orders of the output in the size of a periodic input, over one period of the steady state. Shapes: `excitation`
-    (n,), or (n_inputs, n).
-    """
+    """Orders of the output in the size of a periodic input, over a period. Shapes: `excitation` (..., n)."""
 
     def __init__(self, excitation: Array, highest: int) -> None:
         self.excitation = np.atleast_2d(excitation)
@@ -151,9 +145,7 @@ class Orders:
 
 
 class CrossOrders(Orders):
-    """Parts of the output that go with a power of each input, all powers up to those wanted. Shapes: `excitation`
-    (n_inputs, n); `powers` (n_inputs,).
-    """
+    """Parts of the output with given powers of each input. Shapes: `excitation` (n_inputs, n); `powers` (n_inputs,)."""
 
     # A part's number has a digit for each input, its power, to a base that no sum of two parts carries over.
 

@@ -100,17 +100,13 @@ def line_frequencies(n_samples: int, sample_time: float) -> Array:
 
 
 def spectrum_of(values: ArrayLike) -> Complex:
-    """Return the Fourier coefficients of whole periods, (1/n) sum_k x(k) e^(-jwkT). Shapes: `values` (..., n);
-    returns (..., n // 2 + 1).
-    """
+    """Fourier coefficients of whole periods, (1/n) sum_k x(k) e^(-jwkT), (..., n // 2 + 1)."""
     given = np.asarray(values, dtype=np.float64)
     return np.asarray(np.fft.rfft(given) / given.shape[-1], dtype=np.complex128)
 
 
 def excited_lines(spectrum: Complex) -> NDArray[np.bool_]:
-    """Return which lines of an input hold more than rounding, of the shape of the spectrum. Shapes: `spectrum`
-    (n_lines,).
-    """
+    """True for lines that hold more than rounding. Shapes: `spectrum`, as the result (n_lines,)."""
     size = np.abs(spectrum)
     return np.asarray(size > _EXCITED * size.max(), dtype=np.bool_)
 
@@ -123,9 +119,7 @@ def representable(values: Complex, what: str) -> Complex:
 
 
 def one_period(excitation: ArrayLike, sample_time: float, n_inputs: int = 1) -> Array:
-    """Return a period of an input, or of several, after a check. Shapes: `excitation` (n_samples,) or (n_inputs,
-    n_samples), as the result.
-    """
+    """Return a period of inputs after a check. Shapes: (n_samples,) or (n_inputs, n_samples), as the result."""
     values = real_numbers(excitation, "the excitation")
     wanted = "(n_samples,)" if n_inputs == 1 else f"({n_inputs}, n_samples)"
     several = values.ndim == 2 and values.shape[0] == n_inputs
@@ -209,9 +203,7 @@ def _steady(model: NarxModel, excitation: ArrayLike, operating_input: ArrayLike 
 def cross_order(
     model: NarxModel, excitation: ArrayLike, powers: Sequence[int], operating_input: ArrayLike | None = None
 ) -> FrequencyResponse:
-    """Return the part of the output that goes with a power of each input. Shapes: `excitation` (n_inputs, n);
-    `powers` (n_inputs,).
-    """
+    """Part of the output with a power of each input. Shapes: `excitation` (n_inputs, n); `powers` (n_inputs,)."""
     about = deviations(model, operating_input)
     parts = CrossOrders(one_period(excitation, model.sample_time, len(powers)), powers)
     found = _Steady(model=model, about=about, parts=parts).response((parts.whole,), sum(powers))
@@ -221,9 +213,7 @@ def cross_order(
 def inner_lines(
     model: NarxModel, excitation: Array, order: int, operating_input: ArrayLike | None = None
 ) -> FrequencyResponse:
-    """An order of the output at the lines where it is complex and not zero: its covariance has two dimensions there.
-    Shapes: `excitation` (n_samples,).
-    """
+    """An order of the output where it is complex and not zero: there its covariance has two dimensions."""
     whole = output_orders(model, excitation, order, operating_input=operating_input)[-1]
     inner = np.arange(1, whole.values.size - 1)
     kept = inner[whole.gain[inner] > 1e-9 * whole.gain.max()]

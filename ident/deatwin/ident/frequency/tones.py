@@ -17,10 +17,7 @@ PERIODS = 3
 def tone_response(
     plant: Plant, frequency_Hz: Sequence[float], size: float, operating_input: float
 ) -> NDArray[np.complex128]:
-    """Probe a plant by tones of either sign, so that even orders cancel. Shapes: returns (n_frequencies,).
-
-    `frequency_Hz` multiples of the first one; `size` largest deviation from the operating input, in its unit.
-    """
+    """Probe a plant by tones of either sign, so that even orders cancel, (n_frequencies,); `size` in input units."""
     step = plant.rig.sample_time
     n = round(1 / frequency_Hz[0] / step)
     lines = np.round(np.array(frequency_Hz) * n * step).astype(int)

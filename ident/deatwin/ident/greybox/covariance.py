@@ -34,10 +34,7 @@ def covariance(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
 
 
 def with_errors(spread: np.ndarray, jacobian: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Covariance of least squares that also meets errors along columns, each as large as its deviation.
-
-    Shapes: `spread` (p, p), the covariance without them; `jacobian` (n, p); `columns` (n, k); returns (p, p).
-    """
+    """Covariance (p, p) of least squares that also meets errors along `columns` (n, k); `jacobian` (n, p)."""
     scaled, scale = _unit_columns(jacobian)
     carried = np.linalg.lstsq(scaled, columns, rcond=np.sqrt(RANK))[0] / scale[:, None]
     return np.asarray(spread + carried @ carried.T)
@@ -50,9 +47,7 @@ def beside(jacobian: np.ndarray, columns: np.ndarray) -> np.ndarray:
 
 
 def white_variances(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
-    """Variances of the coordinates if the residuals were white noise. Shapes: `residuals` (m,); `jacobian` (m, n);
-    returns (n,).
-    """
+    """Variances (n,) of the coordinates if the residuals (m,) were white noise; `jacobian` (m, n)."""
     scaled, scale = _unit_columns(jacobian)
     freedom = max(residuals.size - scale.size, 1)
     bread = np.linalg.pinv(scaled.T @ scaled, rcond=RANK)

@@ -48,9 +48,7 @@ class Problem:
         return [self.plant.parameters[name] for name in self.names]
 
     def evaluate(self, coordinates: np.ndarray) -> Response | None:
-        """Residuals (m,) and derivative of the readings (m, n), SI; None if the plant or its derivative fails.
-        Shapes: `coordinates` (n,).
-        """
+        """Residuals (m,) and derivative of the readings (m, n), SI; None if the plant fails. Shapes: (n,)."""
         if self.response is not None and np.array_equal(coordinates, self.start()):
             return self.response
         self.watch()

@@ -48,9 +48,7 @@ class Survey:
 def held(
     problem: Problem, centre: np.ndarray, spread: np.ndarray, k: int, at: float, *, evaluations: int, tolerance: float
 ) -> Minimum | None:
-    """Fit all parameters but one, which is held, from where the covariance expects them. Shapes: `centre` (n,),
-    coordinates of the minimum; `spread` (n, n), its covariance.
-    """
+    """Fit all parameters but one, held, from where the covariance (n, n) expects them; `centre` (n,)."""
     # Of parameters with the same effect one moved alone would leave the valley of good fits, and perhaps all plants
     # that can be simulated.
     along = np.nan_to_num(spread[:, k] / spread[k, k], posinf=0.0, neginf=0.0)
@@ -67,9 +65,7 @@ def held(
 
 
 def survey(problem: Problem, best: Minimum, known: np.ndarray, deviations: float) -> tuple[Survey | None, int]:
-    """Look how far the parameter that is known worst may go, and count the simulations; None where the linear model's
-    intervals stand. Shapes: `known` (n,), True for parameters that have a variance.
-    """
+    """Look how far the worst known parameter may go, and count runs; None where the linear intervals stand."""
     spread, white = covariance(best.residuals, best.jacobian), white_variances(best.residuals, best.jacobian)
     (lower, upper), own = problem.bounds(), np.sqrt(np.diag(spread))
     ranges = np.where(np.isfinite(upper - lower), upper - lower, 1.0)
@@ -113,9 +109,7 @@ def survey(problem: Problem, best: Minimum, known: np.ndarray, deviations: float
 
 
 def _outwards(centre: float, half: float, end: float) -> Iterator[float]:
-    """Points from twice the interval on, each farther away than the one before, and the end of the range as the last;
-    none if the interval reaches it.
-    """
+    """Points from twice the interval on, each farther than the one before, and the end of the range as the last."""
     away = _TWICE * half
     while abs(away) < abs(end - centre):
         yield centre + away

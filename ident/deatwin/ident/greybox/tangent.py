@@ -19,18 +19,14 @@ def taken_off(signal: np.ndarray, basis: np.ndarray) -> np.ndarray:
 
 
 def linearised_rms(residuals: np.ndarray, jacobian: np.ndarray) -> float:
-    """Rms of what a linear model of a fit would leave, wherever its parameters had to go for that. Shapes:
-    `residuals` (m,); `jacobian` (m, n).
-    """
+    """Rms of what an unbounded linear model of a fit would leave. Shapes: `residuals` (m,); `jacobian` (m, n)."""
     return float(np.sqrt(np.mean(taken_off(residuals, tangent_basis(jacobian)) ** 2)))
 
 
 def bounded_fit(
     residuals: np.ndarray, jacobian: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> tuple[float, np.ndarray]:
-    """Residual of a linear model of a fit whose parameters are bounded. Shapes: `residuals` (m,);
-    `jacobian` (m, n); `lower, upper` (n,); returns (n,).
-    """
+    """Residual of a linear model of a fit within bounds. Shapes: `residuals`, result (m,); `jacobian` (m, n)."""
     sizes = np.linalg.norm(jacobian, axis=0)
     scales = np.where(sizes > 0.0, sizes, 1.0)
     basis, small = np.linalg.qr(jacobian / scales)  # the rest of the residuals nothing can take

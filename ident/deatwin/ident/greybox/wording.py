@@ -28,10 +28,7 @@ def _range(parameter: Parameter, low: float, high: float) -> str:
 
 
 def known_together(names: tuple[str, ...], covariance: np.ndarray) -> list[str]:
-    """Return pairs of parameters of which the one is known much better where the other is known.
-
-    Shapes: `covariance` (n, n).
-    """
+    """Return pairs of parameters of which the one is known much better where the other is known; (n, n)."""
     deviations = np.sqrt(np.diag(covariance))
     sizes = np.outer(deviations, deviations)
     alike = np.divide(covariance, sizes, out=np.zeros_like(sizes), where=sizes > 0.0)

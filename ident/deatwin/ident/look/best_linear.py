@@ -169,10 +169,7 @@ def _realisation(record: Recording, n: int, channel: int, output: int, skip: int
 
 
 def _settling(outputs: Complex) -> int:
-    """Return the periods after which a period differs from the next by no more than the last two do from each other.
-
-    The ratio of two powers of noise is an F variable; its degrees of freedom are those of unequal lines (Satterthwaite).
-    """
+    """Return the periods after which a period differs from the next by no more than the last two do."""
     from scipy.special import fdtri
 
     steps = np.abs(np.diff(outputs, axis=0)) ** 2
@@ -232,10 +229,7 @@ def _noise(runs: Sequence[_Realisation], excited: Lines, response: Complex) -> t
 
 
 def _beside(lines: NDArray[np.int64], excited: Lines) -> NDArray[np.int64] | None:
-    """Return the places of the detection lines nearest to each excited one, of its parity; None where there are none.
-
-    Shapes: returns (n_excited, n_neighbours). Lines above the band hold distortion of other kinds and do not count.
-    """
+    """Detection lines of equal parity nearest to each excited line, (n_excited, n_neighbours); None without any."""
     band = slice(int(np.argmax(excited)), excited.size - int(np.argmax(excited[::-1])))
     inside = np.zeros_like(excited)
     inside[band] = ~excited[band]

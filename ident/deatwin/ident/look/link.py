@@ -132,9 +132,7 @@ def _mean_by_chance(lines: float) -> float:
 
 
 def _coherence(u: Array, y: Array, sample_time: float) -> tuple[Array, Array, Array]:
-    """Return frequencies above 0 Hz in Hz, the coherence and the input's power there. Shapes: `u, y` (n,); returns
-    (n_lines,) each.
-    """
+    """Frequencies above 0 Hz, coherence and the input's power there, (n_lines,) each. Shapes: `u, y` (n,)."""
     from scipy.signal import coherence, welch
 
     about = {"fs": 1.0 / sample_time, "nperseg": 2 * u.size // (_SEGMENTS + 1), "detrend": "linear"}

@@ -319,10 +319,7 @@ def _excited(record: Recording, row: int) -> Excitation | None:
 
 
 def _findings(records: Sequence[Recording]) -> tuple[Finding, ...]:
-    """Return what `inspect_recordings` finds in the pieces that are long enough for it.
-
-    A slow command is no fault, and outputs that move slowly as it does are none either.
-    """
+    """Return what `inspect_recordings` finds in the pieces that are long enough for it."""
     found: list[Finding] = []
     for record in records:
         try:

@@ -49,10 +49,7 @@ class EnergyStart:
 
     @property
     def prior(self) -> Array:
-        """Expected coordinates and their deviations, shape (2, k): weak, for directions of which the tests tell nothing.
-
-        A modulus is within ten times of that of the start, one deviation; a term of either sign is not larger.
-        """
+        """Expected coordinates and their deviations, (2, k): weak, for directions of which the tests tell nothing."""
         deviations = {Scale.LOGARITHMIC: np.log(10.0), Scale.LINEAR: 10.0 * self.stiffest}
         modulus = [deviations.get(p.scale, np.inf) if p.unit == "Pa" else np.inf for p in self.parameters]
         return np.vstack([self.start, modulus])
@@ -81,9 +78,7 @@ class EnergyStart:
 
 
 def known_energies(modulus: float, largest: float) -> Iterator[EnergyStart]:
-    """All energies of `deatwin.plant.laws`. `modulus` shear modulus of the neo-Hookean fit, Pa; `largest` first
-    invariant that the tests reach.
-    """
+    """All energies of `deatwin.plant.laws`, from the neo-Hookean modulus, Pa, and the largest first invariant."""
 
     def stiff(name: str, value: float) -> Parameter:
         low, high = modulus / FURTHEST, modulus * FURTHEST

@@ -123,11 +123,7 @@ def fit(data: Observations, start: EnergyStart, elastic: Array, branches: Array,
 
 
 def _prior(start: EnergyStart, number: int, times: tuple[float, float]) -> tuple[Array, Array]:
-    """Expected coordinates and their deviations: weak, for directions of which the tests tell nothing.
-
-    Published branches have moduli like that of the equilibrium, within ten times (one deviation); times are spread over
-    all that the tests show.
-    """
+    """Expected coordinates and their deviations: weak, for directions of which the tests tell nothing."""
     expected, deviations = start.prior
     low, high = np.log(times)
     return (

@@ -33,9 +33,7 @@ _NEWTON = 6
 
 
 def elastic_stress(energy: Callable[..., Any], stretches: Array, values: Array) -> tuple[Array, Array]:
-    """Nominal stress along the pull, Pa, and its derivatives by the parameters. Shapes: `stretches` (2, n); `values`
-    (k,); returns (n,), (n, k).
-    """
+    """Nominal stress along the pull, Pa, and its derivatives, (n,), (n, k). Shapes: `stretches` (2, n)."""
     stress, slopes = _elastic(energy, values.size)(*stretches[:, None, :], values[:, None])
     return np.asarray(stress).ravel(), np.asarray(slopes).reshape(values.size, -1, order="F").T
 

@@ -87,9 +87,7 @@ class Whitener:
 
 
 def estimate_noise(data: Observations, residual: Array, modelled: Array, slopes: Array) -> Noise:
-    """Errors by restricted maximum likelihood: the likelihood of what parameters cannot move. Shapes: (n,), (n,),
-    (n, k).
-    """
+    """Errors by restricted maximum likelihood. Shapes: (n,), (n,), (n, k)."""
     sizes = [float(np.max(np.abs(data.measured[group]))) for group in data.groups]
     scattered = len(data.specimens) > 1
     alone = (1.0,) * len(data.blocks)  # the size of errors does not depend on how they hang together

@@ -177,9 +177,7 @@ def _block(test: MaterialTest) -> Block:
 
 
 def samples_kept(times: Array, stretch: Array) -> NDArray[np.intp]:
-    """Samples that tell a path of stretches: corners, and between them samples at even and at growing distances.
-    Shapes: (n,) both.
-    """
+    """Samples that tell a path: corners, and evenly and increasingly distant ones between. Shapes: (n,) both."""
     if times.size <= KEPT:
         return np.arange(times.size)
     corners = _corners(times, stretch)

@@ -22,10 +22,7 @@ eps kappa; what lost more than half of its digits to cancellation is better form
 
 
 def covariance_of(values: ArrayLike, names: Sequence[object], complaint: str = "theta_cov is no covariance") -> Array:
-    """Return a parameter covariance (n, n), exactly symmetric and read-only; ModelError if it is indefinite.
-
-    Definiteness is judged on the correlations, so that the units of the parameters do not matter.
-    """
+    """Return a covariance (n, n), symmetric and read-only; ModelError if its correlations are indefinite."""
     given = np.asarray(values, dtype=np.float64)
     if not given.any():
         return read_only(given)
@@ -93,10 +90,7 @@ def gram_inverse_root(columns: Array) -> Array:
 
 
 def transformed(jacobian: Array, covariance: Array) -> Array:
-    """Return J C J' for a Jacobian J (n_new, n) and covariance C (..., n, n) as a valid covariance.
-
-    The product itself can be indefinite by rounding if C is nearly singular.
-    """
+    """Return J C J' as a valid covariance. Shapes: `jacobian` (n_new, n); `covariance` (..., n, n)."""
     root = jacobian @ covariance_root(covariance)
     product = root @ root.swapaxes(-1, -2)
     return np.asarray(0.5 * (product + product.swapaxes(-1, -2)))

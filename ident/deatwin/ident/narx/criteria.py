@@ -64,13 +64,7 @@ def split(
 
 
 def free_run_errors(data: Regression, recordings: Sequence[Recording], theta: Array) -> Array:
-    """Return the mean squared free-run errors of models of one equation.
-
-    Each run starts from the measured first lags of a recording. Other outputs, which have equations of their own, are
-    taken as measured.
-
-    Shapes: `theta` (n_models, n_terms); returns (n_models,).
-    """
+    """Mean squared free-run errors (n_models,) of one equation, other outputs as measured."""
     chosen = np.tile(np.arange(theta.shape[1]), (len(theta), 1))
     total, samples = np.zeros(len(theta)), 0
     for record in recordings:

@@ -45,9 +45,7 @@ class LeastSquares:
     """Least squares by QR of the normalised regressors, which loses no digits to a Gram matrix."""
 
     def __call__(self, rows: Array, target: Array) -> Estimate:
-        """Estimate; ``theta_cov`` is ``s^2 (P'P)^-1`` with s^2 the residual sum of squares over n_samples - n_terms.
-        Shapes: `rows` (n_terms, n_samples); `target` (n_samples,).
-        """
+        """Estimate; ``theta_cov`` is ``s^2 (P'P)^-1``. Shapes: `rows` (n_terms, n_samples); `target` (n_samples,)."""
         n_terms, n = rows.shape
         if n <= n_terms:
             raise ModelError(f"{n} samples do not determine {n_terms} parameters and the noise")
@@ -81,9 +79,7 @@ class Centred:
 
     @classmethod
     def of(cls, rows: Array, target: Array) -> Centred:
-        """Take the constant regressor out, if there is one. Shapes: `rows` (n_terms, n_samples); `target`
-        (n_samples,).
-        """
+        """Take the constant out, if there is one. Shapes: `rows` (n_terms, n_samples); `target` (n_samples,)."""
         constants = np.flatnonzero((np.ptp(rows, axis=1) == 0) & (rows[:, 0] != 0))
         if constants.size == 0:
             return cls(rows, target, None, 1.0, np.zeros(len(rows)), 0.0)
@@ -98,9 +94,7 @@ class Centred:
         return self.target.size - (self.constant is not None)
 
     def complete(self, theta: Array, root: Array, variance: float) -> Estimate:
-        """Return the estimate with the constant's parameter, mean(y) - mean(P) theta, back in its place. Shapes:
-        `theta` (n_others,); `root`, R of the covariance R R', (n_others, n_others).
-        """
+        """Put the constant, mean(y) - mean(P) theta, back. Shapes: `theta` (n_others,); `root` (n_others, n_others)."""
         if self.constant is None:
             return Estimate(theta=theta, theta_cov=root @ root.T, noise_variance=variance)
         slopes = np.vstack([-self.means / self.level, np.eye(theta.size)])

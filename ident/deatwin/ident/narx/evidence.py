@@ -52,13 +52,7 @@ def log_evidence(share: Array | float, n_terms: int, n_samples: int) -> Array:
 
 
 def log_prior(n_terms: int, n_candidates: int) -> float:
-    """Return ln p(structure): every number of terms is equally probable, and so are all structures of one number.
-
-    Source: Scott, Berger, "Bayes and empirical-Bayes multiplicity adjustment in the variable-selection problem", Ann.
-    Statist. 38 (2010) 2587-2619, doi:10.1214/10-AOS792.
-
-    returns In nats.
-    """
+    """ln p(structure), nats, alike for all numbers of terms (Scott, Berger, Ann. Statist. 38 (2010) 2587)."""
     m = n_candidates
     k = min(n_terms, m // 2)
     return float(gammaln(k + 1) + gammaln(m - k + 1) - gammaln(m + 1)) - log(m + 1)
@@ -83,10 +77,7 @@ def log_odds(data: Statistics, chosen: Indices) -> float:
 
 
 def climb(data: Statistics, start: Indices) -> Iterator[Move]:
-    """Yield moves to the most probable neighbour of a structure until none is more probable.
-
-    Neighbours have one term less, one more, or one exchanged for another candidate.
-    """
+    """Yield moves (one term less, more, or exchanged) to the most probable neighbour until none is more probable."""
     move = Move(chosen=np.sort(start), removed=None, added=None, log_odds=log_odds(data, start))
     yield move
     while move.log_odds > -np.inf:

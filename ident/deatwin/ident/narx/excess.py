@@ -44,11 +44,7 @@ def excess_notes(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str
 
 
 def noisy_products(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str, ...]:
-    """Return a sentence on products of several noisy outputs, which stand for the noise as well as for the plant.
-
-    Each equation has the noise on the readings of all outputs in its regressors. At 0.1 % of noise no product is false,
-    at 5 % several are.
-    """
+    """Return a sentence on products of several noisy outputs, which stand for noise as well as for the plant."""
     products = {v.index for term in model.terms if term.degree > 1 for v, _ in term.factors if v.kind == "y"}
     if model.n_outputs == 1 or not products:
         return ()

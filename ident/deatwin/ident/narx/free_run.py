@@ -93,9 +93,7 @@ class March:
         equations: Sequence[int] | None = None,
         alone: int | None = None,
     ) -> March:
-        """Arrange terms: `known` signals (n_channels, n) by kind; `start` (n_marched, n) of the signals to compute from
-        sample `first`.
-        """
+        """Arrange terms: `known` signals (n_channels, n) by kind; `start` (n_marched, n) of the marched signals."""
         rows = [row for signal in known.values() for row in np.asarray(signal, dtype=np.float64)]
         heights = accumulate([0, *(len(signal) for signal in known.values())])
         begins = dict(zip(known, heights, strict=False))
@@ -132,9 +130,7 @@ class March:
         )
 
     def run(self, theta: Array, *, limit: float = math.inf, base: Array | None = None) -> tuple[Array, int | None]:
-        """Run the recursion of one model with all terms. Shapes: `theta` (n_terms,); `base`, added to the sum of terms,
-        and the result (n_marched, n).
-        """
+        """Run one model with all terms. Shapes: `theta` (n_terms,); `base`, added, and the result (n_marched, n)."""
         x = self.start.copy()
         chosen = np.argsort(self.equations, kind="stable")
         theta = np.ascontiguousarray(theta, dtype=np.float64)[chosen]
@@ -162,9 +158,7 @@ class March:
         return x, int(reached)
 
     def squared_errors(self, chosen: Integers, theta: Array, *, limit: float, sections: int = 1) -> Array:
-        """Return sums of squared simulation errors of many models of the first output, each run from ``first``.
-        Shapes: `chosen` (n_models, n_terms); `theta` (n_models, n_terms); returns (n_models, sections).
-        """
+        """Squared errors of many models, (n_models, sections). Shapes: `chosen`, `theta` (n_models, n_terms)."""
         chosen = np.ascontiguousarray(chosen, dtype=np.int64)
         theta = np.ascontiguousarray(theta, dtype=np.float64)
         n = self.start.shape[1]

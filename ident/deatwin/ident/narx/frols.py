@@ -150,10 +150,7 @@ class Frols(CandidateSearch):
         return steps
 
     def _free_run_errors(self, path: Regression, held_out: tuple[Recording, ...], progress: Progress) -> Array:
-        """Return the mean squared held-out free-run errors of the models with the first 1, 2, ... terms of the path.
-
-        After an interrupt they are infinite for models not run; the smallest model is always run.
-        """
+        """Return the mean squared held-out free-run errors of the models with the first 1, 2, ... terms of the path."""
         rows, target = path.matrix()
         errors = np.full(len(rows), np.inf)
         try:

@@ -109,10 +109,7 @@ def run_error(model: NarxModel, recordings: tuple[Recording, ...]) -> float:
 
 
 def linear_start(data: Regression) -> NarxModel:
-    """Return the linear model of second order by least squares, with poles inside the unit circle.
-
-    Terms that depend on others on these samples are left out.
-    """
+    """Return the linear model of second order by least squares, with poles inside the unit circle."""
     first: dict[tuple[str, int], int] = {}
     for variable in data.table.variables:
         first[variable.kind, variable.channel] = min(
@@ -145,10 +142,7 @@ def linear_start(data: Regression) -> NarxModel:
 
 
 def _stable(theta: Array, data: Regression) -> Array:
-    """Return parameters whose slowest pole dies out within the samples: all poles are moved by one factor.
-
-    Least squares of a slow plant with noise on its readings, or of one that integrates, can put a pole outside.
-    """
+    """Return parameters whose slowest pole dies out within the samples: all poles are moved by one factor."""
     lags = np.array([sum(v.lag for v in term.expanded if v.kind == "y") for term in data.table.terms])
     polynomial = np.zeros(lags.max() + 1)
     polynomial[0] = 1.0

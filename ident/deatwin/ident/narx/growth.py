@@ -77,11 +77,7 @@ def _beyond_chance(model: NarxModel, larger: NarxModel, data: Regression) -> boo
 
 
 def smallest_adequate(errors: Array, level: float) -> int:
-    """Return the first model of a path from which on none is significantly worse than the best. Shapes: `errors`
-    (n_models, n_sections).
-
-    A first addition without a significant gain does not end the path if later ones help.
-    """
+    """First model of a path from which on none is significantly worse than the best; (n_models, n_sections)."""
     best = int(np.argmin(errors.sum(axis=1)))
     if not np.isfinite(errors[best].sum()):
         return 0
@@ -90,9 +86,7 @@ def smallest_adequate(errors: Array, level: float) -> int:
 
 
 def worse(errors: Array, than: Array, level: float) -> Booleans:
-    """Return True where errors are significantly larger by a paired t test over sections. Shapes: (..., n_sections); at
-    ``level=0.5`` every difference counts.
-    """
+    """True where errors (..., n_sections) are significantly larger; at ``level=0.5`` every difference counts."""
     from scipy.special import stdtrit
 
     difference = errors - than

@@ -59,17 +59,7 @@ class Identifier:
         return [name for name in inspect.signature(cls.__init__).parameters if name != "self"]
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """Return the arguments by name.
-
-        Parameters
-        ----------
-        deep : bool
-            Whether to add the arguments of arguments that are estimators, as ``process__degree``.
-
-        Returns
-        -------
-        dict
-        """
+        """Return the arguments by name; `deep` adds those of estimators among them, as ``process__degree``."""
         own = {name: getattr(self, name) for name in self._names()}
         if not deep:
             return own
@@ -77,18 +67,7 @@ class Identifier:
         return own | {f"{name}__{key}": value for name, held in inner.items() for key, value in held.items()}
 
     def set_params(self, **params: Any) -> Self:
-        """Set arguments by name.
-
-        Parameters
-        ----------
-        **params
-            New values; those of an argument that is an estimator as ``process__degree=3``.
-
-        Raises
-        ------
-        ModelError
-            If a name is not an argument.
-        """
+        """Set arguments by name, nested ones as ``process__degree=3``; ModelError if there is no such argument."""
         inner: dict[str, dict[str, Any]] = {}
         for name in params:
             outer, double, key = name.partition("__")

@@ -160,9 +160,7 @@ class Lasso(CandidateSearch):
 
 
 def lasso_path(rows: Array, target: Array, *, centred: bool, max_knots: int) -> tuple[NDArray[np.intp], Array, Array]:
-    """Follow the LASSO's path on standardised regressors. Shapes: `rows` (n_candidates, n_samples); `target`
-    (n_samples,); returns (n_terms,); returns (n_knots,); returns (n_terms, n_knots).
-    """
+    """Follow the LASSO's path on standardised regressors. Shapes: `rows` (n_candidates, n_samples)."""
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.linear_model import lars_path_gram
 

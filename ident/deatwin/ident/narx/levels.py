@@ -33,11 +33,7 @@ def few_levels(values: Array, most: int) -> Array:
 
 
 def _blurred_levels(values: Array, most: int) -> Array:
-    """Return the two or more levels around which white noise scatters readings that rest, if they are few.
-
-    A filter leaves edges between levels, where nothing rests. A slow or held motion about levels is no noise: it shows
-    curvature by the gains at the levels.
-    """
+    """Return the few levels around which white noise scatters resting readings; a moving signal has none."""
     span = float(np.ptp(values))
     still = np.abs(np.diff(values)) <= 4.0 * _SCATTER * span
     resting = np.append(still, True) & np.append(True, still)
@@ -58,11 +54,7 @@ def _blurred_levels(values: Array, most: int) -> Array:
 
 
 def without_repeated_powers(terms: Sequence[Term], recordings: Sequence[Recording]) -> tuple[Term, ...]:
-    """Leave out candidates that equal sums of lower-degree candidates because an input has few levels.
-
-    An input with m levels l obeys ``prod(u - l) = 0``, so u^m is a sum of lower powers: with levels 0 and 1 the square
-    is the input itself, with -1 and 1 the constant.
-    """
+    """Leave out candidates that equal lower-degree ones: an input with levels l obeys ``prod(u - l) = 0``."""
     degree = max((term.degree for term in terms), default=0)
     relations: dict[int, Array] = {}
     for row in range(len(recordings[0].inputs)):

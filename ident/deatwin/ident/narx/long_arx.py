@@ -61,10 +61,7 @@ class LongArx:
 
     @classmethod
     def of(cls, signals: Signals, longest: int, *, shortest: Sequence[int]) -> LongArx:
-        """Fit the regression by least squares, with the shortest solution for collinear regressors.
-
-        `shortest` smallest lag of each input.
-        """
+        """Fit by least squares, with the shortest solution for collinear regressors; `shortest` lag of each input."""
         inputs = [_inputs(signals, i, range(longest, first - 1, -1)) for i, first in enumerate(shortest)]
         past, target = _outputs(signals, longest)
         sizes = [columns.shape[1] for columns in inputs]

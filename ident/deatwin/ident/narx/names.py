@@ -80,10 +80,7 @@ class SignalNames:
 
 
 def symbols_of(input_names: Sequence[str], output_names: Sequence[str]) -> dict[tuple[str, int], str]:
-    """Return the symbols for a model's signals by kind and row: their names, or u1, y1, ... by position.
-
-    Names are used if they are words given by the user and all symbols differ, also from the noise.
-    """
+    """Return a model's signal symbols by kind and row: distinct user-given words, else u1, y1, ... by position."""
     placed = {
         (kind, row): f"{kind}{number}"
         for kind, names in (("y", output_names), ("u", input_names), ("e", output_names))

@@ -96,10 +96,7 @@ class CompressedRegression:
         )
 
     def smaller(self, chosen: Sequence[int]) -> Neighbours:
-        """Return the models with one of the chosen terms less.
-
-        With the chosen terms Q R and G = (R'R)^-1, term i is removed by theta - G_i theta_i / G_ii.
-        """
+        """Return the models with one chosen term less: with G = (R'R)^-1, i goes by theta - G_i theta_i / G_ii."""
         basis, triangle = np.linalg.qr(self.rows[list(chosen)].T)
         moments = basis.T @ self.target
         theta = solve_triangular(triangle, moments)

@@ -35,10 +35,7 @@ def about_data(data: Regression) -> Regression:
 
 
 def about_rest(data: list[Regression], model: NarxModel) -> list[Regression]:
-    """Return the regressions of all outputs about the model's equilibrium with its inputs at their origins.
-
-    No constant term is needed there: it would only say how far from the equilibrium the origin was put.
-    """
+    """Return the regressors of all outputs about the model's equilibrium with its inputs at their origins."""
     moved = (model.output_origin.any() or model.input_origin.any()) and not model.table.functions
     if len(data) != model.n_outputs or not moved or not any(term.degree == 0 for term in model.terms):
         return data

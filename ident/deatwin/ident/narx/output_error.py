@@ -40,10 +40,7 @@ def with_correlated_error(model: NarxModel, recordings: Sequence[Recording]) -> 
 
 
 def autocovariance(errors: Sequence[Array]) -> Array:
-    """Return the autocovariance at all lags, (longest,), of the autoregressive process that Akaike's criterion prefers.
-
-    Coefficients follow from the sample autocovariances (Yule and Walker), which makes the process stable.
-    """
+    """Autocovariance, (longest,), of the autoregressive process (Yule, Walker) that Akaike's criterion prefers."""
     from scipy.linalg import solve_toeplitz
     from scipy.signal import lfilter
 

@@ -55,12 +55,7 @@ class NoiseFit:
 def prediction_error_fit(
     process: Regression, noise_terms: Sequence[Term], *, tolerance: float = 1e-6, max_iterations: int = 100
 ) -> NoiseFit:
-    """Estimate process and noise terms together, by the least sum of squared prediction errors.
-
-    Source: Ljung, "System Identification: Theory for the User", 2nd ed. (1999), sections 9.3 and 10.2. Box, Jenkins,
-    Reinsel, "Time Series Analysis", 4th ed. (2008), section 7.1.3 (unconditional least squares),
-    doi:10.1002/9781118619193.
-    """
+    """Estimate process and noise terms by least squared prediction errors (Ljung 1999, 9.3 and 10.2)."""
     rows, target = process.matrix()
     if target.size <= len(rows) + len(noise_terms):
         raise ModelError(
@@ -111,11 +106,7 @@ class _Point:
 
 @dataclass(frozen=True, eq=False)
 class _PredictionErrors:
-    """Prediction errors as a function of the parameters.
-
-    Each recording is preceded by as many samples as the longest lag of e; their errors are parameters of their own, the
-    unknown start of e.
-    """
+    """Prediction errors as a function of the parameters and of the unknown errors before each recording."""
 
     process: Regression
     table: TermTable  # The noise terms
@@ -218,9 +209,7 @@ def _led(data: Regression, lead: int, rows: Array) -> Array:
 
 
 def spread(data: Regression, errors: Array, lead: int = 0) -> tuple[Array, ...]:
-    """Return e of all fitted samples and of `lead` samples before them, one array (n_outputs, n) per recording, zero
-    elsewhere.
-    """
+    """e of all samples and of `lead` before them, (n_outputs, n) per recording, zero where it was not fitted."""
     noise, begin = [], 0
     for record in data.recordings:
         end = begin + record.n_samples - data.first + lead
@@ -258,10 +247,7 @@ def _filtered(bands: Sequence[Array], rows: Array) -> Array:
 
 
 def _forgets(band: Array) -> bool:
-    """Return True if e forgets its start: a disturbance of e dies out if the recording is repeated for ever.
-
-    For constant coefficients this means that all roots of the noise polynomial lie inside the unit circle.
-    """
+    """Return True if e forgets its start: a disturbance of e dies out if the recording is repeated for ever."""
     lag, n = band.shape[0] - 1, band.shape[1]
     if n <= 2 * lag:
         return True

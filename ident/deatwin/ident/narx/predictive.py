@@ -239,9 +239,7 @@ def _readings(model: NarxModel, output_noise: ArrayLike) -> Array:
 def _runs(
     model: NarxModel, recording: Recording, rng: np.random.Generator, n_draws: int, readings: Array | None
 ) -> list[Array]:
-    """Return noisy free runs of draws from the posterior, each of shape (n_outputs, n), without the diverged; the noise
-    is in the equation, or with deviations `readings` (n_outputs, 1) on the outputs.
-    """
+    """Noisy free runs (n_outputs, n) of draws, without the diverged; `readings` (n_outputs, 1) noise on outputs."""
     first = model.simulate(recording).first  # and checks that the recording suits
     limit = model.divergence_limit(recording.outputs)
     inputs, outputs = model.about_origin(recording.inputs, recording.outputs)

@@ -29,42 +29,14 @@ _INDEPENDENT = 1e-7  # least singular value, relative to the largest, of regress
 
 
 class VaryingParameters(NarxIdentifier):
-    """What the estimators of theta(t) share: a fixed structure, on the recordings of one experiment.
-
-    Attributes
-    ----------
-    trajectory_ : ThetaTrajectory
-        theta(t).
-    model_ : NarxModel
-        The model at the last sample.
-    """
+    """What the estimators of theta(t) share; `trajectory_` is theta(t), `model_` the model at the last sample."""
 
     terms: Structure
 
     trajectory_: ThetaTrajectory
 
     def fit(self, recordings: Recordings, *, progress: Progress | None = None) -> Self:
-        """Estimate the parameters along time.
-
-        Parameters
-        ----------
-        recordings : Recording, Experiment, or several
-            Recordings on one clock: the parameters go on from one to the next.
-        progress : callable, optional
-            Takes the share that is done and what is being done.
-
-        Returns
-        -------
-        VaryingParameters
-            The estimator itself.
-
-        Raises
-        ------
-        ModelError
-            If an argument makes no sense, or the terms depend on each other in these recordings.
-        DataError
-            If recordings overlap in time.
-        """
+        """Estimate the parameters along time, on `recordings` of one clock; `progress` takes share and step."""
         super().fit(Experiment(recordings=flatten(recordings)), progress=progress)
         fitted = [one for one in self.equations_ if isinstance(one, VaryingParameters)]
         if fitted:
@@ -175,10 +147,7 @@ class Rls(VaryingParameters):
 
 
 def _beginning(phi: Array, target: Array, forgetting: float) -> tuple[int, Array, Array, float]:
-    """Solve the shortest beginning of the record whose weighted regressors are independent.
-
-    Returns its number of samples, theta, a root of (phi'W phi)^-1, and the weighted residual sum of squares.
-    """
+    """Solve the shortest beginning with independent regressors: samples, theta, covariance root, squared residual."""
     n, count = phi.shape
     while count < n:
         weights = np.sqrt(forgetting) ** np.arange(count - 1, -1, -1)
@@ -220,9 +189,7 @@ def trajectory_of(
     drift_variance: Array | None = None,
     log_likelihood: float | None = None,
 ) -> ThetaTrajectory:
-    """Return a trajectory in physical units. Shapes: `times` (n,); `theta` (n_terms, n); `theta_cov` (n, n_terms,
-    n_terms); `sizes` (n_terms,); `drift_variance` (n_terms,).
-    """
+    """Return a trajectory in physical units. Shapes: `theta` (n_terms, n); `theta_cov` (n, n_terms, n_terms)."""
     last = data.model(
         theta[:, -1] / sizes, theta_cov[-1] / np.outer(sizes, sizes), noise_variance, identifier=identifier
     )

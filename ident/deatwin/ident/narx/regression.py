@@ -80,9 +80,7 @@ class Regression:
         rule: Rule | None = None,
         output: int = 0,
     ) -> Regression:
-        """Set up all candidates of given lags and degree, without powers of inputs that have too few levels for them.
-        `output_lags, input_lags` lags in samples, a number n for 1..n.
-        """
+        """Set up all candidates of given lags and degree, without powers of inputs with too few levels for them."""
         chosen = flatten(recordings)
         n_inputs, n_outputs = len(chosen[0].inputs), len(chosen[0].outputs)
         if n_inputs == 0 and input_lags != 0:
@@ -181,9 +179,7 @@ class Regression:
         return inputs, outputs
 
     def blocks(self) -> Iterator[tuple[Array, Array]]:
-        """Yield regressors and outputs block by block. Shapes: yields (n_terms, n), Scaled regressors of up to 4096
-        samples, transposed; yields (n,), Scaled outputs of these samples.
-        """
+        """Yield scaled regressors (n_terms, n) and outputs (n,) block by block."""
         for record in self.recordings:
             inputs, outputs = self.scaled(record)
             for start in range(self.first, record.n_samples, _BLOCK):
@@ -214,9 +210,7 @@ class Regression:
     def model(
         self, theta: Array, theta_cov: Array, noise_variance: float, *, identifier: Any, theta_dof: float = math.inf
     ) -> NarxModel:
-        """Return the model of all terms of this regression, in physical units. Shapes: `theta` (n_terms,);
-        `theta_cov` (n_terms, n_terms).
-        """
+        """Return the model in physical units. Shapes: `theta` (n_terms,); `theta_cov` (n_terms, n_terms)."""
         scale = self.term_scales
         record = self.recordings[0]
         noise = np.zeros(len(record.output_names))

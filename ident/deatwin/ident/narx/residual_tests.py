@@ -150,9 +150,7 @@ class Whiteness:
 
 
 def correlation(delayed: Series, signal: Series, lags: Integers) -> Array:
-    """Return phi(tau) = sum_k a(k - tau) b(k) / sqrt(sum a^2 sum b^2), without products across recordings. Shapes:
-    `delayed` (n_r,); `signal` (n_r,); `lags` (n_lags,); returns (n_lags,).
-    """
+    """phi(tau) = sum_k a(k - tau) b(k) / sqrt(sum a^2 sum b^2), not across recordings, (n_lags,)."""
     sums = np.zeros(len(lags))
     for a, b in zip(delayed, signal, strict=True):
         for i, lag in enumerate(lags.tolist()):

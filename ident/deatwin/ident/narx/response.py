@@ -131,9 +131,7 @@ def response_over(
 
 
 def divergence_limit(operating: OperatingRange | None, measured: Array, origin: Array | float = 0.0) -> float:
-    """Return the magnitude beyond which a free run has diverged, in the unit of the largest output. Shapes:
-    `measured` (n_outputs, n); `origin` (n_outputs,).
-    """
+    """Size of the largest output beyond which a free run has diverged. Shapes: `measured` (n_outputs, n)."""
     about = np.asarray(origin)
     largest = float(np.abs(measured - about[..., None]).max())
     if operating is None:

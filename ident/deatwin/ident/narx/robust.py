@@ -83,15 +83,11 @@ class Cosines:
         return replace(self, coefficients=read_only(self.coefficients @ np.asarray(directions, dtype=np.float64).T))
 
     def drift(self, shares: ArrayLike) -> Array:
-        """Return the deviation of the series from their means by the slow cosines, (n_times, n_series), at `shares`
-        (n_times,) of their length.
-        """
+        """Drift of the series from their means by the slow cosines, (n_times, n_series); `shares` (n_times,)."""
         return np.asarray(self._slow_shapes(shares).T @ self.slow, dtype=np.float64)
 
     def drift_scales(self, shares: ArrayLike) -> Array:
-        """Return the squared scales of mean plus drift at some times. Shapes: `shares` (n_times,); returns (n_times,
-        n_series, n_series).
-        """
+        """Squared scales of mean plus drift, (n_times, n_series, n_series); `shares` (n_times,)."""
         larger = 1 + self._count * (self._slow_shapes(shares) ** 2).sum(axis=0)
         return np.asarray(larger[:, None, None] * self.scale, dtype=np.float64)
 

@@ -211,10 +211,7 @@ class SempSearch:
         )
 
     def _as_good(self, errors: Array) -> Booleans:
-        """Return True if errors are not larger than those of the present model, nor than those of no model.
-
-        The test over sections does not see a run that is wild in one section alone; such a run is worse than no model.
-        """
+        """Return True if errors are not larger than those of the present model, nor than those of no model."""
         return ~self._worse(errors, self.errors) & (errors.sum(axis=1) < self.power)
 
     def _worse(self, errors: Array, than: Array) -> Booleans:

@@ -29,11 +29,7 @@ class ShownUnits:
 
 
 def shown_units(model: NarxModel) -> ShownUnits:
-    """Return the units of the signals in which the parameters of a model are shown.
-
-    These are the signals' own units unless a parameter would need an exponent; prefixes that suit the training data are
-    then used if fewer parameters need one.
-    """
+    """Return units in which parameters are shown: the signals' own, or prefixed where that avoids exponents."""
     plain = ShownUnits(factors=np.ones(len(model.terms)), legend="")
     trained = model.operating
     exponents = _exponents(model.theta)

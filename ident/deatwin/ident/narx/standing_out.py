@@ -28,9 +28,7 @@ class Margin:
 
 
 def full_margin(rows: Array, target: Array, true: Indices) -> Margin:
-    """Compare |t| of true and false terms in least squares on all candidates. Shapes: `rows` (n_terms, n_samples);
-    `target` (n_samples,).
-    """
+    """Compare abs(t) of true and false terms in least squares on all candidates; `rows` (n_terms, n_samples)."""
     from scipy.linalg import solve_triangular
 
     q, r = np.linalg.qr((rows / np.linalg.norm(rows, axis=1)[:, None]).T)

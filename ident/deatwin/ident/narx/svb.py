@@ -234,11 +234,7 @@ class SvbNarx(CandidateSearch):
         )
 
     def _climbed(self, statistics: Statistics, steps: Sequence[PruningStep], progress: Progress) -> list[Move]:
-        """Return the moves to the most probable structure found; after an interrupt, those made so far.
-
-        A climb ends where no single move helps. A term lost early can leave others that no exchange replaces, so a
-        second climb starts from the last step, with one term.
-        """
+        """Return the moves to the most probable structure found; after an interrupt, those made so far."""
         best: list[Move] = []
         made = 0
         try:

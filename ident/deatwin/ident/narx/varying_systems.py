@@ -56,9 +56,7 @@ class KnownSystem:
 
 
 def recorded(truth: ThetaTrajectory, inputs: Array, noise: Array) -> Recording:
-    """Record a system: noise enters the equation, so that least squares is the right estimate. Shapes: `inputs` (n,);
-    `noise` (n,).
-    """
+    """Record a system whose noise enters the equation. Shapes: `inputs`, `noise` (n,)."""
     model, n = truth.model, inputs.size
     m = len(model.terms)
     disturbed = replace(

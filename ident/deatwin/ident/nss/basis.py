@@ -114,10 +114,7 @@ class Basis:
         return self.names.index(name)
 
     def values(self, z: Array, directions: Array) -> Array:
-        """Return the regressors, and complete the directions in z.
-
-        Shapes: `z` (n_variables, n); `directions` (n_directions, n_regressors); returns (n_regressors, n).
-        """
+        """Regressors (n_regressors, n), completing `directions` (n_directions, n_regressors); `z` (n_variables, n)."""
         rows = np.ones((self.size, z.shape[1]))
         for level in range(self.directions + 1):
             if level:

@@ -26,10 +26,7 @@ _LONGEST = 20_000
 def linear_start(
     records: Sequence[Record], n_states: int, *, lines: Lines | None, steps: int, feedthrough: bool
 ) -> Found:
-    """Fit a linear state space: poles by subspace identification, the rest by least squares, then all by the free run.
-
-    lines: best linear approximation where there is one, its angles in rad per sample and deviations.
-    """
+    """Fit a linear state space: poles by subspaces, the rest by least squares, then all by the free run."""
     starts = []
     for rows in sorted({max(n_states + 2, round(n_states * by)) for by in _ROWS} | {10, 20}):
         cuts = [(r.inputs[:, :_LONGEST], r.outputs[:, :_LONGEST]) for r in records if r.fitted > 4 * rows]
@@ -75,10 +72,7 @@ def _fitted(a: Array, c: Array, records: Sequence[Record], feedthrough: bool) ->
 
 
 def in_own_coordinates(point: Point, records: Sequence[Record]) -> Point:
-    """Turn the state so that it is the first output, then its changes, each without what is in those before, of unit size.
-
-    Functions of a state then mean what they mean of an output and its rates, and powers of states are told apart.
-    """
+    """Turn the state into the first output, then its changes, each orthogonal to those before, of unit size."""
     system, n = point.system, point.system.basis.states
     a, _, c, _ = system.linear_parts
     rows: list[Array] = []

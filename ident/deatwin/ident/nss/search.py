@@ -69,10 +69,7 @@ def judged(system: System, starts: Array, records: Sequence[Record]) -> Point:
 
 
 def triangle(point: Point, records: Sequence[Record]) -> Array:
-    """Return R of the QR decomposition of (sensitivities, errors) over what is fitted.
-
-    Shapes: returns (n + 1, n + 1) with n weights and first states.
-    """
+    """Return R, (n + 1, n + 1), of the QR decomposition of (sensitivities, errors) over what is fitted."""
     n = point.system.theta.size
     found = np.zeros((0, point.theta.size + 1))
     for i, (record, start) in enumerate(zip(records, point.starts, strict=True)):
@@ -157,11 +154,7 @@ def _directions(rows: Array, size: Array) -> tuple[Array, Array, Array, Array, N
 
 
 def covariance(point: Point, records: Sequence[Record]) -> tuple[Array, Array]:
-    """Return the covariance of the weights, and the variance of the noise of each output.
-
-    Directions that move no output (coordinates of the state) have none: bands of outputs do not depend on them.
-    Shapes: returns (n_theta, n_theta), (n_outputs,).
-    """
+    """Covariance (n_theta, n_theta) of the weights, none along the state's coordinates, and noise variances."""
     rows = triangle(point, records)[:, :-1]
     scale, _, values, right, seen = _directions(rows, np.linalg.norm(rows, axis=0))
     rank, samples = int(seen.sum()), sum(record.fitted for record in records)

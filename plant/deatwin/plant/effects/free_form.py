@@ -25,8 +25,6 @@ class FreeForm(Effect):
     catalogue. Each term with a memory adds a state. A calibration moves the coefficients :math:`c_k` and the shapes of
     the terms; the size S is held, since it only gives them their unit. Off at S = 0.
 
-    Examples
-    --------
     >>> from deatwin.plant import Diaphragm, Plant
     >>> Plant(rig=Diaphragm(), effects=(FreeForm(),)).to_dict()["effects"][0]["terms"][0]["order"]
     3

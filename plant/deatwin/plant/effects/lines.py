@@ -24,12 +24,7 @@ class Tone:
 
 
 def tone_at(timepts: np.ndarray, values: np.ndarray, frequency: float) -> Tone:
-    """Sine of a given frequency that, with a constant, fits best in least squares.
-
-    Source: Zechmeister & Kürster, Astron. Astrophys. 496 (2009) 577, doi:10.1051/0004-6361:200811296.
-
-    `timepts` (n,); `values` (n,); `frequency` hz.
-    """
+    """Best sine of a frequency, Hz, with a constant (Zechmeister & Kürster, Astron. Astrophys. 496 (2009) 577)."""
     angle = 2 * np.pi * frequency * timepts
     columns = np.stack([np.cos(angle), -np.sin(angle)], axis=1)
     columns -= columns.mean(axis=0)
@@ -45,11 +40,7 @@ def tone_at(timepts: np.ndarray, values: np.ndarray, frequency: float) -> Tone:
 
 
 def tones(timepts: np.ndarray, residual: np.ndarray, count: int = 3) -> tuple[Tone, ...]:
-    """Lines that stand out of a residual's spectrum, each compared with its neighbourhood, best first. Shapes:
-    `timepts` (n,); `residual` (n,).
-
-    A drift has more power than a weak tone, but no line.
-    """
+    """Lines of a residual's spectrum above their neighbourhood, best first. Shapes: `timepts`, `residual` (n,)."""
     from scipy.ndimage import median_filter
 
     if residual.size < 16:
@@ -85,13 +76,7 @@ def slow_cycles(
 def spectral_peaks(
     timepts: np.ndarray, residual: np.ndarray, band: tuple[float, float], count: int = 4
 ) -> tuple[float, ...]:
-    """Frequencies of peaks in a residual's averaged spectrum, the most prominent first.
-
-    Source: Welch, IEEE Trans. Audio Electroacoust. 15 (1967) 70, doi:10.1109/TAU.1967.1161901.
-
-    `timepts` (n,); `residual` (n,); `band` lowest and highest, Hz; returns Hz; none where there are fewer than 64
-    samples.
-    """
+    """Peaks in a `band`, Hz, of Welch's averaged spectrum, highest first; none of fewer than 64 samples."""
     from scipy.signal import find_peaks, welch
 
     if residual.size < 64:

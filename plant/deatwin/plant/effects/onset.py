@@ -11,12 +11,7 @@ APART = 0.02
 
 
 def steps_of(timepts: np.ndarray, residual: np.ndarray, count: int = 3) -> tuple[tuple[float, float], ...]:
-    r"""Times at which one step would explain most of a residual, best first.
-
-    Source: Hinkley, Biometrika 57 (1970) 1, doi:10.1093/biomet/57.1.1.
-
-    Shapes: `timepts` (n,); `residual` (n,).
-    """
+    """Times at which a step would explain most of a residual (n,), best first (Hinkley, Biometrika 57 (1970) 1)."""
     n = residual.size
     if n < 2:
         return ()

@@ -95,21 +95,9 @@ class PeriodicDisturbance(Effect):
         return 1 / self.frequency
 
     def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
-        """Return this effect at the lines that stand out from the residual's spectrum.
+        """Return up to three such effects, at the lines of `residual`, SI, over `timepts`, s, within range.
 
-        Parameters
-        ----------
-        timepts : ndarray, shape (n,)
-            Clock times of the readings, s.
-        residual : ndarray, shape (n,)
-            Measured minus simulated without this effect, m.
-
-        Returns
-        -------
-        tuple of Effect
-            Up to three effects with amplitude and phase, at frequencies within this effect's range and below half the
-            sampling rate. Behind a plant, which shifts a tone, only the strongest line, at several phases and with this
-            effect's own amplitude.
+        Behind a plant, which shifts a tone: the strongest line only, at several phases, with this effect's amplitude.
         """
         ranges = {p.name: (p.lower, p.upper) for p in self.describe()}
         slowest, fastest = ranges["frequency"]

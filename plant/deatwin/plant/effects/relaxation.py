@@ -69,20 +69,7 @@ class Relaxation(Effect):
         return signal - self.own("stiffness", build) * (displacement - damper)
 
     def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
-        """Return copies of this effect with time constants from a few samples to the length of the recording.
-
-        Parameters
-        ----------
-        timepts : ndarray, shape (n,)
-            Clock times of the readings, s.
-        residual : ndarray, shape (n,)
-            Measured minus simulated without this effect, m.
-
-        Returns
-        -------
-        tuple of Effect
-            Empty if there are not two readings.
-        """
+        """Return such effects with times from samples to the length of `timepts`, s, whatever the `residual`."""
         steps = np.diff(np.unique(timepts))
         if not steps.size:
             return ()

@@ -73,20 +73,7 @@ class Resonance(Effect):
         return signal + self.own("mass", build) * (spring + damper)
 
     def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
-        """Return this effect at the frequencies where the residual's spectrum peaks.
-
-        Parameters
-        ----------
-        timepts : ndarray, shape (n,)
-            Clock times of the readings, s.
-        residual : ndarray, shape (n,)
-            Measured minus simulated without this effect, m.
-
-        Returns
-        -------
-        tuple of Effect
-            Up to four effects; empty if the record is too short.
-        """
+        """Return up to four such effects, at peaks of the spectrum of `residual`, SI, over `timepts`, s."""
         known = self.described("frequency")
         peaks = spectral_peaks(timepts, residual, (known.lower, known.upper), count=4)
         return tuple(replace(self, frequency=f) for f in peaks)

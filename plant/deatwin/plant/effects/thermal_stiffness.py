@@ -91,21 +91,7 @@ class ThermalStiffness(Effect):
         return 0.0 if "temperature" in measured else self.period
 
     def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
-        """Return this effect with the slow cycles that explain most of the residual.
-
-        Parameters
-        ----------
-        timepts : ndarray, shape (n,)
-            Clock times of the readings, s.
-        residual : ndarray, shape (n,)
-            Measured minus simulated without this effect, m.
-
-        Returns
-        -------
-        tuple of Effect
-            Up to three effects. A stiffer film sags less, so with a negative `change_per_kelvin` the temperature swings
-            in phase with the residual.
-        """
+        """Return up to three such effects, with the slow cycles in `residual`, SI, over `timepts`, s."""
         known = self.described("period")
         softer = replace(self, change_per_kelvin=-abs(self.change_per_kelvin))
         cycles = slow_cycles(timepts, residual, (known.lower, known.upper), count=3)

@@ -11,8 +11,6 @@ from deatwin.plant.errors import DataError
 def sample_count(name: str, time: float, sample_time: float) -> int:
     """Return the whole number of samples in a time.
 
-    Examples
-    --------
     >>> sample_count("duration", 2.0, 0.02)
     100
 

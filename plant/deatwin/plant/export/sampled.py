@@ -94,8 +94,6 @@ def number(value: float) -> str:
 def table(declaration: str, values: ArrayLike) -> str:
     """Constant array in C; an empty one gets one entry, since C has no empty arrays.
 
-    Examples
-    --------
     >>> print(table("double a", [[1.0, 0.5]]))
     static const double a[1][2] = {{1.0, 0.5}};
     """

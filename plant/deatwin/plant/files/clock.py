@@ -156,10 +156,7 @@ def _pieces(timepts: Floats, edges: list[int], short: Flags, sample_time: float,
 
 
 def _start(rows: Floats, sample_time: float) -> float:
-    """Return the first time of an even clock: the file's own, unless the clock through all times says otherwise.
-
-    Rounded or jittering times may put the first one a quarter of a sample off, but not all of them together.
-    """
+    """First time of an even clock: the file's own, unless the clock through all times says otherwise."""
     late = rows - rows[0] - sample_time * np.arange(len(rows))
     shift = 0.5 * float(late.max() + late.min())
     return float(rows[0]) + (shift if abs(shift) > _AGREE * sample_time else 0.0)

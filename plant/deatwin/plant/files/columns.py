@@ -165,10 +165,7 @@ def extra_columns(table: Table, taken: set[int]) -> list[int]:
 
 
 def with_readings(table: Table, readings: Iterable[Reading], taken: set[int]) -> tuple[Table, dict[int, Reading]]:
-    """Return the table with the columns of further readings under their names and in their units, and these columns.
-
-    A reading whose column is not named may be absent.
-    """
+    """Return the table with the columns of further readings, named and in their units, and these columns."""
     found: dict[int, Reading] = {}
     names, units = list(table.names), list(table.units)
     for reading in readings:
@@ -200,10 +197,7 @@ def _own_column(table: Table, name: str, taken: set[int]) -> int | None:
 
 
 def _usual_column(table: Table, name: str, taken: Collection[int] = frozenset()) -> int | None:
-    """Return the column with one of deatwin's own names and a unit of the right kind, or None.
-
-    Of several it is the one with the usual header, else the only one of the right kind.
-    """
+    """Return the column with one of deatwin's own names and a unit of the right kind, or None."""
     usual, right = COLUMNS[name], split_unit(COLUMNS[name])[1]
     named = [
         column

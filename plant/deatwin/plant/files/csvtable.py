@@ -57,10 +57,7 @@ class CsvTable(Table):
             yield row[column] if column < len(row) else ""
 
     def si(self, columns: Sequence[int], *, missing: Collection[int] = ()) -> NDArray[np.float64]:
-        """Return columns as numbers in SI units, or in those of `wanted`, (len(columns), n).
-
-        Decimal arithmetic makes each value the nearest one to the text: 0.1 mm is read as 0.1e-3.
-        """
+        """Return columns in SI units, or in those of `wanted`, (len(columns), n), nearest to their texts."""
         rows = self._cells()
         try:
             texts = [[row[column] for row in rows] for column in columns]
@@ -177,10 +174,7 @@ class CsvTable(Table):
 
 
 def read_table(path: str | Path) -> CsvTable:
-    """Read a CSV file.
-
-    Encodings: UTF-8, UTF-16 with its mark, GBK, Latin-1; delimiters: comma, semicolon, tab, bar, blanks.
-    """
+    """Read a CSV file: UTF-8, UTF-16 with its mark, GBK or Latin-1; comma, semicolon, tab, bar or blanks."""
     content, name = read_bytes(path, TEXT_BYTES), str(path)
     content = _unzipped(content, name) if content[:2] == _GZIP else content
     if (count := max(content.count(b"\n"), content.count(b"\r"))) > ROWS:
@@ -261,8 +255,6 @@ def read_bytes(path: str | Path, limit: int = RECORDING_BYTES) -> bytes:
 def power_of_ten(unit: Unit) -> int | None:
     """Return the exponent by which a unit's values differ from SI values, or None for another relation.
 
-    Examples
-    --------
     >>> from deatwin.plant.files.units import UNITS
     >>> power_of_ten(UNITS["mm"]), power_of_ten(UNITS["kV"]), power_of_ten(UNITS["min"]), power_of_ten(UNITS["°C"])
     (-3, 3, None, None)

@@ -52,8 +52,6 @@ _ACCELERATION = re.compile(r"(?i:.*acc(?![a-z])|.*accel|a(_?[xyz])?$)")
 def split_unit(header: str) -> tuple[str, str]:
     """Return name and unit of a column header.
 
-    Examples
-    --------
     >>> split_unit("displacement_mm"), split_unit("Force [N]"), split_unit("film_voltage"), split_unit("U_cmd (kV)")
     (('displacement', 'mm'), ('Force', 'N'), ('film_voltage', ''), ('U_cmd', 'kV'))
     >>> split_unit("flow [l/min]"), split_unit("field_kV_per_mm"), split_unit("count [lines/min]"), split_unit("x (1)")
@@ -81,8 +79,6 @@ def split_unit(header: str) -> tuple[str, str]:
 def for_name(name: str, unit: str) -> str:
     """Return the unit that is meant behind a name, where the name decides between two.
 
-    Examples
-    --------
     >>> for_name("temperature", "C"), for_name("temperature rise", "C"), for_name("charge", "C"), for_name("x", "C")
     ('°C', 'Δ°C', 'coulomb', 'C')
     >>> for_name("accel_x", "g"), for_name("mass", "g")
@@ -100,8 +96,6 @@ def for_name(name: str, unit: str) -> str:
 def without_unit(header: str, unit: str) -> str:
     """Return the name in a header that gives exactly this unit, known or not; an empty text where it does not.
 
-    Examples
-    --------
     >>> without_unit("speed (widgets/h)", "widgets/h"), without_unit("speed_rpm", "rpm"), without_unit("speed_1", "1")
     ('speed', 'speed', '')
     """
@@ -115,8 +109,6 @@ def without_unit(header: str, unit: str) -> str:
 def said_unit(header: str) -> str:
     """Return the unit in a header as written, if it is unknown; else an empty text.
 
-    Examples
-    --------
     >>> said_unit("count [lines/min]"), said_unit("command_Mv"), said_unit("U_cmd"), said_unit("x (1)")
     ('lines/min', 'Mv', '', '')
     """

@@ -33,9 +33,7 @@ class Rounded:
 
 
 def rounded_clock(timepts: Floats, stated: float | None = None) -> Rounded | None:
-    """Return the even clock that times keep within their own rounding; None where there is none, or where nothing is
-    rounded. `stated` the only sample time that is tried, s. Shapes: `timepts` (n,).
-    """
+    """Return the even clock that times (n,) keep within their rounding, or None; only `stated`, s, if given."""
     steps = np.diff(timepts)
     usual = float(np.median(steps))
     odd = np.abs(steps - usual) > _SAME * abs(usual)
@@ -57,9 +55,7 @@ def rounded_clock(timepts: Floats, stated: float | None = None) -> Rounded | Non
 
 
 def each_as_often(timepts: Floats) -> bool:
-    """Return whether every time but the first and the last stands in as many rows, and in several: that may also be
-    one row for each of several channels.
-    """
+    """Return whether every time but the first and the last stands in as many rows, and in several."""
     often = np.diff(np.flatnonzero(np.diff(timepts) > 0.0))
     return bool(often.size and often[0] > 1 and (often == often[0]).all())
 
@@ -93,9 +89,7 @@ def _digits(timepts: Floats) -> Floats | None:
 
 
 def _single(timepts: Floats) -> Floats | None:
-    """Return the distance of neighbouring numbers of single precision, (n,) s, if the times are such, as numbers or as
-    their shortest text; else None.
-    """
+    """Return the spacing of single-precision numbers, (n,) s, if the times are such; else None."""
     looks = timepts[np.linspace(0, len(timepts) - 1, min(_LOOKS, len(timepts))).astype(int)]
     for unit in _UNITS:
         for known in (np.float64, str):

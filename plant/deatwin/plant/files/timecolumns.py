@@ -33,10 +33,7 @@ _LISTED = 5  # columns that an error text names
 def time_column(
     table: Table, taken: set[int], wanted: str | None = None, *, needed: bool = True
 ) -> tuple[int | None, str]:
-    """Return the column of the times, and its unit.
-
-    By default the one called ``time`` or similar, else one with a unit of time, else an evenly rising first one.
-    """
+    """Return the column of the times and its unit: named, called ``time``, of a unit of time, or evenly rising."""
     if wanted is not None:
         return _named_times(table, taken, wanted)
     free = [column for column in range(len(table.headers)) if column not in taken]

@@ -86,8 +86,6 @@ class TimeScale:
 def time_scale(texts: Iterable[str], unit: str) -> TimeScale | None:
     """Return the reading of a column of times, or None if it holds plain numbers.
 
-    Examples
-    --------
     >>> time_scale(["1714564800500"], "").provenance
     {'times': 'Unix times in ms', 'clock_began': '2024-05-01T12:00:00.500000+00:00'}
     >>> time_scale(["12.5"], "")

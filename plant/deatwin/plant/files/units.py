@@ -335,8 +335,6 @@ _SIGNS = str.maketrans(
 def find_unit(text: str) -> str:
     """Return the unit that a cell such as ``(mm)``, ``[µm]``, ``s``, ``N·m``, ``m s^-2`` or ``(Volts)`` names.
 
-    Examples
-    --------
     >>> find_unit("(mm)"), find_unit("[µm]"), find_unit("(Volts)"), find_unit("N·m"), find_unit("force")
     ('mm', 'um', 'V', 'N m', '')
     """
@@ -381,8 +379,6 @@ def _known(symbols: Counter[str]) -> str:
 def same_kind(first: str, second: str) -> bool:
     """Return whether two SI units measure the same kind of quantity, so that their numbers are equal.
 
-    Examples
-    --------
     >>> same_kind("Hz", "1/s"), same_kind("Hz", "rad/s")
     (True, False)
     """

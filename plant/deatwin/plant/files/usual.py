@@ -21,8 +21,6 @@ COLUMNS = {
 def usual_unit(name: str) -> str:
     """Return the SI unit of a signal with one of deatwin's own names, an empty text for others.
 
-    Examples
-    --------
     >>> usual_unit("temperature"), usual_unit("humidity")
     ('K', '')
     """

@@ -39,9 +39,7 @@ def split_stated(table: Table, wanted: str) -> tuple[str, str]:
 
 
 def with_stated_units(table: Table, asked: Mapping[str, str | None]) -> tuple[Table, dict[str, str | None]]:
-    """Return a table with the units that a user states behind the names of the input and the output. `asked` column
-    by role, ``"#3"`` or ``"#3=mm"``.
-    """
+    """Return a table with the units stated by a user, ``"#3"`` or ``"#3=mm"``, for input and output."""
     bare, units = dict(asked), list(table.units)
     said = list(table.said or [""] * len(units))
     for role in ("input", "output"):
@@ -89,10 +87,7 @@ def require_stated_unit(table: Table, column: int, wanted: str) -> None:
 
 
 def in_units(table: Table, wanted: Mapping[int, str]) -> Table:
-    """Return a table with columns in the units that are wanted instead of SI.
-
-    A column without a unit is left unchanged.
-    """
+    """Return a table with columns in the units that are wanted instead of SI; one without a unit is unchanged."""
     ways = {column: way for column, unit in wanted.items() if (way := _way(table, column, unit or "1", wanted))}
     names = list(table.names)
     for column in ways:
@@ -121,8 +116,6 @@ def _way(table: Table, column: int, wanted: str, taken: Collection[int]) -> Unit
 def units_like(wanted: str) -> list[str]:
     """Return the units in which a column may be that is wanted in this one, the wanted one first.
 
-    Examples
-    --------
     >>> units_like("rad/s")[:4], units_like("widgets/h")
     (['rad/s', 'rpm', 'mrad/s', 'urad/s'], ['widgets/h'])
     """
@@ -162,8 +155,6 @@ def _another_unit(table: Table, column: int, unit: str, wanted: str, taken: Coll
 def header_like(name: str, wanted: str) -> str:
     """Return a header under which a column is taken in the unit that is wanted, whatever that is.
 
-    Examples
-    --------
     >>> header_like("speed (krad/s)", "rad/s")
     'speed (rad/s)'
     """

@@ -77,10 +77,7 @@ _REMEMBERED = _Remembered()
 
 
 def answers(model: Model, calls: Sequence[Call], longest: float = np.inf) -> list[Answer]:
-    """Answers of a model, side by side in worker processes if the model can go there, else one after the other.
-
-    A call in a worker process that takes more than `longest` seconds is ended.
-    """
+    """Answers of a model, in worker processes if it can go there; each may take `longest` seconds there."""
     keys = [(model, call.digest()) for call in calls]
     found = {key: answer for key in keys if (answer := _REMEMBERED.get(key)) is not None}
     new = {key: call for key, call in zip(keys, calls, strict=True) if key not in found}

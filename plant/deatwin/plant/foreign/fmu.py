@@ -147,27 +147,7 @@ class FmuModel:
         return UNITS[find_unit(dict(self.units)[name])]
 
     def __call__(self, parameters: Mapping[str, Any], inputs: Mapping[str, Array], time: Array) -> Array:
-        """Return the readings; whatever stops the FMU is an error.
-
-        Parameters
-        ----------
-        parameters : mapping of str to float, or to ndarray of shape (n,)
-            Values of variables; an array gives a tunable one the value of each row.
-        inputs : mapping of str to ndarray, each of shape (n,)
-            Values held from each row to the next, SI.
-        time : ndarray, shape (n,)
-            Times of the rows, s; uniform.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            Readings, SI.
-
-        Raises
-        ------
-        RuntimeError
-            If the FMU stops before the end.
-        """
+        """Return the readings, SI, (n,); inputs (n,) are held from row to row. RuntimeError if the FMU stops."""
         described, folder = _unpacked(self.path, self.digest)
         interval = float(time[1] - time[0]) if time.size > 1 else 1.0
         varying = {name: np.asarray(value) for name, value in parameters.items() if np.ndim(value)}

@@ -36,8 +36,6 @@ of a 16 Hz ball mode after a step to 0.2 µm, five to 0.003 µm, for a third mor
 def radau(stages: int) -> tuple[np.ndarray, np.ndarray]:
     """Nodes and Butcher matrix of Radau IIA.
 
-    Examples
-    --------
     >>> radau(2)[1].round(12).tolist()
     [[0.416666666667, -0.083333333333], [0.75, 0.25]]
 

@@ -97,11 +97,7 @@ def _compiler(wanted: str | None) -> str | None:
 
 
 def key_of(origin: Iterable[ca.Function], numbers: np.ndarray) -> str | None:
-    """Key of the code generated from functions.
-
-    To differentiate a plant's equations and to write them in C takes half a second each time. What comes of it
-    depends on the equations, on this package's own code and on the compiler alone.
-    """
+    """Key of the code generated from functions, by equations, this package's own code and the compiler."""
     program = compiler()
     try:
         if program is None:
@@ -229,10 +225,7 @@ def _loaded(names: Iterable[str], library: Path) -> dict[str, ca.Function]:
 
 
 def _sound(library: Path) -> bool:
-    """Tell if a library is as it was built, by the checksum in its name; remove it if not.
-
-    Loading a library that was cut off would end the process.
-    """
+    """Tell if a library is as it was built, by the checksum in its name; remove it if not."""
     try:
         if _checksum(library) == library.stem.rpartition("-")[2]:
             return True

@@ -135,12 +135,7 @@ BACK = """\
 def solved_in_lanes(
     pattern: ca.Sparsity, inverse: np.ndarray, n_x: int, columns: int, kept: int, scale: np.ndarray
 ) -> str | None:
-    """Body of a C function in CasADi's calling convention for `Stages.solution`.
-
-    Source: Golub & Van Loan, Matrix Computations (2013), section 3.4, ISBN 978-1-4214-0794-4.
-
-    Shapes: `inverse` (s, s); `scale` (n,).
-    """
+    """Body of a C function for `Stages.solution` (Golub & Van Loan 2013, 3.4); `inverse` (s, s), `scale` (n,)."""
     n, count = pattern.size1(), len(inverse)
     coordinates = list(range(n_x, n))
     within = pattern.sub(coordinates, coordinates)[0]

@@ -19,10 +19,7 @@ CHUNK = 200
 
 
 class March:
-    """Arguments and results of a function as arrays; each call works on what they hold.
-
-    A call by value would convert every number to CasADi and back, which takes longer than a small plant's step.
-    """
+    """Arguments and results of a function as arrays: converting each call takes longer than a small plant's step."""
 
     def __init__(self, function: ca.Function) -> None:
         self._arguments = [_array(function.size_in(i)) for i in range(function.n_in())]
@@ -60,10 +57,7 @@ def repeated(step: ca.Function, name: str, n_states: int) -> ca.Function:
 
 
 def _until_lost(step: ca.Function) -> ca.Function:
-    """A step that is not tried any more after one that was not solved, whose states are no numbers.
-
-    One that cannot be solved takes some hundred times as long as others, since all methods are tried.
-    """
+    """A step that is not tried any more after one that was not solved, whose states are no numbers."""
     arguments = step.mx_in()
     after, *others, error = step.call(arguments)
     found = [after + ca.if_else(error <= SETTLED, 0.0, np.nan), *others, error]

@@ -156,10 +156,7 @@ def _arguments(stages: Stages, n_factors: int) -> tuple[list[ca.MX], ca.MX, list
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _LinearSystems:
-    """The transformed systems of the simplified method.
-
-    `factor`: ``(J, M, h) -> factors``; `correct`: ``(factors, w, f at all stages, x, M, h) -> (w, size)``.
-    """
+    """Systems of the simplified method: `factor` ``(J, M, h)``; `correct` ``(factors, w, f, x, M, h) -> (w, size)``."""
 
     factor: ca.Function
     correct: ca.Function

@@ -86,9 +86,7 @@ def integrate(
     rest_command: float = 0.0,
     tolerance: float = TOLERANCE,
 ) -> Trajectory:
-    """Integrate from rest under inputs that are constant between switching times. `values` (n_p,); `switches` (m,);
-    `inputs` (n_u, m); `reads` (n,); `rest_command` command before the first switch, V.
-    """
+    """Integrate from rest under inputs (n_u, m) that are constant between switching times (m,); `reads` (n,)."""
     if equations.step_middle is not None:
         raise ValueError("the equations divide a sample, of which this integrator knows nothing: give it late switches")
     rest = rest_state(equations, rest_command, values)

@@ -214,9 +214,7 @@ class Stages:
         return ca.Function(name, [entries, mass, h, right], [found])
 
     def differentiate(self, w: ca.MX, x: ca.MX, known: Sequence[ca.MX], dx: ca.MX, dd: ca.MX) -> ca.MX:
-        """Derivative of the last stage by the parameters, from the implicit function theorem. Shapes: `w` (n s,); `x`
-        (n_x,); returns (n, n_p).
-        """
+        """Derivative of the last stage by the parameters by implicit differentiation, (n, n_p); `w` (n s,)."""
         h, p, c = known[3:]
         mass, slope = self.mass(p, c), self.mass_slope(p, c)
         right = self.tangent()(w, *self.everywhere(self.slopes, w, known), x, dx, dd, mass, slope, h)

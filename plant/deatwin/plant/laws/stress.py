@@ -31,8 +31,6 @@ def nominal_stress(
 ) -> tuple[Symbol, Symbol]:
     r"""Nominal in-plane stresses :math:`P_i = \partial W/\partial\lambda_i`, force per reference area.
 
-    Examples
-    --------
     >>> from deatwin.plant.laws.energies import neo_hookean
     >>> first, second = nominal_stress(neo_hookean, 2.0, 2.0, 1.0)
     >>> float(first) == 2 - 2**-5
@@ -47,9 +45,7 @@ def nominal_stress(
 def true_stress(
     energy: Callable[..., Symbol], stretch_1: Symbol, stretch_2: Symbol, *parameters: Symbol
 ) -> tuple[Symbol, Symbol]:
-    r"""True (Cauchy) stresses :math:`\sigma_i = \lambda_i\,\partial W/\partial\lambda_i`, none across the film.
-    returns Along 1 and 2, force per present area, Pa.
-    """
+    r"""True stresses :math:`\sigma_i = \lambda_i\,\partial W/\partial\lambda_i` along 1 and 2, Pa; none across."""
     first, second = nominal_stress(energy, stretch_1, stretch_2, *parameters)
     return stretch_1 * first, stretch_2 * second
 
@@ -57,9 +53,7 @@ def true_stress(
 def tangent(
     energy: Callable[..., Symbol], stretch_1: Symbol, stretch_2: Symbol, *parameters: Symbol
 ) -> tuple[Symbol, Symbol, Symbol]:
-    r"""Second derivatives :math:`\partial^2 W/\partial\lambda_i\partial\lambda_j`: the film's tangent stiffness.
-    returns For ij = 11, 12 and 22, Pa.
-    """
+    r"""Tangent stiffness :math:`\partial^2 W/\partial\lambda_i\partial\lambda_j` for ij = 11, 12 and 22, Pa."""
     _, _, *second = _differentiated(energy, len(parameters))(stretch_1, stretch_2, *parameters)
     return second[0], second[1], second[2]
 

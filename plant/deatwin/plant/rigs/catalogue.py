@@ -30,8 +30,6 @@ def _kinds() -> dict[str, type[Rig]]:
 def rig_kind(name: str) -> type[Rig]:
     """The class of a rig.
 
-    Examples
-    --------
     >>> rig_kind("diaphragm").__name__
     'Diaphragm'
     """

@@ -188,9 +188,7 @@ class FilmActuator(Rig):
 
 
 def relaxed_stresses(substance: Material, stretch_1: float, stretch_2: float) -> tuple[float, float]:
-    """Nominal stresses of a relaxed film with its published values. returns Along 1 and 2, force per reference area,
-    Pa.
-    """
+    """Nominal stresses along 1 and 2 of a relaxed film with its published values, Pa."""
     values = [p.value for p in substance.elastic]
     first, second = (float(s) for s in nominal_stress(substance.energy, stretch_1, stretch_2, *values))
     if not (np.isfinite(first) and np.isfinite(second)):

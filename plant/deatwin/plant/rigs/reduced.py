@@ -121,10 +121,7 @@ def _points(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Zone:
-    """A ring of the film.
-
-    `flat(rho)`: meridional and hoop stretch of the flat film at a reference radius.
-    """
+    """A ring of the film; `flat(rho)`: meridional and hoop stretch of the flat film at a reference radius."""
 
     flat: Callable[[Symbol], tuple[Symbol, Symbol]]
     outer: Symbol

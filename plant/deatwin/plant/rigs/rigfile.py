@@ -23,10 +23,7 @@ from deatwin.plant.supply import Supply
 
 @dataclass(frozen=True, kw_only=True)
 class DriveSpec:
-    """Drive: film volts per command volt, start procedure in s, range of commands in V or None.
-
-    `start_is_known` is False where the file says so; ramp and hold mean nothing then.
-    """
+    """Volts per command volt, start procedure in s (unless unknown), and range of commands in V or None."""
 
     gain: float = 1.0
     start_ramp: float = 0.0
@@ -46,9 +43,7 @@ class DriveSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class SensorSpec:
-    """Sensor: sample rate in Hz, rms noise and resolution in m, if its zero is that without voltage, where it
-    looks from, and when it reads.
-    """
+    """Sample rate in Hz, rms noise and resolution in m, meaning of zero, direction, and when it reads."""
 
     sample_rate: float
     noise: float

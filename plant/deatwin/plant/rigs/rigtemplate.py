@@ -72,9 +72,7 @@ def rig_template(
     kind: str = "diaphragm",
     noises: Mapping[str, float] = MappingProxyType({}),
 ) -> str:
-    """Return the text of a rig file to be filled in. `known` values in the file's units, and what tells them, by key;
-    `noises` of the further readings that were recorded, SI.
-    """
+    """Return a rig file to be filled in, with `known` values and what tells them; `noises` in SI."""
     parts, described = [_HEAD.format(about=KINDS[kind].about, kind=kind)], KINDS[kind]
     for section, keys in described.sections.items():
         lines = [f"[{section}]  # {_SECTIONS[section]}"]

@@ -49,8 +49,6 @@ def inside(root: Path, name: str) -> Path:
 def safe_name(name: str) -> str:
     """A name that a browser sent, as the name of a file in one folder.
 
-    Examples
-    --------
     >>> safe_name("../../etc/noise.csv"), safe_name(r"C:\\lab\\noise 1.csv"), safe_name(".-a:b.csv")
     ('noise.csv', 'noise 1.csv', 'a_b.csv')
     """

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.plant.effects import catalogue, effect_named
-from deatwin.plant.errors import DataError, nearest
+from deatwin.plant import DataError, effect_named
+from deatwin.plant.effects import catalogue
+from deatwin.plant.errors import nearest
 from deatwin.scenarios.concealed_physics.generator.mechanism import log_uniform
 from deatwin.scenarios.concealed_physics.generator.specimens import CHECK_SECONDS, SECONDS, CaseSpec
 from deatwin.scenarios.concealed_physics.generator.waves import RICH

@@ -15,17 +15,12 @@ from typing import Any
 import numpy as np
 
 from deatwin.ident.discrepancy import gaussian_process, narx, sparse_dynamics, track_of
-from deatwin.ident.greybox.fit import Calibration, calibrate
-from deatwin.ident.greybox.parts import Part, free_run_residuals
-from deatwin.ident.mismatch import Diagnosis, diagnose
-from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.naming.screen import footprints, leads
+from deatwin.ident.greybox import Calibration, Part, calibrate
+from deatwin.ident.greybox.parts import free_run_residuals
+from deatwin.ident.mismatch import Bench, Diagnosis, diagnose, footprints
+from deatwin.ident.mismatch.naming.screen import leads
 from deatwin.ident.mismatch.refit.search import at_its_time, finish, search
-from deatwin.plant.effects.base import Effect
-from deatwin.plant.effects.catalogue import effect_named
-from deatwin.plant.errors import DeatwinError, SimulationError
-from deatwin.plant.model import Plant
-from deatwin.plant.recording import Experiment
+from deatwin.plant import DeatwinError, Effect, Experiment, Plant, SimulationError, effect_named
 from deatwin.scenarios.concealed_physics.generator.specimens import CaseSpec, Specimen, make
 
 BASELINES = {"pysindy": sparse_dynamics, "gaussian_process": gaussian_process, "narx": narx}

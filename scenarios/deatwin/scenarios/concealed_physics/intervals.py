@@ -10,16 +10,19 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.ident.greybox.fit import calibrate
-from deatwin.ident.greybox.parts import Part
-from deatwin.plant.effects.base import Effect
-from deatwin.plant.effects.catalogue import effect_named
-from deatwin.plant.errors import SimulationError
+from deatwin.ident.greybox import Part, calibrate
+from deatwin.plant import (
+    Diaphragm,
+    Effect,
+    Experiment,
+    Parameter,
+    Plant,
+    Recording,
+    Scale,
+    SimulationError,
+    effect_named,
+)
 from deatwin.plant.excitation import band_limited_noise, random_holds
-from deatwin.plant.model import Plant
-from deatwin.plant.parameters import Parameter, Scale
-from deatwin.plant.recording import Experiment, Recording
-from deatwin.plant.rigs.diaphragm import Diaphragm
 from deatwin.scenarios.concealed_physics.cases import IntervalSpec
 
 RIG_SPREAD, EFFECT_SPREAD = 0.1, 0.4

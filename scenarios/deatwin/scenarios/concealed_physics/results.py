@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from deatwin.plant.effects.catalogue import effect_named
-from deatwin.plant.errors import DataError
+from deatwin.plant import DataError, effect_named
 from deatwin.scenarios.concealed_physics.key import TERM_NAMES
 from deatwin.scenarios.concealed_physics.study import Seal, Store, key_of, labels
+from deatwin.studies.sweep import digest
 from deatwin.studies.sweep.json_files import read_object
-from deatwin.studies.sweep.seal import digest
 
 FAR = 16.0
 """Distance d² from which on two explanations can be told apart."""

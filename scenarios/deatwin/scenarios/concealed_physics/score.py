@@ -11,7 +11,9 @@ from deatwin.scenarios.concealed_physics.results import FAR, Case, Opened
 from deatwin.studies.calibration import brier_score, expected_calibration_error, median_interval, reliability
 from deatwin.studies.rates import Rate
 from deatwin.studies.report.story import Measure
+from deatwin.studies.report.words import Words
 
+WORDS = Words(__package__)
 NO_CASE = "no case"
 """Reached by a goal for which nothing was run."""
 STRONG, VERY_STRONG = 0.5, 1.0
@@ -53,78 +55,28 @@ def score(study: Opened) -> list[Goal]:
     detected = [case for case in study.of("effect", "tie", "pair") if case.detected]
     named = [case for case in study.of("effect", "pair") if case.verdict == "named"]
     tied = [case for case in study.of("tie") if case.verdict == "ambiguous"]
-    strong, distant = f"ratio {STRONG} or more", f"d² to the nearest alternative {FAR:g} or more"
     fine = (held.covered for case in study.cases for held in case.held)
     return [
-        _at_most(
-            "nothing concealed: a cause is named (false alarm)",
-            [bool(c.causes) for c in clean],
-            1 / 150,
-            "at most 1 of 150",
-        ),
-        _at_least("nothing concealed: the verdict is none or parameters", [c.cleared for c in clean], 0.95),
+        _at_most("false_alarm", [bool(c.causes) for c in clean], 1 / 150, "1 of 150"),
+        _at_least("cleared", [c.cleared for c in clean], 0.95),
         _harm(study),
-        _at_most(
-            "effects of the catalogue, detected: the verdict is named, and a cause is wrong",
-            [c.confidently_wrong for c in detected],
-            0.01,
-            "at most 1 %",
-        ),
-        _at_least(f"one effect, {strong}, {distant}: the first cause is right", [c.first_right for c in far], 0.9),
-        _at_least(
-            f"one effect, {strong}, {distant}: the first cause is of the right family",
-            [c.family_right for c in far],
-            0.95,
-        ),
-        _at_least(f"one effect, {strong}: the true effect is in the answer", [c.inside for c in inside], 0.95),
-        _mean(
-            f"one effect, {strong}, informative commands: mean number of effects in the answer",
-            [len(c.answer) for c in inside if c.rich and c.answer],
-            1.3,
-        ),
-        _at_least(
-            f"effects outside the catalogue, {strong}: the verdict is unknown",
-            [c.verdict == "unknown" for c in outside],
-            0.9,
-        ),
-        _at_most(
-            f"effects outside the catalogue, {strong}: an effect of the catalogue is the first cause",
-            [bool(c.causes) for c in outside],
-            0.05,
-            "at most 5 %",
-        ),
-        _at_least("two effects: both are the causes", [c.all_named for c in pairs], 0.7),
-        _at_least("two effects: no cause is wrong", [not c.failed and not c.wrong_cause for c in pairs], 0.9),
-        _at_least(
-            "ties, the verdict is ambiguous: the advised experiment resolves the tie", [c.resolved for c in tied], 0.9
-        ),
-        _at_least(
-            f"ties, {strong}: resolved by the advised experiment, or named at once",
-            [c.resolved or c.named_right for c in ties],
-            0.9,
-        ),
-        _at_least(f"ties, {strong}: the true effect is in the answer", [c.inside for c in ties], 0.95),
-        _median(
-            "one effect, ratio 1 or more: how far the diagnosis reduces the held-out error, from that of the base plant "
-            "(0 %) to that of the oracle (100 %), median",
-            gaps_closed(study),
-            0.95,
-        ),
-        _at_least(
-            "the verdict is named: the held-out error is smaller than with pysindy, Gaussian process and NARX",
-            [_ahead(c) for c in named],
-            0.9,
-        ),
-        _points(
-            f"one effect, {strong}: share of right first causes, minus that of sparse dynamics (pysindy)", inside, 0.3
-        ),
+        _at_most("wrong", [c.confidently_wrong for c in detected], 0.01, "1 %"),
+        _at_least("first_right", [c.first_right for c in far], 0.9),
+        _at_least("family_right", [c.family_right for c in far], 0.95),
+        _at_least("inside", [c.inside for c in inside], 0.95),
+        _mean("answer", [len(c.answer) for c in inside if c.rich and c.answer], 1.3),
+        _at_least("outside_unknown", [c.verdict == "unknown" for c in outside], 0.9),
+        _at_most("outside_named", [bool(c.causes) for c in outside], 0.05, "5 %"),
+        _at_least("both", [c.all_named for c in pairs], 0.7),
+        _at_least("no_wrong_of_two", [not c.failed and not c.wrong_cause for c in pairs], 0.9),
+        _at_least("resolved", [c.resolved for c in tied], 0.9),
+        _at_least("resolved_or_named", [c.resolved or c.named_right for c in ties], 0.9),
+        _at_least("tie_inside", [c.inside for c in ties], 0.95),
+        _median("gap_closed", gaps_closed(study), 0.95),
+        _at_least("ahead", [_ahead(c) for c in named], 0.9),
+        _points("beyond_sparse", inside, 0.3),
         _covered(study),
-        _rate(
-            "recordings by the fine membrane: 95 % intervals of the rig's parameters that cover the true value",
-            REPORTED,
-            fine,
-            None,
-        ),
+        _rate("fine_covered", REPORTED, fine, None),
         _calibration(study),
     ]
 
@@ -133,12 +85,16 @@ def sentence(study: Opened, goals: Sequence[Goal]) -> str:
     """Summarise the results in one sentence."""
     clean, concealed = study.of("clean"), study.of("effect", ratio=STRONG)
     demanding = [goal for goal in goals if goal.met is not None]
-    return (
-        f"{len(study.cases)} sealed cases were diagnosed. A cause was named in {sum(bool(c.causes) for c in clean)} of "
-        f"{len(clean)} cases with nothing concealed. The concealed effect was the first cause in "
-        f"{sum(c.first_right for c in concealed)} of {len(concealed)} cases in which it is at least half the noise. "
-        f"{sum(c.confidently_wrong for c in study.of('effect', 'tie', 'pair'))} verdicts named a wrong cause. "
-        f"{sum(bool(goal.met) for goal in demanding)} of {len(demanding)} goals are met."
+    return WORDS.text(
+        "sentence",
+        cases=len(study.cases),
+        alarms=sum(bool(c.causes) for c in clean),
+        clean=len(clean),
+        first=sum(c.first_right for c in concealed),
+        concealed=len(concealed),
+        wrong=sum(c.confidently_wrong for c in study.of("effect", "tie", "pair")),
+        met=sum(bool(goal.met) for goal in demanding),
+        goals=len(demanding),
     )
 
 
@@ -166,80 +122,75 @@ def _harm(study: Opened) -> Goal:
     low, high = median_interval(ratios)
     middle = float(np.median(ratios)) if ratios else np.nan
     words = f"{middle:.4f} (95 % interval {low:.4f} to {high:.4f}), largest {max(ratios, default=np.nan):.3f}"
-    measure = "nothing concealed: held-out error of the diagnosed plant, relative to the calibrated base plant (median)"
-    return _goal(measure, "at most 1.005", words, (middle, low, high), len(ratios), middle <= 1.005)
+    return _goal("harm", "at most 1.005", words, (middle, low, high), len(ratios), middle <= 1.005)
 
 
 def _covered(study: Opened) -> Goal:
     covered = [held.covered for held in study.intervals]
     rate = Rate.of(covered)
     met = rate.count >= LEAST_PARAMETERS and 0.92 <= rate.share <= 0.98
-    measure = (
-        "recordings by the plant's own equations: 95 % intervals of an effect's parameters that cover the true value"
-    )
-    return _rate(measure, f"92 to 98 % of at least {LEAST_PARAMETERS}", covered, met)
+    return _rate("covered", f"92 to 98 % of at least {LEAST_PARAMETERS}", covered, met)
 
 
 def _calibration(study: Opened) -> Goal:
     stated = [pair for case in study.cases for pair in case.stated]
     error = expected_calibration_error(reliability(stated))
     words = f"{error:.3f} ({len(stated)} causes, Brier score {brier_score(stated):.3f})"
-    measure = "mean difference between stated probability and share of right causes (expected calibration error)"
-    return _goal(measure, "at most 0.05", words, (error, np.nan, np.nan), len(stated), error <= 0.05)
+    return _goal("calibration", "at most 0.05", words, (error, np.nan, np.nan), len(stated), error <= 0.05)
 
 
-def _at_most(measure: str, flags: Sequence[bool], limit: float, demanded: str) -> Goal:
-    return _rate(measure, demanded, flags, bool(flags) and sum(flags) / len(flags) <= limit, "at most")
+def _at_most(name: str, flags: Sequence[bool], limit: float, words: str) -> Goal:
+    return _rate(name, f"at most {words}", flags, bool(flags) and sum(flags) / len(flags) <= limit, "at most")
 
 
-def _at_least(measure: str, flags: Sequence[bool], limit: float) -> Goal:
+def _at_least(name: str, flags: Sequence[bool], limit: float) -> Goal:
     met = bool(flags) and sum(flags) / len(flags) >= limit
-    return _rate(measure, f"at least {100 * limit:g} %", flags, met, "at least")
+    return _rate(name, f"at least {100 * limit:g} %", flags, met, "at least")
 
 
-def _rate(measure: str, demanded: str, flags: Iterable[bool], met: bool | None, side: str = "") -> Goal:
+def _rate(name: str, demanded: str, flags: Iterable[bool], met: bool | None, side: str = "") -> Goal:
     rate = Rate.of(flags)
     if not rate.count:
-        return _goal(measure, demanded, "", (np.nan, np.nan, np.nan), 0, met)
+        return _goal(name, demanded, "", (np.nan, np.nan, np.nan), 0, met)
     low, high = (0.0, rate.most) if side == "at most" else (rate.least, 1.0) if side else rate.interval
     ends = f"{100 * low:.1f} to {100 * high:.1f}"
     one_sided = f"below {100 * high:.1f} %" if side == "at most" else f"above {100 * low:.1f} %"
     true_rate = one_sided if side else f"{ends} %"
     words = f"{rate.hits} of {rate.count}, {100 * rate.share:.1f} % (true rate {true_rate})"
-    return _goal(measure, demanded, words, (rate.share, low, high), rate.count, met)
+    return _goal(name, demanded, words, (rate.share, low, high), rate.count, met)
 
 
-def _mean(measure: str, values: Sequence[float], limit: float) -> Goal:
+def _mean(name: str, values: Sequence[float], limit: float) -> Goal:
     mean = float(np.mean(values)) if values else np.nan
     half = 1.96 * float(np.std(values)) / np.sqrt(len(values)) if values else np.nan
     words = f"{mean:.2f} ± {half:.2f} ({len(values)} cases)"
-    return _goal(measure, f"at most {limit:g}", words, (mean, mean - half, mean + half), len(values), mean <= limit)
+    return _goal(name, f"at most {limit:g}", words, (mean, mean - half, mean + half), len(values), mean <= limit)
 
 
-def _median(measure: str, values: Sequence[float], limit: float) -> Goal:
+def _median(name: str, values: Sequence[float], limit: float) -> Goal:
     middle = float(np.median(values)) if values else np.nan
     low, high = median_interval(values)
     words = f"{100 * middle:.1f} % (95 % interval {100 * low:.1f} to {100 * high:.1f} %, {len(values)} cases)"
-    return _goal(measure, f"at least {100 * limit:g} %", words, (middle, low, high), len(values), middle >= limit)
+    return _goal(name, f"at least {100 * limit:g} %", words, (middle, low, high), len(values), middle >= limit)
 
 
-def _points(measure: str, cases: Sequence[Case], limit: float) -> Goal:
+def _points(name: str, cases: Sequence[Case], limit: float) -> Goal:
     """Difference of two rates on the same cases; its bound takes each rate's own, which is on the safe side."""
     ours, theirs = Rate.of(c.first_right for c in cases), Rate.of(c.sparse_right for c in cases)
     demanded = f"at least {100 * limit:g} points"
     if not cases:
-        return _goal(measure, demanded, "", (np.nan, np.nan, np.nan), 0, False)
+        return _goal(name, demanded, "", (np.nan, np.nan, np.nan), 0, False)
     ahead, (our_low, our_high), (low, high) = ours.share - theirs.share, ours.interval, theirs.interval
     bound = f"true difference above {100 * (our_low - high):.1f}"
     words = f"{100 * ahead:.1f} points ({ours.hits} and {theirs.hits} of {ours.count}; {bound})"
-    return _goal(measure, demanded, words, (ahead, our_low - high, our_high - low), ours.count, ahead >= limit)
+    return _goal(name, demanded, words, (ahead, our_low - high, our_high - low), ours.count, ahead >= limit)
 
 
-def _goal(measure: str, demanded: str, words: str, ends: Ends, count: int, met: bool | None) -> Goal:
+def _goal(name: str, demanded: str, words: str, ends: Ends, count: int, met: bool | None) -> Goal:
     """A goal whose value and interval are numbers; they are absent where no case counts."""
     value, low, high = ends if count else (None, None, None)
     return Goal(
-        measure=measure,
+        measure=WORDS.text(f"goal.{name}", strong=STRONG, far=FAR),
         demanded=demanded,
         reached=words if count else NO_CASE,
         value=value,

@@ -23,10 +23,10 @@ from deatwin.scenarios.concealed_physics.examine import examine
 from deatwin.scenarios.concealed_physics.generator.specimens import CaseSpec
 from deatwin.scenarios.concealed_physics.intervals import cover
 from deatwin.scenarios.concealed_physics.key import key_dict
+from deatwin.studies.sweep import CaseStore, digest, run_sweep, sources_digest
 from deatwin.studies.sweep.constants import constants
-from deatwin.studies.sweep.run import run_sweep
-from deatwin.studies.sweep.seal import Sealed, digest, sources_digest
-from deatwin.studies.sweep.store import CaseStore, read_seal
+from deatwin.studies.sweep.seal import Sealed
+from deatwin.studies.sweep.store import read_seal
 
 SCHEMA = "deatwin/concealed-seal/1"
 CASE_SCHEMA = "deatwin/concealed-case/1"
@@ -92,9 +92,6 @@ class Seal(Sealed):
 
 class Store(CaseStore[Seal]):
     """The cases of a sealed study."""
-
-    def __init__(self, folder: Path | str, seal: Seal) -> None:
-        super().__init__(folder, seal)
 
     def put(self, name: str, result: Mapping[str, Any]) -> None:
         """Write the result of a case, numbers that are not finite as None; one that is there already stays."""

@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.plant.effects.base import Family
-from deatwin.plant.effects.catalogue import catalogue, effect_named
+from deatwin.plant import Family, catalogue, effect_named
 from deatwin.scenarios.concealed_physics.key import KEY, OUTSIDE, REACH, VISIBLE
 from deatwin.scenarios.concealed_physics.results import FAR, Case, Opened
 from deatwin.scenarios.concealed_physics.score import Goal

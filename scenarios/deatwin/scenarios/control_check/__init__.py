@@ -10,15 +10,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from deatwin.control.checking.specification import Specification
-from deatwin.scenarios.control_check.concealed import (
-    BAND,
-    CLOSED_LOOP_TIME,
-    FAST,
-    OTHER_TIMES,
-    SECONDS,
-    SLOW,
-)
+from deatwin.control import Specification
+from deatwin.scenarios.control_check.concealed import BAND, CLOSED_LOOP_TIME, FAST, OTHER_TIMES, SECONDS, SLOW
 from deatwin.scenarios.control_check.matters import QUANTITIES, Promise
 from deatwin.scenarios.control_check.page import INVERSES, drawings, judge, tables
 from deatwin.scenarios.control_check.rigs import CALIBRATED, CONCEALED

@@ -8,24 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.control.checking.check import check
-from deatwin.control.checking.result import Check
-from deatwin.control.checking.specification import Specification
+from deatwin.control import Check, Controller, Finding, Specification, check, lambda_tuning, linearise, linearise_plant
 from deatwin.control.checking.trial import Trial
-from deatwin.control.checking.verdict import Finding, Runs, judge_runs, worst
-from deatwin.control.controllers.base import Controller
-from deatwin.control.design.lambda_tuning import lambda_tuning
-from deatwin.control.linear.narx import linearise
-from deatwin.control.linear.plant import linearise_plant
+from deatwin.control.checking.verdict import Runs, judge_runs, worst
 from deatwin.ident.mismatch import Diagnosis, diagnose
-from deatwin.ident.narx import NarxModel
-from deatwin.plant.calibrated import CalibratedPlant
-from deatwin.plant.effects import Effect
-from deatwin.plant.effects.creep import Creep
-from deatwin.plant.effects.electrode_rc import ElectrodeRC
+from deatwin.plant import CalibratedPlant, Creep, Effect, ElectrodeRC, Experiment
 from deatwin.plant.excitation import band_limited_noise
-from deatwin.plant.model import Plant
-from deatwin.plant.recording import Experiment, Recording
 from deatwin.scenarios.control_check.rigs import identified, recorded
 from deatwin.scenarios.control_check.tracking import nominal_plant
 
@@ -81,18 +69,22 @@ def conceal(effect: str, rng: np.random.Generator, *, jobs: int, seed: int) -> C
     base, amended = diagnosis.base_model, diagnosis.model
     if base is None or amended is None:
         raise RuntimeError("a diagnosis that has just been made has both models")
-    bench = _Bench(
-        true=true,
-        recording=recording,
-        model=identified(recording),
-        amended=amended,
-        rivals=diagnosis.rival_models,
-        rng=rng,
-    )
+    model, reading = identified(recording), true.rig.reading
+
+    def designed(source: str, known: CalibratedPlant, closed_loop_time: float) -> Designed:
+        """Design on a plant, check, and try on the true rig."""
+        linear = linearise_plant(known.plant, OPERATING).in_loop(reading)
+        controller = lambda_tuning(linear, command_limits=LIMITS, closed_loop_time=closed_loop_time)
+        others = diagnosis.rival_models
+        found = check(model, amended, rng=rng, controller=controller, recording=recording, others=others)
+        trial = Trial(controller=controller, linear=linearise(model, OPERATING).in_loop(reading), rng=rng)
+        runs = trial.runs("plant", true)
+        truth = worst(judge_runs(runs, found.sine_predicted or trial.sine_error(), Specification()))
+        return Designed(source=source, controller=controller, check=found, runs=runs, truth=truth)
+
     sources = (("base", base), ("amended", amended))
     first, *more = (
-        tuple(bench.designed(source, known, time) for source, known in sources)
-        for time in (CLOSED_LOOP_TIME, *OTHER_TIMES)
+        tuple(designed(source, known, time) for source, known in sources) for time in (CLOSED_LOOP_TIME, *OTHER_TIMES)
     )
     return Concealed(
         effect=effect, diagnosis=diagnosis, designs=first, at_other_times=tuple(one for pair in more for one in pair)
@@ -108,29 +100,3 @@ def excitation(rng: np.random.Generator, sample_time: float) -> NDArray[np.float
         for band in (SLOW, FAST)
     ]
     return np.clip(MEAN + halves[0] + halves[1], LOWER, UPPER)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Bench:
-    """The true rig, its recording, and what was made of it."""
-
-    true: Plant
-    recording: Recording
-    model: NarxModel
-    amended: CalibratedPlant
-    rivals: Mapping[str, CalibratedPlant]
-    rng: np.random.Generator
-
-    def designed(self, source: str, known: CalibratedPlant, closed_loop_time: float) -> Designed:
-        """Design on a plant, check, and try on the true rig."""
-        reading = self.true.rig.reading
-        linear = linearise_plant(known.plant, OPERATING).in_loop(reading)
-        controller = lambda_tuning(linear, command_limits=LIMITS, closed_loop_time=closed_loop_time)
-        found = check(
-            self.model, self.amended, rng=self.rng, controller=controller, recording=self.recording, others=self.rivals
-        )
-        seen = linearise(self.model, OPERATING).in_loop(reading)
-        trial = Trial(controller=controller, linear=seen, rng=self.rng)
-        runs = trial.runs("plant", self.true)
-        truth = worst(judge_runs(runs, found.sine_predicted or trial.sine_error(), Specification()))
-        return Designed(source=source, controller=controller, check=found, runs=runs, truth=truth)

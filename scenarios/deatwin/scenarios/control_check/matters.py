@@ -9,27 +9,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.control import (
+    ClosedLoop,
+    Controller,
+    LinearFamily,
+    LinearModel,
+    closed_loop,
+    draw,
+    draw_plants,
+    lambda_tuning,
+    linearise_many,
+    linearise_plants,
+    predict_loop,
+    sine_response,
+)
 from deatwin.control.checking.rows import rows_of_family
 from deatwin.control.checking.subject import STICKING
 from deatwin.control.checking.trial import Trial
-from deatwin.control.controllers.base import Controller
-from deatwin.control.design.lambda_tuning import lambda_tuning
-from deatwin.control.linear.family import LinearFamily, draw, linearise_many
-from deatwin.control.linear.model import LinearModel
-from deatwin.control.linear.plant import draw_plants, linearise_plants
-from deatwin.control.loop.closed_loop import ClosedLoop, closed_loop
-from deatwin.control.loop.predicted import predict_loop
-from deatwin.control.loop.sine_response import sine_response
 from deatwin.control.stability.bandwidth import bandwidth_Hz
-from deatwin.ident.narx import Fixed, Frols, NarxModel, Semp, SvbNarx
-from deatwin.ident.narx.residual import free_run_residual
+from deatwin.ident.narx import Fixed, Frols, NarxModel, Semp, SvbNarx, free_run_residual
+from deatwin.plant import CalibratedPlant, DeatwinError, Plant, ReadingTime, Recording
 from deatwin.plant.amplitudes import axis_label
-from deatwin.plant.calibrated import CalibratedPlant
-from deatwin.plant.errors import DeatwinError
 from deatwin.plant.excitation import band_limited_noise
-from deatwin.plant.model import Plant
-from deatwin.plant.recording import Recording
-from deatwin.plant.rigs.base import ReadingTime
 from deatwin.scenarios.control_check.rigs import calibrated, fabricated, linear_feedback, recorded
 
 Array = NDArray[np.float64]
@@ -55,7 +56,7 @@ MODELS: Mapping[str, Callable[[Recording], NarxModel]] = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Interval:
     """A predicted number with its 95 % interval."""
 
@@ -106,7 +107,7 @@ class Promise:
     def of(cls, model: str, quantity: Quantity, predicted: Interval, achieved: float) -> Promise:
         """Convert from SI to the quantity's unit."""
         s = quantity.scale
-        scaled = Interval(value=s * predicted.value, low=s * predicted.low, high=s * predicted.high)
+        scaled = Interval(s * predicted.value, s * predicted.low, s * predicted.high)
         return cls(model=model, quantity=quantity, predicted=scaled, achieved=s * achieved)
 
     @property
@@ -191,19 +192,10 @@ def _of_narx(
         controller = _design(family.at(0, 0))
         left = free_run_residual(model, recording)
         reference = Trial(controller=controller, linear=family.at(0, 0), rng=rng).step_reference
-        predicted = predict_loop(
-            model,
-            controller,
-            reference,
-            reading=ReadingTime.END_OF_HOLD,
-            residual=left,
-            noise=truth.plant.rig.noise,
-            rng=rng,
-        )
-        overshoot, rms = (
-            Interval(value=v[0], low=v[1], high=v[2])
-            for v in (predicted.interval(lambda r: r.overshoot), predicted.interval(lambda r: r.rms_error))
-        )
+        end, noise = ReadingTime.END_OF_HOLD, truth.plant.rig.noise
+        predicted = predict_loop(model, controller, reference, reading=end, residual=left, noise=noise, rng=rng)
+        overshoot = Interval(*predicted.interval(lambda r: r.overshoot))
+        rms = Interval(*predicted.interval(lambda r: r.rms_error))
     except DeatwinError as error:
         return Matter(name=name, residual=residual, reason=str(error))
     return _matter(name, residual, family, controller, (overshoot, rms), truth, reference, rng)

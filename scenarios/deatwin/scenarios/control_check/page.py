@@ -8,7 +8,7 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.control.checking.specification import Verdict
+from deatwin.control import Verdict
 from deatwin.scenarios.control_check.concealed import Concealed, Designed
 from deatwin.scenarios.control_check.matters import QUANTITIES, Matters, Promise
 from deatwin.scenarios.control_check.study import Study

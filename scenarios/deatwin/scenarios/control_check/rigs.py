@@ -9,23 +9,26 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.control.linear.family import linearise_many
-from deatwin.ident.greybox.fit import calibrate
-from deatwin.ident.greybox.parts import Part
+from deatwin.control import linearise_many
+from deatwin.ident.greybox import Part, calibrate
 from deatwin.ident.narx import Frols, NarxIdentifier, NarxModel, Semp, Term, refine
-from deatwin.plant.calibrated import CalibratedPlant
-from deatwin.plant.effects import Effect
-from deatwin.plant.effects.creep import Creep
-from deatwin.plant.effects.delay import Delay
-from deatwin.plant.effects.electrode_rc import ElectrodeRC
-from deatwin.plant.effects.permittivity_drift import PermittivityDrift
-from deatwin.plant.effects.quadratic_damping import QuadraticDamping
-from deatwin.plant.effects.sensor_lag import SensorLag
-from deatwin.plant.errors import ModelError
+from deatwin.plant import (
+    CalibratedPlant,
+    Creep,
+    Delay,
+    Effect,
+    ElectrodeRC,
+    Experiment,
+    ModelError,
+    PermittivityDrift,
+    Plant,
+    QuadraticDamping,
+    Recording,
+    SensorLag,
+    specification,
+)
 from deatwin.plant.excitation import band_limited_noise
-from deatwin.plant.fleet import TOLERANCES, specification
-from deatwin.plant.model import Plant
-from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.fleet import TOLERANCES
 from deatwin.studies.missing_physics.case import experiment_of
 
 WIDER = 2.0

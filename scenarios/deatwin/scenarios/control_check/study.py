@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.plant.fleet import specification
+from deatwin.plant import specification
 from deatwin.scenarios.control_check.concealed import EFFECTS, Concealed, conceal
 from deatwin.scenarios.control_check.matters import Matters, compare_models
 from deatwin.scenarios.control_check.tracking import EXCITED, FleetRun, Tracking, fleet_runs, nominal_plant, track
 from deatwin.scenarios.control_check.trials import Outcome, Trials, name_of, try_one
 from deatwin.studies.parallel import between
-from deatwin.studies.sweep.run import run_sweep
+from deatwin.studies.sweep import run_sweep
 from deatwin.studies.voice import Progress
 
 SIZES = {"short": 8, "standard": 100, "full": 400}

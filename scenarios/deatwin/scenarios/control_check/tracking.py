@@ -9,24 +9,28 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.control.controllers.base import Controller
-from deatwin.control.controllers.inverse import InverseController
-from deatwin.control.controllers.linear import LinearController
-from deatwin.control.design.feedforward import inverse_filter, with_dynamics
-from deatwin.control.design.inverse import static_curve, with_inverse
-from deatwin.control.design.lambda_tuning import lambda_tuning
-from deatwin.control.design.scheduling import scheduled
-from deatwin.control.linear.model import LinearModel
-from deatwin.control.linear.narx import linearise
-from deatwin.control.linear.plant import linearise_plant
-from deatwin.control.loop.closed_loop import ClosedLoop, closed_loop
-from deatwin.control.loop.references import step_reference, tone_reference
+from deatwin.control import (
+    ClosedLoop,
+    Controller,
+    InverseController,
+    LinearController,
+    LinearModel,
+    Margins,
+    closed_loop,
+    inverse_filter,
+    lambda_tuning,
+    linearise,
+    linearise_plant,
+    scheduled,
+    static_curve,
+    step_reference,
+    tone_reference,
+    with_dynamics,
+    with_inverse,
+)
 from deatwin.control.stability.loops import loop_margins
-from deatwin.control.stability.margins import Margins
+from deatwin.plant import Actuator, Diaphragm, Plant, fleet, specification
 from deatwin.plant.excitation import band_limited_noise
-from deatwin.plant.fleet import Actuator, fleet, specification
-from deatwin.plant.model import Plant
-from deatwin.plant.rigs.diaphragm import Diaphragm
 from deatwin.scenarios.control_check.rigs import LIMITS, identified, recorded
 
 Array = NDArray[np.float64]

@@ -10,20 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.control.checking.check import check
-from deatwin.control.checking.result import Check
-from deatwin.control.checking.specification import Specification, Verdict
+from deatwin.control import Check, Specification, Verdict, check, linearise
 from deatwin.control.checking.trial import Trial
 from deatwin.control.checking.verdict import judge_runs, worst
 from deatwin.control.design.named import Wanted, design_named
-from deatwin.control.linear.narx import linearise
 from deatwin.ident.narx import NarxModel
-from deatwin.plant.errors import DeatwinError
+from deatwin.plant import DeatwinError
 from deatwin.plant.records import read
 from deatwin.scenarios.control_check.rigs import LIMITS, Bench, calibrated, identified, random_bench
 from deatwin.studies.rates import Rate
-from deatwin.studies.sweep.seal import SweepSeal, sources_digest
-from deatwin.studies.sweep.store import CaseStore
+from deatwin.studies.sweep import CaseStore, SweepSeal, sources_digest
 
 SCHEMA = "deatwin/control-trial/1"
 PACKAGES = ("deatwin.plant", "deatwin.ident", "deatwin.control")

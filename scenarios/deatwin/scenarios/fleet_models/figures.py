@@ -8,13 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.narx import Frols, NarxModel, SvbNarx
-from deatwin.ident.narx.fixed import Fixed
+from deatwin.ident.narx import Fixed, Frols, NarxModel, SvbNarx, Term, ThetaPosterior
 from deatwin.ident.narx.fleet.orders import DEGREES, LAGS, Plan
 from deatwin.ident.narx.fleet.records import RECORDED, STEADY
-from deatwin.ident.narx.posterior import ThetaPosterior, regressors
-from deatwin.ident.narx.terms import Term
-from deatwin.plant.recording import Recording
+from deatwin.ident.narx.posterior import regressors
+from deatwin.plant import Recording
 from deatwin.scenarios.fleet_models import WORDS
 from deatwin.scenarios.fleet_models.study import SEMP, SHOWN, SVB, THRESHOLDS, Bench, Study
 from deatwin.scenarios.fleet_models.tables import TESTS
@@ -156,9 +154,7 @@ def _posterior(bench: Bench) -> Drawing:
 
 
 def shares(model: NarxModel, bench: Bench) -> Array:
-    """Mean and interval of each parameter times the rms of its term over the training section. Shapes: returns (3,
-    n_terms).
-    """
+    """Mean and interval of each parameter times the rms of its term over the training section, (3, n_terms)."""
     size = np.sqrt(np.mean(regressors(model, bench.sections[0]) ** 2, axis=1))
     low, high = ThetaPosterior(model=model).interval().T
     return np.stack([model.theta, low, high]) * size

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from deatwin.ident.frequency.removal import remove
+from deatwin.ident.narx import one_step_band
 from deatwin.ident.narx.fleet.records import FILM, STEADY
-from deatwin.ident.narx.predictive import one_step_band
 from deatwin.scenarios.fleet_models import WORDS
 from deatwin.scenarios.fleet_models.study import FRO, LINEAR, SEMP, SVB, Study
 from deatwin.studies.report.story import Measure

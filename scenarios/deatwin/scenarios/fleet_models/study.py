@@ -7,13 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from deatwin.ident.narx import Fixed, Frols, NarxModel, SvbNarx
+from deatwin.ident.narx import Fixed, Frols, NarxIdentifier, NarxModel, Semp, SvbNarx, Validation, validate
 from deatwin.ident.narx.fleet.orders import RULE, Plan, prepare_fleet
 from deatwin.ident.narx.fleet.records import RECORDED, VARIANTS, Prepared
-from deatwin.ident.narx.identifier import NarxIdentifier
-from deatwin.ident.narx.semp import Semp
-from deatwin.ident.narx.validate import Validation, validate
-from deatwin.plant.recording import Recording
+from deatwin.plant import Recording
 from deatwin.studies.parallel import between, run_told
 from deatwin.studies.report.panels import key_of
 from deatwin.studies.report.story import StoryPage, finish

@@ -9,19 +9,21 @@ from types import MappingProxyType
 from typing import Any
 
 from deatwin.ident.frequency.dc import deviations
-from deatwin.ident.narx import NarxModel
-from deatwin.ident.narx.estimation import TotalLeastSquares
-from deatwin.ident.narx.fixed import Fixed
+from deatwin.ident.narx import (
+    Fixed,
+    Narmax,
+    NarxModel,
+    Ridge,
+    Term,
+    ThetaPosterior,
+    TotalLeastSquares,
+    Validation,
+    refine,
+    validate,
+)
 from deatwin.ident.narx.fleet.orders import Plan
 from deatwin.ident.narx.fleet.records import RECORDED, VARIANTS
-from deatwin.ident.narx.noise import Narmax
-from deatwin.ident.narx.posterior import ThetaPosterior
-from deatwin.ident.narx.refine import refine
-from deatwin.ident.narx.shrinkage import Ridge
-from deatwin.ident.narx.terms import Term
-from deatwin.ident.narx.validate import Validation, validate
-from deatwin.plant.errors import ModelError
-from deatwin.plant.recording import Recording
+from deatwin.plant import ModelError, Recording
 from deatwin.scenarios.fleet_models import WORDS
 from deatwin.scenarios.fleet_models.study import FRO, LINEAR, SEMP, SVB, Bench, Identified, Study
 from deatwin.studies.report.quantities import quantity

@@ -8,27 +8,26 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency import FrequencyResponse, frequency_grid, gfrf, output_orders
-from deatwin.ident.frequency.output_responses.estimate import nofrf
-from deatwin.ident.frequency.output_responses.excitation import TestSignal, design_excitation
-from deatwin.ident.frequency.output_responses.powers import InputSpectrum, input_spectrum
-from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfWarning
+from deatwin.ident.frequency import (
+    FrequencyResponse,
+    InputSpectrum,
+    Nofrf,
+    NofrfWarning,
+    TestSignal,
+    design_excitation,
+    frequency_grid,
+    gfrf,
+    input_spectrum,
+    nofrf,
+    output_orders,
+)
 from deatwin.ident.frequency.output_responses.settled import Evaluated, evaluate, left_by_orders
 from deatwin.ident.frequency.removal import Removal, remove
 from deatwin.ident.frequency.tones import tone_response
-from deatwin.ident.narx import NarxModel, SvbNarx
-from deatwin.ident.narx.fleet.alike import (
-    BAND,
-    OPERATING_INPUT,
-    Alike,
-    Fleet,
-    choose_structure,
-    fit,
-    linear_in_output,
-)
+from deatwin.ident.narx import NarxModel, SvbNarx, refine
+from deatwin.ident.narx.fleet.alike import BAND, OPERATING_INPUT, Alike, Fleet, choose_structure, fit, linear_in_output
 from deatwin.ident.narx.fleet.orders import RULE
 from deatwin.ident.narx.fleet.records import FILM, STEADY, as_variant
-from deatwin.ident.narx.refine import refine
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

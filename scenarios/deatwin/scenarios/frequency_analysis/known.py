@@ -8,10 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency import FrequencyResponse, output_orders
+from deatwin.ident.frequency import FrequencyResponse, TestSignal, design_excitation, nofrf, output_orders
 from deatwin.ident.frequency.closed_forms import DUFFING, HAMMERSTEIN, SYSTEMS, ClosedForm
-from deatwin.ident.frequency.output_responses.estimate import nofrf
-from deatwin.ident.frequency.output_responses.excitation import TestSignal, design_excitation
 from deatwin.ident.frequency.output_responses.settled import Evaluated, OrderRanges, evaluate, order_ranges
 from deatwin.ident.narx import Fixed, NarxModel, SvbNarx
 from deatwin.ident.narx.systems import SYSTEMS as RANDOM_SYSTEMS

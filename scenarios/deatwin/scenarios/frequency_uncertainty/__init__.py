@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency.comparison.compare import Agreement, Comparison
+from deatwin.ident.frequency import Agreement, Comparison
 from deatwin.ident.narx.fleet.records import DRIFTING
 from deatwin.scenarios.frequency_uncertainty.figures import fleet_drawings, known_drawings
 from deatwin.scenarios.frequency_uncertainty.fleet import FACTOR, REPEATS, SLOW, STRUCTURE, Consistency

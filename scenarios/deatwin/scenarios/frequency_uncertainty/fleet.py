@@ -11,20 +11,15 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency import gfrf
+from deatwin.ident.frequency import Comparison, Propagated, UncertaintyWarning, compare_records, gfrf, propagate
 from deatwin.ident.frequency.comparison.bands import band_means
-from deatwin.ident.frequency.comparison.compare import Comparison
 from deatwin.ident.frequency.comparison.fleet import Contrast, Means, contrast, spread_of_means
-from deatwin.ident.frequency.comparison.records import compare_records
-from deatwin.ident.frequency.uncertainty.propagate import Propagated, UncertaintyWarning, propagate
-from deatwin.ident.narx import generate_terms
+from deatwin.ident.narx import Term, generate_terms
 from deatwin.ident.narx.fleet.alike import OPERATING_INPUT, fit
 from deatwin.ident.narx.fleet.records import STEADY, as_variant, at_tolerance, thinned
 from deatwin.ident.narx.rules import AtMost
-from deatwin.ident.narx.terms import Term
-from deatwin.plant.fleet import DURATION, HISTORIES, TOLERANCES, Actuator, fleet, specification
-from deatwin.plant.model import Plant
-from deatwin.plant.recording import Recording
+from deatwin.plant import Actuator, Plant, Recording, fleet, specification
+from deatwin.plant.fleet import DURATION, HISTORIES, TOLERANCES
 
 Array = NDArray[np.float64]
 

@@ -10,11 +10,10 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.frequency import FrequencyResponse, frequency_grid, gfrf
+from deatwin.ident.frequency import FrequencyResponse, frequency_grid, gfrf, propagate
 from deatwin.ident.frequency.spectrum import inner_lines
 from deatwin.ident.frequency.uncertainty.beside_draws import Speed, Spread, Sweep, speed_of, spread_of, sweep_of
 from deatwin.ident.frequency.uncertainty.parameters import Quantity
-from deatwin.ident.frequency.uncertainty.propagate import propagate
 from deatwin.ident.narx import Fixed, NarxModel
 from deatwin.ident.narx.systems import SYSTEMS, BenchmarkSystem
 
@@ -56,9 +55,7 @@ class Case:
         return self.name.split(",")[0]
 
     def omega(self, order: int, points: int = POINTS) -> Array:
-        """Frequencies of a response: all tones equal, their sum up to half the sampling rate. Shapes: returns (points,)
-        or (points, order), rad/s.
-        """
+        """Frequencies of a response, all tones equal: (points,) or (points, order), rad/s."""
         harmonic = np.pi / self.system.sample_time * np.linspace(LOWEST, 1 - LOWEST, points)
         return harmonic if order == 1 else np.repeat(harmonic[:, None] / order, order, axis=1)
 
@@ -120,9 +117,7 @@ def spreads(case: Case, seed: tuple[int, ...]) -> tuple[Spread, ...]:
 
 
 def covered(case: Case, seed: tuple[int, ...], n_sets: int = DATA_SETS) -> dict[int, Flags]:
-    """Identify a case from many recordings, and test whether the regions hold the truth. Shapes: returns (n_sets,
-    n_frequencies).
-    """
+    """Identify a case from many recordings; test whether regions hold the truth, (n_sets, n_frequencies)."""
     rng = np.random.default_rng(seed)
     truth = {order: case.response(order)(case.system.model).values for order in case.orders}
     models = (case.identify(rng) for _ in range(n_sets))

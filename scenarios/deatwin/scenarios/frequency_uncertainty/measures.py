@@ -6,10 +6,9 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from deatwin.ident.frequency.comparison.compare import Agreement, Comparison, Difference
+from deatwin.ident.frequency import Agreement, Comparison, Difference, UncertaintyStatus
 from deatwin.ident.frequency.comparison.fleet import share_of
 from deatwin.ident.frequency.uncertainty.beside_draws import Spread
-from deatwin.ident.frequency.uncertainty.propagate import UncertaintyStatus
 from deatwin.ident.narx.fleet.records import DRIFTING
 from deatwin.plant.fleet import TOLERANCES
 from deatwin.scenarios.frequency_uncertainty.fleet import Consistency

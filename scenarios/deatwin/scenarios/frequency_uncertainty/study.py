@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from deatwin.ident.frequency.comparison.fleet import shares_of
+from deatwin.plant import Recording
 from deatwin.plant.fleet import DURATION
-from deatwin.plant.recording import Recording
 from deatwin.scenarios.frequency_uncertainty import fleet, known
 from deatwin.scenarios.frequency_uncertainty.fleet import Consistency
 from deatwin.scenarios.frequency_uncertainty.known import CASES, Known

@@ -14,17 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.plant.actuation import ActuationCurve, actuation_curve
-from deatwin.plant.laws.breakdown import HUANG_2012, KOFOD_2001
-from deatwin.plant.laws.dielectric import VACUUM_PERMITTIVITY
-from deatwin.plant.laws.energies import maxwell_branch
+from deatwin.plant import ActuationCurve, Diaphragm, Experiment, Planar, Plant, Recording, actuation_curve
+from deatwin.plant.laws import HUANG_2012, KOFOD_2001, VACUUM_PERMITTIVITY, maxwell_branch
 from deatwin.plant.laws.stress import nominal_stress
 from deatwin.plant.material import material
-from deatwin.plant.model import Plant
-from deatwin.plant.recording import Experiment, Recording
-from deatwin.plant.rigs.diaphragm import Diaphragm
 from deatwin.plant.rigs.film_actuator import relaxed_stresses
-from deatwin.plant.rigs.planar import Planar
 from deatwin.scenarios.prestretch.claims import RELAXING, Sweep, Verdict, judged_claims
 from deatwin.scenarios.prestretch.page import write_sweep
 from deatwin.studies.report.story import end_run
@@ -143,9 +137,7 @@ def _ball(prestretch: float) -> float:
 
 
 def unequal(ratios: Array) -> dict[str, Array]:
-    """Strains at 1 kV along and across a film of unequal prestretch, at one thickness. Shapes: `ratios` (n,); returns
-    (n,).
-    """
+    """Strains at 1 kV along and across a film of unequal prestretch, at one thickness, (n,)."""
     along, across = [], []
     for ratio in ratios:
         first, second = 3.0 / np.sqrt(ratio), 3.0 * np.sqrt(ratio)

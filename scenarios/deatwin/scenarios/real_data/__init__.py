@@ -13,7 +13,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from deatwin.ident.parallel import run_jobs
+from deatwin.ident import run_jobs
 from deatwin.scenarios.real_data import figures
 from deatwin.scenarios.real_data.published import QUOTED, documented_errors
 from deatwin.studies.provenance import hashes

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx import NarxModel
 from deatwin.scenarios.real_data.published import DOCUMENTED
 from deatwin.studies.public.black_boxes import FRO, GROWN, LINEAR, REFINED, Outcome
 from deatwin.studies.public.records import DataSet

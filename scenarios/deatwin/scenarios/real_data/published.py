@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from deatwin.ident.narx.model import NarxModel
-from deatwin.plant.recording import Recording
+from deatwin.ident.narx import NarxModel
+from deatwin.plant import Recording
 
 _PAGE = (
     "SysIdentPy, docs/en/user-guide/tutorials/multiobjective-parameter-estimation-overview.md (its buck example: "

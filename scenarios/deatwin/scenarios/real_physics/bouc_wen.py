@@ -14,15 +14,20 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.plant.builder import Builder
-from deatwin.plant.effects.base import Effect, Place
-from deatwin.plant.effects.hysteresis import Hysteresis
-from deatwin.plant.effects.sizes import Sizes
+from deatwin.plant import (
+    Builder,
+    Effect,
+    Experiment,
+    Hysteresis,
+    Parameter,
+    Place,
+    Plant,
+    ReadingTime,
+    Rig,
+    Scale,
+    Sizes,
+)
 from deatwin.plant.effects.smooth import smooth_magnitude
-from deatwin.plant.model import Plant
-from deatwin.plant.parameters import Parameter, Scale
-from deatwin.plant.recording import Experiment
-from deatwin.plant.rigs.base import ReadingTime, Rig
 from deatwin.scenarios.real_physics.signals import derivatives, held
 from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of
 from deatwin.studies.missing_physics.page import tell

@@ -16,14 +16,8 @@ from typing import Any, ClassVar
 import casadi as ca
 import numpy as np
 
-from deatwin.plant.builder import Builder
-from deatwin.plant.effects.base import Effect, Family, Place
-from deatwin.plant.effects.sizes import Sizes
+from deatwin.plant import Builder, Effect, Experiment, Family, Parameter, Place, Plant, ReadingTime, Rig, Scale, Sizes
 from deatwin.plant.effects.smooth import soft_excess
-from deatwin.plant.model import Plant
-from deatwin.plant.parameters import Parameter, Scale
-from deatwin.plant.recording import Experiment
-from deatwin.plant.rigs.base import ReadingTime, Rig
 from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of
 from deatwin.studies.missing_physics.page import tell
 from deatwin.studies.public.records import cascaded_tanks as black_box_data

@@ -15,14 +15,20 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.plant.builder import Builder
-from deatwin.plant.effects.base import Effect, Place
-from deatwin.plant.effects.catalogue import catalogue
-from deatwin.plant.effects.sizes import Sizes
-from deatwin.plant.model import Plant
-from deatwin.plant.parameters import Parameter, Scale
-from deatwin.plant.recording import Experiment, Recording
-from deatwin.plant.rigs.base import ReadingTime, Rig
+from deatwin.plant import (
+    Builder,
+    Effect,
+    Experiment,
+    Parameter,
+    Place,
+    Plant,
+    ReadingTime,
+    Recording,
+    Rig,
+    Scale,
+    Sizes,
+    catalogue,
+)
 from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of
 from deatwin.studies.missing_physics.page import tell
 from deatwin.studies.public.columns import matlab_vectors, require_samples

@@ -15,16 +15,10 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.greybox.fit import Calibration, calibrate
-from deatwin.ident.parallel import run_jobs
-from deatwin.plant.builder import Builder
-from deatwin.plant.effects.base import Place
-from deatwin.plant.effects.sizes import Sizes
+from deatwin.ident import run_jobs
+from deatwin.ident.greybox import Calibration, calibrate
+from deatwin.plant import Builder, Experiment, Parameter, Place, Plant, ReadingTime, Rig, Scale, Sizes
 from deatwin.plant.effects.smooth import smooth_sign, soft_excess
-from deatwin.plant.model import Plant
-from deatwin.plant.parameters import Parameter, Scale
-from deatwin.plant.recording import Experiment
-from deatwin.plant.rigs.base import ReadingTime, Rig
 from deatwin.scenarios.real_physics import bouc_wen, cascaded_tanks
 from deatwin.scenarios.real_physics.cascaded_tanks import Tanks
 from deatwin.scenarios.real_physics.emps import FILES
@@ -54,10 +48,7 @@ STARTS = 3
 
 @dataclass(frozen=True, kw_only=True)
 class BrimmedTanks(Tanks):
-    """Two tanks that overflow, whose outlets follow a power of the level, read by a sensor that ends at 10 V.
-
-    The level of the upper tank is counted so that both tanks have the same area.
-    """
+    """Two tanks that overflow, whose outlets follow a power of the level; the sensor ends at 10 V."""
 
     kind: ClassVar[str] = "brimmed-tanks"
 

@@ -9,18 +9,14 @@ Array = NDArray[np.float64]
 
 
 def held(values: Array) -> Array:
-    """Held values that act on a plant like a band-limited input of which `values` are the samples. Shapes: `values`
-    (n,); returns (n,), In the same unit; each acts from its own sample to the next.
-    """
+    """Held values (n,) that act on a plant like a band-limited input of which `values` (n,) are the samples."""
     frequencies = np.fft.rfftfreq(values.size)
     spectrum = np.fft.rfft(values) * np.exp(1j * np.pi * frequencies) / np.sinc(frequencies)
     return np.fft.irfft(spectrum, values.size)
 
 
 def derivatives(values: Array, sample_time: float, band: float) -> tuple[Array, Array, Array]:
-    """A signal and its first two derivatives by the Fourier transform, up to a frequency. `values` (n,); `band`
-    highest frequency that is kept, Hz; returns (n,).
-    """
+    """A signal (n,) and its first two derivatives by the Fourier transform, up to `band`, Hz."""
     frequencies = np.fft.rfftfreq(values.size, sample_time)
     spectrum, omega = np.fft.rfft(values) * (frequencies <= band), 2j * np.pi * frequencies
     first, second, third = (np.fft.irfft(spectrum * omega**order, values.size) for order in range(3))

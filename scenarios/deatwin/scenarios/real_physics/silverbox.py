@@ -15,13 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.plant.builder import Builder
-from deatwin.plant.effects.base import Place
-from deatwin.plant.effects.sizes import Sizes
-from deatwin.plant.model import Plant
-from deatwin.plant.parameters import Parameter, Scale
-from deatwin.plant.recording import Experiment
-from deatwin.plant.rigs.base import ReadingTime, Rig
+from deatwin.plant import Builder, Experiment, Parameter, Place, Plant, ReadingTime, Rig, Scale, Sizes
 from deatwin.scenarios.real_physics.signals import derivatives, held
 from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of
 from deatwin.studies.missing_physics.page import tell

@@ -75,10 +75,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
 
 
 def _ordered(jobs: Sequence[tuple[str, DataSet]], workers: int) -> list[tuple[str, DataSet]]:
-    """Return the jobs as they begin: the shortest first, so that an interrupt keeps what it can.
-
-    Of several workers one takes the longest meanwhile; the other long ones follow the usual ones, for an early end.
-    """
+    """Return the jobs as they begin, the shortest first; one of several workers begins with the longest."""
     rising = sorted(jobs, key=_length)
     if workers == 1:
         return rising

@@ -7,8 +7,7 @@ from pathlib import Path
 
 from deatwin.ident.nss import Cascade, Pnlss
 from deatwin.ident.nss.basis import monomials
-from deatwin.plant.errors import DataError
-from deatwin.plant.recording import Recording
+from deatwin.plant import DataError, Recording
 from deatwin.scenarios.real_physics import bouc_wen, emps
 from deatwin.studies.public.black_boxes import GROWN, LINEAR, REFINED
 from deatwin.studies.public.columns import hdf5_vectors, matlab_vectors

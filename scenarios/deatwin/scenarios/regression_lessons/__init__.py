@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from deatwin.ident.parallel import spawn_generators
+from deatwin.ident import spawn_generators
 from deatwin.scenarios.regression_lessons import constraint, occam, page, variance
 from deatwin.studies.report.prose import notes
 from deatwin.studies.report.story import StoryPage, finish, reached

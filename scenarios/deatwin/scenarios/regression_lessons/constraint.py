@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx import Ridge
 from deatwin.ident.narx.lasso import lasso_path
-from deatwin.ident.narx.shrinkage import Ridge
 
 Array = NDArray[np.float64]
 

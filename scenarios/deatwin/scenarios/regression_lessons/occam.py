@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx import Bayesian
 from deatwin.ident.narx.bayes import Priors
-from deatwin.ident.narx.shrinkage import Bayesian
 from deatwin.scenarios.regression_lessons.variance import powers
 
 Array = NDArray[np.float64]

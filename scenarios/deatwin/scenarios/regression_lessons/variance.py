@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.narx.estimate import LeastSquares
-from deatwin.ident.narx.shrinkage import Ridge
+from deatwin.ident.narx import LeastSquares, Ridge
 
 Array = NDArray[np.float64]
 Fitter = Callable[[Array], Array]
@@ -26,9 +25,7 @@ def curve(points: Array) -> Array:
 
 
 def powers(points: Array, degree: int) -> Array:
-    """Regressors up to a degree: Legendre polynomials, so that none nearly follows from the others. Shapes: `points`
-    (n,); returns (degree + 1, n).
-    """
+    """Legendre polynomials up to a degree as regressors, (degree + 1, n). Shapes: `points` (n,)."""
     return np.asarray(np.polynomial.legendre.legvander(points, degree).T, dtype=np.float64)
 
 

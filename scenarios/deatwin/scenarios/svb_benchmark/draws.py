@@ -9,13 +9,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx import ThetaPosterior
 from deatwin.ident.narx.bayes import Statistics
-from deatwin.ident.narx.posterior import ThetaPosterior
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.spike_slab import SpikeSlab, Structures, sample_structures
 from deatwin.ident.narx.standing_out import Margin, full_margin, near_margin
 from deatwin.ident.narx.systems import SYSTEMS, BenchmarkSystem, Draw
-from deatwin.plant.errors import DeatwinError
+from deatwin.plant import DeatwinError
 from deatwin.plant.records import UNBOUNDED
 from deatwin.scenarios.svb_benchmark.methods import ESTIMATORS, METHODS
 from deatwin.studies.rates import LEVEL, Rate

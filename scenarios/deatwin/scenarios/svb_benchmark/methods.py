@@ -8,15 +8,10 @@ from functools import partial
 from types import MappingProxyType
 from typing import Any
 
-from deatwin.ident.narx import Frols, NarxModel, SvbNarx
-from deatwin.ident.narx.fixed import Fixed
-from deatwin.ident.narx.identifier import NarxIdentifier
+from deatwin.ident.narx import Fixed, Frols, Lasso, Narmax, NarxIdentifier, NarxModel, Semp, SvbNarx
 from deatwin.ident.narx.known_terms import fit_variational, fit_with_noise
-from deatwin.ident.narx.lasso import Lasso
-from deatwin.ident.narx.noise import Narmax
-from deatwin.ident.narx.semp import Semp
 from deatwin.ident.narx.systems import BenchmarkSystem
-from deatwin.plant.recording import Recording
+from deatwin.plant import Recording
 
 VARIATIONAL = "variational Bayes"
 

@@ -26,9 +26,7 @@ from deatwin.scenarios.svb_benchmark.draws import (
 )
 from deatwin.scenarios.svb_benchmark.methods import ESTIMATORS, METHODS, VARIATIONAL
 from deatwin.studies.provenance import versions
-from deatwin.studies.sweep.run import run_sweep
-from deatwin.studies.sweep.seal import SweepSeal, sources_digest
-from deatwin.studies.sweep.store import CaseStore
+from deatwin.studies.sweep import CaseStore, SweepSeal, run_sweep, sources_digest
 
 DRAWS = 100
 """Draws of each system."""

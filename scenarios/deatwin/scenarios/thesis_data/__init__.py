@@ -13,8 +13,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from deatwin.ident.curves import mean_curve, straight_line
+from deatwin.plant import specification
 from deatwin.plant.files import write_recording
-from deatwin.plant.fleet import TOLERANCES, specification
+from deatwin.plant.fleet import TOLERANCES
 from deatwin.scenarios.thesis_data.counterevidence import SmallVoltages, side_bands, small_voltages
 from deatwin.scenarios.thesis_data.page import ELASTIC, SPECIFIED, drawings, judge
 from deatwin.scenarios.thesis_data.study import Bench, Study, carry_out

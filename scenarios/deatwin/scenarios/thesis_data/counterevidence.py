@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deatwin.plant.model import Plant
-from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant import Experiment, Plant, Recording
 
 Array = np.ndarray
 LEVELS = 0.05 * 2.0 ** np.arange(5)

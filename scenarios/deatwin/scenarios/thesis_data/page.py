@@ -20,8 +20,8 @@ from deatwin.ident.drifts import (
     roughness,
 )
 from deatwin.ident.narx.fleet.records import MOVES, Move
+from deatwin.plant import Recording
 from deatwin.plant.drawing import envelope
-from deatwin.plant.recording import Recording
 from deatwin.scenarios.thesis_data.counterevidence import SideBands, SmallVoltages
 from deatwin.scenarios.thesis_data.study import Bench, Study
 from deatwin.studies.report.drawing import Drawing

@@ -9,10 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.curves import loop_area
+from deatwin.plant import Actuator, Experiment, Plant, Recording, fleet, specification
 from deatwin.plant.excitation import triangles
-from deatwin.plant.fleet import Actuator, fleet, specification
-from deatwin.plant.model import Plant
-from deatwin.plant.recording import Experiment, Recording
 from deatwin.studies.parallel import call, run_told
 from deatwin.studies.voice import Progress
 

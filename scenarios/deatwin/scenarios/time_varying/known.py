@@ -9,22 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.drifts import root_mean_square
-from deatwin.ident.frequency import hold_equilibrium
-from deatwin.ident.frequency.output_responses.excitation import design_excitation
-from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf
+from deatwin.ident.frequency import design_excitation, hold_equilibrium, tv_gfrf, tv_nofrf
 from deatwin.ident.frequency.varying.maps import Map
-from deatwin.ident.narx import Recording, ThetaSmoother, ThetaTrajectory
-from deatwin.ident.narx.identifier import FitStatus
+from deatwin.ident.narx import FitStatus, ThetaSmoother, ThetaTrajectory
 from deatwin.ident.narx.recursive import Structure
-from deatwin.ident.narx.varying_systems import (
-    DURATION,
-    MOVING_DC,
-    NOISE,
-    STEP,
-    KnownSystem,
-    drawn_walk,
-    recorded,
-)
+from deatwin.ident.narx.varying_systems import DURATION, MOVING_DC, NOISE, STEP, KnownSystem, drawn_walk, recorded
+from deatwin.plant import Recording
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -205,9 +195,7 @@ def _probed(truth: ThetaTrajectory, omega: float, order: int) -> Complex:
 
 
 def covered(rng: np.random.Generator, timepts: Array, frequencies: Array) -> dict[int, NDArray[np.bool_]]:
-    """Draw parameters from a random walk, record, estimate, and look whether the ellipses hold the truth. Shapes:
-    `timepts` (n_times,); `frequencies` (n,); returns (n_times, n).
-    """
+    """Draw a random walk, record, estimate, and test whether the ellipses hold the truth, (n_times, n)."""
     truth = drawn_walk(WALK, WANDER, WALK_SAMPLES, rng)
     inputs = 0.5 * rng.standard_normal(WALK_SAMPLES)
     recording = recorded(truth, inputs, 5 * NOISE * rng.standard_normal(WALK_SAMPLES))

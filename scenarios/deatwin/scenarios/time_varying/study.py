@@ -9,19 +9,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident import spawn_generators
 from deatwin.ident.drifts import root_mean_square
-from deatwin.ident.frequency.output_responses.excitation import design_excitation
-from deatwin.ident.frequency.varying.along_time import tv_gfrf, tv_nofrf
+from deatwin.ident.frequency import SlidingStatistics, design_excitation, sliding_mean_and_gain, tv_gfrf, tv_nofrf
 from deatwin.ident.frequency.varying.maps import Map
 from deatwin.ident.frequency.varying.short_time import ShortTime, compare_windows, series_error, windows_of
-from deatwin.ident.frequency.varying.sliding import SlidingStatistics, sliding_mean_and_gain
-from deatwin.ident.narx import NarxModel, Recording, ThetaTrajectory, generate_terms
+from deatwin.ident.narx import NarxModel, ThetaTrajectory, generate_terms
 from deatwin.ident.narx.fleet.alike import OPERATING_INPUT, linear_in_output
 from deatwin.ident.narx.fleet.records import thinned
 from deatwin.ident.narx.varying_systems import SYSTEMS
 from deatwin.ident.narx.wander import CONSTANT, VARYING, Track, follow_actuator
-from deatwin.ident.parallel import spawn_generators
-from deatwin.plant.fleet import Actuator, fleet
+from deatwin.plant import Actuator, Recording, fleet
 from deatwin.scenarios.time_varying.known import (
     LINES,
     SPEEDS,

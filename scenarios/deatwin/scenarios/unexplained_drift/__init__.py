@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from deatwin.plant.fleet import fleet
+from deatwin.plant import fleet
 from deatwin.scenarios.unexplained_drift.figures import drifts
 from deatwin.scenarios.unexplained_drift.repeatability import numbers, rows_of, sentence_of, table_of
 from deatwin.scenarios.unexplained_drift.score import Estimate, Judged, Mark, judged, measures

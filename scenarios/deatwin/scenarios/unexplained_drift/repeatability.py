@@ -14,12 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.plant.effects import Creep, PrestretchRelaxation
-from deatwin.plant.effects.base import Effect
+from deatwin.plant import Actuator, Creep, Effect, Experiment, Plant, PrestretchRelaxation, Recording, fleet
 from deatwin.plant.excitation import band_limited_noise
-from deatwin.plant.fleet import Actuator, fleet
-from deatwin.plant.model import Plant
-from deatwin.plant.recording import Experiment, Recording
 from deatwin.scenarios.unexplained_drift.sealed import concealed_in
 from deatwin.studies.report.story import Measure, Table
 from deatwin.studies.report.words import Words
@@ -159,9 +155,7 @@ def _subject(actuator: Actuator, effect: Effect | None) -> Plant:
 
 
 def drift_of(plant: Plant, history: History, seed: Sequence[int] | None) -> Drift:
-    """Drive an actuator twice with the same noise, and compare the readings. returns From the first to the second
-    section.
-    """
+    """Drive an actuator twice with the same noise; compare the second section's readings with the first's."""
     step = plant.rig.sample_time
     commands = band_limited_noise(np.random.default_rng(0), SECTION, step, mean=MEAN)
     before = _before(history, step)

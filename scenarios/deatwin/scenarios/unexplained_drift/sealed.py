@@ -6,11 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from deatwin.plant.effects import Effect
-from deatwin.plant.fleet import Actuator, fleet, specification
+from deatwin.plant import Actuator, Effect, fleet, specification
 from deatwin.studies.provenance import versions
+from deatwin.studies.sweep import SweepSeal, digest, sources_digest
 from deatwin.studies.sweep.constants import constants
-from deatwin.studies.sweep.seal import SweepSeal, digest, sources_digest
 from deatwin.studies.sweep.store import read_seal
 
 SCHEMA = "deatwin/drift-case/1"

@@ -12,17 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.mismatch import Diagnosis
-from deatwin.plant.errors import ModelError
+from deatwin.plant import Actuator, Experiment, ModelError, Plant, Recording, fleet, specification
 from deatwin.plant.excitation import band_limited_noise
-from deatwin.plant.fleet import Actuator, fleet, specification
-from deatwin.plant.model import Plant
-from deatwin.plant.recording import Experiment, Recording
 from deatwin.scenarios.unexplained_drift.repeatability import Drift, Group, Run, drift_of, grouped, runs
 from deatwin.studies.diagnosing import DiagnosisTask
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.sweep.run import run_sweep
-from deatwin.studies.sweep.seal import SweepSeal
-from deatwin.studies.sweep.store import CaseStore
+from deatwin.studies.sweep import CaseStore, SweepSeal, run_sweep
 
 Array = NDArray[np.float64]
 VISITS = ((32.0, 80.0), (1020.0, 40.0))

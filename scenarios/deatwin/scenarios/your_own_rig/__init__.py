@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 
 from deatwin.ident.mismatch import Diagnosis
-from deatwin.plant.model import Plant
-from deatwin.plant.recording import Experiment
+from deatwin.plant import Experiment, Plant
 from deatwin.scenarios.your_own_rig.elsewhere import CAR, drive
 from deatwin.scenarios.your_own_rig.figures import agreement
 from deatwin.scenarios.your_own_rig.quarter_car import plant

@@ -13,9 +13,7 @@ Array = NDArray[np.float64]
 
 
 def agreement(timepts: Array, road: Array, here: Array, elsewhere: Array, noise: float) -> Drawing:
-    """Draw the bumps, the travel as both compute it, and their difference. Shapes: `timepts, road, here, elsewhere`
-    (n,).
-    """
+    """Draw the bumps, the travel as both compute it, and their difference. Shapes: (n,)."""
     difference = 1e6 * (here - elsewhere)
     with draw((9.6, 5.8)) as figure:
         top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(2, 3, 2))

@@ -9,10 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.plant import Experiment, Plant, Recording, read_recording
 from deatwin.plant.excitation import band_limited_noise
-from deatwin.plant.files import read_recording, write_recording
-from deatwin.plant.model import Plant
-from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.files import write_recording
 from deatwin.scenarios.your_own_rig.elsewhere import CAR, drive
 from deatwin.scenarios.your_own_rig.quarter_car import plant
 from deatwin.studies.folder import ResultFolder

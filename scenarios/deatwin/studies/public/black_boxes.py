@@ -137,9 +137,7 @@ def attempt(method: str, data: DataSet) -> Outcome:
 
 
 def free(model: Model, recording: Recording, shown: int | None = None, first_state: Array | None = None) -> Any:
-    """The free run from the first measured lags alone, as `NarxModel` does it; a state space takes the shown samples, or
-    a first state.
-    """
+    """Free run from the first lags alone; a state space takes the shown samples, or a first state."""
     if isinstance(model, LinearModel):
         return model.simulate(recording, warmup=model.poles.size)
     if isinstance(model, NarxModel):

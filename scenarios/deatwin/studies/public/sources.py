@@ -62,8 +62,7 @@ SOURCES: Mapping[str, Source] = MappingProxyType(
 
 
 def data_folder(given: Path | None, name: str) -> Path:
-    """Find the folder of a set of public recordings, in the given folder or the one that the variable names, or
-    download it."""
+    """Find the folder of public recordings in the given folder or the variable's, or download it."""
     root = given or os.environ.get(DATA_VARIABLE)
     if not root:
         return downloaded(name)

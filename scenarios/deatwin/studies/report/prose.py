@@ -15,8 +15,6 @@ _CODE = re.compile(r"^```\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 def listed(texts: list[str]) -> str:
     """Join texts in words.
 
-    Examples
-    --------
     >>> listed(["A", "B", "C"]), listed(["A"]), listed([])
     ('A, B and C', 'A', '')
     """

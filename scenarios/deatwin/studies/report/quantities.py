@@ -12,8 +12,6 @@ from deatwin.plant.prefixes import prefixed, resolving
 def quantity(value: float, unit: str) -> str:
     """A value in SI with three digits and a prefix.
 
-    Examples
-    --------
     >>> quantity(26400.0, "Pa"), quantity(0.05, "s"), quantity(-0.1, "1")
     ('26.4 kPa', '50 ms', '-0.1')
     """
@@ -24,8 +22,6 @@ def quantity(value: float, unit: str) -> str:
 def three_digits(value: float | None) -> str:
     """A number with three significant digits, or a dash for none.
 
-    Examples
-    --------
     >>> three_digits(2.0), three_digits(128.4), three_digits(4321.0), three_digits(0.0123), three_digits(None)
     ('2.00', '128', '4321', '0.0123', '–')
     """
@@ -37,8 +33,6 @@ def three_digits(value: float | None) -> str:
 def likely(probability: float) -> str:
     """Write a cause's probability; the highest one that a diagnosis states is marked as such.
 
-    Examples
-    --------
     >>> likely(0.388), likely(0.95)
     ('0.388', '0.95 (maximum)')
     """
@@ -49,8 +43,6 @@ def likely(probability: float) -> str:
 def with_interval(value: float, low: float, high: float, unit: str) -> tuple[str, str]:
     """Write a value and its interval with one unit prefix, and enough digits to distinguish the ends.
 
-    Examples
-    --------
     >>> with_interval(25.012, 24.98, 25.04, "s")
     ('25.01 s', '24.98 to 25.04 s')
     """
@@ -62,8 +54,6 @@ def with_interval(value: float, low: float, high: float, unit: str) -> tuple[str
 def in_interval(value: float, low: float, high: float) -> str:
     """Write a value and its interval without a unit, with enough digits to distinguish the ends.
 
-    Examples
-    --------
     >>> in_interval(54.12, 50.2, 59.3), in_interval(0.2501, 0.24996, 0.25042)
     ('54.1 (50.2 to 59.3)', '0.2501 (0.2500 to 0.2504)')
     """

@@ -76,8 +76,6 @@ def templates(package: str) -> Environment:
 def plain(name: str) -> str:
     """Write the name of an effect as words, with the place on which it acts.
 
-    Examples
-    --------
     >>> plain("sensor_drift_at_command_gain")
     'sensor drift acting on the command gain'
     """
@@ -87,8 +85,6 @@ def plain(name: str) -> str:
 def unbroken(shown: Any) -> Any:
     """Keep units on the line of their numbers, in plain text.
 
-    Examples
-    --------
     >>> unbroken("from 4.6 to 2.1 µm rms in 3 steps")
     'from 4.6 to 2.1\xa0µm\xa0rms in 3 steps'
     """

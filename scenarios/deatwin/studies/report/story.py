@@ -92,9 +92,7 @@ def write_story(folder: ResultFolder, page: StoryPage, record: RunRecord) -> Non
 
 
 def finish(folder: ResultFolder, record: RunRecord, page: StoryPage, **more: Any) -> dict[str, Any]:
-    """Write figures' data, page, ``NAME.json`` and ``run.json``; return what ``NAME.json`` holds: sentence, measures,
-    tables and `more`.
-    """
+    """Write figures' data, page, ``NAME.json`` and ``run.json``; return the content of ``NAME.json``."""
     write_story(folder, page, record)
     shown = {name: [asdict(one) for one in given] for name, given in (("measures", page.rows), ("tables", page.tables))}
     result = {"sentence": page.sentence, **shown, **more}

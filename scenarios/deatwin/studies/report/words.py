@@ -31,9 +31,7 @@ class Span:
 
 
 class Each:
-    """Numbers one after the other: ``{errors:.1f}`` becomes "0.2, 3.1, 0.7"; the numbers of a tuple are joined by
-    "and".
-    """
+    """Numbers one after the other: ``{errors:.1f}`` becomes "0.2, 3.1, 0.7"; tuples are joined by "and"."""
 
     def __init__(self, values: Iterable[Any]) -> None:
         self.values = list(values)
@@ -81,9 +79,7 @@ class Words:
         /,
         **numbers: Any,
     ) -> Drawing:
-        """Make a figure with its title, caption and data, which are those that it draws where no others are given;
-        several figures may share a text.
-        """
+        """Make a figure with title, caption and data (those it draws by default); figures may share a text."""
         title, caption = (self.text(f"figure.{name}.{part}", **numbers) for part in ("title", "caption"))
         data = drawn_table(figure) if columns is None else columns
         return Drawing.of(figure, called or name, title, caption, data)

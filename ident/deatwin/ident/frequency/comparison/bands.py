@@ -46,9 +46,7 @@ class BandMean:
 
 
 def band_frequencies(order: int, band: Range, input_band: Range) -> Array:
-    """Combinations of input frequencies whose sum lies in a band, spread evenly. `band` of their sum, Hz;
-    `input_band` of each without its sign, Hz; returns (n,), rad/s; empty where no combination reaches the band.
-    """
+    """Input frequencies (n,), rad/s, with sums evenly in `band`, Hz; `input_band` of each, Hz."""
     sums = band[0] + (band[1] - band[0]) * (np.arange(LINES) + 0.5) / LINES
     tones = input_band[1] * (2 * np.arange(TONES) + 1 - TONES) / TONES
     grid = frequency_grid(sums, *[tones] * (order - 1))
@@ -66,9 +64,7 @@ def band_means(
     operating_input: ArrayLike | None = None,
     input_band: Range | None = None,
 ) -> tuple[BandMean, ...]:
-    """Average a model's responses over bands. `bands` of output frequencies, Hz; `input_band` of the input's
-    frequencies, Hz.
-    """
+    """Average a model's responses over bands of output frequencies, with inputs within `input_band`, Hz."""
     several, wanted = whole_orders(orders), _ranges(bands, "bands")
     inputs = (0.0, max(high for _, high in wanted)) if input_band is None else _ranges([input_band], "input_band")[0]
     found = []

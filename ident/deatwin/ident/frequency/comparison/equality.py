@@ -94,12 +94,7 @@ def _beyond(difference: Array, inverse: Array, margin: float) -> Array:
 
 
 def holm(p_values: ArrayLike) -> Array:
-    """Correct p-values for their number, so that at any level the chance of one false finding is at most that level.
-
-    Source: Holm, "A simple sequentially rejective multiple test procedure", Scand. J. Stat. 6 (1979) 65-70.
-
-    Shapes: `p_values` (n,); returns (n,).
-    """
+    """Correct p-values (n,) for their number (Holm, Scand. J. Stat. 6 (1979) 65-70)."""
     given = np.asarray(p_values, dtype=np.float64)
     order = np.argsort(given, kind="stable")
     corrected = np.empty_like(given)
@@ -108,11 +103,7 @@ def holm(p_values: ArrayLike) -> Array:
 
 
 def no_drift(cosines: Cosines) -> Equality:
-    """Test whether the slow cosines of one or two series are no larger than the others: whether there is no drift.
-
-    Source: Rao, "An asymptotic expansion of the distribution of Wilks' criterion", Bull. Inst. Int. Stat. 33 (1951)
-    177-180: for two series Wilks' ratio has an exact F law.
-    """
+    """Test whether slow cosines are no larger than others: no drift (Rao, Bull. Inst. Int. Stat. 33 (1951) 177)."""
     slow, fast = cosines.slow, cosines.fast
     if cosines.n_slow == 0 or slow.shape[1] > 2:
         raise ModelError(f"{cosines.n_slow} slow cosines of {slow.shape[1]} series; give some, of one or two series")

@@ -42,9 +42,7 @@ def contrast(measured: tuple[BandMean, BandMean], true: tuple[BandMean, BandMean
 
 
 def spread_of_means(group: Iterable[Means]) -> Array:
-    """Standard deviation of the members of a group about their mean, over the gain, without the scatter of the
-    estimates. Shapes: returns (n_columns,).
-    """
+    """Standard deviation of a group about its mean over the gain, less the estimates' scatter, (n_columns,)."""
     found = []
     for column in zip(*group, strict=True):
         values = np.array([mean.value for mean in column])
@@ -56,11 +54,7 @@ def spread_of_means(group: Iterable[Means]) -> Array:
 
 
 def shares_of(wished: Means, off: Mapping[str, Means]) -> dict[str, Array]:
-    """Spread that each tolerance alone would make, all values within it being equally likely. Shapes: returns
-    (n_columns,).
-
-    `off` responses with one quantity after the other at the end of its tolerance.
-    """
+    """Spread by each tolerance alone, uniform within it, (n_columns,); `off`: responses at the ends of tolerances."""
     return {
         name: np.array(
             [np.linalg.norm(a.value - b.value) / (np.sqrt(3) * b.gain) for a, b in zip(made, wished, strict=True)]

@@ -49,9 +49,7 @@ class LevelFit:
 
 
 def chebyshev_levels(count: int) -> Array:
-    """Return levels of both signs for fitting polynomials without a constant: Chebyshev nodes, the largest at 1.
-    Shapes: returns (count,).
-    """
+    """Chebyshev nodes of both signs, the largest at 1, for polynomials without a constant, (count,)."""
     # An even number of nodes omits level zero, which carries no information.
     if count < 2 or count % 2:
         raise ModelError(f"{count} levels; the number must be even and positive, so that they come in pairs without 0")
@@ -75,9 +73,7 @@ def checked_levels(levels: ArrayLike) -> Array:
 
 
 def fit_orders(levels: Array, spectra: Complex, in_range: Sequence[Flags], tried: range) -> LevelFit:
-    """Fit Y(a) = a Y_1 + a^2 Y_2 + ... at each line by least squares over the levels a. Shapes: `levels` (n_levels,);
-    `spectra` (n_levels, n_lines); `in_range` (n_lines,).
-    """
+    """Fit Y(a) = a Y_1 + a^2 Y_2 + ... at each line over levels; `spectra` (n_levels, n_lines)."""
     # The smallest number of orders is taken whose leave-one-out error is at most twice the smallest.
     reached = np.array(in_range[: levels.size])
     left_out = _left_out(levels, spectra, reached, min(tried[-1], levels.size))
@@ -100,10 +96,7 @@ def fit_orders(levels: Array, spectra: Complex, in_range: Sequence[Flags], tried
 
 
 def separated(powers: Array, spectra: Complex, in_range: Flags) -> tuple[Complex, Complex]:
-    """Fit the orders; also return what the fit to all other levels leaves of each spectrum. Shapes: `powers` (n_levels,
-    n_orders); `spectra` (n_levels, n_lines); `in_range` (n_orders, n_lines); returns (n_orders, n_lines); returns as
-    `spectra`.
-    """
+    """Fit the orders (n_orders, n_lines), and what the fit to all other levels leaves of `spectra`."""
     lengths = np.linalg.norm(powers, axis=0)
     orders, left_out = np.zeros(in_range.shape, dtype=np.complex128), spectra.copy()
     sets, which = np.unique(in_range, axis=1, return_inverse=True)

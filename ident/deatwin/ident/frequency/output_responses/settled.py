@@ -99,18 +99,14 @@ def evaluate(
 
 
 def settled(model: NarxModel, period: Array, *, periods: int = PERIODS) -> Complex:
-    """Run a model free until it repeats, and return the spectrum of the last period. Shapes: `period` (n_samples,);
-    returns (n_samples // 2 + 1,).
-    """
+    """Run a model free until it repeats; return the last period's spectrum, (n_samples // 2 + 1,)."""
     inputs = np.tile(period, periods)
     run = model.simulate(Recording.from_arrays(inputs, np.zeros_like(inputs), model.sample_time))
     return spectrum_of(run.outputs[0, -period.size :])
 
 
 def left_by_orders(model: NarxModel, period: Array, highest: int, operating_input: ArrayLike) -> Array:
-    """Share of the settled free run that the sum of 1, 2, ... orders of the output leaves, means left out. Shapes:
-    `period` (n_samples,); returns (highest,).
-    """
+    """Share of the settled free run, without mean, that the sum of 1, 2, ... orders leaves, (highest,)."""
     run = settled(deviations(model, operating_input).model, period)
     orders = output_orders(model, period, highest, operating_input=operating_input)
     rest = run - np.cumsum([order.values for order in orders], axis=0)
@@ -119,9 +115,7 @@ def left_by_orders(model: NarxModel, period: Array, highest: int, operating_inpu
 
 
 def in_bands(frequency_Hz: Array, bands_Hz: Array) -> NDArray[np.bool_]:
-    """True for lines in one of several bands. Shapes: `frequency_Hz` (n_lines,); `bands_Hz` (k, 2); returns
-    (n_lines,).
-    """
+    """True for lines in one of several bands, (n_lines,). Shapes: `bands_Hz` (k, 2)."""
     low, high = bands_Hz.T[..., None]
     return np.asarray(((frequency_Hz > low - 1e-9) & (frequency_Hz < high + 1e-9)).any(axis=0))
 

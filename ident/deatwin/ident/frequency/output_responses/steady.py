@@ -28,9 +28,7 @@ class SteadyState:
 
 
 def steady_state(model: NarxModel, excitation: Array) -> SteadyState:
-    """March a model from rest under a periodic input until its output repeats. Shapes: `excitation` (n_samples,), or
-    (n_inputs, n_samples).
-    """
+    """March a model from rest under a period, (n_samples,) or (n_inputs, n_samples), until it repeats."""
     lag, n = model.table.max_lag, excitation.shape[-1]
     periods = -(-_RUN // n)
     inputs = np.atleast_2d(excitation)[:, np.arange(-lag, periods * n) % n]

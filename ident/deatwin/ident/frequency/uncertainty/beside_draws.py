@@ -95,9 +95,7 @@ def symbol_of(response: FrequencyResponse) -> str:
 
 
 def whitened(reference: Array, covariance: Array) -> Array:
-    """Covariances in axes in which the reference is the unit matrix. Shapes: `reference, covariance` (n, 2, 2);
-    returns (n, 2, 2).
-    """
+    """Covariances in axes in which the reference is the unit matrix. Shapes: all (n, 2, 2)."""
     sizes, axes = np.linalg.eigh(reference)
     flat = sizes <= _FLAT * sizes[:, 1:]
     root = np.where(flat, 0.0, 1 / np.sqrt(np.where(flat, 1.0, sizes)))
@@ -107,9 +105,7 @@ def whitened(reference: Array, covariance: Array) -> Array:
 
 
 def departure(reference: Array, covariance: Array) -> float:
-    """Largest relative departure of covariances from others, over frequency and direction. Shapes: `reference,
-    covariance` (n, 2, 2).
-    """
+    """Largest relative departure of covariances from others, over frequency and direction, (n, 2, 2)."""
     return float(np.abs(np.linalg.eigvalsh(whitened(reference, covariance)) - 1).max())
 
 

@@ -54,9 +54,7 @@ class Ellipses(Frozen):
         return np.asarray(self.axes * np.sqrt(self.variances)[:, None, :])
 
     def squared_distance(self, away: Complex) -> Array:
-        """Return squared Mahalanobis distances; along an axis of 0 nothing counts. Shapes: `away` (..., n); returns
-        (..., n).
-        """
+        """Squared Mahalanobis distances (..., n); along an axis of 0 nothing counts."""
         weights = np.divide(1.0, self.variances, out=np.zeros_like(self.variances), where=self.variances > 0)
         along = (away.real * self.axes[:, 0, i] + away.imag * self.axes[:, 1, i] for i in (0, 1))
         return sum((weights[:, i] * part**2 for i, part in enumerate(along)), start=np.zeros(away.shape))
@@ -83,9 +81,7 @@ class Polar(Frozen):
 
 
 def polar(values: Complex, covariance: Array) -> Polar:
-    """Propagate the covariance of real and imaginary part to gain and phase. Shapes: `values` (n,); `covariance` (n,
-    2, 2).
-    """
+    """Propagate the covariance (n, 2, 2) of real and imaginary part to gain and phase; `values` (n,)."""
     # With r along the value and t across it, gain = g + r + t²/(2g) and phase = t/g - rt/g² to second order.
     gain = np.abs(values)
     direction = np.divide(values, gain, out=np.ones_like(values), where=gain > 0)
@@ -116,9 +112,7 @@ def interval_radius(level: float, dof: float) -> float:
 
 
 def region_radius(level: float, dof: float, rank: NDArray[np.int64]) -> Array:
-    """Return the Mahalanobis radius of the region of a probability, in the metric of the covariance. Shapes: `rank`
-    (n,); returns (n,).
-    """
+    """Mahalanobis radius of the region of a probability, (n,). Shapes: `rank` (n,)."""
     # In two dimensions its square is -2 ln(1 - level) for a normal law, (dof - 2)((1 - level)^(-2/dof) - 1) for
     # Student's t; with rank 1 the region is a segment.
     line = interval_radius(level, dof)

@@ -74,9 +74,7 @@ def require_memory(count: int, what: str) -> None:
 
 
 def evaluate(model: Model, quantity: Quantity, response: FrequencyResponse, thetas: Array) -> Evaluated:
-    """Compute a quantity at many parameters: all at once where the response knows how, else one by one. Shapes:
-    `thetas` (n_draws, n_theta).
-    """
+    """Compute a quantity at many parameters, at once where the response can. Shapes: `thetas` (n_draws, n_theta)."""
     if response.evaluate is not None:
         many = response.evaluate(thetas)
         if many.values.shape != (len(thetas), response.values.size):

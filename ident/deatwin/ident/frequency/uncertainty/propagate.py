@@ -174,26 +174,11 @@ class Propagated(Uncertain):
         return read_only(gradient @ self.response.theta_cov @ gradient.T)
 
     def gain_band(self, level: float | None = None) -> Band:
-        """Return a pointwise band of the gain.
+        """Return a pointwise band of the gain, in ``unit``, of probability `level`, by default ``self.level``.
 
         If the linear law of the gain fails, the band is the range of the gain over the ellipse of this probability,
         which contains the true gain whenever the ellipse contains the true response. (Quantiles of the gain of draws do
         not: draws about a value near zero have a larger gain than that value.)
-
-        Parameters
-        ----------
-        level : float, optional
-            Probability of the band; ``self.level`` by default.
-
-        Returns
-        -------
-        Band
-            Band in ``unit``; its ``linear_law`` is True where the linear law was used.
-
-        Raises
-        ------
-        ModelError
-            If the level is not between 0 and 1.
         """
         level = self.level if level is None else level
         holds = self.gain_nonlinearity <= LIMIT
@@ -206,25 +191,10 @@ class Propagated(Uncertain):
         return Band(level=level, low=read_only(low), high=read_only(high), linear_law=holds)
 
     def phase_band(self, level: float | None = None) -> Band:
-        """Return a pointwise band of the phase.
+        """Return a pointwise band of the phase in degrees, of probability `level`, by default ``self.level``.
 
         If the linear law of the phase fails, the band is the range of the phase over the ellipse; if the ellipse
         contains 0 the phase is undefined, and the limits are NaN.
-
-        Parameters
-        ----------
-        level : float, optional
-            Probability of the band; ``self.level`` by default.
-
-        Returns
-        -------
-        Band
-            Band in degrees about ``phase_deg``; its ``linear_law`` is True where the linear law was used.
-
-        Raises
-        ------
-        ModelError
-            If the level is not between 0 and 1.
         """
         level = self.level if level is None else level
         holds = self.phase_nonlinearity <= LIMIT

@@ -101,33 +101,15 @@ class Uncertain(Described, Frozen, ABC):
 
     @abstractmethod
     def joint_covariance(self) -> Array:
-        """Return the covariance of all real parts and then all imaginary parts, shape (2n, 2n).
-
-        Raises
-        ------
-        ModelError
-            If the matrix needs more than 2 GiB.
-        """
+        """Return the covariance of all real, then all imaginary parts, (2n, 2n); ModelError above 2 GiB."""
 
     @abstractmethod
     def gain_band(self, level: float | None = None) -> Band:
-        """Return a pointwise band of the gain, in ``unit``.
-
-        Parameters
-        ----------
-        level : float, optional
-            Probability of the band; ``self.level`` by default.
-        """
+        """Return a pointwise band of the gain, in ``unit``, of probability `level`, by default ``self.level``."""
 
     @abstractmethod
     def phase_band(self, level: float | None = None) -> Band:
-        """Return a pointwise band of the phase in degrees, NaN where the phase is undefined.
-
-        Parameters
-        ----------
-        level : float, optional
-            Probability of the band; ``self.level`` by default.
-        """
+        """Return a pointwise band of the phase, degrees, of probability `level`; NaN where it is undefined."""
 
     def ellipse(self, level: float | None = None, n_points: int = 73) -> Complex:
         """Return outlines of the confidence regions in the complex plane, pointwise over frequency.
@@ -191,13 +173,7 @@ class Uncertain(Described, Frozen, ABC):
         return region_radius(self.level if level is None else level, self.dof, self._ellipses.rank)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot the response in the complex plane with its ellipses, dashed where the linear law does not hold.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-        """
+        """Plot the response with its ellipses on `ax` or new axes, dashed where the linear law does not hold."""
         from matplotlib.collections import LineCollection
 
         axes = axes_or_new(ax)
@@ -225,18 +201,7 @@ class Uncertain(Described, Frozen, ABC):
         return axes
 
     def plot_gain(self, ax: Axes | None = None) -> Axes:
-        """Plot the gain with its band over frequency.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-
-        Raises
-        ------
-        ModelError
-            If there are several frequencies for each value, and their sums do not increase or decrease throughout.
-        """
+        """Plot the gain with its band on `ax` or new axes; ModelError if sums of frequencies turn back."""
         axes = axes_or_new(ax)
         _draw_band(axes, self, self.gain, self.gain_band(), f"$|{self.label.strip('$')}|$")
         axes.set_yscale("log")
@@ -244,18 +209,7 @@ class Uncertain(Described, Frozen, ABC):
         return axes
 
     def plot_phase(self, ax: Axes | None = None) -> Axes:
-        """Plot the phase with its band over frequency, with gaps where the phase is undefined.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-
-        Raises
-        ------
-        ModelError
-            If there are several frequencies for each value, and their sums do not increase or decrease throughout.
-        """
+        """Plot the phase with its band on `ax` or new axes; ModelError if sums of frequencies turn back."""
         axes = axes_or_new(ax)
         _draw_band(axes, self, self.phase_deg, self.phase_band(), f"phase of {self.label}")
         axes.set_ylabel("phase (°)")

@@ -91,13 +91,7 @@ class Sampled(Uncertain):
         return f"of {len(self.draws)} draws"
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot the response in the complex plane with some draws and the ellipses of all draws.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-        """
+        """Plot the response in the complex plane, on `ax` or new axes, with draws and the ellipses of all draws."""
         axes = super().plot(ax)
         plot_draws(self, self.draws, axes)
         return axes
@@ -132,36 +126,15 @@ class Sampled(Uncertain):
         return read_only(parts.T @ parts / (len(parts) - 1))
 
     def gain_band(self, level: float | None = None) -> Band:
-        """Return central quantiles of the gain of the draws.
+        """Return central quantiles of the gain of the draws, of probability `level`, by default ``self.level``.
 
         Near zero gain they are not a confidence band of the true gain: draws about a value near zero have a larger gain
         than that value. `Propagated.gain_band` uses the range of the ellipse there.
-
-        Parameters
-        ----------
-        level : float, optional
-            Probability of the band; ``self.level`` by default.
-
-        Returns
-        -------
-        Band
-            Band in ``unit``. No law is linearised, so ``linear_law`` is False.
         """
         return self._band(np.abs(self.draws), level)
 
     def phase_band(self, level: float | None = None) -> Band:
-        """Return central quantiles of the phase's deviation from that of the model.
-
-        Parameters
-        ----------
-        level : float, optional
-            Probability of the band; ``self.level`` by default.
-
-        Returns
-        -------
-        Band
-            Band in degrees about ``phase_deg``; ``linear_law`` is False.
-        """
+        """Return central quantiles, of probability `level`, of the phase's deviation from the model's, degrees."""
         turned = np.angle(self.draws * np.conj(np.where(self.values == 0, 1.0, self.values)))
         return self._band(self.phase_deg + np.degrees(turned), level)
 

@@ -26,9 +26,7 @@ _CLEAR = 0.25  # an equilibrium is that of before if all others are four times a
 
 
 def followed(trajectory: ThetaTrajectory, timepts: Array, inputs: Array) -> Iterator[NarxModel | None]:
-    """Yield the model of each time, its centre at an equilibrium that is followed from the one that the data are
-    near. Shapes: `timepts` (n_times,); `inputs` (n_times,).
-    """
+    """Yield the model of each time about its equilibrium near the data. Shapes: `timepts`, `inputs` (n_times,)."""
     # The nearest equilibrium continues the branch; if others are about as near, times between are tried too.
     last: _Frozen | None = None
     for time, level in zip(timepts.tolist(), inputs.tolist(), strict=True):

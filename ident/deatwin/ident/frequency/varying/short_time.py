@@ -87,9 +87,7 @@ def compare_windows(
 
 
 def predicted(source: NarxModel | ThetaTrajectory, period: Array, time: float, operating_input: float) -> Array:
-    """One period of the output's deviation from the equilibrium, Y = G_1 U_1 + ... + G_N U_N. Shapes: `period` (n,);
-    returns (n,).
-    """
+    """A period of the output's deviation from rest, Y = G_1 U_1 + ... + G_N U_N. Shapes: `period`, result (n,)."""
     if isinstance(source, NarxModel):
         spectrum = output_spectrum(source, period, HIGHEST, operating_input=operating_input).values
     else:
@@ -117,9 +115,7 @@ def series_error(trajectory: ThetaTrajectory, window: Recording, operating_input
 
 
 def short_time(values: Array, sample_time: float) -> tuple[Array, Complex]:
-    """Amplitudes of one window, as `scipy.signal.ShortTimeFFT` computes them with a Hann window. Shapes: `values`
-    (n,); returns (n // 2 + 1,), Hz, and (n // 2 + 1,).
-    """
+    """Frequencies, Hz, and amplitudes of a window, as `scipy.signal.ShortTimeFFT` has them. Shapes: `values` (n,)."""
     from scipy.signal import ShortTimeFFT
     from scipy.signal.windows import hann
 

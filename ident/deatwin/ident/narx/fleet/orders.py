@@ -105,9 +105,7 @@ def prepare_fleet(seed: int, *, jobs: int = 1, progress: Progress) -> tuple[tupl
 
 
 def order_errors(training: Recording) -> Array:
-    """Free-run errors on the end of a training section, of models that only its beginning has seen. Shapes: returns
-    (n_lags, n_degrees).
-    """
+    """Free-run errors on the end of a section of models that saw its beginning only, (n_lags, n_degrees)."""
     cut = training.n_samples - round(CHOOSING * training.n_samples)
     end = training.section(cut, training.n_samples)
     errors = np.empty((len(LAGS), len(DEGREES)))
@@ -133,13 +131,7 @@ def make_plan(errors: Mapping[int, Sequence[Array]]) -> Plan:
 
 
 def as_good(errors: Array, least: Array) -> NDArray[np.bool_]:
-    """Whether errors are as good as the least: on average not larger by more than a standard error.
-
-    Source: Hastie, Tibshirani, Friedman, "The Elements of Statistical Learning", 2nd ed. (2009), section 7.10: the
-    one-standard-error rule, here of paired differences.
-
-    Shapes: `errors, least` (n_actuators, ...); returns (...).
-    """
+    """True where errors are within one standard error of the least (Hastie et al., 2nd ed. (2009), 7.10)."""
     finite = np.isfinite(errors).all(axis=0)
     beyond = np.where(finite, errors, 0.0) - least
     good: NDArray[np.bool_] = beyond.mean(axis=0) <= beyond.std(axis=0, ddof=1) / np.sqrt(len(beyond))

@@ -31,9 +31,7 @@ class PredictionErrors:
 def prediction_errors(
     orders: Orders, polynomials: Polynomials, inputs: Array, output: Array, start: Array
 ) -> PredictionErrors:
-    """Return the prediction errors of a record and their gradient. Shapes: `inputs` (n_inputs, n); `output` (n,);
-    `start` (sum of nf,).
-    """
+    """Prediction errors of a record and their gradient. Shapes: `inputs` (n_inputs, n); `output` (n,)."""
     p, nd = polynomials, orders.nd
 
     def whitened(rows: Array) -> Array:
@@ -68,17 +66,13 @@ def prediction_errors(
 
 
 def lagged(signal: Array, lags: Sequence[int], first: int) -> Array:
-    """Return a signal at several lags from a sample on. `signal` (n,); `lags` in samples, none above ``first``;
-    returns (n_lags, n - first).
-    """
+    """Return a signal (n,) at several lags from a sample on, (n_lags, n - first)."""
     n = signal.size
     return np.array([signal[first - lag : n - lag] for lag in lags]).reshape(len(lags), n - first)
 
 
 def recursed(denominator: Array, rows: Array) -> Array:
-    """Return rows filtered by 1/denominator from rest. Shapes: `denominator` (order + 1,); `rows` (..., n); returns
-    (..., n).
-    """
+    """Return rows (..., n) filtered by 1/denominator from rest. Shapes: `denominator` (order + 1,)."""
     from scipy.signal import lfilter
 
     if denominator.size == 1 or rows.size == 0:

@@ -51,9 +51,7 @@ def some_steps(
 def free_run(
     polynomials: Polynomials, input_lag: int, inputs: Array, output: Array, warmup: int, limit: float
 ) -> tuple[Array, int, int | None]:
-    """Simulate the deterministic part from a state fitted to the first `warmup` outputs after `input_lag`. Shapes:
-    `inputs` (n_inputs, n); `output` (n,); returns (n,), the first computed sample, and the sample of a divergence.
-    """
+    """Simulate the deterministic part from a state fitted to the first `warmup` outputs after `input_lag`."""
     p = polynomials
     n = output.size - input_lag
     drive = np.full(n, p.offset)

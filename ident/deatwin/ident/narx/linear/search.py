@@ -26,10 +26,7 @@ class Minimum:
 
 
 class PredictionErrorLoss:
-    """Prediction errors of several records as a function of theta and of each record's initial state.
-
-    If C or an F is unstable the errors are infinite, so that the search shortens its step and stays inside.
-    """
+    """Prediction errors as a function of theta and initial states; infinite where C or an F is unstable."""
 
     def __init__(self, orders: Orders, records: Sequence[Record]) -> None:
         self.orders = orders
@@ -54,9 +51,7 @@ class PredictionErrorLoss:
         return self._last[1]
 
     def errors(self, unknowns: Array) -> Array:
-        """Return all errors, shape (n_errors,), and keep the unknowns if they are the best so far. Shapes: `unknowns`
-        (n_unknowns,).
-        """
+        """Return all errors, (n_errors,), and keep the unknowns (n_unknowns,) if they are the best so far."""
         p = self.orders.split(unknowns[: self.orders.n_theta])
         if not all(is_stable(polynomial) for polynomial in (p.c, *p.f)):
             return np.full(self.n_errors, np.inf)

@@ -54,26 +54,20 @@ def _relative(square: Array) -> SegmentMeans:
 
 
 def cut(signal: Array, n_segments: int) -> Array:
-    """Return the segments of a signal, shape (n_segments, length); what does not fill the last is left out. Shapes:
-    `signal` (n,).
-    """
+    """Return the whole segments of a signal (n,), shape (n_segments, length)."""
     length = signal.size // n_segments
     return signal[: n_segments * length].reshape(n_segments, length)
 
 
 def chance_of_mean(segments: Array) -> Array:
-    """Return the sampling variance of the mean of each segment, from the periodogram at its lowest frequency. Shapes:
-    `segments` (n_segments, length); returns (n_segments,), with 2 degrees of freedom each.
-    """
+    """Variance of each segment's mean by its lowest periodogram line, (n_segments,), 2 degrees of freedom each."""
     length = segments.shape[1]
     slowest = np.fft.rfft(segments, axis=1)[:, 1]
     return np.asarray(np.abs(slowest) ** 2 / length**2, dtype=np.float64)
 
 
 def correlation_samples(segments: Array) -> float:
-    """Return the integral time scale within segments, up to the first zero of the autocorrelation, in samples.
-    Shapes: `segments` (n_segments, length).
-    """
+    """Integral time scale within segments (n_segments, length), in samples, to the autocorrelation's first zero."""
     length = segments.shape[1]
     left = segments - segments.mean(axis=1, keepdims=True)
     power = np.abs(np.fft.rfft(left, 2 * length, axis=1)) ** 2
@@ -96,10 +90,7 @@ def trend_p_value(data: SegmentMeans) -> float:
 
 
 def change_p_value(data: SegmentMeans) -> float:
-    """Return the p-value of the largest difference between the segments before and after a time.
-
-    It is that of the two-sample t test at the best time, times the number of times (Bonferroni).
-    """
+    """p-value of the largest difference of segments before and after a time (t test, Bonferroni)."""
     from scipy.special import stdtr
 
     n = data.values.size

@@ -123,9 +123,7 @@ _DAMAGED = (ValueError, KeyError, TypeError, AttributeError, OverflowError, Recu
 
 
 def all_provenance(own: Mapping[str, str], stored: Mapping[str, str]) -> dict[str, str]:
-    """Return the provenance of a file's samples: its own entries, and behind them those stored in it. `stored` what
-    the file holds of an earlier life of the samples.
-    """
+    """Return the provenance of a file's samples: its own entries, and behind them those stored in it."""
     found = dict(own)
     for key, value in stored.items():
         while key in found:

@@ -14,8 +14,6 @@ from deatwin.plant.safe_read import reason
 def require(package: str, purpose: str) -> Any:
     """Import a package.
 
-    Examples
-    --------
     >>> require("json", "this example").loads("1")
     1
     >>> require("no_such_package", "rec.tdms")

@@ -84,10 +84,7 @@ def _elsewhere(path: str, name: str) -> DataError:
 
 
 def require_sound_level_5(content: bytes, path: str) -> None:
-    """Refuse a MATLAB file of version 5 that unpacks to too much, or with structs of more entries than it holds.
-
-    Format: MathWorks, "MAT-File Level 5 File Format".
-    """
+    """Refuse a MATLAB file of version 5 that unpacks to too much, or has more entries than it holds."""
     order: Literal["little", "big"] | None = _ORDERS.get(content[126:128])
     if order is None:
         return  # version 4, or no MATLAB file
