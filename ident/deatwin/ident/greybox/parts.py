@@ -30,12 +30,16 @@ class Part:
     weight : float
         Factor of the reading and of its residuals: in `measured`, further readings are in units in which their noise is
         that of the first one.
+    levels : tuple of ndarray of float, optional
+        Level of the noise at each sample of each recording, relative to its usual one; the same everywhere by default.
+        Residuals are divided by it, so that their noise is the same everywhere.
     """
 
     experiment: Experiment
     masks: tuple[np.ndarray, ...]
     reading: str = ""
     weight: float = 1.0
+    levels: tuple[np.ndarray, ...] | None = None
 
     def __post_init__(self) -> None:
         sizes = [r.n_samples for r in self.experiment.recordings]
@@ -61,7 +65,8 @@ class Part:
         records = self.experiment.recordings
         kept = (*records[:last], records[last].section(0, end))
         masks = (*self.masks[:last], self.masks[last][:end])
-        return replace(self, experiment=Experiment(recordings=kept), masks=masks)
+        levels = None if self.levels is None else (*self.levels[:last], self.levels[last][:end])
+        return replace(self, experiment=Experiment(recordings=kept), masks=masks, levels=levels)
 
     def opening(self, count: int) -> Part:
         """Select the first of the selected samples, with the experiment cut after the last of them.
@@ -101,6 +106,13 @@ class Part:
             Indices of samples of the simulation.
         """
         return np.concatenate([r[m] for r, m in zip(timeline.readings, self.masks, strict=True)])
+
+    @property
+    def level(self) -> np.ndarray:
+        """Relative level of the noise at the selected samples, concatenated over recordings, shape (n,)."""
+        if self.levels is None:
+            return np.ones(self.size)
+        return np.concatenate([level[m] for level, m in zip(self.levels, self.masks, strict=True)])
 
     @property
     def commands(self) -> np.ndarray:
@@ -222,7 +234,14 @@ def simulated(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:
     return np.concatenate(pieces)
 
 
+def level_of(parts: Sequence[Part]) -> np.ndarray:
+    """Relative level of the noise at the samples that count, by which residuals are divided. Returns (n,)."""
+    return np.concatenate([part.level for part in parts])
+
+
 def free_run_residuals(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:
-    """Measured minus simulated at the samples that count. `parts` which samples; returns (n,)."""
+    """Measured minus simulated, over the noise's level, at the samples that count. `parts` which ones; returns (n,)."""
     readings = simulated(plant, parts)
-    return None if readings is None else np.concatenate([part.measured for part in parts]) - readings
+    return (
+        None if readings is None else (np.concatenate([part.measured for part in parts]) - readings) / level_of(parts)
+    )

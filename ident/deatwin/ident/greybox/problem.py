@@ -70,8 +70,8 @@ class Problem:
             readings, slopes = run.outputs, run.sensitivities
             if part.reading:
                 readings, slopes = part.weight * run.further[:, row], part.weight * run.further_slopes[:, row]
-            residuals.append(part.measured - readings[counted + 1])
-            jacobians.append(slopes[counted + 1][:, columns] * slope)
+            residuals.append((part.measured - readings[counted + 1]) / part.level)
+            jacobians.append(slopes[counted + 1][:, columns] * slope / part.level[:, None])
             if not np.isfinite(jacobians[-1]).all():
                 return None
         return np.concatenate(residuals), np.vstack(jacobians)

@@ -10,9 +10,9 @@ import numpy as np
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.floor import error_in, floor_of, with_model_error
 from deatwin.ident.mismatch.gate.gate import Gate, split
-from deatwin.ident.mismatch.gate.noise import noise_level
+from deatwin.ident.mismatch.gate.noise import noise_level, noise_levels
 from deatwin.ident.mismatch.locate.time import locate_time
-from deatwin.ident.mismatch.locate.track import tracks
+from deatwin.ident.mismatch.locate.track import readings, tracks
 from deatwin.ident.mismatch.refit.base import Base, calibrate_base
 from deatwin.ident.soundness import noise_of_bends
 from deatwin.plant.effects.base import Alone, Effect
@@ -21,6 +21,9 @@ from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant
 from deatwin.plant.readings import Reading
 from deatwin.plant.rigs.base import Rig
+
+Levels = tuple[tuple[np.ndarray, ...], ...]
+"""Relative level of the noise at each sample of each recording of each experiment."""
 
 
 def prepare(
@@ -64,8 +67,12 @@ def prepare(
         plant = plant.with_rig(replace(plant.rig, further=noisier))
         bench = _bench(plant, checked, known, jobs)
         base = calibrate_base(bench)
+    levels = _levels(base, bench, checked)
+    if levels is not None:
+        bench = _bench(plant, checked, known, jobs, levels=levels)
+        base = calibrate_base(bench)
     onset = _late_onset(base, checked)
-    later = bench if onset is None else _bench(plant, checked, known, jobs, onset)
+    later = bench if onset is None else _bench(plant, checked, known, jobs, onset, levels)
     if not _same_parts(later, bench):
         bench, base = later, calibrate_base(later)
     error = floor_of(base.chosen.calibration.plant, bench)
@@ -93,10 +100,17 @@ def _at_sizes_of(rig: Rig, effects: Sequence[Effect]) -> Sequence[Effect]:
     return [rig.sizes.of(effect) if type(effect) in known else effect for effect in effects]
 
 
-def _bench(plant: Plant, checked: Gate, effects: Sequence[Effect], jobs: int, onset: float | None = None) -> Bench:
+def _bench(
+    plant: Plant,
+    checked: Gate,
+    effects: Sequence[Effect],
+    jobs: int,
+    onset: float | None = None,
+    levels: Levels | None = None,
+) -> Bench:
     rig = plant.rig.for_motion(_motion(checked))
     weights = _weights(rig, checked)
-    fitted, unseen, everything = split(checked, onset, weights)
+    fitted, unseen, everything = split(checked, onset, weights, levels)
     known = tuple(e for e in effects if plant.accepts(e))
     # Further readings tell these places apart; one alone tries them in the place of what was found, if they matter to it.
     beside_others = {Alone.AS_FIRST, Alone.AS_ANOTHER} if weights else set()
@@ -165,6 +179,21 @@ def _noisier(base: Base, bench: Bench) -> tuple[Reading, ...]:
             level = float(min(level, max(map(noise_of_bends, whole))))
         found.append(replace(reading, noise=max(level, reading.noise)))
     return tuple(found) if tuple(found) != bench.nominal.rig.further else ()
+
+
+def _levels(base: Base, bench: Bench, checked: Gate) -> Levels | None:
+    """Relative level of the noise in each recording of each experiment, where it varies with reading or command."""
+    plant = base.chosen.calibration.plant
+    simulated = [y for each in readings(plant, checked.experiments) for y in each]
+    records = [r for experiment in checked.experiments for r in experiment.recordings]
+    sound = [mask for masks in checked.usable for mask in masks]
+    left = [np.where(m, r.outputs[0] - y, np.nan) for r, y, m in zip(records, simulated, sound, strict=True)]
+    commands = [r.inputs[0] for r in records]
+    found = noise_levels(left, (simulated, commands), max(bench.nominal.rig.noise, bench.expected_error))
+    if found is None:
+        return None
+    each = iter(found)
+    return tuple(tuple(next(each) for _ in experiment.recordings) for experiment in checked.experiments)
 
 
 def _motion(checked: Gate) -> float:

@@ -47,6 +47,7 @@ def test_a_base_plant_is_not_calibrated_again_to_the_same_samples(monkeypatch):
     first, longer = np.arange(10) < 6, np.arange(10) < 8
     candidate = SimpleNamespace(calibration=SimpleNamespace(plant=NOMINAL), with_floor=lambda error: candidate)
     asked = []
+    monkeypatch.setattr(module, "_levels", lambda base, bench, checked: None)
     monkeypatch.setattr(module, "_late_onset", lambda base, checked: 7.0)
     monkeypatch.setattr(module, "floor_of", lambda plant, bench: 1e-6)
     monkeypatch.setattr(

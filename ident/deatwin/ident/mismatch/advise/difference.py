@@ -33,7 +33,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from deatwin.ident.greybox.parts import Part
+from deatwin.ident.greybox.parts import Part, level_of
 from deatwin.ident.mismatch.losses import BLOCK_SAMPLES
 from deatwin.plant.model import Plant
 
@@ -49,9 +49,9 @@ class Difference:
     readings : ndarray, shape (n,)
         Of the truth, record after record, SI.
     left : ndarray, shape (n,)
-        Truth minus rival after the rival's refit, SI.
+        Truth minus rival after the rival's refit, over the noise's level, SI.
     model_error : ndarray, shape (n,)
-        Rms of the plant's own error at each sample, SI.
+        Rms of the plant's own error at each sample, over the noise's level, SI.
     sizes : tuple of int
         Samples of each record.
     """
@@ -83,7 +83,7 @@ class Difference:
         sizes = tuple(int(mask.sum()) for part in parts for mask in part.masks if mask.any())
         motion = np.sqrt(np.mean([r.var() for r in np.split(readings, np.cumsum(sizes)[:-1])]))
         error = max(plant.rig.for_motion(float(motion)).model_error for plant in (truth, rival))
-        return cls(readings=readings, left=left, model_error=np.full(readings.size, error), sizes=sizes)
+        return cls(readings=readings, left=left, model_error=error / level_of(parts), sizes=sizes)
 
     @property
     def rms(self) -> float:

@@ -14,7 +14,7 @@ from scipy.special import ndtr
 
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.minimum import minimise
-from deatwin.ident.greybox.parts import Part, simulated
+from deatwin.ident.greybox.parts import Part, level_of, simulated
 from deatwin.ident.greybox.problem import Problem, Response
 from deatwin.ident.mismatch.advise.difference import Difference
 from deatwin.plant.errors import SimulationError
@@ -82,7 +82,7 @@ class Memory:
         -------
         Memory
         """
-        readings = np.concatenate([part.measured for part in parts]) - truth.residuals
+        readings = np.concatenate([part.measured for part in parts]) - truth.residuals * level_of(parts)
         left = rival.residuals - truth.residuals
         known = Difference.between(truth.plant, rival.plant, readings, left, parts)
         return cls(known=known, jacobian=rival.jacobian)
@@ -224,7 +224,7 @@ def difference(
         plant=rival.plant,
         parts=tuple(parts),
         names=rival.names,
-        beyond=readings - measured,
+        beyond=(readings - measured) / level_of(parts),
         memory=memory,
         response=response,
     )

@@ -149,7 +149,7 @@ class Prices:
     def _error(self, one: _Beside, truth: int) -> OwnError:
         """The plant's own error in a reading that nobody took, as an explanation moves."""
         bench, reading = self.question.bench, replace(one.reading, noise=one.sensor.noise)
-        parts = [replace(part, reading=reading.name) for part in first_only(bench.fitted)]
+        parts = [replace(part, reading=reading.name, levels=None) for part in first_only(bench.fitted)]
         rig = replace(bench.nominal.rig, further=(reading,))
         return own_errors(rig, parts, one.signals[truth][0], 0.0, 0.0).of[0]
 

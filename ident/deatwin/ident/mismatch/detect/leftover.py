@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from deatwin.ident.greybox.parts import Part, first_only, simulated
+from deatwin.ident.greybox.parts import Part, first_only, level_of, simulated
 from deatwin.ident.greybox.problem import Problem
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
@@ -26,7 +26,7 @@ class Leftover:
     Parameters
     ----------
     residual : ndarray, shape (n,)
-        Measured minus simulated, SI.
+        Measured minus simulated, over the noise's level, SI.
     fitted : ndarray of bool, shape (n,)
         Samples that the fit saw.
     jacobian : ndarray, shape (n, p)
@@ -139,7 +139,7 @@ def leftover_of(base: Candidate, bench: Bench) -> Leftover:
         (residual, jacobian), parts = found, bench.everything
     free = [k for k, name in enumerate(fit.names) if name not in fit.at_bound]
     held = _held(fit.plant, parts)
-    readings = np.concatenate([part.measured for part in parts]) - residual
+    readings = np.concatenate([part.measured for part in parts]) - residual * level_of(parts)
     of_record = [mask.sum() for part in parts for mask in part.masks]
     of_experiment = [part.size for part in parts]
     return Leftover(

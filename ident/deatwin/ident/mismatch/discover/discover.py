@@ -137,24 +137,24 @@ class _Search:
     linears: tuple[Linear, ...]
     along: list[dict[str, Array]]
     terms: tuple[Primitive, ...]
-    counts: tuple[int, ...]
+    levels: tuple[Array, ...]
 
     @classmethod
     def of(cls, plant: Plant, parts: Sequence[Part], linears: Sequence[Linear], site: _Site) -> _Search:
         along = [signals_along(plant, part, site.position) for part in parts]
-        counts = tuple(part.measured.size for part in parts)
+        levels = tuple(part.level for part in parts)
         return cls(
-            site=site, linears=tuple(linears), along=along, terms=dictionary(along, site.position), counts=counts
+            site=site, linears=tuple(linears), along=along, terms=dictionary(along, site.position), levels=levels
         )
 
     def answers(self, terms: Sequence[Primitive]) -> Array:
-        """Return the derivative of the readings, shape (m, k)."""
+        """Return the derivative of the readings over the noise's level, shape (m, k)."""
         number = self.linears[0].openings.index(self.site.opening)
         found = []
-        for linear, signals, count in zip(self.linears, self.along, self.counts, strict=True):
+        for linear, signals, level in zip(self.linears, self.along, self.levels, strict=True):
             answer = linear.response(number, evaluated(terms, signals, linear.interval))[linear.counted]
             # The reading of the state of rest, before anything could enter, answers to nothing.
-            found.append(np.pad(answer, ((count - len(answer), 0), (0, 0))))
+            found.append(np.pad(answer, ((level.size - len(answer), 0), (0, 0))) / level[:, None])
         return np.vstack(found)
 
     def sharpened(self, terms: Sequence[Primitive], base: Calibration) -> list[Primitive]:

@@ -336,7 +336,10 @@ def confirm(checked: Gate, readings: Sequence[Sequence[np.ndarray]]) -> Gate:
 
 
 def split(
-    checked: Gate, onset: float | None = None, weights: Mapping[str, float] = MappingProxyType({})
+    checked: Gate,
+    onset: float | None = None,
+    weights: Mapping[str, float] = MappingProxyType({}),
+    levels: Sequence[tuple[np.ndarray, ...]] | None = None,
 ) -> tuple[tuple[Part, ...], tuple[Part, ...], tuple[Part, ...]]:
     """The fitted part, the held-out part, and both together.
 
@@ -351,6 +354,8 @@ def split(
         Clock time at which a mismatch begins, s.
     weights : mapping of str to float, optional
         Weight of each further reading, by its name.
+    levels : sequence of tuple of ndarray, optional
+        Relative level of the first reading's noise, for each experiment as `Part` has it.
 
     Returns
     -------
@@ -364,9 +369,10 @@ def split(
         early = tuple(np.arange(m.size) < cut for m, cut in zip(sound, cuts, strict=True))
         if not any((s & e).any() for s, e in zip(sound, early, strict=True)):
             continue
-        fitted.append(Part(experiment=experiment, masks=tuple(s & e for s, e in zip(sound, early, strict=True))))
-        unseen.append(Part(experiment=experiment, masks=tuple(s & ~e for s, e in zip(sound, early, strict=True))))
-        everything.append(Part(experiment=experiment, masks=sound))
+        whole = Part(experiment=experiment, masks=sound, levels=levels[number] if levels else None)
+        fitted.append(replace(whole, masks=tuple(s & e for s, e in zip(sound, early, strict=True))))
+        unseen.append(replace(whole, masks=tuple(s & ~e for s, e in zip(sound, early, strict=True))))
+        everything.append(whole)
         for name, weight in weights.items():
             known = checked.known(name)[number]
             masks = [tuple(k & e for k, e in zip(known, early, strict=True))]

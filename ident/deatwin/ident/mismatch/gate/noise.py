@@ -10,8 +10,10 @@ import numpy as np
 
 from deatwin.ident.mismatch.excess import PRACTICAL_SHARE
 from deatwin.ident.mismatch.gate.repeats import Repeats
-from deatwin.ident.soundness import runs, samples_in
+from deatwin.ident.soundness import neighbours_deviation, runs, samples_in
 
+MIDDLE = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 6.0
+"""What `neighbours_deviation` takes of five values: of white noise it has its power, of what is smooth hardly any."""
 TOP_OF_SPECTRUM = 0.8
 """Share of the Nyquist frequency above which a residual is taken to be sensor noise."""
 SHEET_TOLERANCE = float(np.sqrt(1.0 + PRACTICAL_SHARE))
@@ -28,6 +30,21 @@ REST_SHARE = 0.002
 """within this share of its range."""
 FEWEST = 200
 """Samples from which a noise can be told."""
+KNOTS = 15
+"""Values of a signal, in the middles of as many equal shares of its samples, between which the logarithm of the noise's
+variance runs straight."""
+RISES = (0.1, 0.3, 1.0, 3.0)
+"""Deviations beforehand by which that changes from knot to knot, all alike likely: by a tenth up to a factor of 20."""
+SURE = float(np.log(20.0))
+"""Log odds from which on the level varies: of constant noise, at most 1 in 20 reaches odds of 20."""
+ANY = 10.0
+"""Deviation of that logarithm beforehand: a factor of e^10 either way."""
+LOG_MEAN, LOG_VARIANCE = -float(np.euler_gamma + np.log(2.0)), float(np.pi**2 / 2.0)
+"""Mean and variance of the logarithm of a squared standard normal variable."""
+TIED = tuple(
+    float(np.sum(MIDDLE[lag:] * MIDDLE[: MIDDLE.size - lag]) / np.sum(MIDDLE**2)) for lag in range(1, MIDDLE.size)
+)
+"""Correlations of neighbouring deviations of white noise from the cubic through four neighbours."""
 
 
 class NoiseSource(Enum):
@@ -111,6 +128,98 @@ def noise_level(
     if sheet == 0.0 or found[best] > (SHEET_TOLERANCE + SCATTER / np.sqrt(samples)) * sheet:
         return NoiseFloor(level=found[best], source=best, estimates=found)
     return NoiseFloor(level=sheet, source=NoiseSource.SHEET, estimates={NoiseSource.SHEET: sheet, **found})
+
+
+def noise_levels(
+    residuals: Sequence[np.ndarray], signals: Sequence[Sequence[np.ndarray]], least: float
+) -> tuple[np.ndarray, ...] | None:
+    r"""Estimate how the level of white noise varies with one of some signals.
+
+    The distance d of each residual from the cubic through its neighbours is that of the noise, whatever smooth motion the
+    plant lacks. The logarithm of its square is the logarithm of the noise's variance plus an error of known mean and
+    variance [1]_ that single large values hardly move. Its regression on a signal runs straight from knot to knot, by a
+    random walk beforehand; the error of neighbours is tied, :math:`\mathrm{cov} = 2 \arcsin^2 \rho`, and so counts as
+    that of fewer independent values. Constant noise is kept unless it is 20 times less likely, and where weights for the levels
+    would not change the noise's power by the share to which it is known.
+
+    Parameters
+    ----------
+    residuals : sequence of ndarray, shape (n_r,) each
+        One for each record, SI; nan where unknown.
+    signals : sequence of sequences of ndarray, shape (n_r,) each
+        With which it may vary, each over all records.
+    least : float
+        Level below which it does not matter, SI.
+
+    Returns
+    -------
+    tuple of ndarray, shape (n_r,) each, or None
+        Level of the noise, relative to the root of the harmonic mean of its variance; None where it is the same
+        everywhere, or is not white.
+
+    References
+    ----------
+    .. [1] Harvey, Econometrica 44 (1976) 461, doi:10.2307/1913974.
+    """
+    bends = np.concatenate([_bends(residual) for residual in residuals])
+    known = np.flatnonzero(np.isfinite(bends) & (bends != 0.0))  # of readings in steps, some lie on a line
+    if known.size < FEWEST:
+        return None
+    logs = np.log(bends[known] ** 2) - LOG_MEAN
+    fits = [_with_signal(logs, np.concatenate(signal), known) for signal in signals]
+    gained, variances = max(fits, key=lambda fit: fit[0])
+    variances = np.maximum(variances, least**2)
+    seen = np.isfinite(np.concatenate(residuals))
+    harmonic = 1.0 / float(np.mean(1.0 / variances[seen]))
+    if gained - np.log(len(fits)) <= SURE or np.mean(variances[seen]) < (1.0 + PRACTICAL_SHARE) * harmonic:
+        return None
+    louder = variances > np.median(variances[known])
+    if not all(_is_white(bends, some & np.isfinite(bends)) for some in (louder, ~louder)):
+        return None
+    levels = np.sqrt(variances / harmonic)
+    return tuple(np.split(levels, np.cumsum([residual.size for residual in residuals])[:-1]))
+
+
+def _bends(residual: np.ndarray) -> np.ndarray:
+    """Distance of each value from the cubic through its neighbours, of the noise's variance; nan where unknown."""
+    found = np.full(residual.size, np.nan)
+    if residual.size >= MIDDLE.size:
+        found[2:-2] = neighbours_deviation(residual)[2:-2] / np.linalg.norm(MIDDLE)
+    return found
+
+
+def _with_signal(logs: np.ndarray, signal: np.ndarray, known: np.ndarray) -> tuple[float, np.ndarray]:
+    """Log odds that log variances `logs` (k,), of the samples `known`, vary with a signal (n,); the variances (n,)."""
+    from scipy.ndimage import convolve1d
+
+    knots = np.unique(
+        np.quantile(signal[known], (np.arange(KNOTS) + 0.5) / KNOTS)
+    )  # beyond, few samples ring after steps
+    hats = np.stack([np.interp(signal, knots, unit) for unit in np.eye(knots.size)], axis=1)
+    effective = LOG_VARIANCE + 4.0 * sum(float(np.arcsin(tie)) ** 2 for tie in TIED)
+    shares = MIDDLE**2 / np.sum(MIDDLE**2)  # a bend has its variance from five samples
+    middle, seen = float(logs.mean()), convolve1d(hats, shares, axis=0, mode="nearest")[known]
+    squares, along = seen.T @ seen / effective, seen.T @ (logs - middle) / effective
+    steps, level = np.diff(np.eye(knots.size), axis=0), np.ones((knots.size, knots.size)) / (knots.size * ANY) ** 2
+    constant = -0.5 * float(np.log(1.0 + ANY**2 * known.size / effective))
+    fits = []
+    for rise in RISES:
+        prior = steps.T @ steps / rise**2 + level
+        mean = np.linalg.solve(squares + prior, along)
+        logs_of = np.linalg.slogdet(prior)[1] - np.linalg.slogdet(squares + prior)[1]
+        fits.append((0.5 * float(along @ mean + logs_of) - constant, mean))
+    odds = float(np.logaddexp.reduce([gained for gained, _ in fits]) - np.log(len(fits)))
+    return odds, np.exp(middle + hats @ max(fits, key=lambda fit: fit[0])[1])
+
+
+def _is_white(bends: np.ndarray, some: np.ndarray) -> bool:
+    """Return whether at most a share of the power of some bends is of what is smooth, whose bends have the same sign."""
+    pairs = np.flatnonzero(some[1:] & some[:-1])
+    if not pairs.size:
+        return False
+    signs = float(np.mean(np.sign(bends[pairs] * bends[pairs + 1])))
+    tie = TIED[0] + PRACTICAL_SHARE * (1.0 - TIED[0])
+    return signs < 2.0 / np.pi * float(np.arcsin(tie))
 
 
 def rests(command: np.ndarray, sample_time: float) -> np.ndarray:

@@ -34,7 +34,11 @@ LEAST_ERROR = 0.05
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OwnError:
-    """The error of a plant with these `readings` (n,), SI, at `times` (n,), s, in the experiments `records` (n,)."""
+    """The error of a plant with these `readings` (n,), SI, at `times` (n,), s, in the experiments `records` (n,).
+
+    All of it is divided by the relative `level` (n,) of the noise, as residuals are. What does not repeat is stationary
+    after that: the plant errs fast where it moves most, and there the noise is largest that varies with its motion.
+    """
 
     readings: np.ndarray
     times: np.ndarray
@@ -42,6 +46,7 @@ class OwnError:
     sample_time: float
     noise: float  # SI
     stated: float  # Rms that the rig states, SI
+    level: np.ndarray | float = 1.0
 
     @property
     def rms(self) -> float:
@@ -52,13 +57,14 @@ class OwnError:
     def columns(self) -> np.ndarray:
         """Return the repeatable error: bends, timing, slow modes; shape (n, k), at the expected size."""
         clock = np.arange(self.times.size) * self.sample_time
-        return np.column_stack(
+        columns = np.column_stack(
             [
                 structured.bends(self.readings, self.rms),
                 structured.timing(self.readings, self.times, self.records, TIMING * self.sample_time),
                 structured.slow(clock, SLOW * self.rms, SLOW_TIME * self.sample_time, SLOW_MODES),
             ]
         )
+        return columns / np.reshape(self.level, (-1, 1))
 
     @property
     def of_timing(self) -> np.ndarray:

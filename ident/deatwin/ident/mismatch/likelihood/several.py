@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from deatwin.ident.greybox.covariance import beside
-from deatwin.ident.greybox.parts import Part
+from deatwin.ident.greybox.parts import Part, level_of
 from deatwin.ident.mismatch.likelihood.beforehand import ACCURACY, FAST, NOISE, SPREAD, OwnError
 from deatwin.ident.mismatch.likelihood.model import LogNormal, Reading
 from deatwin.ident.mismatch.likelihood.whitening import grams
@@ -93,7 +93,7 @@ def own_errors(rig: Rig, parts: Sequence[Part], readings: np.ndarray, noise: flo
     A further reading has the noise that the rig states, and the rig's share of how it varies as its error.
     """
     whole = np.repeat(np.arange(len(parts)), [part.size for part in parts])
-    times = np.concatenate([part.timepts for part in parts])
+    times, level = np.concatenate([part.timepts for part in parts]), level_of(parts)
     own, places = [], []
     for name in dict.fromkeys(part.reading for part in parts):
         at = np.flatnonzero(np.isin(whole, [k for k, part in enumerate(parts) if part.reading == name]))
@@ -108,6 +108,7 @@ def own_errors(rig: Rig, parts: Sequence[Part], readings: np.ndarray, noise: flo
                 readings=readings[at],
                 times=times[at],
                 records=whole[at],
+                level=level[at],
                 sample_time=rig.sample_time,
                 noise=max(sensor, ACCURACY * float(np.std(readings[at]))),
                 stated=error,

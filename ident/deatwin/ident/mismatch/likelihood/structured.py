@@ -55,21 +55,25 @@ def slow(times: np.ndarray, rms: float, constant: float, count: int) -> np.ndarr
     return np.column_stack([np.interp(times, grid, mode) for mode in largest.T])
 
 
-def law(contribution: np.ndarray, times: np.ndarray) -> np.ndarray:
+def law(contribution: np.ndarray, times: np.ndarray, level: np.ndarray | float = 1.0) -> np.ndarray:
     """Return what another law of the same mechanism may do that does this (n,), as an orthonormal basis (n, k).
+
+    Both are over the noise's relative `level` (n,).
 
     A law that bends (powers of the contribution, and its size), changes with time, or acts with other times: what
     first-order filters make of it, from one sample to the whole recording.
     """
     from scipy.signal import lfilter
 
-    along, clock = contribution / max(float(np.abs(contribution).max()), TINY), _unit(times)
+    does, clock = contribution * level, _unit(times)
+    along = does / max(float(np.abs(does).max()), TINY)
     steps = np.diff(times)
     step = float(np.median(steps)) if steps.size else 1.0
     decays = np.exp(-step / np.geomspace(step, max(float(np.ptp(times)), 2.0 * step), FILTERS))
     columns = [along, along**2, along**3, np.abs(along), along * clock, along * clock**2]
     columns += [lfilter([1.0 - decay], [1.0, -decay], along) for decay in decays]
-    basis, sizes, _ = np.linalg.svd(np.column_stack(columns), full_matrices=False)
+    together = np.column_stack(columns) / np.reshape(level, (-1, 1))
+    basis, sizes, _ = np.linalg.svd(together, full_matrices=False)
     return np.asarray(basis[:, sizes > ALIKE * sizes[0]])
 
 

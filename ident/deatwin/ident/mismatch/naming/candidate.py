@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
-from deatwin.ident.greybox.parts import Part, first_only, free_run_residuals
+from deatwin.ident.greybox.parts import Part, first_only, free_run_residuals, level_of
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.excess import Excess, excess_over_floor
 from deatwin.ident.mismatch.floor import with_model_error
@@ -43,6 +43,8 @@ class Candidate:
         Numbers of fitted and of held-out samples of each experiment; empty if there is only one.
     measured : ndarray, shape (m + n,)
         Fitted and held-out readings, SI; empty if no test depends on them.
+    level : ndarray, shape (m + n,)
+        Relative noise level by which these residuals were divided; empty if it is constant.
     log_share : float
         Logarithm of the prior share of the places at which the effects act.
     log_size : float
@@ -56,6 +58,7 @@ class Candidate:
     contribution: np.ndarray = field(default_factory=lambda: np.zeros(0))
     sizes: tuple[tuple[int, int], ...] = ()
     measured: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    level: np.ndarray = field(default_factory=lambda: np.zeros(0))
     log_share: float = 0.0
     log_size: float = 0.0
 
@@ -165,6 +168,7 @@ def judge(bench: Bench, calibration: Calibration, noise: float) -> Candidate | N
         contribution=contribution(bench, calibration, added),
         sizes=tuple((one.size, other.size) for one, other in zip(bench.fitted, bench.unseen, strict=True)),
         measured=np.concatenate([part.measured for part in (*bench.fitted, *bench.unseen)]),
+        level=level_of((*bench.fitted, *bench.unseen)),
         log_share=bench.log_share(added),
         log_size=bench.log_size(added, calibration.plant),
     )

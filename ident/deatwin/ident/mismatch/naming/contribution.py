@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
-from deatwin.ident.greybox.parts import Part, simulated
+from deatwin.ident.greybox.parts import Part, level_of, simulated
 from deatwin.ident.mismatch.bench import Bench
 
 
@@ -26,15 +26,15 @@ def contribution(bench: Bench, explanation: Calibration, added: Sequence[str]) -
     Returns
     -------
     ndarray, shape (m,)
-        Readings with the effects less those without, no parameter changed, SI; infinite where the plant fails without
-        them.
+        Readings with the effects less those without, over the noise's level, no parameter changed, SI; infinite where
+        the plant fails without them.
     """
     if not added:
         return np.zeros_like(explanation.residuals)
     without = simulated(explanation.plant.without_effects(*added), [part.until_last() for part in bench.fitted])
     if without is None:
         return np.full_like(explanation.residuals, np.inf)
-    return readings_of_fit(bench.fitted, explanation.residuals) - without
+    return (readings_of_fit(bench.fitted, explanation.residuals) - without) / level_of(bench.fitted)
 
 
 def readings_of_fit(parts: Sequence[Part], residuals: np.ndarray) -> np.ndarray:
@@ -45,11 +45,11 @@ def readings_of_fit(parts: Sequence[Part], residuals: np.ndarray) -> np.ndarray:
     parts : sequence of Part
         Of recordings.
     residuals : ndarray, shape (n,)
-        Over all of them, SI.
+        Over all of them and over the noise's level, SI.
 
     Returns
     -------
     ndarray, shape (n,)
         SI.
     """
-    return np.concatenate([part.measured for part in parts]) - residuals
+    return np.concatenate([part.measured for part in parts]) - residuals * level_of(parts)

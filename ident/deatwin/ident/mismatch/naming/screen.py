@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
-from deatwin.ident.greybox.parts import Part, first_only, reading_times, simulated
+from deatwin.ident.greybox.parts import Part, first_only, level_of, reading_times, simulated
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.contribution import readings_of_fit
@@ -188,7 +188,7 @@ def footprint(
     def does(strength: float) -> np.ndarray | None:
         built = plant.with_effects(replace(effect, **{effect.strength: strength}))
         readings = simulated(built, [part.until_last() for part in parts])
-        return None if readings is None else readings - without
+        return None if readings is None else (readings - without) / level_of(parts)
 
     typical = abs(effect.described(effect.strength).value)
     wanted = max(missing, SEEN * float(np.std(without)))

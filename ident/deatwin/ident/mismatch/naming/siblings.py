@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
-from deatwin.ident.greybox.parts import simulated
+from deatwin.ident.greybox.parts import level_of, simulated
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.bench import Bench
@@ -97,5 +97,5 @@ def _at_its_strength(bench: Bench, bare: Calibration, lead: Lead, done: Calibrat
     readings = simulated(bare.plant.with_effects(lead.estimate), [part.until_last() for part in bench.fitted])
     if strength == 0.0 or readings is None:
         return None
-    change = readings - readings_of_fit(bench.fitted, bare.residuals)
+    change = (readings - readings_of_fit(bench.fitted, bare.residuals)) / level_of(bench.fitted)
     return leads([Footprint(effect=lead.estimate, change=change / strength)], done)[0]

@@ -22,6 +22,7 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from deatwin.ident.greybox.fit import Calibration
+from deatwin.ident.greybox.parts import level_of
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.likelihood import structured
@@ -114,7 +115,7 @@ class Scale:
         apart = alone.calibration.residuals - pair.calibration.residuals
         if not np.isfinite(does).all() or not does.any():
             return structured.known(apart[:, None], sizes[:1])
-        basis = structured.law(does, self.error.times)
+        basis = structured.law(does, self.error.times, level_of(self.bench.fitted))
         own = basis @ (basis.T @ apart)
         return structured.known(np.column_stack([own, apart - own]), sizes)
 

@@ -167,7 +167,9 @@ def _is_as_likely_there(rival: Candidate, best: Candidate) -> bool:
 def _of_the_fitted_part(candidate: Candidate) -> Candidate:
     size = candidate.calibration.residuals.size
     sizes = tuple((fitted, 0) for fitted, _ in candidate.sizes)
-    return replace(candidate, unseen=np.zeros(0), sizes=sizes, measured=candidate.measured[:size])
+    return replace(
+        candidate, unseen=np.zeros(0), sizes=sizes, measured=candidate.measured[:size], level=candidate.level[:size]
+    )
 
 
 def fitted_to_all(candidate: Candidate, parts: Sequence[Part]) -> Candidate | None:

@@ -299,7 +299,7 @@ def phase_randomised(signal: np.ndarray, rng: np.random.Generator) -> np.ndarray
 
 
 def _change(plant: Plant, effect: Effect, parts: Sequence[Part]) -> list[list[np.ndarray]] | None:
-    """Return what the effect does to the reading of each record of each part, SI, times the part's weight."""
+    """Return what the effect does to the reading of each record of each part, SI, in the units of its residuals."""
     changes, known = [], {}
     amended = plant.with_effects(effect)
     for part in parts:
@@ -310,14 +310,15 @@ def _change(plant: Plant, effect: Effect, parts: Sequence[Part]) -> list[list[np
             return None
         row = part.row(plant.rig)
         pairs = zip(with_it.outputs, without.outputs, strict=True)
-        changes.append([part.weight * (y[row] - x[row]) for y, x in pairs])
+        levels = part.levels or (1.0,) * len(part.masks)
+        changes.append([part.weight * (y[row] - x[row]) / level for (y, x), level in zip(pairs, levels, strict=True)])
     return changes
 
 
 def _backwards(part: Part) -> Part:
-    return replace(
-        part, experiment=backwards(part.experiment), masks=tuple(mask[::-1] for mask in reversed(part.masks))
-    )
+    levels = None if part.levels is None else tuple(level[::-1] for level in reversed(part.levels))
+    masks = tuple(mask[::-1] for mask in reversed(part.masks))
+    return replace(part, experiment=backwards(part.experiment), masks=masks, levels=levels)
 
 
 def _counted(changes: Sequence[Sequence[np.ndarray]], parts: Sequence[Part]) -> np.ndarray:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deatwin.ident.mismatch.gate.noise import NoiseSource, noise_level, rests
+from deatwin.ident.mismatch.gate.noise import NoiseSource, noise_level, noise_levels, rests
 from deatwin.ident.mismatch.gate.repeats import find_repeats
 
 NOISE = 2e-6
@@ -86,3 +86,47 @@ def test_the_line_at_half_the_sample_rate_pulls_nothing_down(samples, median):
     """
     pieces = list(NOISE * np.random.default_rng(6).standard_normal((2000, samples)))
     assert (noise_level(pieces, 0.02, 0.0).level / NOISE) ** 2 == pytest.approx(median, abs=0.06)
+
+
+# --- noise whose level varies ---------------------------------------------------------------------------------------
+
+
+def motion(n: int) -> np.ndarray:
+    """A reading between 0 and 1."""
+    t = 0.02 * np.arange(n)
+    return 0.5 + 0.3 * np.sin(2 * np.pi * 0.3 * t) + 0.2 * np.sin(2 * np.pi * 0.83 * t + 1.0)
+
+
+@pytest.mark.parametrize("n", [600, 6000])
+def test_noise_of_one_level_has_none_that_varies(n):
+    """None of 100, beside a slow mismatch that is six times as large and grows with the motion, too."""
+    moves, command = motion(n), np.random.default_rng(0).uniform(size=n)
+    for seed in range(100):
+        rest = residual(seed, 0.0, n) + 6 * NOISE * moves * np.sin(2 * np.pi * 0.4 * 0.02 * np.arange(n))
+        assert noise_levels([rest], ([moves], [command]), 0.0) is None
+
+
+def test_a_level_that_grows_with_one_of_two_signals_is_found():
+    """20 of 20, to 15 % rms: 15 levels are known to sqrt(15 * 9.1 / 6000) / 2 = 8 % each; white commands smear them."""
+    n = 6000
+    moves, command = motion(n), np.random.default_rng(0).uniform(size=n)
+    for seed in range(20):
+        for signal in (moves, command):
+            true = 1.0 + 3.0 * signal
+            (found,) = noise_levels([true * residual(seed, 0.0, n)], ([moves], [command]), 0.0)
+            assert np.std(np.log(found / true)) < 0.15
+            assert np.mean(found**-2.0) == pytest.approx(1.0)
+
+
+def test_what_varies_below_the_level_that_matters_is_left():
+    n = 6000
+    true = 1.0 + 3.0 * motion(n)
+    assert noise_levels([true * residual(0, 0.0, n)], ([motion(n)],), 5.0 * NOISE) is None
+
+
+def test_fast_motion_that_varies_is_no_noise():
+    """A mode that rings at an eighth of the sample rate where the film is thin."""
+    n = 6000
+    rings = np.sin(2 * np.pi * 6.25 * 0.02 * np.arange(n)) * motion(n) ** 2
+    rest = residual(0, 0.0, n) + 10 * NOISE * rings
+    assert noise_levels([rest], ([motion(n)],), 0.0) is None

@@ -1,9 +1,14 @@
 """The size of the plant's own error after a fit."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
 from deatwin.ident.mismatch.likelihood.beforehand import TIMING, OwnError
+from deatwin.ident.mismatch.likelihood.model import LogNormal, Prior
+from deatwin.ident.mismatch.likelihood.scales import evidence
 from deatwin.ident.mismatch.likelihood.several import OwnErrors
 
 N, DT, NOISE = 2000, 0.02, 1e-6
@@ -31,3 +36,32 @@ def test_timing_keeps_the_size_that_residuals_show_and_bends_that_of_the_rig(lat
     assert timing.sum() == 1 and sizes[~timing] == pytest.approx(1.0)
     # Known from so many samples to 0.001 of a sample: noise / (largest velocity * sample time * sqrt(n / 2)).
     assert sizes[timing] == pytest.approx(late / TIMING, abs=4 * 0.001 / TIMING)
+
+
+def test_noise_whose_level_varies_is_that_of_a_dense_covariance():
+    """Of readings, not residuals over the level: the densities differ by the product of all levels."""
+    rng, n = np.random.default_rng(1), 60
+    level, slope = 1.0 + 3.0 * rng.uniform(size=n), rng.standard_normal((n, 1)) * 1e-6
+    own = OwnError(
+        readings=READINGS[:n],
+        times=TIMES[:n],
+        records=(np.arange(n) >= 40).astype(int),
+        sample_time=DT,
+        noise=NOISE,
+        stated=1e-6,
+        level=level,
+    )
+    left = 2e-6 * rng.standard_normal(n)
+    (reading,) = OwnErrors(of=(own,), at=(np.arange(n),)).likelihood(left / level, slope / level[:, None])
+    reading = replace(reading, columns=np.column_stack([reading.columns, own.columns]))
+    kappa, sigma = 0.4e-6, 1.1e-6
+    known = replace(reading, kappa=LogNormal(median=kappa), sigma=LogNormal(median=sigma))
+    found = evidence([known], Prior.of((known.columns.shape[1], None))).log
+    lags, together = np.abs(TIMES[:n, None] - TIMES[:n]), own.records[:, None] == own.records
+    process = sum(w * np.exp(-lags / tau) for w, tau in zip(own.process.weights, own.process.times, strict=True))
+    constant = replace(own, level=1.0).columns
+    cov = kappa**2 * process * together * np.outer(level, level) + np.diag((sigma * level) ** 2)
+    cov += slope @ slope.T + constant @ constant.T
+    # in micrometres, where a covariance is no smaller than what SciPy takes for 0
+    dense = multivariate_normal.logpdf(1e6 * left, np.zeros(n), 1e12 * cov) + n * np.log(1e6)
+    assert found - np.log(level).sum() == pytest.approx(dense, abs=1e-8)

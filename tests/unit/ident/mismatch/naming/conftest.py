@@ -20,7 +20,13 @@ RECORD = SimpleNamespace(extras={})
 PARTS = (SimpleNamespace(experiment=SimpleNamespace(recordings=(RECORD,)), timepts=np.array([0.0, 420.0])),)
 
 FITTED = (
-    SimpleNamespace(reading="", masks=(np.ones(7000, bool),), commands=np.arange(7000.0), measured=np.zeros(7000)),
+    SimpleNamespace(
+        reading="",
+        masks=(np.ones(7000, bool),),
+        commands=np.arange(7000.0),
+        measured=np.zeros(7000),
+        level=np.ones(7000),
+    ),
 )
 
 

@@ -25,7 +25,7 @@ NOTHING = SimpleNamespace(
 
 @pytest.fixture
 def bench():
-    part = SimpleNamespace(timepts=TIMES, size=TIMES.size, measured=MOTION, reading="")
+    part = SimpleNamespace(timepts=TIMES, size=TIMES.size, measured=MOTION, reading="", level=np.ones(TIMES.size))
     nominal = SimpleNamespace(rig=SimpleNamespace(sample_time=0.02), parameters={})
     return SimpleNamespace(everywhere=EFFECTS, effects=EFFECTS, fitted=(part,), nominal=nominal, expected_error=5e-7)
 
