@@ -29,6 +29,11 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+NEXT = {
+    True: "use the responses at this operating point, for example to design a controller (deatwin check).",
+    False: "do not rely on the responses where a measure below is missed; a better model or a longer recording helps.",
+}
+"""Advice by whether all measures are reached."""
 IN_ITS_UNIT = ("real", "imaginary", "gain", "gain_low", "gain_high", "truncation")
 """Columns in the unit of the response."""
 
@@ -159,14 +164,16 @@ def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
         columns=["order", "Hz"],
         rows=[[str(n), written(bands)] for n, bands in enumerate(found.ranges_Hz, start=1)],
     )
+    rows = _rows(found)
     return StoryPage(
         title="frequency",
         sentence=f"Frequency responses of {orders} about {about}: {found.first.status.value}."
         + "".join(f" {text[:1].upper()}{text[1:]}." for text in found.caveats),
-        rows=_rows(found),
+        rows=rows,
         notes=[Note(title="In words", paragraphs=[f"{text[:1].upper()}{text[1:]}." for text in messages])],
         figures=drawings,
         tables=[ranges],
+        next=NEXT[all(row.passed for row in rows)],
     )
 
 
