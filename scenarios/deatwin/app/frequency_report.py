@@ -130,7 +130,7 @@ def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
                 axes.legend(markerscale=1)
             data, *further = [_table(f"nofrf{response.order}") for response, _ in _fitted(found.nofrfs)]
             caption = (
-                f"For the test signal of {written(found.ranges_Hz[0])} Hz. {at}, with 95 % bands."
+                f"Responses to the test signal of {written(found.ranges_Hz[0])} Hz. {at}, with 95 % bands."
                 f"{_hatching(*found.nofrfs.orders[: found.nofrfs.order])} The dotted truncation error is the possible "
                 "contribution of orders beyond those fitted; where it comes near the gain, Gₙ is unknown."
             )

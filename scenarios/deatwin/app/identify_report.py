@@ -144,7 +144,7 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
     if found.notes:
         notes.append(Note(title="About the fit", paragraphs=[f"{note[:1].upper()}{note[1:]}." for note in found.notes]))
     if not tables:
-        notes.append(Note(title="The model", paragraphs=["Of scaled signals."], code=str(model)))
+        notes.append(Note(title="The model", paragraphs=["The model relates scaled signals."], code=str(model)))
     page = StoryPage(
         title="identify",
         sentence=sentence,
