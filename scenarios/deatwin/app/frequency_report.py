@@ -29,6 +29,11 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+NEXT = {
+    True: "use the responses at this operating point, for example to design a controller (deatwin check).",
+    False: "do not rely on the responses where a measure below is missed; a better model or a longer recording helps.",
+}
+"""Advice by whether all measures are reached."""
 IN_ITS_UNIT = ("real", "imaginary", "gain", "gain_low", "gain_high", "truncation")
 """Columns in the unit of the response."""
 
@@ -125,7 +130,7 @@ def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
                 axes.legend(markerscale=1)
             data, *further = [_table(f"nofrf{response.order}") for response, _ in _fitted(found.nofrfs)]
             caption = (
-                f"For the test signal of {written(found.ranges_Hz[0])} Hz. {at}, with 95 % bands."
+                f"Responses to the test signal of {written(found.ranges_Hz[0])} Hz. {at}, with 95 % bands."
                 f"{_hatching(*found.nofrfs.orders[: found.nofrfs.order])} The dotted truncation error is the possible "
                 "contribution of orders beyond those fitted; where it comes near the gain, Gₙ is unknown."
             )
@@ -159,14 +164,16 @@ def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
         columns=["order", "Hz"],
         rows=[[str(n), written(bands)] for n, bands in enumerate(found.ranges_Hz, start=1)],
     )
+    rows = _rows(found)
     return StoryPage(
         title="frequency",
         sentence=f"Frequency responses of {orders} about {about}: {found.first.status.value}."
         + "".join(f" {text[:1].upper()}{text[1:]}." for text in found.caveats),
-        rows=_rows(found),
+        rows=rows,
         notes=[Note(title="In words", paragraphs=[f"{text[:1].upper()}{text[1:]}." for text in messages])],
         figures=drawings,
         tables=[ranges],
+        next=NEXT[all(row.passed for row in rows)],
     )
 
 

@@ -30,6 +30,11 @@ if TYPE_CHECKING:
 
 
 Array = NDArray[np.float64]
+NEXT = {
+    True: "use the model within the range and frequencies of these inputs.",
+    False: "see below which measure the model misses; try other lags, another --degree or another --method.",
+}
+"""Advice by whether all measures are reached."""
 MOST = 6
 """Recordings that have a figure of their own."""
 ROW = 0.3
@@ -119,8 +124,8 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
     rows = _rows(found, runs)
     worst = max(runs, key=lambda run: run.rms_error)
     sentence = (
-        f"{found.told}: on held-out data its {found.judged} has an "
-        f"error of {found.amount(worst.rms_error)} rms{' at most' if len(runs) > 1 else ''}"
+        f"{found.told}: on held-out data the error of its {found.judged} is "
+        f"{'at most ' if len(runs) > 1 else ''}{found.amount(worst.rms_error)} rms"
         f"{_beside(found)}. {reached(rows)} measures reached."
     )
     said = (
@@ -139,8 +144,16 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
     if found.notes:
         notes.append(Note(title="About the fit", paragraphs=[f"{note[:1].upper()}{note[1:]}." for note in found.notes]))
     if not tables:
-        notes.append(Note(title="The model", paragraphs=["Of scaled signals."], code=str(model)))
-    page = StoryPage(title="identify", sentence=sentence, rows=rows, notes=notes, figures=drawings, tables=tables)
+        notes.append(Note(title="The model", paragraphs=["The model relates scaled signals."], code=str(model)))
+    page = StoryPage(
+        title="identify",
+        sentence=sentence,
+        rows=rows,
+        notes=notes,
+        figures=drawings,
+        tables=tables,
+        next=NEXT[all(row.passed for row in rows)],
+    )
     write_story(folder, page, record)
     folder.remove_former(r"figures/\w+\.csv")
     record.save(folder)
@@ -148,7 +161,7 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
 
 def _beside(found: Identified) -> str:
     """The largest error of the linear models, as the end of a sentence."""
-    return f", that of a linear model by {found.amount(max(found.linear))}" if found.linear else ""
+    return f", and that of a linear model {found.amount(max(found.linear))} rms" if found.linear else ""
 
 
 def linear_errors(

@@ -90,6 +90,7 @@ def _page(found: ExperimentPlan, drawings: list[Drawing]) -> StoryPage:
         notes=[Note(title="How this was computed", paragraphs=list(_said(found, unit)))],
         figures=drawings,
         tables=tables,
+        next="record this input if it reveals the effects that you suspect; otherwise plan a larger or a longer one.",
     )
 
 

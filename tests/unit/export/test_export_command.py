@@ -41,8 +41,8 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
 @pytest.mark.parametrize(
     ("model", "said", "name"),
     [
-        ("narx.json", "C99, NARX model of 2 terms from input to output, 0.1 s a sample", "drive_2"),
-        ("model.json", "C99, coupon with creep, 0.1 s a sample", "drive_2"),
+        ("narx.json", "C99, NARX model of 2 terms from input to output, 0.1 s per sample", "drive_2"),
+        ("model.json", "C99, coupon with creep, 0.1 s per sample", "drive_2"),
         ("check.json", "C99, PI controller (linear), 0.02 s per sample", "drive_2"),
     ],
 )

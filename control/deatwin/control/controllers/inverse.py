@@ -117,7 +117,7 @@ class StaticCurve(Described):
         Parameters
         ----------
         value : array_like
-            Constant input, in its unit; beyond the ends of the curve the end's output is returned.
+            Constant input, in its unit; beyond the ends of the curve, the output of the nearest end is returned.
 
         Returns
         -------

@@ -41,7 +41,7 @@ class FitStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """True if the search was completed and nothing speaks against its result."""
+        """True if the search was completed and its result passed all checks."""
         return self is FitStatus.DONE
 
 

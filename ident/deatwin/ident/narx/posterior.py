@@ -145,7 +145,7 @@ class ThetaPosterior:
         return _draw_densities(self, axes, truth, level)
 
     def to_arviz(self, rng: np.random.Generator, **options: Any) -> Any:
-        """Return draws as ArviZ knows them; needs the extra ``bayes``.
+        """Return draws as ArviZ data; needs the extra ``bayes``.
 
         Parameters
         ----------

@@ -59,13 +59,13 @@ class Site:
     signal : str
         Signal that the effect rewrites there.
     wording : str
-        Wording at this place, in the form of `Effect.wording`.
+        Sentence about the effect at this place; see `Effect.wording`.
     strength : Parameter, or None
         Strength with its typical value, unit and range there; None if they are those of the first place.
     family : Enum, or None
         Family there; None if it is that of the first place.
     order : int
-        Order at this place, in the form of `Effect.order`.
+        Number that sorts effects at this place into the order in which they act; see `Effect.order`.
     alone : Alone
         Ability of a single reading to distinguish this place from others.
     covered_by : str

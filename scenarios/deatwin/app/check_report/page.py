@@ -17,6 +17,13 @@ from deatwin.studies.report.origin import Origin
 from deatwin.studies.report.quantities import three_digits
 from deatwin.studies.report.rendering import write_page
 
+NEXT = {
+    Verdict.PASS: "write the controller as C source with deatwin export check.json --to c, and try small steps on the actuator.",
+    Verdict.MARGINAL: "remove the cause named above, or check another --design or a longer --closed-loop-time.",
+    Verdict.FAIL: "do not use this controller; remove the cause named above, or check another --design or a longer "
+    "--closed-loop-time.",
+}
+
 
 @dataclass(frozen=True, kw_only=True)
 class Tile:
@@ -44,6 +51,7 @@ def write_check_report(folder: ResultFolder, view: View, origin: Origin) -> None
         tone=TONES[check.verdict],
         sentence=sentence,
         more=more,
+        next=NEXT[check.verdict],
         tiles=_tiles(view),
         groups=groups(view),
         figures={drawing.name: drawing for drawing in drawn},

@@ -28,6 +28,7 @@ LARGEST = 4_500_000
 REST = 300_000
 """Bytes of a page beside its figures and their data, at most."""
 _UNIT = re.compile(r"(?<=\d) (?:%|°|dB|[pnµumkMG]?(?:Hz|Pa|ohm|rad|[msVANFgWKJ])(?:/[a-zµ]+)?(?: rms)?)(?!\w)")
+_OPTION = re.compile(r"(?<!\S)--[a-z][a-z-]+")
 
 
 def write_page(
@@ -83,12 +84,17 @@ def plain(name: str) -> str:
 
 
 def unbroken(shown: Any) -> Any:
-    """Keep units on the line of their numbers, in plain text.
+    """Keep units on the line of their numbers, and the names of options on one line.
 
     >>> unbroken("from 4.6 to 2.1 µm rms in 3 steps")
     'from 4.6 to 2.1\xa0µm\xa0rms in 3 steps'
     """
-    return _UNIT.sub(lambda found: found[0].replace(" ", "\xa0"), shown) if type(shown) is str else shown
+    from markupsafe import Markup, escape
+
+    if type(shown) is not str:
+        return shown
+    text = _UNIT.sub(lambda found: found[0].replace(" ", "\xa0"), shown)
+    return Markup(_OPTION.sub(r'<span class="option">\g<0></span>', str(escape(text)))) if _OPTION.search(text) else text
 
 
 def packed(folder: Path, drawings: Iterable[Drawing]) -> dict[str, str]:

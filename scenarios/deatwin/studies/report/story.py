@@ -67,6 +67,7 @@ class StoryPage:
     notes: Sequence[Note]
     figures: Sequence[Drawing]
     tables: Sequence[Table] = ()
+    next: str = ""  # What the reader may do with the result
 
     @property
     def passed(self) -> bool:

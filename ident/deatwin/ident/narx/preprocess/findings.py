@@ -87,7 +87,7 @@ def inspect_recordings(recordings: Recordings, *, level: float = 0.01, degree: i
     The recordings are not altered. Inputs are examined for trends, drift and few levels only, since a command may jump,
     rest and stay at a limit. Trends and drift are reported only if a twentieth of the recording is at least fifteen
     correlation times of the signal long: otherwise, as in slow staircases, they cannot be distinguished from chance.
-    Outliers are isolated readings, because a burst looks like motion.
+    Only isolated readings count as outliers, because a group of them could be motion.
 
     Parameters
     ----------
