@@ -7,7 +7,10 @@ import math
 import os
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import fields
+from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, ClassVar, Self, TypeVar
 
 from deatwin.plant.errors import DeatwinError, ModelError
@@ -73,6 +76,12 @@ class Saved:
         super().__init_subclass__(**more)
         if schema:
             cls._file = (schema, document, fields)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # For copies and worker processes: a mapping proxy does not pickle, and what is cached need not.
+        state = {item.name: getattr(self, item.name) for item in fields(self) if item.init}  # type: ignore[arg-type]
+        plain = {name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in state.items()}
+        return partial(type(self), **plain), ()
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a JSON file, beside its target first and then renamed.

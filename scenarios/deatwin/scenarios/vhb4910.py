@@ -142,7 +142,7 @@ def files_of(folder: Path, rates: Iterable[str], stretches: Sequence[str]) -> li
         for stretch in stretches:
             files = sorted(folder.glob(f"{rate}_{stretch}*.csv"))
             if not files:
-                raise DataError(f"{folder}: no file {rate}_{stretch}*.csv; it must hold the recordings vhb4910")
+                raise DataError(f"{folder}: no file {rate}_{stretch}*.csv; it must hold the recordings of vhb4910")
             found.append(files[0])
     return found
 

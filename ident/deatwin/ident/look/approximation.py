@@ -52,9 +52,12 @@ class BestLinearApproximation(Frozen):
     noise : ndarray, shape (n_all,)
         Standard deviation of the output's mean over the periods of one realisation.
     distortion_variance : ndarray, shape (n_all,)
-        Power of the nonlinear distortion. The estimate is unbiased, so it may be negative if there is no distortion;
+            Power of the nonlinear distortion. The estimate is unbiased, so it may be negative if there is no distortion;
         NaN if it cannot be determined.
-    realisations : int
+    distortion_low : ndarray, shape (3,)
+        Lower 95 % bounds of the rms over time of the even, the odd and all distortion, output unit; 0 where noise alone
+        explains it, NaN where it cannot be determined.
+        realisations : int
         Number of different inputs.
     periods : int
         Number of periods that were used, of all realisations.
@@ -78,6 +81,7 @@ class BestLinearApproximation(Frozen):
     output: Array
     noise: Array
     distortion_variance: Array
+    distortion_low: Array
     realisations: int
     periods: int
     left_out: int
@@ -126,14 +130,22 @@ class BestLinearApproximation(Frozen):
             return f"{with_unit(value, self.output_unit)} rms" if np.isfinite(value) else "unknown"
 
         drawn = f"{self.realisations} realisation{'s' if self.realisations > 1 else ''}, {self.periods} periods"
-        text = f"best linear approximation at {self.frequencies.size} lines from {drawn}"
+        lines = f"{self.frequencies.size} line{'s' if self.frequencies.size > 1 else ''}"
+        text = f"best linear approximation at {lines} from {drawn}"
         if self.left_out:
             text += f", without {self.left_out} in which the output settles"
         text += f": noise {size(self.noise_rms)}"
+
+        def part(name: str, value: float, low: float) -> str:
+            if low == 0.0:
+                return f", no {name} beyond the noise"
+            return f", {name} {size(value)}" + (f" (at least {with_unit(low, self.output_unit)})" if low > 0.0 else "")
+
+        even, odd, both = self.distortion_low
         if self.separates:
-            return text + f", even distortion {size(self.even_rms)}, odd distortion {size(self.odd_rms)}"
+            return text + part("even distortion", self.even_rms, even) + part("odd distortion", self.odd_rms, odd)
         if self.complete:
-            return text + f", nonlinear distortion {size(self._rms(np.isfinite(self.distortion_variance)))}"
+            return text + part("nonlinear distortion", self._rms(np.isfinite(self.distortion_variance)), both)
         return text + ", nonlinear distortion unknown: excite odd harmonics only, some left out, or several phases"
 
     def to_dict(self) -> dict[str, Any]:
@@ -154,6 +166,8 @@ class BestLinearApproximation(Frozen):
             "noise_rms": self.noise_rms,
             "even_rms": number(self.even_rms),
             "odd_rms": number(self.odd_rms),
+            "even_rms_low": number(self.distortion_low[0]),
+            "odd_rms_low": number(self.distortion_low[1]),
             "distortion_known": self.complete,
             "frequency_Hz": self.frequencies.tolist(),
             "gain": np.abs(self.response).tolist(),

@@ -10,18 +10,22 @@ from numpy.typing import NDArray
 
 from deatwin.ident.look.approximation import Array, BestLinearApproximation, Complex, Lines
 from deatwin.ident.narx.regression import Recordings, flatten, require_alike
-from deatwin.ident.narx.repeats import period_of
+from deatwin.ident.narx.repeats import period_of, whole_multiple
 from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording, label
 
 _EXCITED = 1e-4
 """Share of the largest line's power from which on a line counts as excited: generators distort by less than -40 dB."""
+_OFF_CLOCK = 0.125
+"""Samples by which a period that was found may leave the clock over the record: finer is none found."""
 _ABOVE_NOISE = 10.0
 """Times its own noise that the power of an excited line is: noise alone exceeds it in 1 line of 20 000."""
 _NEIGHBOURS = 6
 """Detection lines whose mean is the distortion of an excited one: six tell it within 2 dB (one deviation)."""
 _SETTLED = 0.99
 """Probability that a period without a transient is kept."""
+_SURE = 0.95
+"""Probability that the distortion exceeds its lower bound."""
 _SAME = 0.99
 """Correlation from which on two inputs are one signal, the one perhaps later than the other."""
 _SAME_SIZE = 1.1
@@ -108,6 +112,11 @@ def best_linear_approximation(
     if complete:
         distortion[excited] = of_one - noise[excited]
     step = records[0].sample_time
+    free = sum(len(run.outputs) - 1 for run in runs)
+    bounds = [
+        _least(group, excited, rest, noise, of_one if complete else None, beside, len(runs), free)
+        for group in (lines % 2 == 0, lines % 2 == 1, np.isfinite(distortion))
+    ]
     return BestLinearApproximation(
         frequencies=lines[excited] / (n * step),
         response=response,
@@ -121,6 +130,7 @@ def best_linear_approximation(
         output=np.sqrt(np.mean(np.abs(outputs) ** 2, axis=0)),
         noise=np.sqrt(noise),
         distortion_variance=distortion,
+        distortion_low=np.array(bounds),
         realisations=len(runs),
         periods=sum(len(run.outputs) for run in runs),
         left_out=sum(run.left_out for run in runs),
@@ -137,8 +147,9 @@ def _samples_of(record: Recording, period: float | None, channel: int) -> int:
         raise DataError(
             f"{label(record)}: the input {record.input_names[channel]} does not repeat itself; give a period"
         )
-    n = round(found)
-    if n < 4 or abs(found - n) * (record.n_samples // max(n, 1)) > 0.5:
+    # Of a found period several may make a whole number of samples: its lines are then every so many.
+    n = round(found) if period is not None else whole_multiple(found, record.n_samples, _OFF_CLOCK)
+    if n < 4 or (period is not None and abs(found - n) * (record.n_samples // n) > 0.5) or 2 * n > record.n_samples:
         raise DataError(
             f"{label(record)}: a period of {found:.6g} samples is no whole number of at least 4, so that its lines leak; "
             "generate and sample the input by one clock"
@@ -226,6 +237,42 @@ def _noise(runs: Sequence[_Realisation], excited: Lines, response: Complex) -> t
     single = np.array([np.var(run.outputs - gain * run.inputs, axis=0, ddof=1) for run in runs])
     counts = np.array([len(run.outputs) for run in runs])
     return single.mean(axis=0), (single / counts[:, None]).mean(axis=0)
+
+
+def _least(
+    group: Lines,
+    excited: Lines,
+    rest: Array,
+    noise: Array,
+    of_one: Array | None,
+    beside: NDArray[np.int64] | None,
+    realisations: int,
+    free: int,
+) -> float:
+    """Return the 95 % lower bound of the rms of the distortion on a group of lines; NaN where it is not known.
+
+    Without distortion the power of the rest over that of the noise is an F variable; its degrees of freedom are those of
+    unequal lines (Satterthwaite). `rest, noise, group, excited` (n_all,), `of_one` (n_excited,); `free` is the number of
+    periods less that of the realisations.
+    """
+    from scipy.special import fdtri
+
+    own = group[excited]
+    if own.any() and of_one is None:
+        return float("nan")
+    power, dof = np.where(group & ~excited, rest, 0.0), np.full(rest.size, 2.0 * realisations)
+    if of_one is not None and realisations > 1:
+        power[excited], dof[excited] = np.where(own, of_one, 0.0), 2.0 * (realisations - 1)
+    elif of_one is not None and beside is not None:  # a detection line that stands for excited ones counts with them
+        weights = np.bincount(beside[own].ravel(), minlength=rest.size) / beside.shape[1]
+        power = power + weights * rest
+    total, chance = power.sum(), noise[group].sum()
+    tiny = np.finfo(float).tiny
+    of_rest = total**2 / max(np.sum(power**2 / dof), tiny)
+    of_noise = chance**2 / max(np.sum(noise[group] ** 2) / (2.0 * free), tiny)
+    if not of_rest > 0.0 or not of_noise > 0.0:
+        return float(np.sqrt(2.0 * total))
+    return float(np.sqrt(2.0 * max(total / fdtri(of_rest, of_noise, _SURE) - chance, 0.0)))
 
 
 def _beside(lines: NDArray[np.int64], excited: Lines) -> NDArray[np.int64] | None:

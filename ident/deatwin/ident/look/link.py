@@ -30,6 +30,8 @@ _FAINT = 0.1
 """Share of the mean power of the excited lines below which a line holds what leaks from others, as between harmonics."""
 _EVEN = 2.0
 """Times the coherence with the input that that with its square must be: with an offset both follow, and alike."""
+_DRIFT = 3
+"""First line that a drift does not reach: a Hann window smears it over the two above 0 Hz."""
 _FEWEST_LINES = 3
 """Excited lines from which on a mean over them is one; slower inputs move once or twice in a segment."""
 _SHORTEST = 16
@@ -96,15 +98,21 @@ def _link(record: Recording, column: int, row: int, excited: Excitation | None, 
     chance, in_band, in_band_squared = 1.0, None, 0.0
     if moves and u.size // ((_SEGMENTS + 1) // 2) >= _SHORTEST:
         frequencies, plain, power = _coherence(u, y, record.sample_time)
-        squared = _coherence(u**2, y, record.sample_time)[1] if np.ptp(u**2) > 0.0 else np.zeros_like(plain)
+        squared, power_squared = np.zeros_like(plain), np.zeros_like(plain)
+        if np.ptp(u**2) > 0.0:
+            _, squared, power_squared = _coherence(u**2, y, record.sample_time)
         bands = () if excited is None else excited.bands
         inside = np.zeros(plain.size, dtype=bool)
         for low, high in bands:
             inside |= (frequencies >= low) & (frequencies <= high)
         inside &= power > _FAINT * power[inside].mean() if inside.any() else inside
-        if inside.sum() >= _FEWEST_LINES:
-            chance = _mean_by_chance(inside.sum() / _BESIDE)
-            in_band, in_band_squared = float(plain[inside].mean()), float(squared[inside].mean())
+        of_square = inside
+        if inside.sum() < _FEWEST_LINES:  # a tone, which the end of a band may cut, or a slow input
+            inside, of_square = _tones(power), _tones(power_squared)
+        if inside.any():
+            chance = _mean_by_chance(max(min(inside.sum(), of_square.sum() or np.inf) / _BESIDE, 1.0))
+            in_band = float(plain[inside].mean())
+            in_band_squared = float(squared[of_square].mean()) if of_square.any() else 0.0
     status = _status(dead_time, in_band or 0.0, in_band_squared, chance)
     if status is LinkStatus.UNSEEN and in_band is None:
         status = LinkStatus.SLOW if frequencies.size else LinkStatus.SHORT
@@ -119,6 +127,13 @@ def _link(record: Recording, column: int, row: int, excited: Excitation | None, 
         in_band=in_band,
         dead_time=dead_time,
     )
+
+
+def _tones(power: Array) -> NDArray[np.bool_]:
+    """Return the lines that hold tones; none where the strongest line is one that a drift fills, too. `power` (n,)."""
+    strong = power > _FAINT * power.max()
+    strong[: _DRIFT - 1] = False
+    return strong if np.argmax(power) >= _DRIFT - 1 and power.max() > 0.0 else np.zeros_like(strong)
 
 
 def _mean_by_chance(lines: float) -> float:

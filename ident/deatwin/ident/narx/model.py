@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
-from functools import cached_property, partial
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any, ClassVar, Self
 
@@ -125,11 +125,6 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
         require_terms(self)
         require_values(self)
         object.__setattr__(self, "theta_cov", covariance_of(self.theta_cov, self.terms))
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # for copies and worker processes: a mapping proxy does not pickle, and what is cached need not
-        state = {item.name: getattr(self, item.name) for item in fields(self)}
-        return partial(type(self), **state | {"provenance": dict(self.provenance)}), ()
 
     @classmethod
     def from_terms(

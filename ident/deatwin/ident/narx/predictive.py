@@ -220,7 +220,8 @@ def free_run_band(
     ends = np.empty((3, *stack.shape[1:]))
     for start in range(0, stack.shape[2], _CHUNK):
         part = slice(start, start + _CHUNK)
-        ends[..., part] = np.quantile(stack[..., part], [tail, 0.5, 1 - tail], axis=0)
+        # A new measurement is one more draw: it lies below the k-th of n with probability k / (n + 1), as here only.
+        ends[..., part] = np.quantile(stack[..., part], [tail, 0.5, 1 - tail], axis=0, method="weibull")
     lower, middle, upper = ends
     return _band(model, recording, middle, lower, upper, level, draws=n_draws, diverged=n_draws - len(runs))
 

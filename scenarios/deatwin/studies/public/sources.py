@@ -68,7 +68,7 @@ def data_folder(given: Path | None, name: str) -> Path:
         return downloaded(name)
     folder = Path(root) / name
     if not folder.is_dir():
-        raise DataError(f"{folder}: no such folder; it must hold the recordings {name}")
+        raise DataError(f"{folder}: no such folder; it must hold the recordings of {name}")
     return folder
 
 

@@ -92,6 +92,31 @@ def test_a_linear_system_has_no_distortion_and_its_start_is_left_out() -> None:
     assert np.mean(np.abs(found.response - 0.01 / (1 - 0.999 * z)) < found.radius()) > 0.9
 
 
+def test_noise_is_taken_for_distortion_once_in_twenty_times() -> None:
+    # 80 claims on linear systems, each false by chance of 5 %: more than 11 have a chance of 1 in 1000.
+    rng, claims = np.random.default_rng(9), 0
+    for _ in range(40):
+        harmonics, _ = random_odd_harmonics(rng, PERIOD, 29.0)
+        u = multisine(rng, harmonics, 4)
+        y = lfilter(FRONT, BACK, u) + 0.5 * rng.normal(size=u.size)
+        found = best_linear_approximation(Recording.from_arrays(u, y, STEP))
+        claims += int(np.sum(found.distortion_low[:2] > 0.0))
+        assert ("no even distortion beyond the noise" in str(found)) == (found.distortion_low[0] == 0.0)
+    assert claims <= 11
+
+
+def test_a_distortion_exceeds_its_lower_bound() -> None:
+    # 40 bounds of 95 % each: fewer than 33 hold with a chance of 1 in 1000. They are told from noise of twice the size.
+    rng, held = np.random.default_rng(10), 0
+    for _ in range(20):
+        harmonics, _ = random_odd_harmonics(rng, PERIOD, 29.0)
+        found = best_linear_approximation(recorded(rng, multisine(rng, harmonics), 0.1))
+        _, even, odd = known(harmonics)
+        held += int(found.distortion_low[0] < even) + int(found.distortion_low[1] < odd)
+        assert found.distortion_low[0] > 0.5 * even
+    assert held >= 33
+
+
 def test_without_detection_lines_the_distortion_is_unknown_and_said_to_be() -> None:
     rng = np.random.default_rng(5)
     found = best_linear_approximation(recorded(rng, multisine(rng, np.arange(1, 300))))
@@ -108,6 +133,19 @@ def test_a_look_says_and_draws_it() -> None:
     panels = found.best_linear.plot(list(Figure().subplots(2, 1)))
     assert [axes.get_yscale() for axes in panels] == ["log", "log"]
     assert found.to_dict()["best_linear"]["realisations"] == 1
+
+
+def test_a_period_off_the_clock_is_refused_and_one_of_half_samples_is_doubled() -> None:
+    # 40.5 samples: every other line of 81 samples is excited. Of 1000.37 samples no multiple fits into the record.
+    rng, t = np.random.default_rng(8), np.arange(6000)
+
+    def wave(period: float) -> NDArray[np.float64]:
+        return np.asarray(sum(np.cos(2 * np.pi * h * t / period + h**2) for h in range(1, 19, 2)), dtype=np.float64)
+
+    found = best_linear_approximation(recorded(rng, wave(40.5)))
+    np.testing.assert_allclose(found.frequencies, np.arange(1, 19, 2) / 40.5 / STEP)
+    with pytest.raises(DataError, match="no whole number"):
+        best_linear_approximation(recorded(rng, wave(1000.37)))
 
 
 def test_what_cannot_be_taken_is_refused() -> None:

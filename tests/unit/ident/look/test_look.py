@@ -89,6 +89,28 @@ def test_an_even_plant_is_linked_by_the_square() -> None:
         assert look_at(Recording.from_arrays(u, y, STEP)).links[0].status is LinkStatus.EVEN
 
 
+@pytest.mark.parametrize("period", [3.7, 6.37, 20.37, 100.0])
+def test_a_tone_is_linked_to_what_follows_it_and_to_nothing_else(period: float) -> None:
+    rng, u = np.random.default_rng(12), np.sin(2 * np.pi * np.arange(4000) / period)
+    noise = rng.normal(size=u.size)
+    wanted = {
+        LinkStatus.LINKED: lfilter([0.2], [1.0, -0.8], u) + 0.01 * noise,
+        LinkStatus.EVEN: u**2 + 0.01 * noise,
+        LinkStatus.UNSEEN: noise,
+    }
+    for status, y in wanted.items():
+        record = Recording.from_arrays(u, y, STEP)
+        assert links_of([record], [excitation(record)])[0].status is status
+    walk = Recording.from_arrays(u, np.cumsum(noise), STEP)
+    assert links_of([walk], [excitation(walk)])[0].status is LinkStatus.UNSEEN
+
+
+def test_a_tone_of_fewer_cycles_than_tell_it_from_a_drift_is_called_slow() -> None:
+    u = np.sin(2 * np.pi * np.arange(4000) / 3000)
+    record = Recording.from_arrays(u, np.random.default_rng(13).normal(size=4000), STEP)
+    assert links_of([record], [excitation(record)])[0].status is LinkStatus.SLOW
+
+
 def test_nothing_is_linked_by_chance() -> None:
     """Of 1600 pairs of independent signals, white to a pole of 0.99, coherence called one linked; here none of 12."""
     for seed in range(12):

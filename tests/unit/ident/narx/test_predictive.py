@@ -56,6 +56,18 @@ def test_bands_cover_new_measurements(model):
     assert free.status is BandStatus.OK and (free.draws, free.diverged) == (300, 0)
 
 
+@pytest.mark.parametrize("draws", [39, 199])
+def test_few_draws_hold_as_many_new_measurements_as_many_draws(draws):
+    """New measurements and draws are of one law, independent at each of 20 000 samples: the share held is 0.95 with a
+    standard deviation of 0.0015. Ends at the ranks 1 + (n - 1) p would hold 0.903 and 0.941.
+    """
+    known, rng = NarxModel.from_terms({"u(k-1)": 1.0}, sample_time=1.0, noise_variance=1.0), np.random.default_rng(1)
+    u = rng.normal(size=20_000)
+    y = np.concatenate([[0.0], u[:-1]]) + rng.normal(size=u.size)
+    band = free_run_band(known, Recording.from_arrays(u, y, 1.0), rng, n_draws=draws)
+    assert abs(band.coverage[0] - 0.95) < 0.005
+
+
 def test_free_run_noise_of_a_known_linear_model_has_its_closed_form():
     """y(k) = a y(k-1) + e(k): the variance after j steps is s^2 (1 - a^(2j)) / (1 - a^2)."""
     known = NarxModel.from_terms({"y(k-1)": 0.9, "u(k-1)": 1.0}, sample_time=0.1, noise_variance=0.04)

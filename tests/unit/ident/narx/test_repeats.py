@@ -6,7 +6,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from deatwin.ident.narx.long_arx import answer_chance
-from deatwin.ident.narx.repeats import period_of, periods_apart
+from deatwin.ident.narx.repeats import period_of, periods_apart, whole_period_of
 from deatwin.plant.excitation import random_odd_harmonics, random_phase_multisine
 
 STEP, N = 0.01, 400
@@ -80,3 +80,24 @@ def test_what_does_not_repeat_or_repeats_within_the_lags_is_left_whole():
         ((inputs, output),) = periods_apart(u, u[None], 2 * u, LAGS)
         np.testing.assert_array_equal(inputs[0], u)
         np.testing.assert_array_equal(output, 2 * u)
+
+
+@pytest.mark.parametrize(
+    ("period", "whole"), [(3.7, 37), (6.37, None), (20.37, None), (25.0, 25), (40.5, 81), (100.37, None)]
+)
+@pytest.mark.parametrize("noise", [0.0, 0.05])
+def test_a_period_is_found_between_samples_and_is_no_multiple(period, whole, noise):
+    rng = np.random.default_rng(5)
+    tone = np.sin(2 * np.pi * np.arange(4000) / period) + noise * rng.normal(size=4000)
+    # The last comparison is half the record later, and with noise a sample off at most.
+    assert period_of(tone) == pytest.approx(period, rel=1 / 2000)
+    if whole is not None:
+        assert whole_period_of(tone) == whole
+    several = sum(np.cos(2 * np.pi * h * np.arange(4000) / (40 * period) + h**2) for h in (1, 3, 5, 7))
+    if 80 * period < 4000:
+        assert period_of(several) == pytest.approx(40 * period, rel=1 / 1000)
+
+
+def test_noise_a_walk_and_a_ramp_have_no_period():
+    noise = np.random.default_rng(6).normal(size=4000)
+    assert [period_of(one) for one in (noise, np.cumsum(noise), np.arange(4000.0))] == [None] * 3
