@@ -98,7 +98,9 @@ def unbroken(shown: Any) -> Any:
     if type(shown) is not str:
         return shown
     text = _UNIT.sub(lambda found: found[0].replace(" ", "\xa0"), shown)
-    return Markup(_OPTION.sub(r'<span class="option">\g<0></span>', str(escape(text)))) if _OPTION.search(text) else text
+    return (
+        Markup(_OPTION.sub(r'<span class="option">\g<0></span>', str(escape(text)))) if _OPTION.search(text) else text
+    )
 
 
 def packed(folder: Path, drawings: Iterable[Drawing]) -> dict[str, str]:
