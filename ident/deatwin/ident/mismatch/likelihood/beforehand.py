@@ -16,6 +16,9 @@ from deatwin.plant.parameters import Parameter, Scale
 
 DATA_SHEET = 0.3
 """Relative deviation of a plant's parameter from its nominal value: what data sheets of elastomers are wrong by."""
+WRONG = 0.05
+"""Probability that a nominal value is simply wrong, so that the parameter may lie anywhere in its range (a contaminated
+prior: Berger and Berliner, Ann. Statist. 14 (1986) 461, doi:10.1214/aos/1176349933)."""
 AMPLITUDE, RATE = 2.0, 1.0
 """Deviation of an effect's strength in typical ones, and of the logarithm of its times: a factor of e either way."""
 FAST, FAST_TIMES = 0.4, (5.0, 50.0)
@@ -88,6 +91,20 @@ def deviation(parameter: Parameter) -> float:
     if parameter.scale is Scale.LOGARITHMIC:
         return DATA_SHEET
     return DATA_SHEET * abs(parameter.scale.to_coordinate(parameter.value)) or _width(parameter)
+
+
+def departure(parameter: Parameter, nominal: Parameter) -> float:
+    """Return how far a plant's parameter is from its nominal value, in standard deviations."""
+    off = nominal.scale.to_coordinate(parameter.value) - nominal.scale.to_coordinate(nominal.value)
+    return off / deviation(nominal)
+
+
+def nominal_odds(parameter: Parameter, nominal: Parameter) -> float:
+    """Return the log prior density of a plant's parameter relative to that of its nominal value; 0 or less."""
+    # Both densities are in units of the normal one's peak.
+    anywhere = WRONG * deviation(nominal) * np.sqrt(2.0 * np.pi / 12.0) / _width(nominal)
+    usual = (1.0 - WRONG) * np.exp(-0.5 * departure(parameter, nominal) ** 2)
+    return float(np.log((usual + anywhere) / (1.0 - WRONG + anywhere)))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,7 +26,13 @@ from deatwin.ident.greybox.parts import level_of
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.likelihood import structured
-from deatwin.ident.mismatch.likelihood.beforehand import coordinate, deviation, pair_odds, strength_deviation
+from deatwin.ident.mismatch.likelihood.beforehand import (
+    coordinate,
+    departure,
+    nominal_odds,
+    pair_odds,
+    strength_deviation,
+)
 from deatwin.ident.mismatch.likelihood.model import Prior
 from deatwin.ident.mismatch.likelihood.scales import evidence
 from deatwin.ident.mismatch.likelihood.several import OwnErrors, own_errors
@@ -82,9 +88,9 @@ class Scale:
                 above=np.append(prior.above, np.full(law.shape[1], -np.inf)),
             )
         events = sum(name in fit.plant.event_times for name in fit.names)
-        # Each time of the recordings is as likely for an event, in which no reading is smooth.
+        # The prior of an event's time is uniform over the recordings; readings are not smooth in it.
         weighed = evidence(self.error.likelihood(fit.residuals, columns), prior)
-        return weighed.log - events * float(np.log(np.ptp(self.error.times)))
+        return weighed.log + self.log_prior_of_rig(candidate) - events * float(np.log(np.ptp(self.error.times)))
 
     @cached_property
     def error(self) -> OwnErrors:
@@ -101,7 +107,7 @@ class Scale:
         largest = float(np.quantile(np.abs(self.error.of[0].readings), 0.99))
         known = [coordinate(p, self.bench.nominal, effects, largest) for p in parameters]
         mean, spread = (np.array([getattr(k, name) for k in known]) for name in ("mean", "deviation"))
-        # That a rig's own parameters lie off their nominal values is a finding of its own, and no sign of an effect.
+        # Deviations of the rig's own parameters, which may be large, have a prior of their own: `log_prior_of_rig`.
         of_effects = [p.name.partition(".")[0] in effects for p in parameters]
         at = np.where(of_effects, [p.scale.to_coordinate(p.value) for p in parameters], mean)
         columns = np.column_stack([fit.jacobian[:, moves] * spread, self.error.columns])
@@ -126,11 +132,15 @@ class Scale:
         own, other = (LOOSE, LOOSE) if alone.effects[0] in LOOPS else (OWN, OTHER)
         return own * does, other * does
 
-    def bent(self, candidate: Candidate) -> float:
-        """Return how far the rig's own parameters are off their nominal values, in nats: what is missing bends them."""
+    def log_prior_of_rig(self, candidate: Candidate) -> float:
+        """Return the log prior of the rig's own parameters relative to their nominal values, which may be wrong."""
         fit, nominal = candidate.calibration, self.bench.nominal.parameters
-        own = [(fit.plant.parameters[name], nominal[name]) for name in fit.names if name in nominal]
-        off = [(p.scale.to_coordinate(p.value) - k.scale.to_coordinate(k.value)) / deviation(k) for p, k in own]
+        return sum(nominal_odds(fit.plant.parameters[name], nominal[name]) for name in fit.names if name in nominal)
+
+    def bent(self, candidate: Candidate) -> float:
+        """Return how unlikely the rig's own parameters are beside right nominal values, in nats; missing physics biases them."""
+        fit, nominal = candidate.calibration, self.bench.nominal.parameters
+        off = [departure(fit.plant.parameters[name], nominal[name]) for name in fit.names if name in nominal]
         return 0.5 * float(np.sum(np.square(off)))
 
     def promises(self, alone: Candidate, known: Sequence[Footprint]) -> dict[str, float]:

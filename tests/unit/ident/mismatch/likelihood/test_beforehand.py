@@ -1,11 +1,21 @@
 """What is known of parameters before a recording."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from deatwin.ident.mismatch.likelihood.beforehand import AMPLITUDE, DATA_SHEET, RATE, Coordinate, coordinate, pair_odds
+from deatwin.ident.mismatch.likelihood.beforehand import (
+    AMPLITUDE,
+    DATA_SHEET,
+    RATE,
+    WRONG,
+    Coordinate,
+    coordinate,
+    nominal_odds,
+    pair_odds,
+)
 from deatwin.plant import Disc, Plant
 from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.parameters import Parameter, Scale
@@ -68,3 +78,21 @@ def test_a_pair_of_many_is_less_likely_than_one_of_many():
     """1/10 over 378 pairs against 3/8 over 28 single effects; where there is one effect there are no more pairs."""
     assert pair_odds(28) == pytest.approx(np.log(0.1 / 378) - np.log(0.375 / 28))
     assert pair_odds(1) == pytest.approx(np.log(0.1 / 0.375))
+
+
+def mass(value):
+    return replace(MASS, value=value)
+
+
+@pytest.mark.parametrize("deviations", [-1.0, 0.5, 1.5])
+def test_a_usual_departure_costs_what_a_data_sheet_says(deviations):
+    """Within two deviations the normal law rules: a wrong nominal value has at most a twentieth of the probability."""
+    found = nominal_odds(mass(2.0 * np.exp(deviations * DATA_SHEET)), MASS)
+    assert found == pytest.approx(-(deviations**2) / 2, abs=WRONG)
+
+
+@pytest.mark.parametrize("value", [0.1, 0.5, 10.0])
+def test_a_nominal_value_that_is_wrong_costs_the_same_everywhere(value):
+    """Far off, the value is one of an even law over the range, log(100) wide, and the nominal value need not be right."""
+    even, peak = WRONG / np.log(100.0), (1.0 - WRONG) / (DATA_SHEET * np.sqrt(2.0 * np.pi))
+    assert nominal_odds(mass(value), MASS) == pytest.approx(np.log(even / (peak + even)), abs=0.01)
