@@ -261,8 +261,8 @@ def _cylinder(hidden: Hidden, x: np.ndarray, u: float) -> list[float]:
 
 
 def _room(hidden: Hidden, x: np.ndarray, u: float) -> list[float]:
-    bench, time = hidden.get("relaxation", "stiffness"), hidden.get("relaxation", "time") or 1.0
-    into_walls, into_bench = 140.0 * (x[0] - x[1]), bench * (x[0] - x[2])
+    problem, time = hidden.get("relaxation", "stiffness"), hidden.get("relaxation", "time") or 1.0
+    into_walls, into_bench = 140.0 * (x[0] - x[1]), problem * (x[0] - x[2])
     return [(u - into_walls - 35.0 * x[0] - into_bench) / 1.2e4, (into_walls - 90.0 * x[1]) / 4e5, (x[0] - x[2]) / time]
 
 

@@ -27,8 +27,8 @@ from deatwin.ident.mismatch import (
     Unexplained,
     Verdict,
 )
-from deatwin.ident.mismatch.gate.gate import gate
 from deatwin.ident.mismatch.located import PlaceSummary, Region, Window
+from deatwin.ident.mismatch.quality.quality import check_quality
 from deatwin.ident.mismatch.result import (
     Ablation,
     Errors,
@@ -40,7 +40,7 @@ from deatwin.ident.mismatch.result import (
     UnseenErrors,
 )
 from deatwin.ident.mismatch.verify.constancy import Constancy
-from deatwin.ident.mismatch.verify.shams import Sham, ShamKind
+from deatwin.ident.mismatch.verify.placebos import Placebo, PlaceboKind
 from deatwin.ident.mismatch.verify.transfer import Transfer
 from deatwin.ident.mismatch.verify.verification import Verification
 from deatwin.plant import Diaphragm, Experiment, Plant, Recording
@@ -138,9 +138,9 @@ VERIFIED = Verification(
     output_unit="m",
     ablations=(Ablation(effect="creep", fitted=9e-6, unseen=10.2e-6, gain_low=7.4e-6, share=0.968),),
     shams=(
-        Sham(effect="creep", kind=ShamKind.BACKWARDS, share=0.0312, expected=0.02),
-        Sham(effect="creep", kind=ShamKind.OPPOSITE, share=0.9124, expected=0.0),
-        Sham(effect="creep", kind=ShamKind.RANDOM_PHASES, skipped="it hardly differs"),
+        Placebo(effect="creep", kind=PlaceboKind.BACKWARDS, share=0.0312, expected=0.02),
+        Placebo(effect="creep", kind=PlaceboKind.OPPOSITE, share=0.9124, expected=0.0),
+        Placebo(effect="creep", kind=PlaceboKind.RANDOM_PHASES, skipped="it hardly differs"),
     ),
     transfers=(
         Transfer(
@@ -174,7 +174,7 @@ def with_everything() -> Diagnosis:
     plant = Plant(rig=Diaphragm())
     unseen = (tuple(np.arange(700) >= 490 for _ in records),)
     findings: Any = SimpleNamespace(
-        checked=gate(plant, (experiment,)),
+        checked=check_quality(plant, (experiment,)),
         detection=Step("detection"),
         location=SimpleNamespace(region=Step("region"), place=Step("place"), lines=None),
         discovery=Step("discovery"),

@@ -56,7 +56,7 @@ def cylinder_rates(x: Any, u: float, concealed: bool) -> list[float]:
 
 
 def room_rates(x: Any, u: float, concealed: bool) -> list[float]:
-    """Of air, walls and bench."""
+    """Of air, walls and problem."""
     into_walls, into_bench = 140.0 * (x[0] - x[1]), 120.0 * (x[0] - x[2]) * concealed
     return [
         (u - into_walls - 35.0 * x[0] - into_bench) / 1.2e4,

@@ -29,7 +29,7 @@ from deatwin.ident.mismatch.locate.track import Track
 from deatwin.ident.mismatch.naming.decide import Distance
 from deatwin.ident.mismatch.result import Ablation
 from deatwin.ident.mismatch.verify.constancy import Constancy
-from deatwin.ident.mismatch.verify.shams import Sham, ShamKind
+from deatwin.ident.mismatch.verify.placebos import Placebo, PlaceboKind
 from deatwin.ident.mismatch.verify.transfer import Transfer
 from deatwin.ident.mismatch.verify.verification import Verification
 from deatwin.ident.narx.pruning import PruningStep
@@ -114,7 +114,7 @@ INPUT = Recording.from_arrays(
     np.array([0.0, 1.0, 2.0]), np.zeros((0, 3)), 0.5, start=4.0, input_names=("command",), input_units=("V",)
 )
 ADVICE = Advice(
-    rivals=("creep", "sensor_lag"),
+    alternatives=("creep", "sensor_lag"),
     recording=INPUT,
     waveform="staircase",
     added_mass=None,
@@ -134,7 +134,7 @@ ADVICE = Advice(
 NAMING = Naming(
     candidates=(BARE, LAG, CREEP),
     best=CREEP,
-    rivals=(LAG,),
+    alternatives=(LAG,),
     probabilities={("creep",): 0.8},
     noise=2e-6,
     distances=(Distance(effects=("creep", "sensor_lag+creep"), d2=12.0),),
@@ -150,8 +150,8 @@ VERIFICATION = Verification(
     output_unit="m",
     ablations=(Ablation(effect="creep", fitted=9e-6, unseen=10e-6, gain_low=7e-6, share=0.97),),
     shams=(
-        Sham(effect="creep", kind=ShamKind.OPPOSITE, share=0.1, expected=0.0),
-        Sham(effect="creep", kind=ShamKind.BACKWARDS, skipped="no memory"),
+        Placebo(effect="creep", kind=PlaceboKind.OPPOSITE, share=0.1, expected=0.0),
+        Placebo(effect="creep", kind=PlaceboKind.BACKWARDS, skipped="no memory"),
     ),
     transfers=(
         Transfer(
@@ -243,7 +243,7 @@ EXPECTED = {
     "advice": (
         ADVICE,
         along("waveform", waveform=["staircase", "chirp"], d2=[30.0, 2.0])
-        | along("rival", rival=ADVICE.rivals)
+        | along("rival", rival=ADVICE.alternatives)
         | along("", "m", noise=2e-06)
         | along("time", "s", time=[4.0, 4.5, 5.0])
         | along("time", "V", command=INPUT.inputs[0])
@@ -279,7 +279,7 @@ EXPECTED = {
         {"failed": "tears"},
     ),
     "base": (
-        Base(chosen=BARE, rivals=(EARLY,), noise=2e-06),
+        Base(chosen=BARE, alternatives=(EARLY,), noise=2e-06),
         along("form", form_name=["reading: end of hold", "reading: start of hold"], form_role=["chosen", "other form"])
         | along("form", "m", form_fitted=[c.fitted_test.rms for c in (BARE, EARLY)])
         | along("form sample", "m", residual=[c.calibration.residuals for c in (BARE, EARLY)])

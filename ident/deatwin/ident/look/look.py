@@ -14,7 +14,7 @@ from deatwin.ident.look.approximation import BestLinearApproximation
 from deatwin.ident.look.best_linear import best_linear_approximation
 from deatwin.ident.look.inputs import InputPattern, pattern_of
 from deatwin.ident.look.link import LINE_CHANCE, Link, links_of
-from deatwin.ident.mismatch.gate.noise import noise_level
+from deatwin.ident.mismatch.quality.noise import noise_level
 from deatwin.ident.narx.excited import Excitation, excitation
 from deatwin.ident.narx.panels import panels_or_new
 from deatwin.ident.narx.preprocess import Finding, FindingKind, SamplingChoice, choose_sampling, inspect_recordings

@@ -3,7 +3,6 @@
 from deatwin.ident.mismatch.advise.advice import INPUT_FILE, Advice
 from deatwin.ident.mismatch.advise.advise import advise
 from deatwin.ident.mismatch.advise.offer import PricedReading
-from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.detect.detect import detect
 from deatwin.ident.mismatch.detect.detection import Detection
 from deatwin.ident.mismatch.diagnose import diagnose
@@ -11,7 +10,6 @@ from deatwin.ident.mismatch.diagnosis import Diagnosis
 from deatwin.ident.mismatch.discover.discover import discover
 from deatwin.ident.mismatch.discover.discovery import Discovery
 from deatwin.ident.mismatch.findings import Findings
-from deatwin.ident.mismatch.gate.gate import Gate, confirm, gate
 from deatwin.ident.mismatch.layout import Readings
 from deatwin.ident.mismatch.locate.location import Location, locate
 from deatwin.ident.mismatch.locate.track import readings
@@ -19,10 +17,12 @@ from deatwin.ident.mismatch.located import LocationSummary, Unexplained
 from deatwin.ident.mismatch.naming.candidate import Candidate, Distance
 from deatwin.ident.mismatch.naming.decide import Naming
 from deatwin.ident.mismatch.naming.name import name_causes
-from deatwin.ident.mismatch.naming.screen import Footprint, footprints
+from deatwin.ident.mismatch.naming.screen import LinearisedResponse, linearised_responses
 from deatwin.ident.mismatch.plan.plan import plan_experiment
 from deatwin.ident.mismatch.plan.result import ExperimentPlan, Foreseen, TellingReading
 from deatwin.ident.mismatch.prepare import prepare
+from deatwin.ident.mismatch.problem import DiagnosisProblem
+from deatwin.ident.mismatch.quality.quality import DataQuality, check_quality, confirm
 from deatwin.ident.mismatch.refit import Base, calibrate_base
 from deatwin.ident.mismatch.result import (
     AdviceSummary,
@@ -43,24 +43,24 @@ __all__ = [
     "Advice",
     "AdviceSummary",
     "Base",
-    "Bench",
     "Candidate",
     "CandidateSummary",
     "Cause",
+    "DataQuality",
     "Detection",
     "DetectionSummary",
     "Diagnosis",
+    "DiagnosisProblem",
     "Discovery",
     "Distance",
     "ExperimentPlan",
     "Findings",
     "FitSummary",
     "FittedParameter",
-    "Footprint",
     "Foreseen",
     "FreeFormSummary",
-    "Gate",
     "Interval",
+    "LinearisedResponse",
     "Location",
     "LocationSummary",
     "Naming",
@@ -75,12 +75,12 @@ __all__ = [
     "VerificationSummary",
     "advise",
     "calibrate_base",
+    "check_quality",
     "confirm",
     "detect",
     "diagnose",
     "discover",
-    "footprints",
-    "gate",
+    "linearised_responses",
     "locate",
     "name_causes",
     "plan_experiment",

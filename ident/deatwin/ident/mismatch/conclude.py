@@ -8,26 +8,26 @@ from dataclasses import replace
 import numpy as np
 
 from deatwin.ident.greybox.parts import first_only
-from deatwin.ident.mismatch.advise.distance import TOLD_APART
+from deatwin.ident.mismatch.advise.distance import DISTINGUISHED
 from deatwin.ident.mismatch.diagnosis import Diagnosis
 from deatwin.ident.mismatch.findings import Findings
-from deatwin.ident.mismatch.floor import differences, with_model_error
-from deatwin.ident.mismatch.gate.faults import faults_of
 from deatwin.ident.mismatch.layout import Readings
 from deatwin.ident.mismatch.locate.track import readings
 from deatwin.ident.mismatch.located import LocationSummary, PlaceSummary
+from deatwin.ident.mismatch.model_error import differences, with_model_error
 from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.criteria import held_back_by, suffices, takes_most
 from deatwin.ident.mismatch.naming.cycles import shows_its_cycles
 from deatwin.ident.mismatch.naming.decide import Naming, is_possible
 from deatwin.ident.mismatch.naming.places import causes_of
-from deatwin.ident.mismatch.naming.worth import held_back_by, suffices, takes_most
 from deatwin.ident.mismatch.partly import unexplained
+from deatwin.ident.mismatch.quality.faults import faults_of
 from deatwin.ident.mismatch.refit.exchange import exchanged_lags
 from deatwin.ident.mismatch.refit.fitted import fitted_parameters
 from deatwin.ident.mismatch.refit.search import gap_around
 from deatwin.ident.mismatch.result import Errors, FitSummary, IndistinguishablePair, Output, UnseenErrors
 from deatwin.ident.mismatch.say import say
-from deatwin.ident.mismatch.steps import forms_tried
+from deatwin.ident.mismatch.steps import variants_tried
 from deatwin.ident.mismatch.taught import errors_in, taught
 from deatwin.ident.mismatch.verdict import CandidateSummary, Cause, Interval, Verdict
 from deatwin.ident.mismatch.verify.verify import shares_explained
@@ -56,7 +56,7 @@ def conclude(findings: Findings) -> Diagnosis:
     rig, base, answer = findings.final.plant.rig, findings.base, findings.answer
     unit, size = findings.unit
     model = CalibratedPlant(
-        plant=with_model_error(findings.final.plant, findings.bench.stated_error),
+        plant=with_model_error(findings.final.plant, findings.problem.stated_error),
         noise=base.noise,
         model_error=_left(findings),
         names=findings.final.names,
@@ -64,8 +64,8 @@ def conclude(findings: Findings) -> Diagnosis:
         provenance={"verdict": findings.verdict.value},
     )
     causes = _causes(findings) if findings.named else ()
-    rivals = findings.naming.rivals if findings.named else ()
-    names = tuple(dict.fromkeys(e for c in (answer, *rivals) for e in causes_of(c)))
+    alternatives = findings.naming.alternatives if findings.named else ()
+    names = tuple(dict.fromkeys(e for c in (answer, *alternatives) for e in causes_of(c)))
     diagnosis = Diagnosis(
         output=Output(name=rig.output_name, unit=unit),
         verdict=findings.verdict,
@@ -79,7 +79,7 @@ def conclude(findings: Findings) -> Diagnosis:
         free_form=None if findings.discovery is None else findings.discovery.summary,
         causes=causes,
         names=names,
-        rivals=tuple(causes_of(rival) for rival in rivals),
+        rivals=tuple(causes_of(alternative) for alternative in alternatives),
         indistinguishable=_indistinguishable(findings) if findings.named else (),
         advice=None if findings.advice is None else findings.advice.summary,
         sentence="",
@@ -91,7 +91,7 @@ def conclude(findings: Findings) -> Diagnosis:
             *_left_over(findings),
             *_placed_unseen(findings),
             *_form(findings),
-            *_forms_of_rivals(findings),
+            *_variants_of_alternatives(findings),
             *(f"{name} could not be tried: no fit with it could be simulated" for name in findings.naming.failed),
             *(f"{name} ended on a bound of its range" for name in findings.final.at_bound),
             *_widened(findings.final.plant),
@@ -103,8 +103,8 @@ def conclude(findings: Findings) -> Diagnosis:
         verification=findings.verification.summary if findings.verification.ablations else None,
         faults=faults_of(findings.checked),
         taught=taught(findings),
-        parameters=fitted_parameters(findings.bench.nominal, findings.calibrated),
-        forms=forms_tried(findings.bench, base),
+        parameters=fitted_parameters(findings.problem.nominal, findings.calibrated),
+        forms=variants_tried(findings.problem, base),
         model=model,
         base_model=_base_model(findings),
         rival_models=_rival_models(findings) if findings.named else {},
@@ -136,7 +136,7 @@ def _hardly_shown(findings: Findings) -> Iterator[str]:
     if (
         findings.verdict is Verdict.UNKNOWN
         and best is not None
-        and not shows_its_cycles(best, findings.bench.everything)
+        and not shows_its_cycles(best, findings.problem.everything)
     ):
         yield (
             f"{'+'.join(best.effects)} would explain the recordings, but with a cycle of which they show less than a "
@@ -149,8 +149,8 @@ def _alike_but_unlikely(findings: Findings) -> Iterator[str]:
     naming = findings.naming
     if not findings.named or naming.best is None:
         return
-    near = {distance.effects[1]: distance.d2 for distance in naming.distances if distance.d2 < TOLD_APART}
-    known = {"+".join(rival.effects) for rival in naming.rivals}
+    near = {distance.effects[1]: distance.d2 for distance in naming.distances if distance.d2 < DISTINGUISHED}
+    known = {"+".join(alternative.effects) for alternative in naming.alternatives}
     for other in naming.candidates:
         name = "+".join(other.effects)
         if name in near and name not in known and not is_possible(other, naming.best):
@@ -181,7 +181,7 @@ def _beyond(rms: float, noise: float) -> float:
 
 
 def _indistinguishable(findings: Findings) -> tuple[IndistinguishablePair, ...]:
-    known = {"+".join(c.effects): "+".join(causes_of(c)) for c in (findings.answer, *findings.naming.rivals)}
+    known = {"+".join(c.effects): "+".join(causes_of(c)) for c in (findings.answer, *findings.naming.alternatives)}
     return tuple(
         IndistinguishablePair(effects=tuple(known[name] for name in pair.effects), d2=pair.d2)
         for pair in findings.naming.distances
@@ -208,37 +208,37 @@ def _widened(plant: Plant) -> Iterator[str]:
 
 def _placed_unseen(findings: Findings) -> Iterator[str]:
     """Events whose times no fitted reading could tell."""
-    bench, plant = findings.bench, findings.answer.calibration.plant
+    problem, plant = findings.problem, findings.answer.calibration.plant
     for name in plant.event_times if findings.named else ():
-        if gap_around(plant, name, bench.fitted, bench.everything) is not None:
+        if gap_around(plant, name, problem.fitted, problem.everything) is not None:
             yield f"{name} lies in the held-out data and was fitted to them; their error is not fully independent"
 
 
 def _form(findings: Findings) -> list[str]:
     """Return what the recordings say of the rig where they speak against its file, or where the file is silent."""
-    stated, found = differences([findings.bench.nominal.rig, findings.final.plant.rig])
+    stated, found = differences([findings.problem.nominal.rig, findings.final.plant.rig])
     return [
         f"the recordings fit a rig with {name} = {found[name]!r} better than with {value!r}"
         for name, value in stated.items()
     ]
 
 
-def _forms_of_rivals(findings: Findings) -> Iterator[str]:
-    """Rivals that explain the recordings on another form of the rig than the answer's."""
-    for rival in findings.naming.rivals if findings.named else ():
-        _, found = differences([findings.answer.calibration.plant.rig, rival.calibration.plant.rig])
+def _variants_of_alternatives(findings: Findings) -> Iterator[str]:
+    """Alternatives that explain the recordings on another variant of the rig than the answer's."""
+    for alternative in findings.naming.alternatives if findings.named else ():
+        _, found = differences([findings.answer.calibration.plant.rig, alternative.calibration.plant.rig])
         if found:
-            form = ", ".join(f"{name} = {value!r}" for name, value in found.items())
-            yield f"{'+'.join(rival.effects) or 'nothing missing'} explains the recordings on a rig with {form}"
+            variant = ", ".join(f"{name} = {value!r}" for name, value in found.items())
+            yield f"{'+'.join(alternative.effects) or 'nothing missing'} explains the recordings on a rig with {variant}"
 
 
 def _causes(findings: Findings) -> tuple[Cause, ...]:
     naming, final, base = findings.naming, findings.final, findings.base
     shares = shares_explained(base.chosen, findings.answer, naming.candidates, base.noise)
-    causes, every = [], findings.bench.everywhere
+    causes, every = [], findings.problem.everywhere
     for effect in final.plant.effects:
         if effect.name not in findings.answer.effects:
-            continue  # the plant on the bench had it already
+            continue  # the plant on the problem had it already
         parameters = {}
         for parameter in effect.parameters:
             low, high = findings.intervals.interval(parameter.name)
@@ -263,7 +263,7 @@ def _causes(findings: Findings) -> tuple[Cause, ...]:
 
 def _places(effect: Effect, findings: Findings) -> tuple[str, ...]:
     """Return where an effect of the answer may enter, first where it does in the amended plant."""
-    nominal, others = findings.bench.nominal, findings.elsewhere
+    nominal, others = findings.problem.nominal, findings.elsewhere
     found = [effect, *(e for c in others for e in c.calibration.plant.effects if e.cause == effect.cause)]
     if not nominal.rig.further:
         same = [at for at, site in effect.places.items() if site.alone is Alone.AS_FIRST]
@@ -290,7 +290,7 @@ def _location(findings: Findings) -> LocationSummary | None:
         return None
     located = findings.location.summary
     found = {place.place: place for place in located.place}
-    place_of = {effect.name: effect.place.value for effect in findings.bench.everywhere}
+    place_of = {effect.name: effect.place.value for effect in findings.problem.everywhere}
     base = findings.base.chosen
     missing = max(float(base.losses.mean()) - base.noise**2, 1e-300)
     shares: dict[str, float] = {}
@@ -310,14 +310,14 @@ def _readings(findings: Findings, model: CalibratedPlant, reading: str = "") -> 
         experiments=experiments,
         base=readings(plant, experiments, reading),
         amended=readings(model.plant, experiments, reading) if model.plant.effects != plant.effects else None,
-        unseen=tuple(part.masks for part in first_only(findings.bench.unseen)),
+        unseen=tuple(part.masks for part in first_only(findings.problem.unseen)),
         reading=reading,
     )
 
 
 def _recorded(findings: Findings) -> tuple[str, ...]:
     """The further readings that the recordings hold."""
-    return tuple(dict.fromkeys(part.reading for part in findings.bench.everything if part.reading))
+    return tuple(dict.fromkeys(part.reading for part in findings.problem.everything if part.reading))
 
 
 def _candidates(findings: Findings) -> tuple[CandidateSummary, ...]:
@@ -341,8 +341,10 @@ def _base_model(findings: Findings) -> CalibratedPlant:
 
 
 def _distance_to(candidate: Candidate, naming: Naming) -> float | None:
-    """d² from the answer, where it is known; that to a rival is not that of its effects in another form of the rig."""
-    told = next((rival for rival in naming.rivals if rival.effects == candidate.effects), candidate)
+    """d² from the answer, where it is known; that to an alternative is not that of its effects in another variant of the rig."""
+    told = next(
+        (alternative for alternative in naming.alternatives if alternative.effects == candidate.effects), candidate
+    )
     if any(differences([told.calibration.plant.rig, candidate.calibration.plant.rig])):
         return None
     name = "+".join(candidate.effects)
@@ -350,16 +352,16 @@ def _distance_to(candidate: Candidate, naming: Naming) -> float | None:
 
 
 def _rival_models(findings: Findings) -> dict[str, CalibratedPlant]:
-    """The rivals as plants, each with what it leaves of the held-out data as its model error."""
-    noise, stated = findings.base.noise, findings.bench.stated_error
+    """The alternatives as plants, each with what it leaves of the held-out data as its model error."""
+    noise, stated = findings.base.noise, findings.problem.stated_error
     return {
-        "+".join(rival.effects) or "none": CalibratedPlant(
-            plant=with_model_error(rival.calibration.plant, stated),
+        "+".join(alternative.effects) or "none": CalibratedPlant(
+            plant=with_model_error(alternative.calibration.plant, stated),
             noise=noise,
-            model_error=rival.unseen_test.size,
-            names=rival.calibration.names,
-            covariance=rival.calibration.covariance,
+            model_error=alternative.unseen_test.size,
+            names=alternative.calibration.names,
+            covariance=alternative.calibration.covariance,
             provenance={"verdict": findings.verdict.value, "rival_of": "+".join(findings.answer.effects)},
         )
-        for rival in findings.naming.rivals
+        for alternative in findings.naming.alternatives
     }

@@ -8,30 +8,30 @@ import numpy as np
 
 from deatwin.ident.greybox.parts import free_run_residuals
 from deatwin.ident.mismatch.advise.advise import advise
-from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.conclude import conclude
 from deatwin.ident.mismatch.detect.detect import detect
 from deatwin.ident.mismatch.detect.detection import Detection
 from deatwin.ident.mismatch.diagnosis import Diagnosis
 from deatwin.ident.mismatch.discover.discover import discover
-from deatwin.ident.mismatch.excess import excess_over_floor
+from deatwin.ident.mismatch.excess import excess_of
 from deatwin.ident.mismatch.findings import Findings
-from deatwin.ident.mismatch.gate.beside import without_faults
-from deatwin.ident.mismatch.gate.gaps import without_unknown
-from deatwin.ident.mismatch.gate.gate import Gate, Soundness, confirm, gate
 from deatwin.ident.mismatch.locate.location import locate
 from deatwin.ident.mismatch.locate.track import readings
 from deatwin.ident.mismatch.naming.cycles import shows_its_cycles
 from deatwin.ident.mismatch.naming.decide import Naming, nothing_tried, with_all_distances
 from deatwin.ident.mismatch.naming.name import explanations
 from deatwin.ident.mismatch.naming.places import without_places
-from deatwin.ident.mismatch.naming.screen import footprints
+from deatwin.ident.mismatch.naming.screen import linearised_responses
 from deatwin.ident.mismatch.partly import acting, explains_all
 from deatwin.ident.mismatch.prepare import prepare
-from deatwin.ident.mismatch.refit.base import Base, beside_rivals
+from deatwin.ident.mismatch.problem import DiagnosisProblem
+from deatwin.ident.mismatch.quality.beside import without_faults
+from deatwin.ident.mismatch.quality.gaps import without_unknown
+from deatwin.ident.mismatch.quality.quality import DataQuality, Soundness, check_quality, confirm
+from deatwin.ident.mismatch.refit.base import Base, beside_alternatives
 from deatwin.ident.mismatch.refit.exchange import with_exchanged_lags
 from deatwin.ident.mismatch.refit.search import refit
-from deatwin.ident.mismatch.steps import Step, base_step, fit_step, found_step, gate_step
+from deatwin.ident.mismatch.steps import Step, base_step, fit_step, found_step, quality_step
 from deatwin.ident.mismatch.verdict import Verdict
 from deatwin.ident.mismatch.verify.standing import first_that_stands
 from deatwin.ident.mismatch.verify.verification import Verification
@@ -92,40 +92,40 @@ def diagnose(
             through(step)
 
     tell(0.0, "checking the recordings")
-    checked = gate(plant, experiments)
-    keep(gate_step(checked))
+    checked = check_quality(plant, experiments)
+    keep(quality_step(checked))
     for_detection, for_location, for_verification, for_advice, for_discovery, for_rest = spawn_generators(seed, 6)
 
     tell(0.02, "calibrating the base plant")
-    bench, base = prepare(plant, checked, effects, jobs=jobs)
+    problem, base = prepare(plant, checked, effects, jobs=jobs)
     fitted_plant = base.chosen.calibration.plant
     usable = without_unknown(without_faults(checked, fitted_plant), fitted_plant, base.noise)
     if usable is not checked:
         checked = usable
-        bench, base = prepare(plant, checked, effects, jobs=jobs)
-    for form in (base.chosen, *base.rivals):  # what is wrong with the readings stands out whatever the form
-        checked = confirm(checked, readings(form.calibration.plant, checked.experiments))
-    keep(gate_step(checked))
-    keep(base_step(bench, base))
+        problem, base = prepare(plant, checked, effects, jobs=jobs)
+    for variant in (base.chosen, *base.alternatives):  # what is wrong with the readings stands out whatever the variant
+        checked = confirm(checked, readings(variant.calibration.plant, checked.experiments))
+    keep(quality_step(checked))
+    keep(base_step(problem, base))
 
     tell(0.25, "looking for a mismatch")
-    detection = detect(base.chosen, bench, for_detection)
+    detection = detect(base.chosen, problem, for_detection)
     if detection.mismatch and checked.soundness is Soundness.SOUND:
         before = base
-        base, detection = _among_forms(bench, base, detection, for_detection)
+        base, detection = _among_variants(problem, base, detection, for_detection)
         if base is not before:
-            keep(base_step(bench, base))
+            keep(base_step(problem, base))
     keep(found_step("detect", detection))
     if detection.mismatch:
         tell(0.26, "locating the mismatch")
-    location = locate(base.chosen, bench, checked, for_location) if detection.mismatch else None
+    location = locate(base.chosen, problem, checked, for_location) if detection.mismatch else None
     keep(found_step("locate", location))
 
-    fit, count = base.chosen.calibration, len(bench.effects)
-    known = footprints(
-        bench,
+    fit, count = base.chosen.calibration, len(problem.effects)
+    known = linearised_responses(
+        problem,
         fit,
-        bench.effects,
+        problem.effects,
         fit,
         finished=lambda done: tell(0.27 + 0.03 * done / count, "estimating what each effect would change"),
     )
@@ -136,32 +136,32 @@ def diagnose(
     if detection.mismatch and checked.soundness is Soundness.SOUND:
         tell(0.3, "building in effects")
         found = explanations(
-            bench,
+            problem,
             base.chosen,
             known,
-            base.rivals,
+            base.alternatives,
             finished=lambda share: tell(0.3 + 0.5 * share, "building in effects"),
-            fitted=None if through is None else lambda fit, unseen: through(fit_step(bench, fit, unseen)),
+            fitted=None if through is None else lambda fit, unseen: through(fit_step(problem, fit, unseen)),
         )
     naming, verification, stands = first_that_stands(
-        found, bench, for_verification, started=lambda text: tell(0.8, text)
+        found, problem, for_verification, started=lambda text: tell(0.8, text)
     )
-    part = None if stands or len(naming.candidates) == 1 else acting(naming, bench, for_rest)
+    part = None if stands or len(naming.candidates) == 1 else acting(naming, problem, for_rest)
     naming, verification = (naming, verification) if part is None else part
     keep(found_step("verify", verification if verification.ablations else None))
-    base = base.in_form_of(naming.base)
+    base = base.in_variant_of(naming.base)
     naming, elsewhere = without_places(naming)
-    verdict = _verdict(bench, checked, base, detection, naming, verification, stands, part is not None)
+    verdict = _verdict(problem, checked, base, detection, naming, verification, stands, part is not None)
     answer = naming.best if naming.best is not None and verdict.has_causes else base.chosen
-    left = locate(answer, bench, checked, for_rest) if verdict is Verdict.PARTLY else None
+    left = locate(answer, problem, checked, for_rest) if verdict is Verdict.PARTLY else None
 
     tell(0.85, "looking for a better experiment")
-    naming = with_all_distances(naming, bench) if verdict is Verdict.AMBIGUOUS else naming
-    rivals = (answer, *naming.rivals) if verdict is Verdict.AMBIGUOUS else ()
-    advice = advise(bench, rivals, for_advice, distances=naming.distances)
+    naming = with_all_distances(naming, problem) if verdict is Verdict.AMBIGUOUS else naming
+    alternatives = (answer, *naming.alternatives) if verdict is Verdict.AMBIGUOUS else ()
+    advice = advise(problem, alternatives, for_advice, distances=naming.distances)
     keep(found_step("advise", advice))
-    unknown = verdict is Verdict.UNKNOWN and bench.of_first.fitted == bench.fitted  # a free form is of one reading
-    discovery = discover(bench, base.chosen, for_discovery) if unknown else None
+    unknown = verdict is Verdict.UNKNOWN and problem.of_first.fitted == problem.fitted  # a free form is of one reading
+    discovery = discover(problem, base.chosen, for_discovery) if unknown else None
     keep(found_step("discover", discovery))
 
     tell(0.95, "fitting all recordings")
@@ -169,7 +169,7 @@ def diagnose(
     whole = verification.whole if answer is naming.best else detection.taken_up
     diagnosis = conclude(
         Findings(
-            bench=bench,
+            problem=problem,
             checked=checked,
             base=base,
             detection=detection,
@@ -180,7 +180,7 @@ def diagnose(
             discovery=discovery,
             verdict=verdict,
             answer=answer,
-            final=with_exchanged_lags(refit(last, bench.everything) if whole is None else whole, bench.everything),
+            final=with_exchanged_lags(refit(last, problem.everything) if whole is None else whole, problem.everything),
             left=left,
             elsewhere=elsewhere if answer is naming.best else (),
         )
@@ -189,50 +189,54 @@ def diagnose(
     return diagnosis
 
 
-def _among_forms(bench: Bench, base: Base, seen: Detection, rng: np.random.Generator) -> tuple[Base, Detection]:
-    """The base plant beside all its rival forms, in the one to go on with, and what is seen there.
+def _among_variants(
+    problem: DiagnosisProblem, base: Base, seen: Detection, rng: np.random.Generator
+) -> tuple[Base, Detection]:
+    """The base plant beside all its alternative variants, in the one to go on with, and what is seen there.
 
-    A mismatch was `seen` in the form chosen.
+    A mismatch was `seen` in the variant chosen.
     """
-    filed = _as_filed(bench, beside_rivals(bench, base), seen, rng)
-    return _in_a_form_that_lacks_nothing(bench, *filed, rng)
+    filed = _as_filed(problem, beside_alternatives(problem, base), seen, rng)
+    return _in_a_variant_that_lacks_nothing(problem, *filed, rng)
 
 
-def _as_filed(bench: Bench, base: Base, seen: Detection, rng: np.random.Generator) -> tuple[Base, Detection]:
-    """The base plant in the rig file's own form, and what is seen there; `seen` was a mismatch in the form chosen.
+def _as_filed(
+    problem: DiagnosisProblem, base: Base, seen: Detection, rng: np.random.Generator
+) -> tuple[Base, Detection]:
+    """The base plant in the rig file's own variant, and what is seen there; `seen` was a mismatch in the variant chosen.
 
     What is missing may be all that another reading of the file did, and badly: it is looked for from the file's on. And
     if nothing is missing there, nothing is: another reading is no better for leaving something. Only where the plain
     test of the calibration is certain that something is, and detection is not, the other one stays.
     """
-    filed = base.as_filed(bench.nominal.rig)
+    filed = base.as_filed(problem.nominal.rig)
     if filed is base:
         return base, seen
-    again = detect(filed.chosen, bench, rng)
+    again = detect(filed.chosen, problem, rng)
     in_doubt = filed.chosen.mismatch and not again.mismatch and again.taken_up is None
     return (base, seen) if in_doubt else (filed, again)
 
 
-def _in_a_form_that_lacks_nothing(
-    bench: Bench, base: Base, seen: Detection, rng: np.random.Generator
+def _in_a_variant_that_lacks_nothing(
+    problem: DiagnosisProblem, base: Base, seen: Detection, rng: np.random.Generator
 ) -> tuple[Base, Detection]:
-    """The base plant in a rival form in which nothing is missing, where something was `seen` to be in the chosen one.
+    """The base plant in an alternative variant in which nothing is missing, where something was `seen` to be in the chosen one.
 
-    A mismatch that is too small for the calibration to be certain of it does not make it take another form; but what
+    A mismatch that is too small for the calibration to be certain of it does not make it take another variant; but what
     another reading of the rig file does is no missing physics, however small it is.
     """
     if not seen.mismatch:
         return base, seen
-    for rival in (form for form in base.rivals if form.adequate):
-        again = detect(rival, bench, rng)
+    for alternative in (variant for variant in base.alternatives if variant.adequate):
+        again = detect(alternative, problem, rng)
         if not again.mismatch and again.taken_up is None:
-            return base.in_form_of(rival), again
+            return base.in_variant_of(alternative), again
     return base, seen
 
 
 def _verdict(
-    bench: Bench,
-    checked: Gate,
+    problem: DiagnosisProblem,
+    checked: DataQuality,
     base: Base,
     detection: Detection,
     naming: Naming,
@@ -247,18 +251,18 @@ def _verdict(
     if not detection.mismatch:
         if not detection.testable:
             return Verdict.NOT_TESTABLE
-        return Verdict.PARAMETERS if _nominal_is_off(bench, base) else Verdict.NONE
+        return Verdict.PARAMETERS if _nominal_is_off(problem, base) else Verdict.NONE
     if partly:
         return Verdict.PARTLY
     if naming.best is None or not stands:
         return Verdict.DISTURBANCE if detection.disturbance else Verdict.UNKNOWN
-    if naming.rivals:
+    if naming.alternatives:
         return Verdict.AMBIGUOUS
-    if not shows_its_cycles(naming.best, bench.everything):
+    if not shows_its_cycles(naming.best, problem.everything):
         return Verdict.UNKNOWN  # it may be any slow change
     return Verdict.NAMED if explains_all(naming.best, naming.base, verification.whole) else Verdict.PARTLY
 
 
-def _nominal_is_off(bench: Bench, base: Base) -> bool:
-    residuals = free_run_residuals(bench.nominal, bench.everything)
-    return residuals is None or excess_over_floor(residuals, base.noise, bench.nominal.rig.model_error).mismatch
+def _nominal_is_off(problem: DiagnosisProblem, base: Base) -> bool:
+    residuals = free_run_residuals(problem.nominal, problem.everything)
+    return residuals is None or excess_of(residuals, base.noise, problem.nominal.rig.model_error).mismatch

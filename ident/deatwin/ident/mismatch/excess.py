@@ -45,7 +45,7 @@ class Excess:
         return practical_size(self.noise, self.model_error)
 
     @property
-    def within_floor(self) -> bool:
+    def within_error(self) -> bool:
         """Return whether the residual is no larger than noise and model error, with a margin of the noise's power.
 
         What is not large enough to be a mismatch is not too large for an explanation either.
@@ -77,7 +77,7 @@ def practical_size(noise: float, model_error: float) -> float:
     return max(model_error, float(np.sqrt(PRACTICAL_SHARE)) * noise)
 
 
-def excess_over_floor(residuals: np.ndarray, noise: float, model_error: float) -> Excess:
+def excess_of(residuals: np.ndarray, noise: float, model_error: float) -> Excess:
     """Test a residual against the floor of noise and model error.
 
     The floor carries the practical size: with many samples any model error is significant against noise alone.

@@ -8,15 +8,15 @@ from functools import cached_property
 from deatwin.ident.greybox.covariance import with_errors
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.advise.advice import Advice
-from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.detect.detection import Detection
 from deatwin.ident.mismatch.discover.discovery import Discovery
-from deatwin.ident.mismatch.gate.gate import Gate
 from deatwin.ident.mismatch.likelihood.several import own_errors
 from deatwin.ident.mismatch.locate.location import Location
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.contribution import readings_of_fit
 from deatwin.ident.mismatch.naming.decide import Naming
+from deatwin.ident.mismatch.problem import DiagnosisProblem
+from deatwin.ident.mismatch.quality.quality import DataQuality
 from deatwin.ident.mismatch.refit.base import Base
 from deatwin.ident.mismatch.verdict import Verdict
 from deatwin.ident.mismatch.verify.verification import Verification
@@ -29,9 +29,9 @@ class Findings:
 
     Parameters
     ----------
-    bench : Bench
+    problem : DiagnosisProblem
         Plant, effects and recordings.
-    checked : Gate
+    checked : DataQuality
         Recordings with their faults marked.
     base : Base
         The calibrated base plant.
@@ -46,7 +46,7 @@ class Findings:
     advice : Advice or None
         Experiment that would distinguish the explanations.
     discovery : Discovery or None
-        Free form for a mismatch that no effect explains.
+        Free variant for a mismatch that no effect explains.
     verdict : Verdict
         Conclusion of the diagnosis.
     answer : Candidate
@@ -59,8 +59,8 @@ class Findings:
         The answer with its effects at other places that the recordings cannot rule out.
     """
 
-    bench: Bench
-    checked: Gate
+    problem: DiagnosisProblem
+    checked: DataQuality
     base: Base
     detection: Detection
     location: Location | None
@@ -92,10 +92,10 @@ class Findings:
         The errors that repeat, as the likelihood expects them, bend a fit the same way in every recording: of bends and
         slow errors residuals tell nothing.
         """
-        fit, whole = self.final, self.bench.everything
-        parts = whole if fit.residuals.size == sum(part.size for part in whole) else self.bench.fitted
-        rig, readings = self.bench.nominal.rig, readings_of_fit(parts, fit.residuals)
-        own = own_errors(rig, parts, readings, self.base.noise, self.bench.expected_error)
+        fit, whole = self.final, self.problem.everything
+        parts = whole if fit.residuals.size == sum(part.size for part in whole) else self.problem.fitted
+        rig, readings = self.problem.nominal.rig, readings_of_fit(parts, fit.residuals)
+        own = own_errors(rig, parts, readings, self.base.noise, self.problem.expected_error)
         columns = own.columns_after(fit.residuals, fit.jacobian)
         return replace(fit, covariance=with_errors(fit.covariance, fit.jacobian, columns))
 

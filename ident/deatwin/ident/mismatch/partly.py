@@ -7,17 +7,24 @@ from dataclasses import replace
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
-from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.excess import excess_over_floor
+from deatwin.ident.mismatch.excess import excess_of
 from deatwin.ident.mismatch.locate.location import Location
 from deatwin.ident.mismatch.located import Band, Unexplained
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.clocks import of_one_clock
+from deatwin.ident.mismatch.naming.criteria import (
+    NEARLY_ALL,
+    acts,
+    explained,
+    held_back_by,
+    share_explained,
+    takes_most,
+)
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming, decide
+from deatwin.ident.mismatch.naming.evidence_ratio import advantage
 from deatwin.ident.mismatch.naming.limits import with_limits
 from deatwin.ident.mismatch.naming.tried import each_without_one
-from deatwin.ident.mismatch.naming.versus import advantage
-from deatwin.ident.mismatch.naming.worth import NEARLY_ALL, acts, explained, held_back_by, share_explained, takes_most
+from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.verify.verification import Verification
 from deatwin.ident.mismatch.verify.verify import verify
 
@@ -25,14 +32,14 @@ EVERYWHERE = 0.9
 """Share of the recorded time from which on a stretch that holds what is left says nothing of where it is."""
 
 
-def acting(naming: Naming, bench: Bench, rng: np.random.Generator) -> tuple[Naming, Verification] | None:
+def acting(naming: Naming, problem: DiagnosisProblem, rng: np.random.Generator) -> tuple[Naming, Verification] | None:
     """The effects that act though they are not the whole of a mismatch, and their verification, which they pass.
 
     Parameters
     ----------
     naming : Naming
         All that was tried; its best one, if there is one, has been refuted.
-    bench : Bench
+    problem : DiagnosisProblem
         Recordings.
     rng : numpy.random.Generator
         Of the verification.
@@ -50,7 +57,7 @@ def acting(naming: Naming, bench: Bench, rng: np.random.Generator) -> tuple[Nami
         return None
     if not is_known(found.best):
         return None
-    verification = verify(found.base, found.best, rng, bench, found.candidates)
+    verification = verify(found.base, found.best, rng, problem, found.candidates)
     return (found, verification) if verification.holds else None
 
 
@@ -71,8 +78,8 @@ def explains_all(best: Candidate, base: Candidate, whole: Calibration | None) ->
     """
     error = best.fitted_test.model_error
     residuals = (best.calibration if whole is None else whole).residuals
-    left, before = (excess_over_floor(r, best.noise, error) for r in (residuals, base.residuals))
-    return best.adequate or left.within_floor or share_explained(left, before) >= NEARLY_ALL
+    left, before = (excess_of(r, best.noise, error) for r in (residuals, base.residuals))
+    return best.adequate or left.within_error or share_explained(left, before) >= NEARLY_ALL
 
 
 def is_known(candidate: Candidate) -> bool:
@@ -93,7 +100,7 @@ def led_by_what_acts(naming: Naming) -> Naming | None:
     Returns
     -------
     Naming or None
-        Without rivals; None where no set takes so much, or those that are as likely have no effect in common.
+        Without alternatives; None where no set takes so much, or those that are as likely have no effect in common.
     """
     base, tried = naming.base, naming.candidates
     known = {c.effects: c for c in tried}
@@ -106,11 +113,11 @@ def led_by_what_acts(naming: Naming) -> Naming | None:
         led = with_limits(led, lambda c: takes_most(c, base))
         larger = [c for c in tried if len(c.effects) > size and _takes_nearly_all(c, base)]
         beyond = [c for c in larger if advantage(c, first) > STRONG]
-        common = set(first.effects).intersection(*(c.effects for c in (*led.rivals, *beyond)))
+        common = set(first.effects).intersection(*(c.effects for c in (*led.alternatives, *beyond)))
         best = known.get(tuple(sorted(common)))
         if not common or best is None or not _stands_alone(best, base):
             return None
-        return replace(led, best=best, rivals=(), failed=naming.failed)
+        return replace(led, best=best, alternatives=(), failed=naming.failed)
     return None
 
 

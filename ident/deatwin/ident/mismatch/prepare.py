@@ -1,4 +1,4 @@
-"""From checked recordings to a bench with a calibrated base plant, by whose floor all later steps judge."""
+"""From checked recordings to a problem with a calibrated base plant, by whose floor all later steps judge."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.floor import error_in, floor_of, with_model_error
-from deatwin.ident.mismatch.gate.gate import Gate, split
-from deatwin.ident.mismatch.gate.noise import noise_level, noise_levels
 from deatwin.ident.mismatch.locate.time import locate_time
 from deatwin.ident.mismatch.locate.track import readings, tracks
+from deatwin.ident.mismatch.model_error import error_in, model_error_of, with_model_error
+from deatwin.ident.mismatch.problem import DiagnosisProblem
+from deatwin.ident.mismatch.quality.noise import noise_level, noise_levels
+from deatwin.ident.mismatch.quality.quality import DataQuality, split
 from deatwin.ident.mismatch.refit.base import Base, calibrate_base
 from deatwin.ident.soundness import noise_of_bends
 from deatwin.plant.effects.base import Alone, Effect
@@ -27,8 +27,8 @@ Levels = tuple[tuple[np.ndarray, ...], ...]
 
 
 def prepare(
-    plant: Plant, checked: Gate, effects: Sequence[Effect] | None = None, *, jobs: int = 1
-) -> tuple[Bench, Base]:
+    plant: Plant, checked: DataQuality, effects: Sequence[Effect] | None = None, *, jobs: int = 1
+) -> tuple[DiagnosisProblem, Base]:
     """Prepare the diagnosis problem from plant, effects and recordings, and calibrate the plant.
 
     If only the held-out data have a mismatch, some of them are fitted, too.
@@ -37,7 +37,7 @@ def prepare(
     ----------
     plant : Plant
         Nominal plant.
-    checked : Gate
+    checked : DataQuality
         Checked recordings from `gate`.
     effects : sequence of Effect, optional
         Effects that may be missing; by default all that the rig offers, at the sizes of the rig. Effects that it does
@@ -47,7 +47,7 @@ def prepare(
 
     Returns
     -------
-    Bench
+    DiagnosisProblem
         Diagnosis problem; its plant is judged by the model error expected for these recordings.
     Base
         Calibrated plant, judged by the same model error.
@@ -60,26 +60,26 @@ def prepare(
         If the plant cannot be simulated on the recordings.
     """
     known = plant.rig.effects() if effects is None else _at_sizes_of(plant.rig, _checked(effects))
-    bench = _bench(plant, checked, known, jobs)
-    base = calibrate_base(bench)
-    noisier = _noisier(base, bench)
+    problem = _bench(plant, checked, known, jobs)
+    base = calibrate_base(problem)
+    noisier = _noisier(base, problem)
     if noisier:
         plant = plant.with_rig(replace(plant.rig, further=noisier))
-        bench = _bench(plant, checked, known, jobs)
-        base = calibrate_base(bench)
-    levels = _levels(base, bench, checked)
+        problem = _bench(plant, checked, known, jobs)
+        base = calibrate_base(problem)
+    levels = _levels(base, problem, checked)
     if levels is not None:
-        bench = _bench(plant, checked, known, jobs, levels=levels)
-        base = calibrate_base(bench)
+        problem = _bench(plant, checked, known, jobs, levels=levels)
+        base = calibrate_base(problem)
     onset = _late_onset(base, checked)
-    later = bench if onset is None else _bench(plant, checked, known, jobs, onset, levels)
-    if not _same_parts(later, bench):
-        bench, base = later, calibrate_base(later)
-    error = floor_of(base.chosen.calibration.plant, bench)
-    rivals = tuple(rival.with_floor(error) for rival in base.rivals)
+    later = problem if onset is None else _bench(plant, checked, known, jobs, onset, levels)
+    if not _same_parts(later, problem):
+        problem, base = later, calibrate_base(later)
+    error = model_error_of(base.chosen.calibration.plant, problem)
+    alternatives = tuple(alternative.with_floor(error) for alternative in base.alternatives)
     return (
-        replace(bench, nominal=with_model_error(bench.nominal, error)),
-        replace(base, chosen=base.chosen.with_floor(error), rivals=rivals),
+        replace(problem, nominal=with_model_error(problem.nominal, error)),
+        replace(base, chosen=base.chosen.with_floor(error), alternatives=alternatives),
     )
 
 
@@ -102,12 +102,12 @@ def _at_sizes_of(rig: Rig, effects: Sequence[Effect]) -> Sequence[Effect]:
 
 def _bench(
     plant: Plant,
-    checked: Gate,
+    checked: DataQuality,
     effects: Sequence[Effect],
     jobs: int,
     onset: float | None = None,
     levels: Levels | None = None,
-) -> Bench:
+) -> DiagnosisProblem:
     rig = plant.rig.for_motion(_motion(checked))
     weights = _weights(rig, checked)
     fitted, unseen, everything = split(checked, onset, weights, levels)
@@ -115,7 +115,7 @@ def _bench(
     # Further readings tell these places apart; one alone tries them in the place of what was found, if they matter to it.
     beside_others = {Alone.AS_FIRST, Alone.AS_ANOTHER} if weights else set()
     in_place = {Alone.TOLD} if weights else {Alone.TOLD, Alone.AS_ANOTHER}
-    return Bench(
+    return DiagnosisProblem(
         nominal=plant.with_rig(rig),
         stated_error=plant.rig.model_error,
         expected_error=rig.model_error,
@@ -140,13 +140,13 @@ def _elsewhere(plant: Plant, effects: Sequence[Effect], alone: Collection[Alone]
     return tuple(effect for effect in placed if plant.accepts(effect))
 
 
-def _same_parts(one: Bench, other: Bench) -> bool:
+def _same_parts(one: DiagnosisProblem, other: DiagnosisProblem) -> bool:
     """Return whether the same samples are fitted."""
-    masks = [[mask for part in bench.fitted for mask in part.masks] for bench in (one, other)]
+    masks = [[mask for part in problem.fitted for mask in part.masks] for problem in (one, other)]
     return len(masks[0]) == len(masks[1]) and all(map(np.array_equal, *masks))
 
 
-def _weights(rig: Rig, checked: Gate) -> dict[str, float]:
+def _weights(rig: Rig, checked: DataQuality) -> dict[str, float]:
     """Weight of each further reading that was recorded: neither its noise nor its model error exceeds the first one's.
 
     One floor then holds for all residuals. It is exact where the two have the same ratio in each reading, and too high
@@ -161,27 +161,29 @@ def _weights(rig: Rig, checked: Gate) -> dict[str, float]:
     return {name: weight for name, weight in weights.items() if weight}
 
 
-def _noisier(base: Base, bench: Bench) -> tuple[Reading, ...]:
+def _noisier(base: Base, problem: DiagnosisProblem) -> tuple[Reading, ...]:
     """The further readings with the noise that the base plant's residuals show, if one is clearly above its statement."""
-    if not bench.nominal.rig.further:
+    if not problem.nominal.rig.further:
         return ()
     fit = base.chosen.calibration
-    pieces = np.split(fit.residuals, np.cumsum([part.size for part in bench.fitted])[:-1])
+    pieces = np.split(fit.residuals, np.cumsum([part.size for part in problem.fitted])[:-1])
     found = []
-    for reading in bench.nominal.rig.further:
-        own = [(part, piece) for part, piece in zip(bench.fitted, pieces, strict=True) if part.reading == reading.name]
+    for reading in problem.nominal.rig.further:
+        own = [
+            (part, piece) for part, piece in zip(problem.fitted, pieces, strict=True) if part.reading == reading.name
+        ]
         level = 0.0
         if own:
             weight, commands = own[0][0].weight, [part.commands for part, _ in own]
             whole = [piece / weight for _, piece in own]
-            level = noise_level(whole, bench.nominal.rig.sample_time, reading.noise, commands).level
+            level = noise_level(whole, problem.nominal.rig.sample_time, reading.noise, commands).level
             # A late current leaves a peak at each step, in every piece of its spectrum but in few of its samples.
             level = float(min(level, max(map(noise_of_bends, whole))))
         found.append(replace(reading, noise=max(level, reading.noise)))
-    return tuple(found) if tuple(found) != bench.nominal.rig.further else ()
+    return tuple(found) if tuple(found) != problem.nominal.rig.further else ()
 
 
-def _levels(base: Base, bench: Bench, checked: Gate) -> Levels | None:
+def _levels(base: Base, problem: DiagnosisProblem, checked: DataQuality) -> Levels | None:
     """Relative level of the noise in each recording of each experiment, where it varies with reading or command."""
     plant = base.chosen.calibration.plant
     simulated = [y for each in readings(plant, checked.experiments) for y in each]
@@ -189,14 +191,14 @@ def _levels(base: Base, bench: Bench, checked: Gate) -> Levels | None:
     sound = [mask for masks in checked.usable for mask in masks]
     left = [np.where(m, r.outputs[0] - y, np.nan) for r, y, m in zip(records, simulated, sound, strict=True)]
     commands = [r.inputs[0] for r in records]
-    found = noise_levels(left, (simulated, commands), max(bench.nominal.rig.noise, bench.expected_error))
+    found = noise_levels(left, (simulated, commands), max(problem.nominal.rig.noise, problem.expected_error))
     if found is None:
         return None
     each = iter(found)
     return tuple(tuple(next(each) for _ in experiment.recordings) for experiment in checked.experiments)
 
 
-def _motion(checked: Gate) -> float:
+def _motion(checked: DataQuality) -> float:
     """Standard deviation of the sound readings within each experiment, SI, into however many records it is cut."""
     pairs = zip(checked.experiments, checked.usable, strict=True)
     whole = [np.concatenate([r.outputs[0, m] for r, m in zip(e.recordings, masks, strict=True)]) for e, masks in pairs]
@@ -204,7 +206,7 @@ def _motion(checked: Gate) -> float:
     return float(np.sqrt(sum(p.var() * p.size for p in pieces) / sum(p.size for p in pieces)))
 
 
-def _late_onset(base: Base, checked: Gate) -> float | None:
+def _late_onset(base: Base, checked: DataQuality) -> float | None:
     """Return where a mismatch begins that only the held-out part has."""
     chosen = base.chosen
     if chosen.fitted_test.mismatch or not chosen.unseen_test.mismatch:

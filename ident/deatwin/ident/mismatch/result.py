@@ -190,7 +190,7 @@ class Ablation:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ShamSummary:
+class PlaceboSummary:
     """Gain of a placebo effect, relative to the effect itself."""
 
     effect: str
@@ -242,7 +242,7 @@ class VerificationSummary:
         error.
     ablation : tuple of Ablation
         Results without each effect, the rest refitted.
-    shams : tuple of ShamSummary
+    shams : tuple of PlaceboSummary
         Results with placebo effects, of each kind for each effect.
     transfer : tuple of TransferSummary
         Results for each record, if there are several, and for each third of the amplitudes.
@@ -255,7 +255,7 @@ class VerificationSummary:
     gain_low: float
     counts: bool | None = field(default=None, metadata=OPTIONAL)
     ablation: tuple[Ablation, ...]
-    shams: tuple[ShamSummary, ...]
+    shams: tuple[PlaceboSummary, ...]
     transfer: tuple[TransferSummary, ...]
     constancy: tuple[ConstancySummary, ...] | None = field(default=None, metadata=OPTIONAL)
 

@@ -10,12 +10,12 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
-from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.floor import differences, with_model_error
-from deatwin.ident.mismatch.gate.faults import faults_of
-from deatwin.ident.mismatch.gate.gate import Gate
 from deatwin.ident.mismatch.located import LocationSummary
+from deatwin.ident.mismatch.model_error import differences, with_model_error
 from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.problem import DiagnosisProblem
+from deatwin.ident.mismatch.quality.faults import faults_of
+from deatwin.ident.mismatch.quality.quality import DataQuality
 from deatwin.ident.mismatch.refit.base import Base
 from deatwin.ident.mismatch.refit.fitted import fitted_parameters
 from deatwin.ident.mismatch.result import (
@@ -55,11 +55,11 @@ class FittedPlant:
 
 @dataclass(frozen=True, kw_only=True)
 class BaseSummary(FittedPlant):
-    """The calibrated base plant, and its rival forms."""
+    """The calibrated base plant, and its alternative forms."""
 
     noise: float
     model_error: float
-    rivals: tuple[FormSummary, ...]
+    alternatives: tuple[FormSummary, ...]
 
 
 StepResult = (
@@ -109,12 +109,12 @@ FreeFormSummary
         return found
 
 
-def gate_step(checked: Gate) -> Step:
+def quality_step(checked: DataQuality) -> Step:
     """The state of the recordings.
 
     Parameters
     ----------
-    checked : Gate
+    checked : DataQuality
         Recordings with the samples at fault.
 
     Returns
@@ -130,31 +130,31 @@ def gate_step(checked: Gate) -> Step:
     return Step(name="gate", result=result)
 
 
-def base_step(bench: Bench, base: Base) -> Step:
+def base_step(problem: DiagnosisProblem, base: Base) -> Step:
     """The calibrated base plant.
 
     Parameters
     ----------
-    bench : Bench
+    problem : DiagnosisProblem
         With the nominal plant.
     base : Base
-        The form that was chosen, and its rivals.
+        The form that was chosen, and its alternatives.
 
     Returns
     -------
     Step
         With the plant; what it leaves of the held-out part is its model error.
     """
-    chosen, size = base.chosen, _size(bench)
+    chosen, size = base.chosen, _size(problem)
     fit = chosen.calibration
     result = BaseSummary(
-        **vars(_fit(bench, fit, chosen.unseen)),
+        **vars(_fit(problem, fit, chosen.unseen)),
         noise=base.noise / size,
         model_error=fit.plant.rig.model_error / size,
-        rivals=forms_tried(bench, base)[1:],
+        alternatives=variants_tried(problem, base)[1:],
     )
     model = CalibratedPlant(
-        plant=with_model_error(fit.plant, bench.stated_error),
+        plant=with_model_error(fit.plant, problem.stated_error),
         noise=base.noise,
         model_error=chosen.unseen_test.size,
         names=fit.names,
@@ -164,30 +164,30 @@ def base_step(bench: Bench, base: Base) -> Step:
     return Step(name="base", result=result, model=model)
 
 
-def forms_tried(bench: Bench, base: Base) -> tuple[FormSummary, ...]:
+def variants_tried(problem: DiagnosisProblem, base: Base) -> tuple[FormSummary, ...]:
     """Return how each form of the base plant interprets the rig file, and what error remains.
 
     Parameters
     ----------
-    bench : Bench
+    problem : DiagnosisProblem
         With the nominal plant.
     base : Base
-        The form that was chosen, and its rivals.
+        The form that was chosen, and its alternatives.
 
     Returns
     -------
     tuple of FormSummary
         The one chosen first.
     """
-    return tuple(_remainder(bench, form) for form in (base.chosen, *base.rivals))
+    return tuple(_remainder(problem, form) for form in (base.chosen, *base.alternatives))
 
 
-def fit_step(bench: Bench, fit: Calibration, unseen: np.ndarray | None) -> Step:
+def fit_step(problem: DiagnosisProblem, fit: Calibration, unseen: np.ndarray | None) -> Step:
     """A plant that was fitted with further effects.
 
     Parameters
     ----------
-    bench : Bench
+    problem : DiagnosisProblem
         With the nominal plant.
     fit : Calibration
         On the fitted part.
@@ -198,7 +198,7 @@ def fit_step(bench: Bench, fit: Calibration, unseen: np.ndarray | None) -> Step:
     -------
     Step
     """
-    result = _fit(bench, fit, unseen)
+    result = _fit(problem, fit, unseen)
     form = [f"{name} = {value!r}" for name, value in result.form.items()]
     return Step(name="fit", subject=", ".join(["+".join(result.effects), *form]), result=result)
 
@@ -221,29 +221,29 @@ def found_step(name: str, found: _Found[StepResult] | None) -> Step | None:
     return None if found is None else Step(name=name, result=found.summary)
 
 
-def _fit(bench: Bench, fit: Calibration, unseen: np.ndarray | None) -> FittedPlant:
-    size = _size(bench)
+def _fit(problem: DiagnosisProblem, fit: Calibration, unseen: np.ndarray | None) -> FittedPlant:
+    size = _size(problem)
     with np.errstate(invalid="ignore", over="ignore"):  # of a fit that is not through an interval may be endless
-        parameters = fitted_parameters(bench.nominal, fit)
+        parameters = fitted_parameters(problem.nominal, fit)
     return FittedPlant(
-        effects=tuple(name for name in fit.plant.effect_names if name not in bench.nominal.effect_names),
-        form=_form(bench, fit),
+        effects=tuple(name for name in fit.plant.effect_names if name not in problem.nominal.effect_names),
+        form=_form(problem, fit),
         fitted=fit.rms / size,
         unseen=None if unseen is None else float(np.sqrt(np.mean(unseen**2))) / size,
         parameters=parameters,
     )
 
 
-def _remainder(bench: Bench, form: Candidate) -> FormSummary:
-    size = _size(bench)
+def _remainder(problem: DiagnosisProblem, form: Candidate) -> FormSummary:
+    size = _size(problem)
     return FormSummary(
-        form=_form(bench, form.calibration), fitted=form.fitted_test.rms / size, unseen=form.unseen_test.rms / size
+        form=_form(problem, form.calibration), fitted=form.fitted_test.rms / size, unseen=form.unseen_test.rms / size
     )
 
 
-def _form(bench: Bench, fit: Calibration) -> dict[str, Any]:
+def _form(problem: DiagnosisProblem, fit: Calibration) -> dict[str, Any]:
     """Return how the rig file is interpreted where that departs from it or it is silent."""
-    return differences([bench.nominal.rig, fit.plant.rig])[1]
+    return differences([problem.nominal.rig, fit.plant.rig])[1]
 
 
 def _finite(value: Any) -> Any:
@@ -254,5 +254,5 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not isfinite(value) else value
 
 
-def _size(bench: Bench) -> float:
-    return amplitude_unit(bench.nominal.rig.output_unit)[1]
+def _size(problem: DiagnosisProblem) -> float:
+    return amplitude_unit(problem.nominal.rig.output_unit)[1]

@@ -9,8 +9,8 @@ import numpy as np
 from deatwin.ident.mismatch.findings import Findings
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import normalised
-from deatwin.ident.mismatch.naming.versus import advantage, likeliest
-from deatwin.ident.mismatch.naming.whole import fitted_to_all
+from deatwin.ident.mismatch.naming.evidence_ratio import advantage, likeliest
+from deatwin.ident.mismatch.naming.refit_all_data import fitted_to_all
 from deatwin.ident.mismatch.result import Errors, ReadingSummary
 from deatwin.ident.parallel import run_jobs
 
@@ -20,8 +20,8 @@ COMPARED = 4
 
 def taught(findings: Findings) -> tuple[ReadingSummary, ...] | None:
     """Return what each reading of recordings taught; None where they have one reading."""
-    bench, rig = findings.bench, findings.bench.nominal.rig
-    known = {part.reading: part.weight for part in bench.everything}
+    problem, rig = findings.problem, findings.problem.nominal.rig
+    known = {part.reading: part.weight for part in problem.everything}
     if len(known) < 2:
         return None
     compared = _compared(findings)
@@ -48,7 +48,7 @@ def taught(findings: Findings) -> tuple[ReadingSummary, ...] | None:
 
 def errors_in(findings: Findings, name: str = "", *, held_out: bool) -> Errors:
     """Rms residuals of the calibrated plant and of the answer in one reading, the first if no name is given; SI."""
-    parts = findings.bench.unseen if held_out else findings.bench.fitted
+    parts = findings.problem.unseen if held_out else findings.problem.fitted
     edges = np.cumsum([part.size for part in parts])[:-1]
 
     def rms(candidate: Candidate) -> float:
@@ -73,8 +73,8 @@ def _posteriors(
     findings: Findings, compared: list[Candidate], name: str
 ) -> tuple[Mapping[str, float] | None, Mapping[str, float] | None]:
     """Probabilities with all readings, and those after a fit to all but one; None where two cannot be compared."""
-    parts = tuple(part for part in findings.bench.everything if part.reading != name)
-    fits = run_jobs(fitted_to_all, [(c, parts) for c in compared], workers=findings.bench.jobs)
+    parts = tuple(part for part in findings.problem.everything if part.reading != name)
+    fits = run_jobs(fitted_to_all, [(c, parts) for c in compared], workers=findings.problem.jobs)
     fitted = [fit for fit in fits if fit is not None]
     if len(fitted) < 2:
         return None, None

@@ -17,7 +17,7 @@ import numpy as np
 from deatwin.ident.discrepancy import gaussian_process, narx, sparse_dynamics, track_of
 from deatwin.ident.greybox import Calibration, Part, calibrate
 from deatwin.ident.greybox.parts import free_run_residuals
-from deatwin.ident.mismatch import Bench, Diagnosis, diagnose, footprints
+from deatwin.ident.mismatch import Diagnosis, DiagnosisProblem, diagnose, linearised_responses
 from deatwin.ident.mismatch.naming.screen import leads
 from deatwin.ident.mismatch.refit.search import at_its_time, finish, search
 from deatwin.plant import DeatwinError, Effect, Experiment, Plant, SimulationError, effect_named
@@ -191,7 +191,7 @@ def _promising(
 ) -> tuple[Effect, ...]:
     """The effects at the shapes that could explain most of what the base plant leaves, to first order."""
     error, whole = nominal.rig.model_error, tuple(parts)
-    bench = Bench(
+    problem = DiagnosisProblem(
         nominal=nominal,
         effects=effects,
         fitted=whole,
@@ -201,5 +201,5 @@ def _promising(
         stated_error=error,
         expected_error=error,
     )
-    shaped = {lead.effect.name: lead.effect for lead in leads(footprints(bench, base, effects, base), base)}
+    shaped = {lead.effect.name: lead.effect for lead in leads(linearised_responses(problem, base, effects, base), base)}
     return tuple(shaped.get(effect.name, effect) for effect in effects)

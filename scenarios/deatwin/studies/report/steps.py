@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from deatwin.ident.mismatch.gate.noise import NoiseSource
+from deatwin.ident.mismatch.quality.noise import NoiseSource
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.quantities import quantity, three_digits, with_interval
 from deatwin.studies.report.svg import draw

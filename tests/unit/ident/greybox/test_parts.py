@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from deatwin.ident.greybox.parts import Part, free_run_residuals, parts_of, settled
-from deatwin.ident.mismatch.gate.gate import gate
 from deatwin.ident.mismatch.locate.track import tracks
+from deatwin.ident.mismatch.quality.quality import check_quality
 from deatwin.plant import Cone, Experiment, Plant, Recording
 
 KNOWN = Plant(rig=Cone(sample_time=0.01, noise=1e-6, damping=0.3))
@@ -47,7 +47,7 @@ def test_a_recording_that_begins_in_the_middle_of_the_motion_fits_its_own_plant(
     assert np.abs(counted).max() < 1e-3 * np.ptp(readings)
     (track,) = tracks(UNKNOWN, (one,))
     assert not track.residual[:99].any() and np.abs(track.residual).max() < 1e-3 * np.ptp(readings)
-    checked = gate(UNKNOWN, one)
+    checked = check_quality(UNKNOWN, one)
     assert not checked.usable[0][0][:99].any() and "the motion before the first sample is unknown" in " ".join(
         checked.notes
     )

@@ -7,7 +7,7 @@ import pytest
 from made_fits import leaving
 
 from deatwin.ident.mismatch import Base, Candidate
-from deatwin.ident.mismatch.floor import differences
+from deatwin.ident.mismatch.model_error import differences
 from deatwin.plant import Diaphragm, ReadingTime, Rig
 
 mpl.use("Agg")
@@ -32,8 +32,8 @@ def form(rig: Rig, fitted: float, unseen: float) -> Candidate:
 
 
 def three_forms() -> Base:
-    chosen, *rivals = form(NOMINAL, 8e-6, 9e-6), form(EARLY, 12e-6, 15e-6), form(BONDED, 20e-6, 26e-6)
-    return Base(chosen=chosen, rivals=tuple(rivals), noise=NOISE)
+    chosen, *alternatives = form(NOMINAL, 8e-6, 9e-6), form(EARLY, 12e-6, 15e-6), form(BONDED, 20e-6, 26e-6)
+    return Base(chosen=chosen, alternatives=tuple(alternatives), noise=NOISE)
 
 
 def widths(axes) -> list[list[float]]:
@@ -60,12 +60,12 @@ def test_forms_are_called_by_what_differs_between_them():
         "reading: start of hold, ball: sliding",
         "reading: end of hold, ball: bonded",
     ]
-    other = Base(chosen=form(EARLY, 8e-6, 9e-6), rivals=(form(NOMINAL, 9e-6, 9e-6),), noise=NOISE)
+    other = Base(chosen=form(EARLY, 8e-6, 9e-6), alternatives=(form(NOMINAL, 9e-6, 9e-6),), noise=NOISE)
     assert [label.get_text() for label in other.plot().get_yticklabels()] == [
         "reading: start of hold",
         "reading: end of hold",
     ]
-    alone = Base(chosen=form(NOMINAL, 3e-6, 3e-6), rivals=(), noise=NOISE)
+    alone = Base(chosen=form(NOMINAL, 3e-6, 3e-6), alternatives=(), noise=NOISE)
     assert [label.get_text() for label in alone.plot().get_yticklabels()] == ["base plant"]
 
 
@@ -81,8 +81,8 @@ def test_the_floor_is_noise_and_model_error_together():
 
 
 def test_bars_of_very_different_sizes_are_drawn_on_a_logarithmic_scale():
-    narrow = Base(chosen=form(NOMINAL, 8e-6, 9e-6), rivals=(form(EARLY, 50e-6, 159e-6),), noise=NOISE)
-    wide = replace(narrow, rivals=(form(EARLY, 50e-6, 161e-6),))
+    narrow = Base(chosen=form(NOMINAL, 8e-6, 9e-6), alternatives=(form(EARLY, 50e-6, 159e-6),), noise=NOISE)
+    wide = replace(narrow, alternatives=(form(EARLY, 50e-6, 161e-6),))
     assert narrow.plot().get_xscale() == "linear"
     axes = wide.plot()
     assert axes.get_xscale() == "log"

@@ -45,7 +45,7 @@ def test_an_event_that_unseen_data_placed_is_said(at, causes, said):
     fitted = replace(whole, masks=((whole.timepts < 10.0) | (whole.timepts > 16.0),))
     findings = SimpleNamespace(
         named=causes > 0,
-        bench=SimpleNamespace(fitted=(fitted,), everything=(whole,)),
+        problem=SimpleNamespace(fitted=(fitted,), everything=(whole,)),
         answer=SimpleNamespace(calibration=SimpleNamespace(plant=plant)),
     )
     found = list(conclude._placed_unseen(findings))

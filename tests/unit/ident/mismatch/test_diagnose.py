@@ -13,7 +13,7 @@ import pytest
 from deatwin.ident.mismatch import Diagnosis, Verdict, diagnose
 from deatwin.ident.mismatch.advise.distance import confusion
 from deatwin.ident.mismatch.diagnose import _verdict
-from deatwin.ident.mismatch.gate.gate import Soundness
+from deatwin.ident.mismatch.quality.quality import Soundness
 from deatwin.ident.mismatch.refit.base import Base
 from deatwin.ident.mismatch.verify import standing
 from deatwin.ident.mismatch.verify.verify import verify
@@ -155,32 +155,32 @@ def test_the_form_of_the_rig_file_is_gone_on_with_whether_something_is_missing_t
     module = importlib.import_module("deatwin.ident.mismatch.diagnose")
     filed = SimpleNamespace(chosen=SimpleNamespace(mismatch=certain))
     again = SimpleNamespace(mismatch=there, taken_up=taken_up)
-    monkeypatch.setattr(module, "detect", lambda base, bench, rng: again if base is filed.chosen else None)
-    bench, base = SimpleNamespace(nominal=NOMINAL), SimpleNamespace(as_filed=lambda rig: filed)
+    monkeypatch.setattr(module, "detect", lambda base, problem, rng: again if base is filed.chosen else None)
+    problem, base = SimpleNamespace(nominal=NOMINAL), SimpleNamespace(as_filed=lambda rig: filed)
     seen = SimpleNamespace(mismatch=True)
-    assert module._as_filed(bench, base, seen, None) == ((filed, again) if taken else (base, seen))
+    assert module._as_filed(problem, base, seen, None) == ((filed, again) if taken else (base, seen))
 
 
 @pytest.mark.parametrize(
-    ("rivals", "taken"),
+    ("alternatives", "taken"),
     [
         ({"bonded": (True, True), "early": (True, False)}, "early"),
         ({"bonded": (True, True), "early": (False, False)}, None),  # it leaves too much, whatever chance allows
         ({}, None),
     ],
 )
-def test_what_another_reading_of_the_rig_file_does_is_not_missing(monkeypatch, rivals, taken):
+def test_what_another_reading_of_the_rig_file_does_is_not_missing(monkeypatch, alternatives, taken):
     """Each form is adequate or not, and something is seen to be missing in it or not."""
     module = importlib.import_module("deatwin.ident.mismatch.diagnose")
-    forms = tuple(SimpleNamespace(name=name, adequate=adequate) for name, (adequate, _) in rivals.items())
-    detections = {n: SimpleNamespace(mismatch=missing, taken_up=None) for n, (_, missing) in rivals.items()}
-    monkeypatch.setattr(module, "detect", lambda form, bench, rng: detections[form.name])
-    base = SimpleNamespace(rivals=forms, in_form_of=lambda form: form.name)
+    forms = tuple(SimpleNamespace(name=name, adequate=adequate) for name, (adequate, _) in alternatives.items())
+    detections = {n: SimpleNamespace(mismatch=missing, taken_up=None) for n, (_, missing) in alternatives.items()}
+    monkeypatch.setattr(module, "detect", lambda form, problem, rng: detections[form.name])
+    base = SimpleNamespace(alternatives=forms, in_variant_of=lambda form: form.name)
     seen = SimpleNamespace(mismatch=True)
-    found = module._in_a_form_that_lacks_nothing(None, base, seen, None)
+    found = module._in_a_variant_that_lacks_nothing(None, base, seen, None)
     assert found == ((taken, detections[taken]) if taken else (base, seen))
     nothing = SimpleNamespace(mismatch=False)
-    assert module._in_a_form_that_lacks_nothing(None, base, nothing, None) == (base, nothing)
+    assert module._in_a_variant_that_lacks_nothing(None, base, nothing, None) == (base, nothing)
 
 
 def test_rivals_that_the_calibration_did_not_ask_are_asked_where_something_is_missing(monkeypatch):
@@ -188,28 +188,28 @@ def test_rivals_that_the_calibration_did_not_ask_are_asked_where_something_is_mi
     module = importlib.import_module("deatwin.ident.mismatch.diagnose")
     early = SimpleNamespace(adequate=True)
     nothing = SimpleNamespace(mismatch=False, taken_up=None)
-    monkeypatch.setattr(module, "detect", lambda form, bench, rng: nothing if form is early else None)
-    alone = Base(chosen=SimpleNamespace(mismatch=False), rivals=(), noise=2e-6)
+    monkeypatch.setattr(module, "detect", lambda form, problem, rng: nothing if form is early else None)
+    alone = Base(chosen=SimpleNamespace(mismatch=False), alternatives=(), noise=2e-6)
     monkeypatch.setattr(Base, "as_filed", lambda self, rig: self)
-    monkeypatch.setattr(Base, "in_form_of", lambda self, form: replace(self, chosen=form, rivals=()))
-    monkeypatch.setattr(module, "beside_rivals", lambda bench, base: replace(base, rivals=(early,)))
+    monkeypatch.setattr(Base, "in_variant_of", lambda self, form: replace(self, chosen=form, alternatives=()))
+    monkeypatch.setattr(module, "beside_alternatives", lambda problem, base: replace(base, alternatives=(early,)))
     seen = SimpleNamespace(mismatch=True)
-    base, found = module._among_forms(SimpleNamespace(nominal=NOMINAL), alone, seen, None)
+    base, found = module._among_variants(SimpleNamespace(nominal=NOMINAL), alone, seen, None)
     assert base.chosen is early
     assert found is nothing
 
 
 def test_the_form_of_the_rig_file_is_gone_back_to_before_others_are_asked(monkeypatch):
-    """Nothing is missing there: then no rival is looked into."""
+    """Nothing is missing there: then no alternative is looked into."""
     module = importlib.import_module("deatwin.ident.mismatch.diagnose")
-    filed, rival = SimpleNamespace(mismatch=False), SimpleNamespace(adequate=True)
+    filed, alternative = SimpleNamespace(mismatch=False), SimpleNamespace(adequate=True)
     nothing = SimpleNamespace(mismatch=False, taken_up=None)
-    monkeypatch.setattr(module, "detect", lambda form, bench, rng: {id(filed): nothing}[id(form)])
-    monkeypatch.setattr(module, "beside_rivals", lambda bench, base: base)
+    monkeypatch.setattr(module, "detect", lambda form, problem, rng: {id(filed): nothing}[id(form)])
+    monkeypatch.setattr(module, "beside_alternatives", lambda problem, base: base)
     monkeypatch.setattr(Base, "as_filed", lambda self, rig: replace(self, chosen=filed))
-    chosen = Base(chosen=SimpleNamespace(mismatch=False), rivals=(rival,), noise=2e-6)
+    chosen = Base(chosen=SimpleNamespace(mismatch=False), alternatives=(alternative,), noise=2e-6)
     seen = SimpleNamespace(mismatch=True)
-    base, found = module._among_forms(SimpleNamespace(nominal=NOMINAL), chosen, seen, None)
+    base, found = module._among_variants(SimpleNamespace(nominal=NOMINAL), chosen, seen, None)
     assert base.chosen is filed
     assert found is nothing
 
@@ -248,7 +248,7 @@ def test_a_doubt_of_one_of_two_effects_ends_as_ambiguous(doubted):
     certain = {cause.effect: cause.probability for cause in doubted.causes}
     assert certain["electrode_rc"] == pytest.approx(0.95)  # of both explanations, a margin left for others
     assert certain["creep"] == pytest.approx(0.95 / 2)
-    assert doubted.rivals == (("electrode_rc",),)
+    assert doubted.alternatives == (("electrode_rc",),)
     assert ", or the same without creep; with the first two" in doubted.sentence
 
 
@@ -260,10 +260,10 @@ def test_a_rival_on_another_form_of_the_rig_has_its_own_distance():
     hidden = rig.with_effects(effect_named("delay")).record(blank, rng)
     found = diagnose(rig, hidden, effects=[effect_named("delay"), effect_named("sensor_lag")])
     assert found.verdict is Verdict.AMBIGUOUS
-    assert found.rivals == (("sensor_lag",),)
+    assert found.alternatives == (("sensor_lag",),)
     assert "sensor_lag explains the recordings on a rig with reading = 'start of hold'" in found.warnings
     (pair,) = found.indistinguishable
-    # that of the lag on the rig of the file is above 100: it was told apart, and is no rival
+    # that of the lag on the rig of the file is above 100: it was distinguished, and is no alternative
     assert pair.d2 < 16
     assert found.advice.confusion_before >= confusion(pair.d2)
     lags = [c for c in found.candidates if c.effects == ("sensor_lag",)]
@@ -354,7 +354,7 @@ def test_what_the_plant_takes_up_once_all_is_fitted_is_its_parameters(soundness,
 
 
 @pytest.mark.parametrize(
-    ("rivals", "shown", "all_of_it", "verdict"),
+    ("alternatives", "shown", "all_of_it", "verdict"),
     [
         ((), True, True, Verdict.NAMED),
         ((), True, False, Verdict.PARTLY),
@@ -362,14 +362,16 @@ def test_what_the_plant_takes_up_once_all_is_fitted_is_its_parameters(soundness,
         (("another",), False, False, Verdict.AMBIGUOUS),
     ],
 )
-def test_what_stands_alone_is_named_if_it_is_all_and_shows_its_cycles(monkeypatch, rivals, shown, all_of_it, verdict):
+def test_what_stands_alone_is_named_if_it_is_all_and_shows_its_cycles(
+    monkeypatch, alternatives, shown, all_of_it, verdict
+):
     module = importlib.import_module("deatwin.ident.mismatch.diagnose")
     monkeypatch.setattr(module, "shows_its_cycles", lambda best, parts: shown)
     monkeypatch.setattr(module, "explains_all", lambda best, base, whole: all_of_it)
-    bench, checked = SimpleNamespace(everything=()), SimpleNamespace(soundness=Soundness.SOUND)
+    problem, checked = SimpleNamespace(everything=()), SimpleNamespace(soundness=Soundness.SOUND)
     missing = SimpleNamespace(taken_up=None, mismatch=True, disturbance=False)
-    naming, verified = SimpleNamespace(best="one", base="none", rivals=rivals), SimpleNamespace(whole=None)
-    assert _verdict(bench, checked, None, missing, naming, verified, True, False) is verdict
+    naming, verified = SimpleNamespace(best="one", base="none", alternatives=alternatives), SimpleNamespace(whole=None)
+    assert _verdict(problem, checked, None, missing, naming, verified, True, False) is verdict
 
 
 def test_what_was_taken_up_is_reported_as_it_was_fitted_to_all_recordings(monkeypatch):

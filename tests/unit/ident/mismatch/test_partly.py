@@ -49,7 +49,7 @@ def candidate(*effects: str, rms: float, unseen: float | None = None, does: floa
 
 def found(*tried: Candidate) -> tuple[str, ...] | None:
     """The effects that act beside a base plant that leaves 30."""
-    naming = Naming(candidates=(candidate(rms=30.0), *tried), best=None, rivals=(), probabilities={}, noise=NOISE)
+    naming = Naming(candidates=(candidate(rms=30.0), *tried), best=None, alternatives=(), probabilities={}, noise=NOISE)
     led = led_by_what_acts(naming)
     return None if led is None or led.best is None else led.best.effects
 

@@ -1,4 +1,4 @@
-"""From checked recordings to the bench, by the public steps."""
+"""From checked recordings to the problem, by the public steps."""
 
 import importlib
 from types import SimpleNamespace
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from foreign_models import Motor
 
-from deatwin.ident.mismatch import confirm, detect, diagnose, footprints, gate, prepare
+from deatwin.ident.mismatch import check_quality, confirm, detect, diagnose, linearised_responses, prepare
 from deatwin.ident.mismatch.locate.track import readings
 from deatwin.ident.mismatch.prepare import _at_sizes_of, _motion
 from deatwin.ident.mismatch.refit.base import Base
@@ -35,8 +35,8 @@ def test_the_motion_is_the_same_into_however_many_records_it_is_cut():
     staircase = 1e-4 * np.floor(timepts / 5.0) + 1e-6 * np.sin(timepts)
     whole = Recording.from_arrays(np.sin(timepts), staircase, 0.02)
     pieces = tuple(whole.section(first, first + 250) for first in range(0, 6000, 250))
-    cut = _motion(gate(NOMINAL, [Experiment(recordings=pieces)]))
-    assert cut == pytest.approx(_motion(gate(NOMINAL, [Experiment(recordings=(whole,))])), rel=1e-6)
+    cut = _motion(check_quality(NOMINAL, [Experiment(recordings=pieces)]))
+    assert cut == pytest.approx(_motion(check_quality(NOMINAL, [Experiment(recordings=(whole,))])), rel=1e-6)
     assert cut == pytest.approx(np.std(staircase), rel=1e-3)
 
 
@@ -47,11 +47,13 @@ def test_a_base_plant_is_not_calibrated_again_to_the_same_samples(monkeypatch):
     first, longer = np.arange(10) < 6, np.arange(10) < 8
     candidate = SimpleNamespace(calibration=SimpleNamespace(plant=NOMINAL), with_floor=lambda error: candidate)
     asked = []
-    monkeypatch.setattr(module, "_levels", lambda base, bench, checked: None)
+    monkeypatch.setattr(module, "_levels", lambda base, problem, checked: None)
     monkeypatch.setattr(module, "_late_onset", lambda base, checked: 7.0)
-    monkeypatch.setattr(module, "floor_of", lambda plant, bench: 1e-6)
+    monkeypatch.setattr(module, "model_error_of", lambda plant, problem: 1e-6)
     monkeypatch.setattr(
-        module, "calibrate_base", lambda bench: asked.append(bench) or Base(chosen=candidate, rivals=(), noise=2e-6)
+        module,
+        "calibrate_base",
+        lambda problem: asked.append(problem) or Base(chosen=candidate, alternatives=(), noise=2e-6),
     )
     monkeypatch.setattr(module, "replace", lambda thing, **_: thing)
     for later, times in ((part(first), 1), (part(longer), 2), (part(first, first), 2)):
@@ -82,13 +84,13 @@ def test_the_public_steps_one_by_one_find_what_a_diagnosis_does():
     blank = Experiment(recordings=(Recording.from_arrays(noise, np.zeros_like(noise), 0.02),))
     experiment = NOMINAL.with_effects(ElectrodeRC(time=0.1)).record(blank, np.random.default_rng(1))
     effects = [ElectrodeRC()]
-    checked = gate(NOMINAL, experiment)
-    bench, base = prepare(NOMINAL, checked, effects)
-    for form in (base.chosen, *base.rivals):
+    checked = check_quality(NOMINAL, experiment)
+    problem, base = prepare(NOMINAL, checked, effects)
+    for form in (base.chosen, *base.alternatives):
         checked = confirm(checked, readings(form.calibration.plant, checked.experiments))
     fit = base.chosen.calibration
-    known = footprints(bench, fit, bench.effects, fit)
-    detection = detect(base.chosen, bench, spawn_generators(0, 5)[0]).beside(known)
+    known = linearised_responses(problem, fit, problem.effects, fit)
+    detection = detect(base.chosen, problem, spawn_generators(0, 5)[0]).beside(known)
     assert detection.mismatch
     whole = diagnose(NOMINAL, experiment, effects=effects)
     assert detection.summary == whole.detection

@@ -10,8 +10,8 @@ import pytest
 from planar_fixture import COMPRESSIONS, DRIFTS, NOISE, SERIES_RESISTANCE, excitation, recorded
 
 from deatwin.ident.mismatch import Diagnosis, Verdict, diagnose
-from deatwin.ident.mismatch.gate.gate import gate
 from deatwin.ident.mismatch.prepare import prepare
+from deatwin.ident.mismatch.quality.quality import check_quality
 from deatwin.plant import (
     Delay,
     Effect,
@@ -81,9 +81,9 @@ def test_a_reading_with_a_gap_that_is_noisier_than_stated_is_taken_as_what_it_is
     spotty[200:400] = np.nan
     record = replace(record, extras={"capacitance": spotty})
     plant = planar(replace(CAPACITANCE, noise=NOISE["capacitance"] / 5))
-    bench, base = prepare(plant, gate(plant, Experiment(recordings=(record,))), effects=())
-    assert bench.nominal.rig.further[0].noise == pytest.approx(NOISE["capacitance"], rel=0.2)
-    first, second = bench.everything
+    problem, base = prepare(plant, check_quality(plant, Experiment(recordings=(record,))), effects=())
+    assert problem.nominal.rig.further[0].noise == pytest.approx(NOISE["capacitance"], rel=0.2)
+    first, second = problem.everything
     assert (first.size, second.size) == (1000, 800)
     ratio = NOISE["displacement"] / NOISE["capacitance"]
     assert second.weight == pytest.approx(ratio, rel=0.2)
@@ -100,8 +100,8 @@ def test_a_peak_at_each_step_is_no_noise_of_the_current() -> None:
     held = np.repeat(rng.uniform(0.5, 1.5, 60), 25)
     blank = Experiment(recordings=(Recording.from_arrays(held, np.zeros((0, held.size)), 0.02),))
     made = planar(CURRENT).with_effects(Delay(time=0.1)).record(blank, rng)
-    bench, base = prepare(planar(CURRENT), gate(planar(CURRENT), made), effects=())
-    assert bench.nominal.rig.further[0].noise < 2.5 * NOISE["current"]
+    problem, base = prepare(planar(CURRENT), check_quality(planar(CURRENT), made), effects=())
+    assert problem.nominal.rig.further[0].noise < 2.5 * NOISE["current"]
     assert not base.chosen.adequate
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from deatwin.ident.mismatch.advise.distance import TOLD_APART
+from deatwin.ident.mismatch.advise.distance import DISTINGUISHED
 from deatwin.ident.mismatch.advise.offer import PricedReading
 from deatwin.ident.mismatch.result import AdviceSummary
 from deatwin.plant.amplitudes import axis_label, written_amplitude
@@ -47,7 +47,7 @@ class Advice(Described):
 
     Parameters
     ----------
-    rivals : tuple of str
+    alternatives : tuple of str
         Explanations to be distinguished, the best so far first.
     recording : Recording or None
         Commands of the advised input, without readings; None if no input can distinguish the explanations.
@@ -62,11 +62,11 @@ class Advice(Described):
         after the advised experiment; equal if there is none. The first is the larger of two estimates: first-order, and
         from refits to all recordings.
     undecided : tuple of str
-        Those of `rivals` that the experiment leaves with another explanation nearby (d² below 16).
+        Those of `alternatives` that the experiment leaves with another explanation nearby (d² below 16).
     tried : mapping of str to float
         First-order d² that each waveform would reach, all at the length used for screening.
     predicted : tuple of ndarray, each of shape (n,)
-        Readings that each explanation in `rivals` predicts for the input, refitted to imitate the first; SI.
+        Readings that each explanation in `alternatives` predicts for the input, refitted to imitate the first; SI.
     log_odds : float
         Natural logarithm of the expected odds of the true explanation over the nearest other one, after the best
         waveform alone.
@@ -78,8 +78,8 @@ class Advice(Described):
         Name and SI unit of the reading.
     """
 
-    rivals: tuple[str, ...] = field(
-        metadata=coordinate("rival", name="rival", of=lambda advice: np.array(advice.rivals, dtype=str))
+    alternatives: tuple[str, ...] = field(
+        metadata=coordinate("rival", name="rival", of=lambda advice: np.array(advice.alternatives, dtype=str))
     )
     recording: Recording | None
     waveform: str = field(metadata=attribute(name="advised", of=lambda advice: advice.waveform or None))
@@ -130,7 +130,7 @@ class Advice(Described):
     @property
     def sentence(self) -> str:
         """The advice in words."""
-        which = _listed(self.rivals)
+        which = _listed(self.alternatives)
         if self.recording is None:
             return f"No input within the rig's limits can distinguish {which}; measure {self.measure}.{self._odds}"
         load = "" if self.added_mass is None else f" with {1e3 * self.added_mass:.3g} g added to the load"
@@ -215,7 +215,7 @@ class Advice(Described):
     def _draw_tried(self, ax: Axes) -> None:
         names = sorted(self.tried, key=lambda name: self.tried[name])
         ax.barh(names, [self.tried[name] for name in names], color="0.6")
-        ax.axvline(TOLD_APART, color="C3", linestyle="--", label="told apart")
+        ax.axvline(DISTINGUISHED, color="C3", linestyle="--", label="distinguished")
         ax.set_xlabel("d² between the explanations")
         ax.set_title(f"no input distinguishes them: measure {self.measure}", fontsize="medium")
         ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), frameon=False)
@@ -226,7 +226,7 @@ class Advice(Described):
         apart = [(readings - self.predicted[0]) / size for readings in self.predicted]
         lines = [
             ax.plot(times, left, color=f"C{k}", linewidth=0.9, label=name.replace("_", " "))[0]
-            for k, (name, left) in enumerate(zip(self.rivals, apart, strict=True))
+            for k, (name, left) in enumerate(zip(self.alternatives, apart, strict=True))
         ]
         band = ax.axhspan(-self.noise / size, self.noise / size, color="0.9", zorder=0, label="sensor noise")
         ax.set_xlabel("time (s)")

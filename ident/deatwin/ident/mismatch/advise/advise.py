@@ -1,13 +1,13 @@
 """The next experiment: the input that would tell apart what the recordings at hand cannot.
 
 A repertoire of waveforms is tried on the explanations that are left, to first order; the best are simulated with a
-refit of each rival, made as long as needed, and judged for plants drawn from the posteriors, too. What the recordings
+refit of each alternative, made as long as needed, and judged for plants drawn from the posteriors, too. What the recordings
 at hand hold against a refit counts, since the new one will be diagnosed together with them. Where none tells all of
 them apart, the one that leaves the least confusion is advised as long as it may be, if that is worth its time.
 
 References
 ----------
-Hunter & Reiner, Technometrics 7 (1965) 307 (the input for which the predictions of rivals differ most).
+Hunter & Reiner, Technometrics 7 (1965) 307 (the input for which the predictions of alternatives differ most).
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from typing import Any
 import numpy as np
 
 from deatwin.ident.mismatch.advise.advice import Advice
-from deatwin.ident.mismatch.advise.distance import TOLD_APART, confusion, difference
+from deatwin.ident.mismatch.advise.distance import DISTINGUISHED, confusion, difference
 from deatwin.ident.mismatch.advise.offer import in_words
 from deatwin.ident.mismatch.advise.question import Question
 from deatwin.ident.mismatch.advise.sensors import Prices, prices
 from deatwin.ident.mismatch.advise.waveforms import REPERTOIRE
-from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate, Distance
+from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.parameters import Parameter
 
@@ -38,7 +38,7 @@ ROUND = 250
 """Samples to whose multiple a length is rounded up."""
 FINALISTS, TRIED = 3, 2
 """Waveforms that are simulated with refits, and those that are made as long as needed, or as long as they may be."""
-WANTED = 1.5 * TOLD_APART
+WANTED = 1.5 * DISTINGUISHED
 """d² for which a length is chosen: it grows like the length, but not exactly."""
 AMPLE = 10 * WANTED * SCREENED / SHORTEST
 """d² of a screened waveform that promises ten times what is wanted at the shortest length. The first such waveform of
@@ -56,8 +56,8 @@ HEAVIER = 2.0
 
 
 def advise(
-    bench: Bench,
-    rivals: Sequence[Candidate],
+    problem: DiagnosisProblem,
+    alternatives: Sequence[Candidate],
     rng: np.random.Generator,
     *,
     distances: Sequence[Distance] = (),
@@ -67,9 +67,9 @@ def advise(
 
     Parameters
     ----------
-    bench : Bench
+    problem : DiagnosisProblem
         Rig and recordings.
-    rivals : sequence of Candidate
+    alternatives : sequence of Candidate
         Explanations that the recordings leave, the best first; the first eight are used.
     rng : numpy.random.Generator
         Source of posterior plants and of random waveforms.
@@ -85,17 +85,17 @@ def advise(
         The advice; None if there are fewer than two explanations.
     """
     tell = progress or (lambda share, text: None)
-    left = list(rivals[:MOST_RIVALS])
+    left = list(alternatives[:MOST_RIVALS])
     if len(left) < 2:
         return None
-    loads = _loads(Question.of(bench, [rival.calibration for rival in left], left[0].noise, rng))
+    loads = _loads(Question.of(problem, [alternative.calibration for alternative in left], left[0].noise, rng))
     found, here = _search(loads, tell), loads[0].question
     tell(0.9, "writing the advice")
-    rig, before = bench.nominal.rig, _confused(here.before_told(_by_number(left, distances)))
+    rig, before = problem.nominal.rig, _confused(here.before_told(_by_number(left, distances)))
     tried = {name: float(nearest.min()) for name, nearest in loads[0].screened.items()}
     market, numbers = prices(here), range(len(left))
     common: dict[str, Any] = {
-        "rivals": _labels(left),
+        "alternatives": _labels(left),
         "readings": market.among(numbers),
         "confusion_before": before,
         "tried": tried,
@@ -111,10 +111,10 @@ def advise(
             log_odds=max(tried.values(), default=0.0) / 2.0,
             confusion_after=before,
             predicted=(),
-            undecided=common["rivals"],
+            undecided=common["alternatives"],
             **common,
         )
-    question, close = found.load.question, found.nearest < TOLD_APART
+    question, close = found.load.question, found.nearest < DISTINGUISHED
     return Advice(
         recording=question.recording(found.commands),
         waveform=found.name,
@@ -123,7 +123,7 @@ def advise(
         log_odds=float(found.nearest.min()) / 2.0,
         confusion_after=found.confusion,
         predicted=_predicted(question, found.commands),
-        undecided=tuple(compress(common["rivals"], close)),
+        undecided=tuple(compress(common["alternatives"], close)),
         **common,
     )
 
@@ -220,14 +220,14 @@ def _needed(question: Question, name: str) -> float:
         reached, before = float(question.refitted(commands).min()), float(question.before.min())
     except SimulationError:
         return float(np.inf)
-    if reached >= TOLD_APART:
+    if reached >= DISTINGUISHED:
         gained = reached - before
         return SCREENED * (WANTED - before) / gained if gained > 0 else float(np.inf)
     longest = question.commands(name, LONGEST)
     if longest is None:
         return float(np.inf)
     first, last = (float(question.first_order(made).min()) for made in (commands, longest))
-    if not 0.0 < first < last or last < TOLD_APART:
+    if not 0.0 < first < last or last < DISTINGUISHED:
         return float(np.inf)
     growth = np.log(last / first) / np.log(LONGEST / SCREENED)
     with np.errstate(over="ignore"):  # what hardly grows needs for ever
@@ -242,11 +242,11 @@ def _long_enough(load: _Load, name: str, needed: float) -> _Input | None:
         if found is None:
             return None
         least = float(found.nearest.min())
-        if least >= TOLD_APART and found.confusion <= confusion(TOLD_APART):
+        if least >= DISTINGUISHED and found.confusion <= confusion(DISTINGUISHED):
             return found
         if count == LONGEST:
             return None
-        needed = 1.5 * count * max(1.0, TOLD_APART / max(least, 1e-6))
+        needed = 1.5 * count * max(1.0, DISTINGUISHED / max(least, 1e-6))
     return None
 
 
@@ -267,9 +267,9 @@ def _confused(nearest: np.ndarray) -> float:
     return float(np.mean([confusion(float(squared)) for squared in nearest]))
 
 
-def _by_number(rivals: Sequence[Candidate], distances: Sequence[Distance]) -> dict[frozenset[int], float]:
-    """d² of pairs of explanations, by their numbers; not of effects that explain the recordings in several forms."""
-    names = ["+".join(rival.effects) for rival in rivals]
+def _by_number(alternatives: Sequence[Candidate], distances: Sequence[Distance]) -> dict[frozenset[int], float]:
+    """d² of pairs of explanations, by their numbers; not of effects that explain the recordings in several variants."""
+    names = ["+".join(alternative.effects) for alternative in alternatives]
     number = {name: k for k, name in enumerate(names) if names.count(name) == 1}
     return {frozenset(number[n] for n in d.effects): d.d2 for d in distances if {*d.effects} <= {*number}}
 
@@ -283,9 +283,9 @@ def _predicted(question: Question, commands: np.ndarray) -> tuple[np.ndarray, ..
     return (*readings, *(readings[0] - d.left if d is not None else np.full_like(readings[0], np.nan) for d in apart))
 
 
-def _labels(rivals: Sequence[Candidate]) -> tuple[str, ...]:
-    """The effects of each explanation; the same effects on another form of the rig get a number."""
-    names = [" + ".join(rival.effects) or "nothing missing" for rival in rivals]
+def _labels(alternatives: Sequence[Candidate]) -> tuple[str, ...]:
+    """The effects of each explanation; the same effects on another variant of the rig get a number."""
+    names = [" + ".join(alternative.effects) or "nothing missing" for alternative in alternatives]
     return tuple(f"{n} ({names[:k].count(n) + 1})" if names.count(n) > 1 else n for k, n in enumerate(names))
 
 

@@ -1,12 +1,12 @@
 r"""Difference between two explanations: what the second cannot imitate of the first, and how well recordings show it.
 
-The truth is a plant with readings :math:`y_k`; a rival is fitted to them as well as its parameters can, and leaves
+The truth is a plant with readings :math:`y_k`; an alternative is fitted to them as well as its parameters can, and leaves
 
 .. math:: \delta = y_k - y_l(\hat\theta_l), \qquad \hat\theta_l = \arg\min\nolimits_{\theta_l} \|y_k - y_l(\theta_l)\|^2
 
-Recordings add an error e to the readings. What the engine compares are squared residuals, of which the rival leaves
+Recordings add an error e to the readings. What the engine compares are squared residuals, of which the alternative leaves
 :math:`\|\delta\|^2 + 2\,\delta^T e` more than the truth does (up to what parameters take up of e in the one model and
-not in the other, which is of the size of :math:`\sigma^2`). The rival wins where that is negative: for Gaussian e of
+not in the other, which is of the size of :math:`\sigma^2`). The alternative wins where that is negative: for Gaussian e of
 covariance :math:`\Sigma` with the probability
 
 .. math:: P = \Phi(-d/2), \qquad d^2 = \frac{(\delta^T\delta)^2}{\delta^T\Sigma\,\delta}
@@ -49,7 +49,7 @@ class Difference:
     readings : ndarray, shape (n,)
         Of the truth, record after record, SI.
     left : ndarray, shape (n,)
-        Truth minus rival after the rival's refit, over the noise's level, SI.
+        Truth minus alternative after the alternative's refit, over the noise's level, SI.
     model_error : ndarray, shape (n,)
         Rms of the plant's own error at each sample, over the noise's level, SI.
     sizes : tuple of int
@@ -63,16 +63,16 @@ class Difference:
 
     @classmethod
     def between(
-        cls, truth: Plant, rival: Plant, readings: np.ndarray, left: np.ndarray, parts: Sequence[Part]
+        cls, truth: Plant, alternative: Plant, readings: np.ndarray, left: np.ndarray, parts: Sequence[Part]
     ) -> Difference:
         """A difference with the model error that the rigs have for a motion of its size.
 
         Parameters
         ----------
-        truth, rival : Plant
+        truth, alternative : Plant
             The larger of their errors counts.
         readings, left : ndarray, shape (n,)
-            Of the truth, and truth minus rival, SI.
+            Of the truth, and truth minus alternative, SI.
         parts : sequence of Part
             Which samples these are.
 
@@ -82,7 +82,7 @@ class Difference:
         """
         sizes = tuple(int(mask.sum()) for part in parts for mask in part.masks if mask.any())
         motion = np.sqrt(np.mean([r.var() for r in np.split(readings, np.cumsum(sizes)[:-1])]))
-        error = max(plant.rig.for_motion(float(motion)).model_error for plant in (truth, rival))
+        error = max(plant.rig.for_motion(float(motion)).model_error for plant in (truth, alternative))
         return cls(readings=readings, left=left, model_error=error / level_of(parts), sizes=sizes)
 
     @property

@@ -20,10 +20,10 @@ from deatwin.ident.mismatch.advise.difference import Difference
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 
-TOLD_APART = 16.0
-"""d² from which on two explanations can be told apart: the wrong one wins in 2.3 % of all recordings."""
+DISTINGUISHED = 16.0
+"""d² from which on two explanations can be distinguished: the wrong one wins in 2.3 % of all recordings."""
 STEPS = 4
-"""Steps of the rival towards the truth with simulations."""
+"""Steps of the alternative towards the truth with simulations."""
 SETTLED = 0.02
 """Share of the squared difference that a step must gain for another one: d² is not wanted to the percent."""
 DAMPING = 1e-2
@@ -54,26 +54,26 @@ def confusion(squared: float) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Memory:
-    """Remember what recordings say against a refit of the rival, to first order about its fitted parameters.
+    """Remember what recordings say against a refit of the alternative, to first order about its fitted parameters.
 
     Parameters
     ----------
     known : Difference
-        Of truth and rival on those recordings, with the rival's fitted parameters.
+        Of truth and alternative on those recordings, with the alternative's fitted parameters.
     jacobian : ndarray, shape (n, n_p)
-        Derivative of the rival's readings by its fitted coordinates, SI.
+        Derivative of the alternative's readings by its fitted coordinates, SI.
     """
 
     known: Difference
     jacobian: np.ndarray
 
     @classmethod
-    def of(cls, truth: Calibration, rival: Calibration, parts: Sequence[Part]) -> Memory:
+    def of(cls, truth: Calibration, alternative: Calibration, parts: Sequence[Part]) -> Memory:
         """Take it from the fits of both to the same recordings; no simulation is needed.
 
         Parameters
         ----------
-        truth, rival : Calibration
+        truth, alternative : Calibration
             On the same parts.
         parts : sequence of Part
             To which they were fitted.
@@ -83,13 +83,13 @@ class Memory:
         Memory
         """
         readings = np.concatenate([part.measured for part in parts]) - truth.residuals * level_of(parts)
-        left = rival.residuals - truth.residuals
-        known = Difference.between(truth.plant, rival.plant, readings, left, parts)
-        return cls(known=known, jacobian=rival.jacobian)
+        left = alternative.residuals - truth.residuals
+        known = Difference.between(truth.plant, alternative.plant, readings, left, parts)
+        return cls(known=known, jacobian=alternative.jacobian)
 
     @property
     def refitted(self) -> Difference:
-        """The difference after the rival's refit to these recordings alone."""
+        """The difference after the alternative's refit to these recordings alone."""
         return replace(self.known, left=self.known.left - self.jacobian @ _step(self.jacobian, self.known.left))
 
     def beside(self, other: Memory) -> Memory:
@@ -132,12 +132,12 @@ def separation(one: Calibration, other: Calibration, parts: Sequence[Part], nois
         If the inputs are such that the plant of an explanation fails.
     """
     pairs = directions(one, other)
-    return min(distance_squared(truth.plant, rival, parts, noise, steps=steps) for truth, rival in pairs)
+    return min(distance_squared(truth.plant, alternative, parts, noise, steps=steps) for truth, alternative in pairs)
 
 
 def distance_squared(
     truth: Plant,
-    rival: Calibration,
+    alternative: Calibration,
     parts: Sequence[Part],
     noise: float,
     *,
@@ -150,7 +150,7 @@ def distance_squared(
     ----------
     truth : Plant
         With the values to be imitated.
-    rival : Calibration
+    alternative : Calibration
         The explanation, and where its refit starts.
     parts : sequence of Part
         Inputs, and the samples that count; readings are not used.
@@ -164,36 +164,36 @@ def distance_squared(
     Returns
     -------
     float
-        Infinite where the rival cannot be simulated.
+        Infinite where the alternative cannot be simulated.
 
     Raises
     ------
     SimulationError
         If the truth cannot be simulated.
     """
-    found = difference(truth, rival, parts, memory=memory, steps=steps)
+    found = difference(truth, alternative, parts, memory=memory, steps=steps)
     return float(np.inf) if found is None else found.squared_distance(noise)
 
 
 def difference(
     truth: Plant,
-    rival: Calibration,
+    alternative: Calibration,
     parts: Sequence[Part],
     *,
     memory: Memory | None = None,
     steps: int = STEPS,
     response: Response | None = None,
 ) -> Difference | None:
-    """Return the part of a plant's readings that a rival cannot imitate after a refit of all its parameters.
+    """Return the part of a plant's readings that an alternative cannot imitate after a refit of all its parameters.
 
-    To first order the refit is a projection off the rival's Jacobian. That errs where the two are far apart, so some
+    To first order the refit is a projection off the alternative's Jacobian. That errs where the two are far apart, so some
     steps with simulations come before it.
 
     Parameters
     ----------
     truth : Plant
         With the values to be imitated.
-    rival : Calibration
+    alternative : Calibration
         The explanation, and where its refit starts.
     parts : sequence of Part
         Inputs, and the samples that count; readings are not used.
@@ -202,12 +202,12 @@ def difference(
     steps : int
         With simulations, at most; with none the projection alone is the result.
     response : tuple of ndarray, optional
-        What `Problem.evaluate` gives of the rival on these parts where its refit starts, if that is known.
+        What `Problem.evaluate` gives of the alternative on these parts where its refit starts, if that is known.
 
     Returns
     -------
     Difference or None
-        None where the rival cannot be simulated.
+        None where the alternative cannot be simulated.
 
     Raises
     ------
@@ -217,13 +217,13 @@ def difference(
     readings = simulated(truth, parts)
     if readings is None:
         raise SimulationError("the plant to be imitated cannot be simulated on these inputs")
-    start = Difference.between(truth, rival.plant, readings, readings, parts)
+    start = Difference.between(truth, alternative.plant, readings, readings, parts)
     whole = start if memory is None else start.beside(memory.known)
     measured = np.concatenate([part.measured for part in parts])
     imitation = _Imitation(
-        plant=rival.plant,
+        plant=alternative.plant,
         parts=tuple(parts),
-        names=rival.names,
+        names=alternative.names,
         beyond=(readings - measured) / level_of(parts),
         memory=memory,
         response=response,
@@ -233,7 +233,7 @@ def difference(
 
 
 def directions(one: Calibration, other: Calibration) -> list[tuple[Calibration, Calibration]]:
-    """Truth and rival, in the orders that can tell something.
+    """Truth and alternative, in the orders that can tell something.
 
     Parameters
     ----------
@@ -243,14 +243,14 @@ def directions(one: Calibration, other: Calibration) -> list[tuple[Calibration, 
     Returns
     -------
     list of tuple
-        One pair where the other order has a rival that contains the truth, else both.
+        One pair where the other order has an alternative that contains the truth, else both.
     """
     return [(t, r) for t, r in ((one, other), (other, one)) if not _contains(r.plant, t.plant)]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Imitation(Problem):
-    """Least squares of a rival's parameters on readings without noise and, to first order, on earlier recordings.
+    """Least squares of an alternative's parameters on readings without noise and, to first order, on earlier recordings.
 
     `beyond` is the truth's readings less those of the recordings, which `Problem` compares with.
     """
@@ -289,9 +289,9 @@ def _step(jacobian: np.ndarray, left: np.ndarray) -> np.ndarray:
     return np.linalg.solve(scaled.T @ scaled + DAMPING**2 * np.eye(scale.size), scaled.T @ left) / scale
 
 
-def _contains(rival: Plant, truth: Plant) -> bool:
+def _contains(alternative: Plant, truth: Plant) -> bool:
     """Return whether a plant is another one with further effects, on the same rig."""
-    return set(rival.effect_names) > set(truth.effect_names) and _form(rival) == _form(truth)
+    return set(alternative.effect_names) > set(truth.effect_names) and _form(alternative) == _form(truth)
 
 
 def _form(plant: Plant) -> dict[str, object]:

@@ -15,17 +15,17 @@ from deatwin.ident.greybox.problem import Problem, Response
 from deatwin.ident.mismatch.advise.difference import Difference
 from deatwin.ident.mismatch.advise.distance import Memory, difference, directions
 from deatwin.ident.mismatch.advise.waveforms import Limits, bears, limits_of, safe_limits, used_range, waveform
-from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.excess import practical_size
+from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 
 DRAWS = 2
 """Plants drawn from each posterior, besides the fitted one."""
 STEPS = 2
-"""Steps of a rival's refit with simulations, as there are many refits."""
+"""Steps of an alternative's refit with simulations, as there are many refits."""
 NEAREST = 2
-"""Pairs of each explanation whose rival is refitted with simulations: those that are nearest to first order."""
+"""Pairs of each explanation whose alternative is refitted with simulations: those that are nearest to first order."""
 CALMED = 3
 """Number of times that the range is reduced for an input that moves the plant too far."""
 PROBE = 100
@@ -38,7 +38,7 @@ class Question:
 
     Parameters
     ----------
-    bench : Bench
+    problem : DiagnosisProblem
         Rig and recordings.
     fits : tuple of Calibration
         The explanations, fitted to the fitted part; the best first.
@@ -47,14 +47,14 @@ class Question:
     shifts : tuple of tuple of ndarray
         For each explanation, coordinates of posterior plants less the fitted ones; zero first.
     pairs : tuple of pairs of int
-        Truth and rival that are to be told apart, by number.
+        Truth and alternative that are to be distinguished, by number.
     memories : tuple of Memory
         For each pair, what the recordings at hand say.
     seed : int
         Of what is random in waveforms: one is the same at any length, but for the length.
     """
 
-    bench: Bench
+    problem: DiagnosisProblem
     fits: tuple[Calibration, ...]
     noise: float
     shifts: tuple[tuple[np.ndarray, ...], ...]
@@ -63,12 +63,12 @@ class Question:
     seed: int
 
     @classmethod
-    def of(cls, bench: Bench, fits: Sequence[Calibration], noise: float, rng: np.random.Generator) -> Self:
+    def of(cls, problem: DiagnosisProblem, fits: Sequence[Calibration], noise: float, rng: np.random.Generator) -> Self:
         """Draw plants from the posteriors and pair the explanations.
 
         Parameters
         ----------
-        bench : Bench
+        problem : DiagnosisProblem
             Rig and recordings.
         fits : sequence of Calibration
             The explanations, at least two.
@@ -84,15 +84,17 @@ class Question:
         number = {id(fit): k for k, fit in enumerate(fits)}
         couples = [(one, other) for k, one in enumerate(fits) for other in fits[k + 1 :]]
         pairs = tuple(
-            (number[id(truth)], number[id(rival)]) for couple in couples for truth, rival in directions(*couple)
+            (number[id(truth)], number[id(alternative)])
+            for couple in couples
+            for truth, alternative in directions(*couple)
         )
         return cls(
-            bench=bench,
+            problem=problem,
             fits=tuple(fits),
             noise=noise,
             pairs=pairs,
-            shifts=tuple((np.zeros(len(fit.names)), *_draws(bench, fit, rng)) for fit in fits),
-            memories=tuple(Memory.of(fits[truth], fits[rival], bench.fitted) for truth, rival in pairs),
+            shifts=tuple((np.zeros(len(fit.names)), *_draws(problem, fit, rng)) for fit in fits),
+            memories=tuple(Memory.of(fits[truth], fits[alternative], problem.fitted) for truth, alternative in pairs),
             seed=int(rng.integers(2**32)),
         )
 
@@ -124,16 +126,16 @@ class Question:
     @property
     def sample_time(self) -> float:
         """Return the sample time of the recordings, s."""
-        return self.bench.nominal.rig.sample_time
+        return self.problem.nominal.rig.sample_time
 
     @cached_property
     def limits(self) -> Limits | None:
         """Commands whose ends all plants of all posteriors bear; None where there are no such."""
-        return safe_limits(self.posterior, limits_of(self.bench.nominal, self.bench.everything))
+        return safe_limits(self.posterior, limits_of(self.problem.nominal, self.problem.everything))
 
     @cached_property
     def posterior(self) -> tuple[Plant, ...]:
-        """All plants that the one on the bench may be."""
+        """All plants that the one on the problem may be."""
         return tuple(_moved(fit, x) for fit, shifts in zip(self.fits, self.shifts, strict=True) for x in shifts)
 
     def with_mass(self, mass: float) -> Question:
@@ -183,7 +185,7 @@ class Question:
 
     def _near_the_farthest(self, limits: Limits, share: float) -> Limits:
         """A share of the commands between rest and those of the recordings, beside the one that is farthest from it."""
-        least, most = used_range(self.bench.everything)
+        least, most = used_range(self.problem.everything)
         low, high = np.clip([min(limits.rest, least), max(limits.rest, most)], limits.lowest, limits.highest)
         if high - limits.rest >= limits.rest - low:
             return replace(limits, bottom=high - share * (high - low), top=high)
@@ -195,13 +197,13 @@ class Question:
 
     def _error_of(self, commands: np.ndarray) -> float:
         """The plant's own error on an input, SI; that on the recordings at hand where it cannot be simulated."""
-        rig, readings = self.bench.nominal.rig, simulated(self.fits[0].plant, self.parts(commands))
+        rig, readings = self.problem.nominal.rig, simulated(self.fits[0].plant, self.parts(commands))
         return rig.model_error if readings is None else rig.for_motion(float(readings.std())).model_error
 
     @property
     def _hidden(self) -> float:
         """Return what counts as nothing on the recordings at hand, rms, SI."""
-        return practical_size(self.noise, self.bench.nominal.rig.model_error)
+        return practical_size(self.noise, self.problem.nominal.rig.model_error)
 
     def recording(self, commands: np.ndarray) -> Recording:
         """Commands as a record of an experiment of its own, without readings.
@@ -218,8 +220,8 @@ class Question:
             at hand, since what has happened stays.
         """
         events = any(effect.event for fit in self.fits for effect in fit.plant.effects)
-        start = max(part.experiment.end for part in self.bench.everything) if events else 0.0
-        rig = self.bench.nominal.rig
+        start = max(part.experiment.end for part in self.problem.everything) if events else 0.0
+        rig = self.problem.nominal.rig
         return Recording.from_arrays(
             commands,
             np.empty((0, commands.size)),
@@ -243,7 +245,7 @@ class Question:
         -------
         list of Part
         """
-        rig, silent = self.bench.nominal.rig, np.zeros((1, commands.size))
+        rig, silent = self.problem.nominal.rig, np.zeros((1, commands.size))
         record = replace(
             self.recording(commands), outputs=silent, output_names=(rig.output_name,), output_units=(rig.output_unit,)
         )
@@ -261,7 +263,7 @@ class Question:
         -------
         bool
         """
-        rest = self.bench.nominal.rig.start.rest_command
+        rest = self.problem.nominal.rig.start.rest_command
         return all(bears(plant, commands, rest) for plant in self.posterior)
 
     def first_order(self, commands: np.ndarray) -> np.ndarray:
@@ -285,11 +287,11 @@ class Question:
         if len(responses) < len(self.fits):
             return np.zeros(len(self.pairs))
         distances = []
-        for (truth, rival), memory in zip(self.pairs, self.memories, strict=True):
+        for (truth, alternative), memory in zip(self.pairs, self.memories, strict=True):
             readings = -responses[truth][0]  # measured is zero, so the residual is minus the reading
-            left = readings + responses[rival][0]
-            known = Difference.between(self.fits[truth].plant, self.fits[rival].plant, readings, left, parts)
-            both = Memory(known=known, jacobian=responses[rival][1]).beside(memory)
+            left = readings + responses[alternative][0]
+            known = Difference.between(self.fits[truth].plant, self.fits[alternative].plant, readings, left, parts)
+            both = Memory(known=known, jacobian=responses[alternative][1]).beside(memory)
             distances.append(both.refitted.squared_distance(self.noise))
         return np.array(distances)
 
@@ -303,11 +305,11 @@ class Question:
         return lru_cache(maxsize=1)(lambda made: [self._response(fit, np.frombuffer(made)) for fit in self.fits])
 
     def _response(self, fit: Calibration, commands: np.ndarray) -> Response | None:
-        problem = Problem(plant=fit.plant, parts=tuple(self.parts(commands)), names=fit.names)
-        return problem.evaluate(problem.start())
+        fitting = Problem(plant=fit.plant, parts=tuple(self.parts(commands)), names=fit.names)
+        return fitting.evaluate(fitting.start())
 
     def refitted(self, commands: np.ndarray, draw: int = 0) -> np.ndarray:
-        """d² after recordings of an input, with each rival refitted to the truth.
+        """d² after recordings of an input, with each alternative refitted to the truth.
 
         Parameters
         ----------
@@ -319,7 +321,7 @@ class Question:
         Returns
         -------
         ndarray, shape (n_fits,)
-            From each explanation to the one that is nearest to it; infinite where no rival can be simulated.
+            From each explanation to the one that is nearest to it; infinite where no alternative can be simulated.
 
         Raises
         ------
@@ -329,17 +331,17 @@ class Question:
         parts, responses = self.parts(commands), self._responses(commands)
         distances = np.full(len(self.pairs), np.inf)
         for k in self._contested(commands):
-            (truth, rival), memory = self.pairs[k], self.memories[k]
+            (truth, alternative), memory = self.pairs[k], self.memories[k]
             fit, shift = self.fits[truth], self.shifts[truth][draw % len(self.shifts[truth])]
             change = fit.jacobian @ shift
             known = replace(memory.known, readings=memory.known.readings + change, left=memory.known.left + change)
             found = difference(
                 _moved(fit, shift),
-                self.fits[rival],
+                self.fits[alternative],
                 parts,
                 memory=replace(memory, known=known),
                 steps=STEPS,
-                response=responses[rival],
+                response=responses[alternative],
             )
             if found is not None:
                 distances[k] = found.squared_distance(self.noise)
@@ -362,13 +364,13 @@ class Question:
         return tuple(np.flatnonzero([k in pair for pair in self.pairs]) for k in range(len(self.fits)))
 
 
-def _draws(bench: Bench, fit: Calibration, rng: np.random.Generator) -> list[np.ndarray]:
+def _draws(problem: DiagnosisProblem, fit: Calibration, rng: np.random.Generator) -> list[np.ndarray]:
     """Differences of coordinates, drawn from the covariance inside the physical range."""
-    problem = Problem(plant=fit.plant, parts=(), names=fit.names)
-    start, (lower, upper) = problem.start(), problem.bounds()
+    fitting = Problem(plant=fit.plant, parts=(), names=fit.names)
+    start, (lower, upper) = fitting.start(), fitting.bounds()
     variances, axes = np.linalg.eigh(fit.covariance)
     root = axes * np.sqrt(np.maximum(variances, 0.0))
-    probe = np.repeat(used_range(bench.everything), PROBE)
+    probe = np.repeat(used_range(problem.everything), PROBE)
     shifts = [np.clip(start + root @ rng.standard_normal(start.size), lower, upper) - start for _ in range(DRAWS)]
     return [shift for shift in shifts if bears(_moved(fit, shift), probe, 0.0, headroom=1.0)]
 
@@ -377,5 +379,5 @@ def _moved(fit: Calibration, shift: np.ndarray) -> Plant:
     """The plant at a distance from the fitted coordinates."""
     if not shift.any():
         return fit.plant
-    problem = Problem(plant=fit.plant, parts=(), names=fit.names)
-    return fit.plant.with_values(problem.values(problem.start() + shift))
+    fitting = Problem(plant=fit.plant, parts=(), names=fit.names)
+    return fit.plant.with_values(fitting.values(fitting.start() + shift))

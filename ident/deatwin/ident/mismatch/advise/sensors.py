@@ -16,7 +16,7 @@ import numpy as np
 
 from deatwin.ident.greybox.parts import Part, first_only
 from deatwin.ident.greybox.problem import Problem
-from deatwin.ident.mismatch.advise.distance import TOLD_APART
+from deatwin.ident.mismatch.advise.distance import DISTINGUISHED
 from deatwin.ident.mismatch.advise.offer import THERMOMETER, PricedReading, SensorOffer
 from deatwin.ident.mismatch.advise.question import Question
 from deatwin.ident.mismatch.likelihood.beforehand import OwnError, coordinate
@@ -88,8 +88,8 @@ def signals(plant: Plant, names: tuple[str, ...], parts: Sequence[Part], wanted:
     asked = unread(parts, wanted)
     if not asked:
         return []
-    problem = Problem(plant=plant.with_rig(replace(plant.rig, further=tuple(wanted))), parts=asked, names=names)
-    found = problem.evaluate(problem.start())
+    fitting = Problem(plant=plant.with_rig(replace(plant.rig, further=tuple(wanted))), parts=asked, names=names)
+    found = fitting.evaluate(fitting.start())
     if found is None:
         return []
     pieces = np.split(np.arange(found[0].size), len(wanted))
@@ -119,26 +119,28 @@ class Prices:
         for one in self.beside if asked else ():
             nearest = min(asked, key=lambda number: self._square(one, number))
             odds = self._log_odds(one, nearest)
-            found.append(PricedReading(**vars(one.sensor), log_odds=odds, resolves=2.0 * odds >= TOLD_APART))
+            found.append(PricedReading(**vars(one.sensor), log_odds=odds, resolves=2.0 * odds >= DISTINGUISHED))
         return tuple(sorted(found, key=lambda priced: -priced.log_odds))
 
     def _square(self, one: _Beside, number: int) -> float:
         """d² of a pair, with all scales known."""
-        truth, rival = self.question.pairs[number]
-        spread = self._spreads[rival]
-        rows = np.vstack([(one.signals[rival][1] * spread).T, one.signals[truth][0] - one.signals[rival][0]])
+        truth, alternative = self.question.pairs[number]
+        spread = self._spreads[alternative]
+        rows = np.vstack(
+            [(one.signals[alternative][1] * spread).T, one.signals[truth][0] - one.signals[alternative][0]]
+        )
         own = self._own(number) + products_of(self._error(one, truth), rows)
         return float(taken_up(own, spread.size)[0, 0])
 
     def _log_odds(self, one: _Beside, number: int) -> float:
-        """Log odds of the truth over the rival, by the likelihood of the recordings and of a reading that is drawn."""
-        truth, rival = self.question.pairs[number]
+        """Log odds of the truth over the alternative, by the likelihood of the recordings and of a reading that is drawn."""
+        truth, alternative = self.question.pairs[number]
         own, error = self._errors(truth), self._error(one, truth)
         size, count = own.readings.size, error.readings.size
         errors = OwnErrors(of=(*own.of, error), at=(*own.at, size + np.arange(count)))
         drawn = error.noise * np.random.default_rng(self.question.seed).standard_normal(count)
         weights = []
-        for number in (truth, rival):
+        for number in (truth, alternative):
             fit, (values, slopes) = self.question.fits[number], one.signals[number]
             moved = np.vstack([fit.jacobian, slopes]) * self._spreads[number]
             residual = np.concatenate([fit.residuals, drawn + one.signals[truth][0] - values])
@@ -148,47 +150,47 @@ class Prices:
 
     def _error(self, one: _Beside, truth: int) -> OwnError:
         """The plant's own error in a reading that nobody took, as an explanation moves."""
-        bench, reading = self.question.bench, replace(one.reading, noise=one.sensor.noise)
-        parts = [replace(part, reading=reading.name, levels=None) for part in first_only(bench.fitted)]
-        rig = replace(bench.nominal.rig, further=(reading,))
+        problem, reading = self.question.problem, replace(one.reading, noise=one.sensor.noise)
+        parts = [replace(part, reading=reading.name, levels=None) for part in first_only(problem.fitted)]
+        rig = replace(problem.nominal.rig, further=(reading,))
         return own_errors(rig, parts, one.signals[truth][0], 0.0, 0.0).of[0]
 
     def _errors(self, truth: int) -> OwnErrors:
         """The plant's own error in what was recorded, as an explanation moves."""
-        bench = self.question.bench
-        readings = readings_of_fit(bench.fitted, self.question.fits[truth].residuals)
-        return own_errors(bench.nominal.rig, bench.fitted, readings, self.question.noise, bench.expected_error)
+        problem = self.question.problem
+        readings = readings_of_fit(problem.fitted, self.question.fits[truth].residuals)
+        return own_errors(problem.nominal.rig, problem.fitted, readings, self.question.noise, problem.expected_error)
 
     def _own(self, number: int) -> np.ndarray:
         """Return what the recordings say of a pair: products (p + 1, p + 1) of derivatives and difference."""
-        (truth, rival), memory = self.question.pairs[number], self.question.memories[number]
-        rows = np.vstack([(memory.jacobian * self._spreads[rival]).T, memory.known.left])
+        (truth, alternative), memory = self.question.pairs[number], self.question.memories[number]
+        rows = np.vstack([(memory.jacobian * self._spreads[alternative]).T, memory.known.left])
         return self._errors(truth).products(rows)
 
     @cached_property
     def _spreads(self) -> list[np.ndarray]:
         """Deviations of each explanation's coordinates beforehand, (p,) each."""
-        bench = self.question.bench
-        effects = {effect.name: effect for effect in bench.effects}
-        largest = float(np.quantile(np.abs(np.concatenate([p.measured for p in first_only(bench.fitted)])), 0.99))
+        problem = self.question.problem
+        effects = {effect.name: effect for effect in problem.effects}
+        largest = float(np.quantile(np.abs(np.concatenate([p.measured for p in first_only(problem.fitted)])), 0.99))
         return [
-            np.array([coordinate(f.plant.parameters[n], bench.nominal, effects, largest).deviation for n in f.names])
+            np.array([coordinate(f.plant.parameters[n], problem.nominal, effects, largest).deviation for n in f.names])
             for f in self.question.fits
         ]
 
 
 def prices(question: Question) -> Prices:
     """Price the readings that a question's rig could have beside its recordings."""
-    bench, fits = question.bench, question.fits
-    records = [record for part in bench.everything for record in part.experiment.recordings]
-    recorded = {part.reading for part in bench.everything}
+    problem, fits = question.problem, question.fits
+    records = [record for part in problem.everything for record in part.experiment.recordings]
+    recorded = {part.reading for part in problem.everything}
     recorded |= {"temperature"} if all("temperature" in record.extras for record in records) else set()
     wanted = offered([fit.plant for fit in fits], recorded)
-    each = zip(*(signals(fit.plant, fit.names, bench.fitted, wanted) for fit in fits), strict=False)
+    each = zip(*(signals(fit.plant, fit.names, problem.fitted, wanted) for fit in fits), strict=False)
     return Prices(
         question=question,
         beside=tuple(
-            _Beside(sensor=offer(one, bench.nominal.rig.further, _largest(known)), reading=one, signals=known)
+            _Beside(sensor=offer(one, problem.nominal.rig.further, _largest(known)), reading=one, signals=known)
             for one, known in zip(wanted, each, strict=False)  # none where an explanation cannot be simulated
         ),
     )

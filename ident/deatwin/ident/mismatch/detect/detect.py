@@ -17,19 +17,19 @@ from deatwin.ident.mismatch.detect.leftover import Leftover, leftover_of
 from deatwin.ident.mismatch.detect.origin import OriginEvidence, origin_of
 from deatwin.ident.mismatch.detect.power import Power
 from deatwin.ident.mismatch.detect.statistics import GROUPS, Scores
-from deatwin.ident.mismatch.excess import excess_over_floor, practical_size
-from deatwin.ident.mismatch.gate.noise import noise_level
-from deatwin.ident.mismatch.gate.repeats import find_repeats, repeatability
+from deatwin.ident.mismatch.excess import excess_of, practical_size
 from deatwin.ident.mismatch.likelihood.beforehand import TIMING
 from deatwin.ident.mismatch.naming.contribution import readings_of_fit
+from deatwin.ident.mismatch.quality.noise import noise_level
+from deatwin.ident.mismatch.quality.repeats import find_repeats, repeatability
 from deatwin.ident.mismatch.refit.search import finish, refit, roughly
 from deatwin.ident.mismatch.result import Statistic
 from deatwin.plant.effects.delay import Delay
 
 if TYPE_CHECKING:
-    from deatwin.ident.mismatch.bench import Bench
     from deatwin.ident.mismatch.naming.candidate import Candidate
-    from deatwin.ident.mismatch.naming.screen import Footprint
+    from deatwin.ident.mismatch.naming.screen import LinearisedResponse
+    from deatwin.ident.mismatch.problem import DiagnosisProblem
 
 
 DRAWS = 400
@@ -48,14 +48,14 @@ POINTS = 400
 """Points of a drawn curve."""
 
 
-def detect(base: Candidate, bench: Bench, rng: np.random.Generator) -> Detection:
+def detect(base: Candidate, problem: DiagnosisProblem, rng: np.random.Generator) -> Detection:
     """Test whether a calibrated plant lacks anything.
 
     Parameters
     ----------
     base : Candidate
         The calibrated plant.
-    bench : Bench
+    problem : DiagnosisProblem
         Recordings.
     rng : numpy.random.Generator
         Source of the bootstrap's draws.
@@ -64,11 +64,11 @@ def detect(base: Candidate, bench: Bench, rng: np.random.Generator) -> Detection
     -------
     Detection
     """
-    found = detect_in(leftover_of(base, bench), rng)
+    found = detect_in(leftover_of(base, problem), rng)
     if not found.mismatch:
         return found
-    whole = _taking_up_the_rest(base, bench)
-    return replace(found, taken_up=_answering_late(base, bench, found.size) if whole is None else whole)
+    whole = _taking_up_the_rest(base, problem)
+    return replace(found, taken_up=_answering_late(base, problem, found.size) if whole is None else whole)
 
 
 def detect_in(left: Leftover, rng: np.random.Generator, *, draws: int = DRAWS) -> Detection:
@@ -118,49 +118,49 @@ def detect_in(left: Leftover, rng: np.random.Generator, *, draws: int = DRAWS) -
     )
 
 
-def _taking_up_the_rest(base: Candidate, bench: Bench) -> Calibration | None:
+def _taking_up_the_rest(base: Candidate, problem: DiagnosisProblem) -> Calibration | None:
     """The plant fitted to all recordings, if it leaves nothing that counts of either part, as it did of the fitted one.
 
-    What the fitted part says of the parameters may carry the plant's own error far beyond it. A plant that must be bent
+    What the fitted part says of the parameters may carry the plant's own error far beyond it. A plant that must be biased
     to the ends of its ranges for it takes up nothing.
     """
-    if not base.fitted_test.within_floor:
+    if not base.fitted_test.within_error:
         return None  # to fit more than that part brings it no nearer
-    whole = refit(base.calibration, bench.everything)
-    bent = {*whole.at_bound} - {*base.calibration.at_bound}
-    return whole if _leaves_nothing(whole, base, bench) and not bent else None
+    whole = refit(base.calibration, problem.everything)
+    biased = {*whole.at_bound} - {*base.calibration.at_bound}
+    return whole if _leaves_nothing(whole, base, problem) and not biased else None
 
 
-def _answering_late(base: Candidate, bench: Bench, size: float) -> Calibration | None:
+def _answering_late(base: Candidate, problem: DiagnosisProblem, size: float) -> Calibration | None:
     """The plant fitted with a dead time, if that is no longer than readings may be late, and leaves nothing that counts.
 
     Triggers, filters and integrators of real rigs come a little late: that is no missing physics. Not tried where what is
     left, of this `size`, SI, is more than so little can do.
     """
     fit, share = base.calibration, SURELY_LATE * TIMING  # of a sample
-    if Delay.name in fit.plant.effect_names or Delay.name not in {effect.name for effect in bench.effects}:
+    if Delay.name in fit.plant.effect_names or Delay.name not in {effect.name for effect in problem.effects}:
         return None
-    steps = np.concatenate([np.diff(readings) for readings in _simulated(base, bench)])
+    steps = np.concatenate([np.diff(readings) for readings in _simulated(base, problem)])
     moved = share * float(np.sqrt(np.mean(steps**2)))
     if size > np.hypot(moved, practical_size(base.noise, fit.plant.rig.model_error)):
         return None
-    longest = share * bench.nominal.rig.sample_time
-    late = finish(roughly(fit.plant.with_effects(Delay(time=longest / 2)), bench.everything), bench.everything)
+    longest = share * problem.nominal.rig.sample_time
+    late = finish(roughly(fit.plant.with_effects(Delay(time=longest / 2)), problem.everything), problem.everything)
     short = late.status.ok and late.plant.parameters["delay.time"].value <= longest
-    return late if short and _leaves_nothing(late, base, bench) else None
+    return late if short and _leaves_nothing(late, base, problem) else None
 
 
-def _simulated(base: Candidate, bench: Bench) -> list[np.ndarray]:
+def _simulated(base: Candidate, problem: DiagnosisProblem) -> list[np.ndarray]:
     """Readings of the base plant on the fitted part of each experiment, SI."""
-    readings = readings_of_fit(bench.fitted, base.calibration.residuals)
-    return np.split(readings, np.cumsum([part.size for part in bench.fitted])[:-1])
+    readings = readings_of_fit(problem.fitted, base.calibration.residuals)
+    return np.split(readings, np.cumsum([part.size for part in problem.fitted])[:-1])
 
 
-def _leaves_nothing(whole: Calibration, base: Candidate, bench: Bench) -> bool:
+def _leaves_nothing(whole: Calibration, base: Candidate, problem: DiagnosisProblem) -> bool:
     """Return whether a fit leaves nothing that counts of either part."""
-    left = [free_run_residuals(whole.plant, parts) for parts in (bench.fitted, bench.unseen)]
+    left = [free_run_residuals(whole.plant, parts) for parts in (problem.fitted, problem.unseen)]
     error = whole.plant.rig.model_error
-    return all(r is not None and excess_over_floor(r, base.noise, error).within_floor for r in left)
+    return all(r is not None and excess_of(r, base.noise, error).within_error for r in left)
 
 
 def _size(left: Leftover) -> float:
@@ -204,23 +204,23 @@ def _statistics(law: Law, left: Leftover, scores: Scores, groups: np.ndarray) ->
 
 
 def _seen(
-    law: Law, left: Leftover, practical: float, known: Sequence[Footprint]
+    law: Law, left: Leftover, practical: float, known: Sequence[LinearisedResponse]
 ) -> tuple[dict[str, float | None], bool]:
     """The smallest size of each effect, at the shape that is seen best, and whether any is physical."""
     smallest: dict[str, float | None] = {}
     visible, power = not known, Power(law)
-    for footprint in known:
-        effect = footprint.effect
+    for response in known:
+        effect = response.effect
         smallest.setdefault(effect.name, None)
         whole = np.zeros(left.residual.size)
-        whole[left.fitted] = footprint.change
+        whole[left.fitted] = response.change
         rest = law.refit(whole[None])[0][left.fitted]
         if np.linalg.norm(rest) <= 1e-6 * np.linalg.norm(whole):
             continue
         strength = power.smallest(rest, practical)
         if strength is None:
             continue
-        rms, before = float(strength * np.sqrt(np.mean(footprint.change**2))), smallest[effect.name]
+        rms, before = float(strength * np.sqrt(np.mean(response.change**2))), smallest[effect.name]
         smallest[effect.name] = rms if before is None else min(before, rms)
         own = effect.described(effect.strength)
         visible = visible or own.lower <= strength <= own.upper or own.lower <= -strength <= own.upper

@@ -13,8 +13,8 @@ import numpy as np
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.detect.law import LEVEL
 from deatwin.ident.mismatch.detect.origin import Origin, OriginEvidence
-from deatwin.ident.mismatch.gate.noise import NoiseFloor
-from deatwin.ident.mismatch.gate.repeats import Repeatability
+from deatwin.ident.mismatch.quality.noise import NoiseFloor
+from deatwin.ident.mismatch.quality.repeats import Repeatability
 from deatwin.ident.mismatch.result import DetectionSummary, RepeatabilitySummary, Statistic
 from deatwin.plant.amplitudes import amount, amplitude_unit, written_amplitude
 from deatwin.plant.datasets import (
@@ -33,7 +33,7 @@ from deatwin.plant.datasets import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from deatwin.ident.mismatch.naming.screen import Footprint
+    from deatwin.ident.mismatch.naming.screen import LinearisedResponse
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -134,7 +134,7 @@ class Detection(Described):
     evidence: OriginEvidence
     moved: float = field(metadata=attribute())
     visible: bool = True
-    seen: Callable[[Sequence[Footprint]], tuple[dict[str, float | None], bool]] | None = None
+    seen: Callable[[Sequence[LinearisedResponse]], tuple[dict[str, float | None], bool]] | None = None
     smallest: Mapping[str, float | None] = field(default_factory=dict)
     output_unit: str = "m"
     curves: Curves
@@ -152,12 +152,12 @@ class Detection(Described):
         "units": attribute(of=attrgetter("output_unit")),
     }
 
-    def beside(self, known: Sequence[Footprint]) -> Detection:
+    def beside(self, known: Sequence[LinearisedResponse]) -> Detection:
         """Return the same result, with the smallest detectable effects.
 
         Parameters
         ----------
-        known : sequence of Footprint
+        known : sequence of LinearisedResponse
             Linearised response of each effect on the fitted data.
 
         Returns

@@ -15,8 +15,8 @@ from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
 
 if TYPE_CHECKING:
-    from deatwin.ident.mismatch.bench import Bench
     from deatwin.ident.mismatch.naming.candidate import Candidate
+    from deatwin.ident.mismatch.problem import DiagnosisProblem
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -115,14 +115,14 @@ class Leftover:
         return replace(self, residual=residual)
 
 
-def leftover_of(base: Candidate, bench: Bench) -> Leftover:
-    """Residual, Jacobian and signals of a calibrated plant on all that is on the bench.
+def leftover_of(base: Candidate, problem: DiagnosisProblem) -> Leftover:
+    """Residual, Jacobian and signals of a calibrated plant on all that is on the problem.
 
     Parameters
     ----------
     base : Candidate
         Calibrated on the fitted part.
-    bench : Bench
+    problem : DiagnosisProblem
         Recordings.
 
     Returns
@@ -131,12 +131,12 @@ def leftover_of(base: Candidate, bench: Bench) -> Leftover:
         A parameter on a bound of its range cannot be moved by a refit, so its column is left out.
     """
     fit = base.calibration
-    problem = Problem(plant=fit.plant, parts=bench.everything, names=fit.names)
-    found = problem.evaluate(problem.start())
+    fitting = Problem(plant=fit.plant, parts=problem.everything, names=fit.names)
+    found = fitting.evaluate(fitting.start())
     if found is None:  # cannot be, as the candidate was simulated on all of it; the fitted part is known in any case
-        residual, jacobian, parts = fit.residuals, fit.jacobian, bench.fitted
+        residual, jacobian, parts = fit.residuals, fit.jacobian, problem.fitted
     else:
-        (residual, jacobian), parts = found, bench.everything
+        (residual, jacobian), parts = found, problem.everything
     free = [k for k, name in enumerate(fit.names) if name not in fit.at_bound]
     held = _held(fit.plant, parts)
     readings = np.concatenate([part.measured for part in parts]) - residual * level_of(parts)
@@ -144,7 +144,7 @@ def leftover_of(base: Candidate, bench: Bench) -> Leftover:
     of_experiment = [part.size for part in parts]
     return Leftover(
         residual=residual,
-        fitted=_fitted(bench, parts),
+        fitted=_fitted(problem, parts),
         jacobian=jacobian[:, free],
         commands=np.concatenate([r.inputs[0, m] for p in parts for r, m in _records(p)]),
         readings=_alike(readings, parts),
@@ -165,9 +165,9 @@ def _records(part: Part) -> list[tuple]:
     return list(zip(part.experiment.recordings, part.masks, strict=True))
 
 
-def _fitted(bench: Bench, parts: Sequence[Part]) -> np.ndarray:
+def _fitted(problem: DiagnosisProblem, parts: Sequence[Part]) -> np.ndarray:
     pieces = []
-    for whole, early in zip(parts, bench.fitted, strict=True):
+    for whole, early in zip(parts, problem.fitted, strict=True):
         pieces += [seen[mask] for seen, mask in zip(early.masks, whole.masks, strict=True)]
     return np.concatenate(pieces)
 

@@ -19,8 +19,8 @@ import numpy as np
 from deatwin.ident.greybox.tangent import taken_off
 from deatwin.ident.mismatch.detect.leftover import Leftover
 from deatwin.ident.mismatch.detect.null import error_terms
-from deatwin.ident.mismatch.gate.bursts import BEND, WINDOW, has_lines
-from deatwin.ident.mismatch.gate.repeats import Repeats, repeatability
+from deatwin.ident.mismatch.quality.bursts import BEND, WINDOW, has_lines
+from deatwin.ident.mismatch.quality.repeats import Repeats, repeatability
 from deatwin.ident.mismatch.result import OriginSummary
 from deatwin.ident.soundness import neighbours_deviation
 

@@ -23,12 +23,12 @@ from deatwin.ident.greybox.fit import Calibration, descend
 from deatwin.ident.greybox.parts import Part, free_run_residuals
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
-from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.discover.dictionary import POSITION, RATE, dictionary, evaluated, signals_along
 from deatwin.ident.mismatch.discover.discovery import Discovery, FoundTerm, unit_of, unit_per
 from deatwin.ident.mismatch.discover.sparse import Stable, stable_terms
 from deatwin.ident.mismatch.losses import block_losses, bootstrap_gain
 from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.plant.effects.base import Place
 from deatwin.plant.effects.free_form import FreeForm
 from deatwin.plant.effects.primitives import Power, Primitive
@@ -51,13 +51,13 @@ SIGNIFICANT = 2.0
 
 
 def discover(
-    bench: Bench, base: Candidate, rng: np.random.Generator, *, place: Opening | None = None
+    problem: DiagnosisProblem, base: Candidate, rng: np.random.Generator, *, place: Opening | None = None
 ) -> Discovery | None:
     """Search for a free form: a force without a physical name that reduces the mismatch.
 
     Parameters
     ----------
-    bench : Bench
+    problem : DiagnosisProblem
         Recordings.
     base : Candidate
         The plant that leaves a mismatch.
@@ -77,16 +77,16 @@ def discover(
     if site is None or not base.mismatch:
         return None
     try:
-        linears = linearise(plant, bench.fitted)
+        linears = linearise(plant, problem.fitted)
     except SimulationError:
         return None
-    search = _Search.of(plant, bench.fitted, linears, site)
+    search = _Search.of(plant, problem.fitted, linears, site)
     jacobian, residual = base.calibration.jacobian, base.calibration.residuals
     stable = stable_terms(search.answers(search.terms), residual, jacobian, rng)
     # If all of them together gain nothing, perhaps the most stable one does.
     for some in dict.fromkeys((stable, stable[:1])):
-        fit = _fitted(search, some, base, bench)
-        kept = None if fit is None else _kept(fit, base, bench, rng)
+        fit = _fitted(search, some, base, problem)
+        kept = None if fit is None else _kept(fit, base, problem, rng)
         if kept is not None:
             return kept
     return None
@@ -210,21 +210,21 @@ class _Fit:
         return replace(self, calibration=again, stable=tuple(self.stable[k] for k in left))
 
 
-def _fitted(search: _Search, stable: tuple[Stable, ...], base: Candidate, bench: Bench) -> _Fit | None:
+def _fitted(search: _Search, stable: tuple[Stable, ...], base: Candidate, problem: DiagnosisProblem) -> _Fit | None:
     """The plant with the terms, fitted; None where that does not fit better than without."""
-    start = _start(search, stable, base, bench) if stable else None
+    start = _start(search, stable, base, problem) if stable else None
     if start is None:
         return None
-    fit = descend(start, bench.fitted, evaluations=EVALUATIONS, tolerance=TOLERANCE)
+    fit = descend(start, problem.fitted, evaluations=EVALUATIONS, tolerance=TOLERANCE)
     found = _Fit(calibration=fit, stable=stable, site=search.site)
     while found.calibration.status.ok and (number := found.weakest) is not None:
         if len(found.stable) == 1:
             return None
-        found = found.without(number, bench.fitted)
+        found = found.without(number, problem.fitted)
     return found if found.calibration.status.ok and found.calibration.rms < base.calibration.rms else None
 
 
-def _start(search: _Search, stable: Sequence[Stable], base: Candidate, bench: Bench) -> Plant | None:
+def _start(search: _Search, stable: Sequence[Stable], base: Candidate, problem: DiagnosisProblem) -> Plant | None:
     """Step towards the linear prediction as long as the free run improves."""
     plain = base.calibration
     terms = search.sharpened([search.terms[s.column] for s in stable], plain)
@@ -235,13 +235,13 @@ def _start(search: _Search, stable: Sequence[Stable], base: Candidate, bench: Be
     size = float(np.abs(coefficients).max())
     if not size > 0:
         return None
-    problem = Problem(plant=plain.plant, parts=tuple(bench.fitted), names=plain.names)
+    fitting = Problem(plant=plain.plant, parts=tuple(problem.fitted), names=plain.names)
     starts = []
     for share in STEPS:
-        moved = problem.values(np.clip(problem.start() + share * shifts, *problem.bounds()))
+        moved = fitting.values(np.clip(fitting.start() + share * shifts, *fitting.bounds()))
         form = search.site.free_form(terms, size, list(share * coefficients / size))
         starts.append(plain.plant.with_values(moved).with_effects(form))
-    rms = [_rms_on(start, bench.fitted) for start in starts]
+    rms = [_rms_on(start, problem.fitted) for start in starts]
     best = int(np.argmin(rms))
     return starts[best] if rms[best] < plain.rms else None
 
@@ -251,18 +251,18 @@ def _rms_on(plant: Plant, parts: Sequence[Part]) -> float:
     return float(np.inf) if residuals is None else float(np.sqrt(np.mean(residuals**2)))
 
 
-def _kept(fit: _Fit, base: Candidate, bench: Bench, rng: np.random.Generator) -> Discovery | None:
+def _kept(fit: _Fit, base: Candidate, problem: DiagnosisProblem, rng: np.random.Generator) -> Discovery | None:
     """The discovery, if the error on the held-out part falls far enough, and certainly."""
     plant, form = fit.calibration.plant, fit.form
-    unseen = free_run_residuals(plant, bench.unseen)
+    unseen = free_run_residuals(plant, problem.unseen)
     if unseen is None:
         return None
     after, losses = float(np.sqrt(np.mean(unseen**2))), block_losses(unseen)
-    plain = min(base.unseen, _left_without(fit, base, bench), key=lambda residuals: float(np.mean(residuals**2)))
+    plain = min(base.unseen, _left_without(fit, base, problem), key=lambda residuals: float(np.mean(residuals**2)))
     before, gain_low = float(np.sqrt(np.mean(plain**2))), bootstrap_gain(block_losses(plain), losses, rng)
     if after > (1 - LEAST_GAIN) * before or gain_low <= 0:
         return None
-    along = [signals_along(plant, part, fit.site.position) for part in bench.fitted]
+    along = [signals_along(plant, part, fit.site.position) for part in problem.fitted]
     values = np.vstack([evaluated(form.terms, signals, plant.rig.sample_time) for signals in along])
     pieces = values * np.array(form.coefficients)
     order = [int(k) for k in np.argsort(-pieces.std(axis=0), kind="stable")]
@@ -275,18 +275,18 @@ def _kept(fit: _Fit, base: Candidate, bench: Bench, rng: np.random.Generator) ->
         unseen=unseen,
         state=np.concatenate([signals[form.terms[order[0]].variable] for signals in along]),
         entering=form.size * pieces.sum(axis=1),
-        latent=_latent(plant.without_effects(form.name), bench.fitted, fit.site.opening, base.noise),
+        latent=_latent(plant.without_effects(form.name), problem.fitted, fit.site.opening, base.noise),
     )
 
 
-def _left_without(fit: _Fit, base: Candidate, bench: Bench) -> Array:
+def _left_without(fit: _Fit, base: Candidate, problem: DiagnosisProblem) -> Array:
     """Residuals of the held-out part without the form, of the plant fitted again from where it is beside it.
 
     Beside a form the plant's own parameters may come to where they are better off without it, too.
     """
     plant = fit.calibration.plant.without_effects(fit.form.name)
-    again = descend(plant, bench.fitted, evaluations=EVALUATIONS, tolerance=TOLERANCE)
-    unseen = free_run_residuals(again.plant, bench.unseen) if again.status.ok else None
+    again = descend(plant, problem.fitted, evaluations=EVALUATIONS, tolerance=TOLERANCE)
+    unseen = free_run_residuals(again.plant, problem.unseen) if again.status.ok else None
     return base.unseen if unseen is None else unseen
 
 

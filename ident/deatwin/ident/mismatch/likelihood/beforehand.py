@@ -119,7 +119,7 @@ class Coordinate:
 def coordinate(parameter: Parameter, nominal: Plant, effects: Mapping[str, Effect], reading: float) -> Coordinate:
     """Return what is known of a plant's parameter, or one of an effect by its name; the largest `reading` is in SI.
 
-    Of one that only another form of the plant has, its value is known as well as any.
+    Of one that only another variant of the plant has, its value is known as well as any.
     """
     if parameter.name in nominal.parameters:
         known = nominal.parameters[parameter.name]

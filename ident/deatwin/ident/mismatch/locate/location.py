@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from deatwin.ident.mismatch.datasets import places
-from deatwin.ident.mismatch.floor import error_in
 from deatwin.ident.mismatch.locate.frequency import Bands, locate_frequency
 from deatwin.ident.mismatch.locate.lines import Lines, locate_lines
 from deatwin.ident.mismatch.locate.place import Places, locate_place
@@ -19,6 +18,7 @@ from deatwin.ident.mismatch.locate.response import draw_response, locate_respons
 from deatwin.ident.mismatch.locate.time import Times, locate_time
 from deatwin.ident.mismatch.locate.track import Unit, readings, tracks
 from deatwin.ident.mismatch.located import LinesSummary, LocationSummary, ReadingLocation, ResponseDifference
+from deatwin.ident.mismatch.model_error import error_in
 from deatwin.plant.amplitudes import amplitude_unit, written_amplitude
 from deatwin.plant.datasets import Described, Metadata, attribute, several
 from deatwin.plant.recording import Recording
@@ -26,9 +26,9 @@ from deatwin.plant.recording import Recording
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from deatwin.ident.mismatch.bench import Bench
-    from deatwin.ident.mismatch.gate.gate import Gate
     from deatwin.ident.mismatch.naming.candidate import Candidate
+    from deatwin.ident.mismatch.problem import DiagnosisProblem
+    from deatwin.ident.mismatch.quality.quality import DataQuality
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -129,16 +129,16 @@ def _new_axes(count: int) -> list[Axes]:
     return axes[:count]
 
 
-def locate(base: Candidate, bench: Bench, checked: Gate, rng: np.random.Generator) -> Location:
+def locate(base: Candidate, problem: DiagnosisProblem, checked: DataQuality, rng: np.random.Generator) -> Location:
     """Locate the mismatch in time, frequency, operating region and part of the plant.
 
     Parameters
     ----------
     base : Candidate
         The calibrated base plant.
-    bench : Bench
+    problem : DiagnosisProblem
         Diagnosis problem with the fitted data.
-    checked : Gate
+    checked : DataQuality
         Recordings with their sound samples.
     rng : numpy.random.Generator
         Source of random numbers of the test of repeatability.
@@ -161,19 +161,19 @@ def locate(base: Candidate, bench: Bench, checked: Gate, rng: np.random.Generato
         frequency=locate_frequency(found, base.noise),
         lines=locate_lines(found, base.noise),
         region=replace(locate_region(found, unit[1]), unit=written_amplitude(plant.rig.output_unit)[0]),
-        place=locate_place(base, bench.of_first, rng),
+        place=locate_place(base, problem.of_first, rng),
         response=locate_response(_sound(checked, simulated), simulated, model_error),
         unit=unit,
-        readings=_of_further(base, bench, checked),
+        readings=_of_further(base, problem, checked),
     )
 
 
-def _of_further(base: Candidate, bench: Bench, checked: Gate) -> tuple[ReadingLocation, ...] | None:
+def _of_further(base: Candidate, problem: DiagnosisProblem, checked: DataQuality) -> tuple[ReadingLocation, ...] | None:
     """Return where the mismatch is in each further reading that was recorded."""
     plant = base.calibration.plant
     records = [record for experiment in checked.experiments for record in experiment.recordings]
     found = []
-    for reading in bench.nominal.rig.further:
+    for reading in problem.nominal.rig.further:
         own = error_in(plant.rig, reading, records)
         if own is not None:
             residual = tracks(plant, checked.experiments, reading.name)
@@ -188,7 +188,7 @@ def _of_further(base: Candidate, bench: Bench, checked: Gate) -> tuple[ReadingLo
     return tuple(found) or None
 
 
-def _sound(checked: Gate, simulated: Sequence[np.ndarray]) -> list[Recording]:
+def _sound(checked: DataQuality, simulated: Sequence[np.ndarray]) -> list[Recording]:
     """A reading at fault says nothing of the response: the simulated one takes its place."""
     records = [record for experiment in checked.experiments for record in experiment.recordings]
     masks = [mask for each in checked.usable for mask in each]

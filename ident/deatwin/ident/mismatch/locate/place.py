@@ -24,8 +24,8 @@ from deatwin.plant.model import Plant
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from deatwin.ident.mismatch.bench import Bench
     from deatwin.ident.mismatch.naming.candidate import Candidate
+    from deatwin.ident.mismatch.problem import DiagnosisProblem
 
 
 BLOCKS = 48
@@ -151,7 +151,7 @@ class Places(Described):
         return ax
 
 
-def locate_place(base: Candidate, bench: Bench, rng: np.random.Generator) -> Places:
+def locate_place(base: Candidate, problem: DiagnosisProblem, rng: np.random.Generator) -> Places:
     """Open one place of the plant after the other.
 
     Two questions are asked of each. How much likelier are the readings if something wanders there? And is what enters
@@ -162,7 +162,7 @@ def locate_place(base: Candidate, bench: Bench, rng: np.random.Generator) -> Pla
     ----------
     base : Candidate
         The calibrated base plant.
-    bench : Bench
+    problem : DiagnosisProblem
         Recordings.
     rng : numpy.random.Generator
         Of the test of repeatability.
@@ -181,13 +181,13 @@ def locate_place(base: Candidate, bench: Bench, rng: np.random.Generator) -> Pla
     Self & Liang, J. Am. Stat. Assoc. 82 (1987) 605-610 (law of a likelihood ratio at a bound).
     """
     plant = base.calibration.plant
-    linears = without_repeats(linearise(plant, bench.everything, _openings(plant)))
+    linears = without_repeats(linearise(plant, problem.everything, _openings(plant)))
     floor = Floor.of(linears, base.noise)
     gains = _gains(linears, floor)
     # Half of the law is a point mass at zero, the other half is chi-squared with one degree of freedom.
     p_values = holm([float(0.5 * chdtrc(1, 2 * gain)) if gain > 0 else 1.0 for gain in gains])
     problems = regressions(linears)
-    closures = [closure(problem) for problem in problems]
+    closures = [closure(fitting) for fitting in problems]
     best = min(closures, key=lambda c: float(c.losses.mean()))
     explicable = 1 - floor.noise**2 / problems[0].readings / max(float(best.closed.mean()), 1e-300)
     found = [

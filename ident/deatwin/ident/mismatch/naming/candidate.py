@@ -10,12 +10,12 @@ import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.parts import Part, first_only, free_run_residuals, level_of
-from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.excess import Excess, excess_over_floor
-from deatwin.ident.mismatch.floor import with_model_error
-from deatwin.ident.mismatch.gate.noise import noise_level
+from deatwin.ident.mismatch.excess import Excess, excess_of
 from deatwin.ident.mismatch.losses import block_losses, evidence
+from deatwin.ident.mismatch.model_error import with_model_error
 from deatwin.ident.mismatch.naming.contribution import contribution
+from deatwin.ident.mismatch.problem import DiagnosisProblem
+from deatwin.ident.mismatch.quality.noise import noise_level
 from deatwin.ident.soundness import resolution
 
 LONG_ENOUGH = 250
@@ -65,12 +65,12 @@ class Candidate:
     @cached_property
     def fitted_test(self) -> Excess:
         """Return whether what is left of the fitted part is more than noise and model error."""
-        return excess_over_floor(self.calibration.residuals, self.noise, self.calibration.plant.rig.model_error)
+        return excess_of(self.calibration.residuals, self.noise, self.calibration.plant.rig.model_error)
 
     @cached_property
     def unseen_test(self) -> Excess:
         """Return the same of the held-out part."""
-        return excess_over_floor(self.unseen, self.noise, self.calibration.plant.rig.model_error)
+        return excess_of(self.unseen, self.noise, self.calibration.plant.rig.model_error)
 
     def with_floor(self, model_error: float) -> Candidate:
         """Return the same candidate, judged by another model error.
@@ -99,7 +99,7 @@ class Candidate:
         On fitted data the residuals must not exceed noise and model error, which is stricter than having no significant
         mismatch. On held-out data, which are extrapolated, there must be no significant mismatch.
         """
-        return self.fitted_test.within_floor and not self.unseen_test.mismatch
+        return self.fitted_test.within_error and not self.unseen_test.mismatch
 
     @property
     def residuals(self) -> np.ndarray:
@@ -139,12 +139,12 @@ class Candidate:
         return evidence(self.losses, len(self.calibration.names)) + self.log_prior
 
 
-def judge(bench: Bench, calibration: Calibration, noise: float) -> Candidate | None:
+def judge(problem: DiagnosisProblem, calibration: Calibration, noise: float) -> Candidate | None:
     """Free-run residuals of a fitted plant on the held-out part.
 
     Parameters
     ----------
-    bench : Bench
+    problem : DiagnosisProblem
         Recordings.
     calibration : Calibration
         The fit.
@@ -156,21 +156,21 @@ def judge(bench: Bench, calibration: Calibration, noise: float) -> Candidate | N
     Candidate or None
         None if the plant cannot be simulated there.
     """
-    residuals = free_run_residuals(calibration.plant, bench.unseen)
+    residuals = free_run_residuals(calibration.plant, problem.unseen)
     if residuals is None:
         return None
-    added = tuple(e for e in calibration.plant.effect_names if e not in bench.nominal.effect_names)
+    added = tuple(e for e in calibration.plant.effect_names if e not in problem.nominal.effect_names)
     return Candidate(
         effects=added,
         calibration=calibration,
         unseen=residuals,
         noise=noise,
-        contribution=contribution(bench, calibration, added),
-        sizes=tuple((one.size, other.size) for one, other in zip(bench.fitted, bench.unseen, strict=True)),
-        measured=np.concatenate([part.measured for part in (*bench.fitted, *bench.unseen)]),
-        level=level_of((*bench.fitted, *bench.unseen)),
-        log_share=bench.log_share(added),
-        log_size=bench.log_size(added, calibration.plant),
+        contribution=contribution(problem, calibration, added),
+        sizes=tuple((one.size, other.size) for one, other in zip(problem.fitted, problem.unseen, strict=True)),
+        measured=np.concatenate([part.measured for part in (*problem.fitted, *problem.unseen)]),
+        level=level_of((*problem.fitted, *problem.unseen)),
+        log_share=problem.log_share(added),
+        log_size=problem.log_size(added, calibration.plant),
     )
 
 

@@ -8,15 +8,15 @@ import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.parts import Part, level_of, simulated
-from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.problem import DiagnosisProblem
 
 
-def contribution(bench: Bench, explanation: Calibration, added: Sequence[str]) -> np.ndarray:
+def contribution(problem: DiagnosisProblem, explanation: Calibration, added: Sequence[str]) -> np.ndarray:
     """Return what added effects do to the readings of the plant that was fitted with them.
 
     Parameters
     ----------
-    bench : Bench
+    problem : DiagnosisProblem
         Recordings.
     explanation : Calibration
         With the effects, on the fitted part.
@@ -31,10 +31,10 @@ def contribution(bench: Bench, explanation: Calibration, added: Sequence[str]) -
     """
     if not added:
         return np.zeros_like(explanation.residuals)
-    without = simulated(explanation.plant.without_effects(*added), [part.until_last() for part in bench.fitted])
+    without = simulated(explanation.plant.without_effects(*added), [part.until_last() for part in problem.fitted])
     if without is None:
         return np.full_like(explanation.residuals, np.inf)
-    return (readings_of_fit(bench.fitted, explanation.residuals) - without) / level_of(bench.fitted)
+    return (readings_of_fit(problem.fitted, explanation.residuals) - without) / level_of(problem.fitted)
 
 
 def readings_of_fit(parts: Sequence[Part], residuals: np.ndarray) -> np.ndarray:

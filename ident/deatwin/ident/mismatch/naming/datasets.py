@@ -1,4 +1,4 @@
-"""Explanations and forms of the plant as xarray datasets: what each leaves of both parts."""
+"""Explanations and variants of the plant as xarray datasets: what each leaves of both parts."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 
 from deatwin.ident.mismatch.datasets import table
-from deatwin.ident.mismatch.naming.rows import Explanations, Forms, Row, form_rows, row_of
+from deatwin.ident.mismatch.naming.rows import Explanations, Forms, Row, row_of, variant_rows
 from deatwin.plant.datasets import Variables
 
 NOISE = "standard deviation of the sensor's noise"
 
 
 def base_tables(base: Forms) -> Variables:
-    """The forms of the base plant, the chosen one first, with their residuals; SI."""
+    """The variants of the base plant, the chosen one first, with their residuals; SI."""
     unit = base.chosen.calibration.plant.rig.output_unit
-    return {**_rows("form", form_rows(base), unit), "noise": ((), base.noise, unit, NOISE)}
+    return {**_rows("form", variant_rows(base), unit), "noise": ((), base.noise, unit, NOISE)}
 
 
 def naming_tables(naming: Explanations) -> Variables:
@@ -25,7 +25,7 @@ def naming_tables(naming: Explanations) -> Variables:
 
     Each has its probability where it competed with the best one; distances d² are those from the best one.
     """
-    told = [*naming.candidates, *([] if naming.best is None else [naming.best]), *naming.rivals]
+    told = [*naming.candidates, *([] if naming.best is None else [naming.best]), *naming.alternatives]
     candidates = list(dict.fromkeys(told))
     probability = [naming.probabilities.get(c.effects, np.nan) for c in candidates]
     distances = [{"from": one.effects[0], "to": one.effects[1], "d2": one.d2} for one in naming.distances]

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from deatwin.ident.mismatch.advise.distance import STEPS, TOLD_APART, separation
-from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.advise.distance import DISTINGUISHED, STEPS, separation
 from deatwin.ident.mismatch.naming.candidate import Candidate, Distance
 from deatwin.ident.mismatch.naming.datasets import naming_tables
 from deatwin.ident.mismatch.naming.drawing import draw_naming
-from deatwin.ident.mismatch.naming.versus import advantage, likeliest
+from deatwin.ident.mismatch.naming.evidence_ratio import advantage, likeliest
+from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.datasets import Described, Metadata, attribute, several
 
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 Distances = dict[tuple[object, ...], tuple[tuple[Any, ...], float]]
 """By the ids of two fits, which the arguments of the distance beside it keep in memory, noise and steps."""
 STRONG = float(np.log(20.0))
-"""An explanation stands alone where no rival's evidence is within this, in nats (Kass & Raftery 1995: strong)."""
+"""An explanation stands alone where no alternative's evidence is within this, in nats (Kass & Raftery 1995: strong)."""
 CREDIBLE = 0.95
-"""Together with its rivals it holds at least so much of the probability: many weak rivals make one strong doubt."""
-RIVAL_SHARE = 0.5
-"""A rival whose distance is not known is also kept while its error differs by less than this share of the model's."""
+"""Together with its alternatives it holds at least so much of the probability: many weak alternatives make one strong doubt."""
+ALTERNATIVE_SHARE = 0.5
+"""An alternative whose distance is not known is also kept while its error differs by less than this share of the model's."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,7 +41,7 @@ class Naming(Described):
         All candidates that could be fitted, in the order of trial; the base plant first.
     best : Candidate or None
         Explanation with the most evidence.
-    rivals : tuple of Candidate
+    alternatives : tuple of Candidate
         Alternative explanations that these recordings cannot rule out.
     probabilities : mapping of tuple of str to float
         Probability of each candidate with as many effects as the best one, by evidence. An alternative that cannot be
@@ -56,7 +56,7 @@ class Naming(Described):
 
     candidates: tuple[Candidate, ...]
     best: Candidate | None
-    rivals: tuple[Candidate, ...]
+    alternatives: tuple[Candidate, ...]
     probabilities: Mapping[tuple[str, ...], float]
     noise: float
     distances: tuple[Distance, ...] = ()
@@ -80,19 +80,19 @@ class Naming(Described):
         -------
         Naming
         """
-        rivals = {c.effects: c for c in sorted(others, key=lambda c: c.evidence)}
-        elsewhere = {"+".join(effects) for effects in rivals}
-        competing = {c.effects: c for c in self.candidates if c.effects in self.probabilities} | rivals
+        alternatives = {c.effects: c for c in sorted(others, key=lambda c: c.evidence)}
+        elsewhere = {"+".join(effects) for effects in alternatives}
+        competing = {c.effects: c for c in self.candidates if c.effects in self.probabilities} | alternatives
         return replace(
             self,
-            candidates=(*self.candidates, *rivals.values()),
-            rivals=(*self.rivals, *rivals.values()),
+            candidates=(*self.candidates, *alternatives.values()),
+            alternatives=(*self.alternatives, *alternatives.values()),
             probabilities=_probabilities(list(competing.values())),
-            # That of the same effects in another form says nothing of these.
+            # That of the same effects in another variant says nothing of these.
             distances=tuple(d for d in self.distances if d.effects[1] not in elsewhere),
         )
 
-    def led_by(self, first: Candidate) -> Naming:
+    def with_best(self, first: Candidate) -> Naming:
         """Return the same answer with another explanation as the best; the former best becomes an alternative.
 
         Parameters
@@ -109,8 +109,8 @@ class Naming(Described):
             return self
         name = "+".join(first.effects)
         known = tuple(replace(d, effects=(name, d.effects[0])) for d in self.distances if d.effects[1] == name)
-        others = tuple(c for c in (self.best, *self.rivals) if c is not first)
-        return replace(self, best=first, rivals=others, distances=known)
+        others = tuple(c for c in (self.best, *self.alternatives) if c is not first)
+        return replace(self, best=first, alternatives=others, distances=known)
 
     def as_likely(self, others: Sequence[Candidate]) -> Naming:
         """Return the same answer with alternatives that cannot be compared by evidence, each as likely as the best one.
@@ -124,12 +124,12 @@ class Naming(Described):
         -------
         Naming
         """
-        kept = {c.effects for c in self.rivals}
+        kept = {c.effects for c in self.alternatives}
         further = tuple(c for c in others if c.effects not in kept)
         if self.best is None or not further:
             return self
         weights = {**self.probabilities, **{c.effects: self.probabilities[self.best.effects] for c in further}}
-        return replace(self, rivals=(*self.rivals, *further), probabilities=normalised(weights))
+        return replace(self, alternatives=(*self.alternatives, *further), probabilities=normalised(weights))
 
     def without(self, refuted: Collection[frozenset[str]]) -> Naming:
         """Return the same answer without alternatives that have been refuted.
@@ -143,11 +143,15 @@ class Naming(Described):
         -------
         Naming
         """
-        rivals = tuple(rival for rival in self.rivals if frozenset(rival.effects) not in refuted)
-        if len(rivals) == len(self.rivals):
+        alternatives = tuple(
+            alternative for alternative in self.alternatives if frozenset(alternative.effects) not in refuted
+        )
+        if len(alternatives) == len(self.alternatives):
             return self
         weights = {effects: p for effects, p in self.probabilities.items() if frozenset(effects) not in refuted}
-        return replace(self, rivals=rivals, probabilities=normalised(weights) if any(weights.values()) else weights)
+        return replace(
+            self, alternatives=alternatives, probabilities=normalised(weights) if any(weights.values()) else weights
+        )
 
     def knowing(self, later: Naming) -> Naming:
         """Return the same answer with the later trials on the same interpretation of the rig file.
@@ -219,7 +223,7 @@ def nothing_tried(base: Candidate) -> Naming:
     -------
     Naming
     """
-    return Naming(candidates=(base,), best=None, rivals=(), probabilities={}, noise=base.noise)
+    return Naming(candidates=(base,), best=None, alternatives=(), probabilities={}, noise=base.noise)
 
 
 def decide(
@@ -231,7 +235,7 @@ def decide(
 ) -> Naming:
     """The best of one stage, and the ones that cannot be ruled out beside it.
 
-    The best must explain the recordings by itself, in absolute terms. A rival need not: what is nearly as likely, or
+    The best must explain the recordings by itself, in absolute terms. An alternative need not: what is nearly as likely, or
     likelier, is not ruled out by a limit that the best keeps by a hair.
 
     Parameters
@@ -245,24 +249,26 @@ def decide(
     good : callable
         Whether a candidate explains the recordings.
     possible : callable
-        Whether it could be a rival.
+        Whether it could be an alternative.
 
     Returns
     -------
     Naming
     """
     if not stage:
-        return Naming(candidates=tuple(tried), best=None, rivals=(), probabilities={}, noise=noise)
+        return Naming(candidates=tuple(tried), best=None, alternatives=(), probabilities={}, noise=noise)
     probabilities = _probabilities(stage)
     ranked = sorted(stage, key=lambda c: -probabilities[c.effects])
     enough = [c for c in stage if good(c)]
     best = likeliest(enough) if enough else None
     if best is None:
-        return Naming(candidates=tuple(tried), best=None, rivals=(), probabilities=probabilities, noise=noise)
+        return Naming(candidates=tuple(tried), best=None, alternatives=(), probabilities=probabilities, noise=noise)
     others = [c for c in ranked if c is not best and (good(c) or possible(c))]
     likely = _credible(best, others, probabilities)
-    rivals = tuple(c for c in others if c in likely or is_as_likely(c, best))
-    return Naming(candidates=tuple(tried), best=best, rivals=rivals, probabilities=probabilities, noise=noise)
+    alternatives = tuple(c for c in others if c in likely or is_as_likely(c, best))
+    return Naming(
+        candidates=tuple(tried), best=best, alternatives=alternatives, probabilities=probabilities, noise=noise
+    )
 
 
 def _probabilities(competing: Sequence[Candidate]) -> dict[tuple[str, ...], float]:
@@ -285,14 +291,14 @@ def _credible(
 def with_distances(
     naming: Naming,
     stage: Sequence[Candidate],
-    bench: Bench,
+    problem: DiagnosisProblem,
     possible: Callable[[Candidate], bool],
     distance: Callable[..., float] = separation,
     known: Distances | None = None,
 ) -> Naming:
-    """Also keep as rivals the explanations that these inputs cannot tell from the best, whoever won.
+    """Also keep as alternatives the explanations that these inputs cannot tell from the best, whoever won.
 
-    What is worse by more than the plant's own error has been told apart, though it need not have been. So has what is
+    What is worse by more than the plant's own error has been distinguished, though it need not have been. So has what is
     far less likely beforehand: the gain of an amplifier hardly drifts by a tenth.
 
     Parameters
@@ -301,10 +307,10 @@ def with_distances(
         Decided over `stage`.
     stage : sequence of Candidate
         Those that competed.
-    bench : Bench
+    problem : DiagnosisProblem
         Recordings.
     possible : callable
-        Whether a candidate could be a rival.
+        Whether a candidate could be an alternative.
     distance : callable
         Gives d² between two fits, as `separation`.
     known : dict, optional
@@ -320,22 +326,22 @@ def with_distances(
     known = {} if known is None else known
     others = [c for c in stage if c.effects != best.effects and possible(c)]
     alike = [_apart(c, best) <= _model_error(best) for c in others]
-    # Of what the recordings have told apart the order of magnitude is enough.
+    # Of what the recordings have distinguished the order of magnitude is enough.
     tasks = [
-        (best.calibration, c.calibration, bench.everything, naming.noise, STEPS if close else 0)
+        (best.calibration, c.calibration, problem.everything, naming.noise, STEPS if close else 0)
         for c, close in zip(others, alike, strict=True)
     ]
     new = {_key(task): task for task in tasks if _key(task) not in known}
-    measured = run_jobs(distance, new.values(), workers=bench.jobs)
+    measured = run_jobs(distance, new.values(), workers=problem.jobs)
     known.update(zip(new, zip(new.values(), measured, strict=True), strict=True))
     found = [known[_key(task)][1] for task in tasks]
     near = [
         c
         for c, close, d2 in zip(others, alike, found, strict=True)
-        if close and d2 < TOLD_APART and is_possible(c, best) and c not in naming.rivals
+        if close and d2 < DISTINGUISHED and is_possible(c, best) and c not in naming.alternatives
     ]
     distances = tuple(_distance(best, c, d2) for c, d2 in zip(others, found, strict=True))
-    return replace(naming, rivals=(*naming.rivals, *near), distances=distances)
+    return replace(naming, alternatives=(*naming.alternatives, *near), distances=distances)
 
 
 def _key(task: tuple[Any, ...]) -> tuple[object, ...]:
@@ -343,16 +349,18 @@ def _key(task: tuple[Any, ...]) -> tuple[object, ...]:
     return id(one), id(other), noise, steps
 
 
-def with_all_distances(naming: Naming, bench: Bench, distance: Callable[..., float] = separation) -> Naming:
-    """Return the same answer, with the distances from its best to those rivals of which none is known yet.
+def with_all_distances(
+    naming: Naming, problem: DiagnosisProblem, distance: Callable[..., float] = separation
+) -> Naming:
+    """Return the same answer, with the distances from its best to those alternatives of which none is known yet.
 
-    Evidence alone may have kept them, or another form of the rig brought them, or another one led before.
+    Evidence alone may have kept them, or another variant of the rig brought them, or another one led before.
 
     Parameters
     ----------
     naming : Naming
-        An answer with rivals.
-    bench : Bench
+        An answer with alternatives.
+    problem : DiagnosisProblem
         Recordings.
     distance : callable
         Gives d² between two fits, as `separation`.
@@ -364,9 +372,9 @@ def with_all_distances(naming: Naming, bench: Bench, distance: Callable[..., flo
     best, known = naming.best, {d.effects[1] for d in naming.distances}
     if best is None:
         return naming
-    others = [c for c in naming.rivals if "+".join(c.effects) not in known]
-    tasks = [(best.calibration, c.calibration, bench.everything, naming.noise) for c in others]
-    found = run_jobs(distance, tasks, workers=bench.jobs)
+    others = [c for c in naming.alternatives if "+".join(c.effects) not in known]
+    tasks = [(best.calibration, c.calibration, problem.everything, naming.noise) for c in others]
+    found = run_jobs(distance, tasks, workers=problem.jobs)
     further = (_distance(best, c, d2) for c, d2 in zip(others, found, strict=True))
     return replace(naming, distances=(*naming.distances, *further))
 
@@ -375,52 +383,52 @@ def _distance(best: Candidate, other: Candidate, d2: float) -> Distance:
     return Distance(effects=("+".join(best.effects), "+".join(other.effects)), d2=d2)
 
 
-def cannot_rule_out(rival: Candidate, best: Candidate) -> bool:
-    """Return whether the recordings leave a rival possible whose distance from the best is not known.
+def cannot_rule_out(alternative: Candidate, best: Candidate) -> bool:
+    """Return whether the recordings leave an alternative possible whose distance from the best is not known.
 
     Parameters
     ----------
-    rival, best : Candidate
+    alternative, best : Candidate
         Both explain the recordings.
 
     Returns
     -------
     bool
         True if the evidence for the best is not strong, or if the two differ by less than the plant's own error and the
-        rival is not far less likely beforehand.
+        alternative is not far less likely beforehand.
     """
-    if is_as_likely(rival, best):
+    if is_as_likely(alternative, best):
         return True
-    return is_possible(rival, best) and _apart(rival, best) < RIVAL_SHARE * _model_error(best)
+    return is_possible(alternative, best) and _apart(alternative, best) < ALTERNATIVE_SHARE * _model_error(best)
 
 
-def is_possible(rival: Candidate, best: Candidate) -> bool:
-    """Return whether a rival that reads alike is not far less likely beforehand."""
-    return best.log_prior - rival.log_prior < STRONG
+def is_possible(alternative: Candidate, best: Candidate) -> bool:
+    """Return whether an alternative that reads alike is not far less likely beforehand."""
+    return best.log_prior - alternative.log_prior < STRONG
 
 
-def _apart(rival: Candidate, best: Candidate) -> float:
-    """Rms by which a rival leaves more than the best in one of the experiments, SI; 0 where it does in none.
+def _apart(alternative: Candidate, best: Candidate) -> float:
+    """Rms by which an alternative leaves more than the best in one of the experiments, SI; 0 where it does in none.
 
     Over all of them together a short one, made to tell the two apart, would count for little.
     """
-    return float(np.sqrt(max(float((rival.mean_squares - best.mean_squares).max()), 0.0)))
+    return float(np.sqrt(max(float((alternative.mean_squares - best.mean_squares).max()), 0.0)))
 
 
 def _model_error(best: Candidate) -> float:
     return float(best.calibration.plant.rig.model_error)
 
 
-def is_as_likely(rival: Candidate, best: Candidate) -> bool:
-    """Return whether the evidence for the best over a rival is not strong.
+def is_as_likely(alternative: Candidate, best: Candidate) -> bool:
+    """Return whether the evidence for the best over an alternative is not strong.
 
     Parameters
     ----------
-    rival, best : Candidate
+    alternative, best : Candidate
         Both fitted to the same recordings.
 
     Returns
     -------
     bool
     """
-    return advantage(best, rival) < STRONG
+    return advantage(best, alternative) < STRONG

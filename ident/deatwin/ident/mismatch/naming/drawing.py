@@ -1,4 +1,4 @@
-"""Explanations and forms of the plant on paper: what each leaves of both parts, beside the sensor's noise."""
+"""Explanations and variants of the plant on paper: what each leaves of both parts, beside the sensor's noise."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from deatwin.ident.mismatch.naming.rows import Explanations, Forms, Row, form_rows, in_words, row_of
+from deatwin.ident.mismatch.naming.rows import Explanations, Forms, Row, in_words, row_of, variant_rows
 from deatwin.plant.amplitudes import written_amplitude
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 MOST = 12
 """Candidates that are drawn; more where more cannot be ruled out."""
 WIDE = 20.0
-"""Ratio of the largest to the smallest bar beyond which the smaller ones are not told apart on a linear scale."""
+"""Ratio of the largest to the smallest bar beyond which the smaller ones are not distinguished on a linear scale."""
 THICK = 0.38
 """Height of a bar, if rows are 1 apart."""
 WIDTH, HEIGHT, GAP, LINE = 6.8, 1.8, 0.06, 0.15
@@ -50,7 +50,7 @@ class _Level:
 
 
 def draw_base(base: Forms, ax: Axes | None = None) -> Axes:
-    """Draw what each form of the base plant leaves.
+    """Draw what each variant of the base plant leaves.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def draw_base(base: Forms, ax: Axes | None = None) -> Axes:
         f"left beyond the noise: {_amplitude(left, rig.output_unit)}; "
         f"the plant's own model error: {_amplitude(rig.model_error, rig.output_unit)}"
     )
-    return _draw(form_rows(base), [_noise(base.noise), floor], title, ax)
+    return _draw(variant_rows(base), [_noise(base.noise), floor], title, ax)
 
 
 def draw_naming(naming: Explanations, ax: Axes | None = None) -> Axes:
@@ -93,8 +93,8 @@ def draw_naming(naming: Explanations, ax: Axes | None = None) -> Axes:
 
 
 def _shown(naming: Explanations) -> list[Candidate]:
-    """The base plant; the answer, its rivals and others, the best on held-out data first."""
-    needed = [c for c in (naming.best, *naming.rivals) if c is not None]
+    """The base plant; the answer, its alternatives and others, the best on held-out data first."""
+    needed = [c for c in (naming.best, *naming.alternatives) if c is not None]
     others = sorted((c for c in naming.candidates[1:] if c not in needed), key=_unseen)
     room = max(MOST - 1 - len(needed), 0)
     return [naming.base, *sorted([*needed, *others[:room]], key=_unseen)]
@@ -106,7 +106,7 @@ def _unseen(candidate: Candidate) -> float:
 
 def _conclusion(naming: Explanations, shown: int) -> str:
     """Return what was found, and in a second line what is not seen in the bars."""
-    tried = len(dict.fromkeys((*naming.candidates[1:], *naming.rivals)))
+    tried = len(dict.fromkeys((*naming.candidates[1:], *naming.alternatives)))
     if naming.best is not None:
         found = f"best explanation: {in_words(naming.best)}"
     else:

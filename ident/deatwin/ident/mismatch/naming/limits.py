@@ -14,7 +14,7 @@ ROUNDING = 1e-9
 
 
 def with_limits(naming: Naming, possible: Callable[[Candidate], bool]) -> Naming:
-    """Also keep as a rival what the best explanation has become at the lower end of its range.
+    """Also keep as an alternative what the best explanation has become at the lower end of its range.
 
     Hysteresis over ever smaller distances is dry friction: where the fit ends at the smallest, or is not sure to be
     away from it (95 %), better residuals speak for details of the contact, not for the one name or the other: they are
@@ -25,7 +25,7 @@ def with_limits(naming: Naming, possible: Callable[[Candidate], bool]) -> Naming
     naming : Naming
         Decided.
     possible : callable
-        Whether a candidate could be a rival.
+        Whether a candidate could be an alternative.
 
     Returns
     -------

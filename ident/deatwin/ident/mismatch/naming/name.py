@@ -8,28 +8,28 @@ from functools import partial
 
 import numpy as np
 
-from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.naming.answers import decided, decided_surely, nearly, of_two, on_everything, settled
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out, is_as_likely
-from deatwin.ident.mismatch.naming.forms import in_form, with_fewer
+from deatwin.ident.mismatch.naming.decisions import decided, decided_surely, nearly, of_two, on_everything, settled
 from deatwin.ident.mismatch.naming.pairs import with_a_second
-from deatwin.ident.mismatch.naming.screen import Footprint
+from deatwin.ident.mismatch.naming.screen import LinearisedResponse
 from deatwin.ident.mismatch.naming.sets import Search
 from deatwin.ident.mismatch.naming.trial import Fitted
 from deatwin.ident.mismatch.naming.tried import CLEARLY_BETTER, Finished, Names
+from deatwin.ident.mismatch.naming.variants import in_variant, with_fewer
+from deatwin.ident.mismatch.problem import DiagnosisProblem
 
 MOST_CAUSES = 3
-"""More effects at once are not told apart."""
-_InForm = tuple[Search, list[Names], Naming]
-"""A search in one form of the plant, the single effects that were tried there, and the decision over them."""
+"""More effects at once are not distinguished."""
+_InVariant = tuple[Search, list[Names], Naming]
+"""A search in one variant of the plant, the single effects that were tried there, and the decision over them."""
 
 
 def name_causes(
-    bench: Bench,
+    problem: DiagnosisProblem,
     base: Candidate,
-    known: Sequence[Footprint],
-    rivals: Sequence[Candidate] = (),
+    known: Sequence[LinearisedResponse],
+    alternatives: Sequence[Candidate] = (),
     finished: Finished | None = None,
     fitted: Fitted | None = None,
 ) -> Naming:
@@ -49,13 +49,13 @@ def name_causes(
 
     Parameters
     ----------
-    bench : Bench
+    problem : DiagnosisProblem
         Effects and recordings.
     base : Candidate
         The calibrated plant without further effects.
-    known : sequence of Footprint
+    known : sequence of LinearisedResponse
         Linearised responses of all effects in that plant.
-    rivals : sequence of Candidate
+    alternatives : sequence of Candidate
         Other interpretations of the base plant.
     finished : callable, optional
         Called with the completed share.
@@ -68,25 +68,25 @@ def name_causes(
     Naming
         Ranking whose first candidate is the base plant in the chosen interpretation.
     """
-    return next(explanations(bench, base, known, rivals, finished, fitted))
+    return next(explanations(problem, base, known, alternatives, finished, fitted))
 
 
 def explanations(
-    bench: Bench,
+    problem: DiagnosisProblem,
     base: Candidate,
-    known: Sequence[Footprint],
-    rivals: Sequence[Candidate] = (),
+    known: Sequence[LinearisedResponse],
+    alternatives: Sequence[Candidate] = (),
     finished: Finished | None = None,
     fitted: Fitted | None = None,
 ) -> Iterator[Naming]:
     """Return what `name_causes` finds, then what else explains the recordings, for those who have refuted it.
 
     A single effect that suffices ends the search. Where it is refuted, it may have imitated two. Where fewer effects
-    were enough in another form of the plant, there is the answer with more in the form before.
+    were enough in another variant of the plant, there is the answer with more in the variant before.
 
     Parameters
     ----------
-    bench, base, known, rivals, finished, fitted
+    problem, base, known, alternatives, finished, fitted
         As for `name_causes`.
 
     Yields
@@ -100,17 +100,17 @@ def explanations(
         if finished is not None:
             finished((number + share) / MOST_CAUSES)
 
-    search = Search(bench, base, known, fitted)
+    search = Search(problem, base, known, fitted)
     stage = search.beside((), partial(tell, 0))
     search.judge_by_the_best(stage)
     naming = decided(search, stage)
     own = taken = search, stage, naming
-    misread = [rival for rival in rivals if search.may_be_misread(stage, naming, rival)]
+    misread = [alternative for alternative in alternatives if search.may_be_misread(stage, naming, alternative)]
     if misread:
-        taken = _best_form([own, *(_decided_in_form(search, rival, stage) for rival in misread)])
+        taken = _best_variant([own, *(_decided_in_variant(search, alternative, stage) for alternative in misread)])
     search, naming = _with_more(taken, own, tell)
     fit = search.tried[()].calibration
-    others = [form for form in (base, *rivals) if form.calibration is not fit]
+    others = [variant for variant in (base, *alternatives) if variant.calibration is not fit]
     naming = with_a_second(search, naming)
     simplest, first = with_fewer(search, naming, others)
     yield from _final(simplest, first)
@@ -124,16 +124,16 @@ def _final(search: Search, naming: Naming) -> Iterator[Naming]:
     return (replace(answer, failed=tuple(search.failed)) for answer in on_everything(search, naming))
 
 
-def _decided_in_form(search: Search, rival: Candidate, stage: Sequence[Names]) -> _InForm:
-    other, found = in_form(search, rival, stage)
+def _decided_in_variant(search: Search, alternative: Candidate, stage: Sequence[Names]) -> _InVariant:
+    other, found = in_variant(search, alternative, stage)
     return other, found, decided(other, found)
 
 
-def _with_more(taken: _InForm, own: _InForm, tell: Callable[[int, float], None]) -> tuple[Search, Naming]:
-    """The decision over as few effects as explain the recordings, in the form that was `taken` or the rig file's `own`.
+def _with_more(taken: _InVariant, own: _InVariant, tell: Callable[[int, float], None]) -> tuple[Search, Naming]:
+    """The decision over as few effects as explain the recordings, in the variant that was `taken` or the rig file's `own`.
 
-    A form that explains one of two effects away has none for the other: so fewer effects in the file's form come before
-    more in the other one. A single one that suffices in the file's form only is what that other reading does.
+    A variant that explains one of two effects away has none for the other: so fewer effects in the file's variant come before
+    more in the other one. A single one that suffices in the file's variant only is what that other reading does.
     """
     ways = [(taken[0], _one_after_another(*taken, tell))]
     if own[0] is not taken[0] and own[0].one_takes_most(own[1]):
@@ -170,30 +170,30 @@ def _one_after_another(
     yield nearly(search)
 
 
-def _best_form(forms: Sequence[_InForm]) -> _InForm:
-    """The form in which one effect suffices with the most evidence, or else leaves clearly less.
+def _best_variant(variants: Sequence[_InVariant]) -> _InVariant:
+    """The variant in which one effect suffices with the most evidence, or else leaves clearly less.
 
-    Or else one that by itself leaves hardly more than the first form does with an effect: another reading of the rig
-    costs less than physics. Or else the first. The rig file's own form is left for strong evidence only, and for the
-    same effects only where the plant's error could not have made it. What suffices in other forms and cannot be ruled
-    out is a rival.
+    Or else one that by itself leaves hardly more than the first variant does with an effect: another reading of the rig
+    costs less than physics. Or else the first. The rig file's own variant is left for strong evidence only, and for the
+    same effects only where the plant's error could not have made it. What suffices in other variants and cannot be ruled
+    out is an alternative.
     """
-    sufficing = [(naming.best, k) for k, (_, _, naming) in enumerate(forms) if naming.best is not None]
+    sufficing = [(naming.best, k) for k, (_, _, naming) in enumerate(variants) if naming.best is not None]
     if not sufficing:
-        least = [search.least(stage) for search, stage, _ in forms]
+        least = [search.least(stage) for search, stage, _ in variants]
         lowest = int(np.argmin(least))
         if least[lowest] < CLEARLY_BETTER * least[0]:
-            return forms[lowest]
-        missing = [search.missing([()]) for search, _, _ in forms]
+            return variants[lowest]
+        missing = [search.missing([()]) for search, _, _ in variants]
         simplest = int(np.argmin(missing))
-        return forms[simplest if CLEARLY_BETTER * missing[simplest] < forms[0][0].missing(forms[0][1]) else 0]
+        return variants[simplest if CLEARLY_BETTER * missing[simplest] < variants[0][0].missing(variants[0][1]) else 0]
     best, number = max(sufficing, key=lambda pair: pair[0].evidence)
     first, k = sufficing[0]
     may_lead = cannot_rule_out if first.effects == best.effects else is_as_likely
     if k == 0 and may_lead(first, best):
         best, number = first, 0
-    search, stage, naming = forms[number]
-    elsewhere = [c for _, _, n in forms if n is not naming and n.best is not None for c in (n.best, *n.rivals)]
-    seen = {best.effects, *(rival.effects for rival in naming.rivals)}
+    search, stage, naming = variants[number]
+    elsewhere = [c for _, _, n in variants if n is not naming and n.best is not None for c in (n.best, *n.alternatives)]
+    seen = {best.effects, *(alternative.effects for alternative in naming.alternatives)}
     further = [c for c in elsewhere if c.effects not in seen and cannot_rule_out(c, best)]
     return search, stage, naming.beside(further)

@@ -12,7 +12,7 @@ from deatwin.ident.greybox.parts import Part, reading_times
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.naming.contribution import readings_of_fit
-from deatwin.ident.mismatch.naming.screen import EVENT_ERROR, Footprint, Lead, footprint, started
+from deatwin.ident.mismatch.naming.screen import EVENT_ERROR, Lead, LinearisedResponse, response, started
 from deatwin.ident.mismatch.refit.search import approach
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
@@ -21,17 +21,19 @@ VANISHING = 1e-6
 """Share of an effect's squared change below which what the parameters leave of it is rounding."""
 
 
-def event_leads(unbent: Plant, fit: Calibration, effects: Iterable[Effect], parts: Sequence[Part]) -> tuple[Lead, ...]:
+def event_leads(
+    unbiased: Plant, fit: Calibration, effects: Iterable[Effect], parts: Sequence[Part]
+) -> tuple[Lead, ...]:
     """Return what events could explain, each at the time at which it explains most.
 
-    A fit without an event is bent to meet it halfway: its residual may step elsewhere, or the other way. A plant that
+    A fit without an event is biased to meet it halfway: its residual may step elsewhere, or the other way. A plant that
     was fitted to the openings of the recordings only has mostly not seen it. From there all parameters are refitted to
     all samples to first order (those on a bound, too: it was a bound for the openings), with the event before each of
     them in turn.
 
     Parameters
     ----------
-    unbent : Plant
+    unbiased : Plant
         Where the fit of the openings begins.
     fit : Calibration
         Of the same effects on all samples.
@@ -46,7 +48,7 @@ def event_leads(unbent: Plant, fit: Calibration, effects: Iterable[Effect], part
         None of an event with which the plant cannot be simulated, or that explains nothing beyond what `fit` does.
     """
     events = [effect for effect in effects if effect.event and effect.name not in fit.plant.effect_names]
-    near = approach(unbent, parts) if events else None
+    near = approach(unbiased, parts) if events else None
     if near is None or not near.status.ok:
         return ()
     problem = Problem(plant=near.plant, parts=tuple(parts), names=near.names)
@@ -55,13 +57,13 @@ def event_leads(unbent: Plant, fit: Calibration, effects: Iterable[Effect], part
         return ()
     times = reading_times(near.plant, parts)
     without, missing = readings_of_fit(parts, found[0]), float(np.sqrt(np.mean(found[0] ** 2)))
-    early = (footprint(near.plant, parts, without, _from(effect, times), missing) for effect in events)
+    early = (response(near.plant, parts, without, _from(effect, times), missing) for effect in events)
     seen = (event_lead(known, times, *found, fit.rms) for known in early if known is not None)
     return tuple(lead for lead in seen if lead is not None)
 
 
 def event_lead(
-    known: Footprint, times: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray, rms: float
+    known: LinearisedResponse, times: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray, rms: float
 ) -> Lead | None:
     """An event that is there from a time on, at the one at which it explains most.
 
@@ -70,7 +72,7 @@ def event_lead(
 
     Parameters
     ----------
-    known : Footprint
+    known : LinearisedResponse
         Of the event before all samples.
     times : ndarray, shape (m,)
         Clock times of the readings, in any order, s.

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.criteria import TRIFLE, errs_by_its_law, gained, held_back_by, suffices
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming
 from deatwin.ident.mismatch.naming.sets import Search
 from deatwin.ident.mismatch.naming.tried import Names
 from deatwin.ident.mismatch.naming.weigh import Scale
-from deatwin.ident.mismatch.naming.worth import TRIFLE, errs_by_its_law, gained, held_back_by, suffices
 
 BARELY = 0.5
 """Share of the model error's power below which a second effect does not count; from 1 on it certainly does."""
@@ -23,7 +23,7 @@ def barely(search: Search) -> Naming:
     """The decision over pairs that explain the recordings, though one of the two counts for less than the floor.
 
     What is left without that one is too much for the plant's own error, and what it takes away too little to be
-    certain of it: the other one alone stays a rival.
+    certain of it: the other one alone stays an alternative.
 
     Parameters
     ----------
@@ -55,13 +55,13 @@ def with_a_second(search: Search, naming: Naming) -> Naming:
     -------
     Naming
         As it was, unless a pair is likelier: that one if it is so by far and explains the recordings, else with it as a
-        rival.
+        alternative.
     """
     first = naming.best
     if first is None or len(first.effects) > 1:
         return naming
-    elsewhere = [rival for rival in naming.rivals if not search.is_own(rival)]
-    scale = Scale(bench=search.bench, base=search.tried[()], noise=search.noise)
+    elsewhere = [alternative for alternative in naming.alternatives if not search.is_own(alternative)]
+    scale = Scale(problem=search.problem, base=search.tried[()], noise=search.noise)
     search.with_each(_promising(search, scale))
     best = max(odds := _odds(search, scale, first), key=odds.__getitem__, default=None)
     if best is not None and odds[best] > STRONG:
@@ -78,7 +78,7 @@ def with_a_second(search: Search, naming: Naming) -> Naming:
 
 
 def with_doubt(search: Search, naming: Naming) -> Naming:
-    """A decision for a pair, with those of its effects and the likeliest one as rivals that it is not far likelier than.
+    """A decision for a pair, with those of its effects and the likeliest one as alternatives that it is not far likelier than.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def with_doubt(search: Search, naming: Naming) -> Naming:
     pair = None if naming.best is None else search.tried.get(naming.best.effects)
     if pair is None or len(pair.effects) != 2:
         return naming
-    scale = Scale(bench=search.bench, base=search.tried[()], noise=search.noise)
+    scale = Scale(problem=search.problem, base=search.tried[()], noise=search.noise)
     alone = [c for names, c in search.tried.items() if len(names) == 1 and not c.calibration.given_up]
     possible = sorted((c for c in alone if search.is_possible(c)), key=lambda c: -scale.weight(c))
     possible = [c for c in possible if errs_by_its_law(c, search.tried[()])]
@@ -107,14 +107,14 @@ def with_doubt(search: Search, naming: Naming) -> Naming:
 def _promising(search: Search, scale: Scale) -> dict[Names, list[str]]:
     """Return, for each single effect, the others that make the likeliest pairs with it, to first order.
 
-    A plant that was bent to imitate an effect, as a lag bends the damping, hides what that promises: so the nats count,
+    A plant that was biased to imitate an effect, as a lag bends the damping, hides what that promises: so the nats count,
     too, by which the effect alone lets the rig's own parameters be nearer to their nominal values.
     """
     alone = [c for names, c in search.tried.items() if len(names) == 1 and not c.calibration.given_up]
     weights = {c.effects: scale.weight(c) for c in alone}
     highest, tried = max(weights.values(), default=0.0), {frozenset(names) for names in search.tried}
-    bent = scale.bent(search.tried[()])
-    relief = {names[0]: max(bent - scale.bent(c), 0.0) for names, c in search.tried.items() if len(names) == 1}
+    biased = scale.biased(search.tried[()])
+    relief = {names[0]: max(biased - scale.biased(c), 0.0) for names, c in search.tried.items() if len(names) == 1}
     alone = sorted(alone, key=lambda c: -weights[c.effects])[:BESIDE]
     promised = sorted(
         (
@@ -155,20 +155,22 @@ def _odds(search: Search, scale: Scale, first: Candidate) -> dict[Names, float]:
 def _with_all(search: Search, naming: Naming, first: Candidate, elsewhere: Sequence[Candidate]) -> Naming:
     """The same decision, with all that was tried since; its `first` one has a better fit by now, if that suffices.
 
-    Rivals `elsewhere` are of other forms of the plant, and not in this search.
+    Alternatives `elsewhere` are of other variants of the plant, and not in this search.
     """
     tried = tuple(search.tried.values())
     now = {id(c.calibration): c for c in tried}
-    rivals = tuple(now.get(id(c.calibration), c) for c in naming.rivals)  # those of other forms are not in this search
+    alternatives = tuple(
+        now.get(id(c.calibration), c) for c in naming.alternatives
+    )  # those of other variants are not in this search
     again, before = search.tried[first.effects], now.get(id(first.calibration), first)
     best = again if suffices(again, search.tried[()]) and search.counts(again) else before
-    return replace(naming, candidates=(*tried, *elsewhere), best=best, rivals=rivals, noise=search.noise)
+    return replace(naming, candidates=(*tried, *elsewhere), best=best, alternatives=alternatives, noise=search.noise)
 
 
 def _each_takes(search: Search, names: Names, share: float) -> bool:
     """Return whether each effect of a set explains a share of the mismatch on both parts."""
     full, base = search.tried[names], search.tried[()]
-    barely_counts = BARELY * search.floor_power(names)
+    barely_counts = BARELY * search.error_power(names)
     return all(
         without.rms**2 - left.rms**2 >= max(barely_counts, share * (before.rms**2 - search.noise**2))
         for less in search.without_one(names)
@@ -180,11 +182,11 @@ def _each_takes(search: Search, names: Names, share: float) -> bool:
 
 
 def _doubted(search: Search, pairs: Sequence[Names]) -> Naming:
-    """The decision over pairs; of the best one, what would do alone, but for less than the floor, stays a rival."""
+    """The decision over pairs; of the best one, what would do alone, but for less than the floor, stays an alternative."""
     naming = search.decision([search.tried[names] for names in pairs], lambda _: True)
     best = naming.best
     if best is None:
         return naming
-    floor = search.floor_power(best.effects)
+    floor = search.error_power(best.effects)
     alone = [less for less in search.without_one(best.effects) if gained(best, less) < floor]
     return naming.as_likely([less for less in alone if not held_back_by(less)])

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.criteria import takes_most
 from deatwin.ident.mismatch.naming.decide import Naming
-from deatwin.ident.mismatch.naming.worth import takes_most
 
 
 def causes_of(candidate: Candidate) -> tuple[str, ...]:
@@ -16,7 +16,7 @@ def causes_of(candidate: Candidate) -> tuple[str, ...]:
 
 
 def without_places(naming: Naming) -> tuple[Naming, tuple[Candidate, ...]]:
-    """Return the same answer without rivals that are its best explanation at other places, and these.
+    """Return the same answer without alternatives that are its best explanation at other places, and these.
 
     Of others with the same causes the first is kept. A plant that does not rest before the first reading is simulated
     as if a tone began with it. Nobody knows that it did, so that what this shows of its place is left open.
@@ -26,13 +26,13 @@ def without_places(naming: Naming) -> tuple[Naming, tuple[Candidate, ...]]:
     best, rig = naming.best, naming.base.calibration.plant.rig
     effects = (e for e in best.calibration.plant.effects if e.name in best.effects)
     is_open = rig.start.hold == 0.0 and any(e.cycle(()) > 0.0 and (e.places or e.placed_at) for e in effects)
-    known = [c for c in naming.candidates if takes_most(c, naming.base)] if is_open else naming.rivals
+    known = [c for c in naming.candidates if takes_most(c, naming.base)] if is_open else naming.alternatives
     elsewhere = tuple(c for c in known if _is_elsewhere(c, [best]))
     others: list[Candidate] = []
-    for rival in naming.rivals:
-        if not _is_elsewhere(rival, [best]) and not _is_elsewhere(rival, others):
-            others.append(rival)
-    return replace(naming, rivals=tuple(others)), elsewhere
+    for alternative in naming.alternatives:
+        if not _is_elsewhere(alternative, [best]) and not _is_elsewhere(alternative, others):
+            others.append(alternative)
+    return replace(naming, alternatives=tuple(others)), elsewhere
 
 
 def _is_elsewhere(candidate: Candidate, known: Iterable[Candidate]) -> bool:

@@ -1,4 +1,4 @@
-"""Explanations and forms of the plant by name and role: the rows of their drawings and tables."""
+"""Explanations and variants of the plant by name and role: the rows of their drawings and tables."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from deatwin.ident.mismatch.floor import differences
+from deatwin.ident.mismatch.model_error import differences
 from deatwin.ident.mismatch.naming.candidate import Candidate, Distance
 
 
 class Forms(Protocol):
-    """The forms of the base plant, as `Base` has them."""
+    """The variants of the base plant, as `Base` has them."""
 
     @property
     def chosen(self) -> Candidate: ...
     @property
-    def rivals(self) -> tuple[Candidate, ...]: ...
+    def alternatives(self) -> tuple[Candidate, ...]: ...
     @property
     def noise(self) -> float: ...
 
@@ -31,7 +31,7 @@ class Explanations(Protocol):
     @property
     def best(self) -> Candidate | None: ...
     @property
-    def rivals(self) -> tuple[Candidate, ...]: ...
+    def alternatives(self) -> tuple[Candidate, ...]: ...
     @property
     def probabilities(self) -> Mapping[tuple[str, ...], float]: ...
     @property
@@ -66,28 +66,28 @@ class Row:
         return self.candidate.fitted_test.rms, self.candidate.unseen_test.rms
 
 
-def form_rows(base: Forms) -> list[Row]:
-    """The forms of the base plant, the chosen one first, each by what it states differently.
+def variant_rows(base: Forms) -> list[Row]:
+    """The variants of the base plant, the chosen one first, each by what it states differently.
 
     Parameters
     ----------
     base : Forms
-        With its rivals.
+        With its alternatives.
 
     Returns
     -------
     list of Row
     """
-    forms = (base.chosen, *base.rivals)
-    told = differences([c.calibration.plant.rig for c in forms])
+    variants = (base.chosen, *base.alternatives)
+    told = differences([c.calibration.plant.rig for c in variants])
     return [
         Row(name=_stated(values) or "base plant", candidate=c, role="chosen" if c is base.chosen else "other form")
-        for values, c in zip(told, forms, strict=True)
+        for values, c in zip(told, variants, strict=True)
     ]
 
 
 def row_of(candidate: Candidate, naming: Explanations) -> Row:
-    """A candidate by its effects, and by the form of the rig where that is another one.
+    """A candidate by its effects, and by the variant of the rig where that is another one.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def row_of(candidate: Candidate, naming: Explanations) -> Row:
     Row
     """
     name = in_words(candidate) or "base plant"
-    # Candidates of another search stand on another form of the rig.
+    # Candidates of another search stand on another variant of the rig.
     stated, own = differences([c.calibration.plant.rig for c in (naming.base, candidate)])
     if own != stated:
         name = f"{name} ({_stated(own)})"
@@ -129,7 +129,7 @@ def _role(candidate: Candidate, naming: Explanations) -> str:
         return "base plant"
     if candidate is naming.best:
         return "best explanation"
-    return "not ruled out" if candidate in naming.rivals else "other"
+    return "not ruled out" if candidate in naming.alternatives else "other"
 
 
 def _stated(values: Mapping[str, Any]) -> str:

@@ -12,8 +12,8 @@ import numpy as np
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.parts import Part, first_only, level_of, reading_times, simulated
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
-from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.contribution import readings_of_fit
+from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect, Place
 from deatwin.plant.model import Plant
@@ -43,7 +43,7 @@ TINY = 1e-300
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Footprint:
+class LinearisedResponse:
     """Linearised response: how an effect of given shape changes the readings of the calibrated base plant.
 
     Parameters
@@ -82,18 +82,18 @@ class Lead:
     left: float = 0.0
 
 
-def footprints(
-    bench: Bench,
+def linearised_responses(
+    problem: DiagnosisProblem,
     base: Calibration,
     effects: Sequence[Effect],
     fit: Calibration,
     finished: Callable[[int], None] | None = None,
-) -> tuple[Footprint, ...]:
+) -> tuple[LinearisedResponse, ...]:
     """Compute how each effect, at each of its shapes, changes the readings of the base plant.
 
     Parameters
     ----------
-    bench : Bench
+    problem : DiagnosisProblem
         Fitted data and number of workers.
     base : Calibration
         Calibration of the plant without the effects, on the fitted data.
@@ -106,25 +106,25 @@ def footprints(
 
     Returns
     -------
-    tuple of Footprint
+    tuple of LinearisedResponse
         Responses in the order of `effects`; shapes with which the plant cannot be simulated are omitted.
     """
-    jobs = [(base, effect, bench.fitted, fit) for effect in effects]
-    found = run_jobs(_of_effect, jobs, workers=bench.jobs, finished=finished)
+    jobs = [(base, effect, problem.fitted, fit) for effect in effects]
+    found = run_jobs(_of_effect, jobs, workers=problem.jobs, finished=finished)
     return tuple(itertools.chain.from_iterable(found))
 
 
-def leads(known: Sequence[Footprint], fit: Calibration) -> tuple[Lead, ...]:
+def leads(known: Sequence[LinearisedResponse], fit: Calibration) -> tuple[Lead, ...]:
     """Order effects by what they could explain of a fit's residual.
 
-    Each footprint is projected off the Jacobian of the fit, since the plant's parameters take up what they can (those
+    Each response is projected off the Jacobian of the fit, since the plant's parameters take up what they can (those
     on a bound can take up nothing: what is missing has driven them there, and beyond it they would hide it);
     the residual's share along it is what the effect could explain. The strength starts at its typical size, where the
     plant can be simulated with it: the fitted plant has absorbed part of the effect.
 
     Parameters
     ----------
-    known : sequence of Footprint
+    known : sequence of LinearisedResponse
         Of all shapes.
     fit : Calibration
         Whose residual is to be explained.
@@ -139,7 +139,7 @@ def leads(known: Sequence[Footprint], fit: Calibration) -> tuple[Lead, ...]:
     Rao's score test, Proc. Camb. Phil. Soc. 44 (1948) 50, doi:10.1017/S0305004100023987.
     """
     basis = tangent_basis(fit.movable)
-    return most_promising(_lead(footprint, fit.residuals, basis) for footprint in known)
+    return most_promising(_lead(response, fit.residuals, basis) for response in known)
 
 
 def most_promising(*several: Iterable[Lead]) -> tuple[Lead, ...]:
@@ -161,9 +161,9 @@ def most_promising(*several: Iterable[Lead]) -> tuple[Lead, ...]:
     return tuple(sorted(best.values(), key=lambda lead: -lead.share))
 
 
-def footprint(
+def response(
     plant: Plant, parts: Sequence[Part], without: np.ndarray, effect: Effect, missing: float
-) -> Footprint | None:
+) -> LinearisedResponse | None:
     """Return what an effect does at its typical strength, or a weaker one; None if the plant can be simulated at none.
 
     Parameters
@@ -182,7 +182,7 @@ def footprint(
 
     Returns
     -------
-    Footprint or None
+    LinearisedResponse or None
     """
 
     def does(strength: float) -> np.ndarray | None:
@@ -196,7 +196,7 @@ def footprint(
         change = does(strength)
         if change is not None:
             start = replace(effect, **{effect.strength: strength})
-            return Footprint(effect=start, change=_of_a_size(does, strength, change, wanted))
+            return LinearisedResponse(effect=start, change=_of_a_size(does, strength, change, wanted))
     return None
 
 
@@ -225,7 +225,7 @@ def _off(change: np.ndarray, wanted: float) -> float:
     return float(np.log(max(np.sqrt(np.mean(change**2)), TINY) / max(wanted, TINY)))
 
 
-def _lead(known: Footprint, residual: np.ndarray, basis: np.ndarray) -> Lead:
+def _lead(known: LinearisedResponse, residual: np.ndarray, basis: np.ndarray) -> Lead:
     direction = taken_off(known.change, basis)
     length = float(np.linalg.norm(direction))
     along = float(direction @ residual) / length if length > 1e-9 * np.linalg.norm(known.change) else 0.0
@@ -260,11 +260,11 @@ def started(effect: Effect, strength: float) -> tuple[Effect, Effect]:
     return start, estimate
 
 
-def _of_effect(base: Calibration, effect: Effect, parts: Sequence[Part], fit: Calibration) -> list[Footprint]:
+def _of_effect(base: Calibration, effect: Effect, parts: Sequence[Part], fit: Calibration) -> list[LinearisedResponse]:
     """One for each shape at which the plant can be simulated."""
     without = readings_of_fit(parts, base.residuals)
     times = reading_times(base.plant, parts)
-    simulate = partial(footprint, base.plant, parts, without, missing=fit.rms)
+    simulate = partial(response, base.plant, parts, without, missing=fit.rms)
     first = sum(part.size for part in first_only(parts))
     shapes = effect.starts(times[:first], fit.residuals[:first]) or shapes_of(effect, base.plant, parts)
     found = [f for f in map(simulate, shapes) if f is not None]
@@ -272,8 +272,11 @@ def _of_effect(base: Calibration, effect: Effect, parts: Sequence[Part], fit: Ca
 
 
 def _at_its_time(
-    found: Sequence[Footprint], fit: Calibration, times: np.ndarray, simulate: Callable[[Effect], Footprint | None]
-) -> Footprint:
+    found: Sequence[LinearisedResponse],
+    fit: Calibration,
+    times: np.ndarray,
+    simulate: Callable[[Effect], LinearisedResponse | None],
+) -> LinearisedResponse:
     """The event where it explains most: no fit can move it, since only a sample or two know of its time."""
     basis, event = tangent_basis(fit.movable), found[0].effect.event
     known = found[0].effect.described(event)

@@ -8,15 +8,15 @@ from dataclasses import replace
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.parts import first_only, reading_times
 from deatwin.ident.greybox.tangent import linearised_rms
-from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.cycles import shows_its_cycles
 from deatwin.ident.mismatch.naming.onsets import event_leads
-from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads, most_promising
+from deatwin.ident.mismatch.naming.screen import Lead, LinearisedResponse, leads, linearised_responses, most_promising
 from deatwin.ident.mismatch.naming.shortlist import shortlist
 from deatwin.ident.mismatch.naming.siblings import siblings
-from deatwin.ident.mismatch.naming.trial import NEAR, Fitted, Trial, trials_of, unbent_like
+from deatwin.ident.mismatch.naming.trial import NEAR, Fitted, Trial, trials_of, unbiased_like
 from deatwin.ident.mismatch.naming.tried import CLEARLY_BETTER, Finished, Names, Tried, each_without_one, once
+from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect
 
@@ -27,24 +27,28 @@ ALONE = 3
 
 
 class Search(Tried):
-    """A search in one form of the plant: what it has tried, and what promises most of all that it has not.
+    """A search in one variant of the plant: what it has tried, and what promises most of all that it has not.
 
     Parameters
     ----------
-    bench : Bench
+    problem : DiagnosisProblem
         Effects and recordings.
     base : Candidate
         Without further effects.
-    known : sequence of Footprint or None
+    known : sequence of LinearisedResponse or None
         Of all effects in the base plant; None to simulate them once they are asked for.
     fitted : callable or None
         Called with each fit.
     """
 
     def __init__(
-        self, bench: Bench, base: Candidate, known: Sequence[Footprint] | None, fitted: Fitted | None = None
+        self,
+        problem: DiagnosisProblem,
+        base: Candidate,
+        known: Sequence[LinearisedResponse] | None,
+        fitted: Fitted | None = None,
     ) -> None:
-        super().__init__(bench, base, fitted)
+        super().__init__(problem, base, fitted)
         self.leads: dict[str, Lead] = {}
         self._known = known
         self._gone_on: set[Names] = set()
@@ -52,23 +56,23 @@ class Search(Tried):
         self._events: dict[Names, tuple[Calibration, tuple[Lead, ...]]] = {}
         self.unscreened = [] if known is None else self._not_in(known)
 
-    def in_form_of(self, base: Candidate) -> Search:
-        """A search in another form of the plant, `base`, where nothing was tried yet."""
-        other = Search(self.bench, base, None, self.fitted)
+    def in_variant_of(self, base: Candidate) -> Search:
+        """A search in another variant of the plant, `base`, where nothing was tried yet."""
+        other = Search(self.problem, base, None, self.fitted)
         other.unscreened = [name for name in self.unscreened if (name,) not in self.tried]
         return other
 
-    def known(self) -> Sequence[Footprint]:
-        """Footprints of all effects in the base plant of this form: those of another form say little of it."""
+    def known(self) -> Sequence[LinearisedResponse]:
+        """Linearised responses of all effects in the base plant of this variant: those of another variant say little of it."""
         if self._known is None:
             fit = self.tried[()].calibration
-            self._known = footprints(self.bench, fit, self.bench.effects, fit)
+            self._known = linearised_responses(self.problem, fit, self.problem.effects, fit)
             self.unscreened = self._not_in(self._known)
         return self._known
 
-    def _not_in(self, known: Sequence[Footprint]) -> list[str]:
-        seen = {footprint.effect.name for footprint in known}
-        return [e.name for e in self.bench.effects if e.name not in seen]
+    def _not_in(self, known: Sequence[LinearisedResponse]) -> list[str]:
+        seen = {response.effect.name for response in known}
+        return [e.name for e in self.problem.effects if e.name not in seen]
 
     def with_one_more(self, stage: Sequence[Names], finished: Finished | None = None) -> list[Names]:
         """Sets of one more effect beside the best of a `stage`, and in its place; none where none helps.
@@ -110,7 +114,7 @@ class Search(Tried):
         A cycle of which the recordings show little imitates any drift: it comes after all others.
         """
         ranked = self.ranked([names for names in stage if not self.leaves_a_trifle(names)])
-        ranked.sort(key=lambda names: not shows_its_cycles(self.tried[names], self.bench.everything))
+        ranked.sort(key=lambda names: not shows_its_cycles(self.tried[names], self.problem.everything))
         if any(len(names) > 1 for names in ranked):
             return [names for names in ranked[:1] if self.takes_most(names)]
         return [*ranked[:1], *(names for names in ranked[1:2] if self.takes_most(names))]
@@ -119,14 +123,14 @@ class Search(Tried):
         """Try each promising effect beside those of `names`; `finished` is called with the share that is done."""
         self._gone_on.add(names)
         fit = self.tried[names].calibration
-        unbent = unbent_like(self.bench, fit.plant)
-        found = self._leads(names, self.bench.effects)
+        unbiased = unbiased_like(self.problem, fit.plant)
+        found = self._leads(names, self.problem.effects)
         # What did well alone did it with another residual: of this one it promises nothing.
         alone = [replace(lead, share=0.0) for lead in self._good_alone(names)]
-        promising = (*alone, *found[:BESIDE]) if names else shortlist(self.bench, unbent, found)
+        promising = (*alone, *found[:BESIDE]) if names else shortlist(self.problem, unbiased, found)
         chosen = {lead.effect.name: lead for lead in promising}
         self.leads = chosen | self.leads
-        stage = self._new(trials_of(unbent, fit, chosen.values()), finished)
+        stage = self._new(trials_of(unbiased, fit, chosen.values()), finished)
         best = self.best_of(stage)
         return stage if best is None else once([*stage, *self._siblings(names, best)])
 
@@ -135,8 +139,8 @@ class Search(Tried):
         trials: list[Trial] = []
         for names, others in chosen.items():
             fit = self.tried[names].calibration
-            found = self._leads(names, [effect for effect in self.bench.effects if effect.name in others])
-            trials += trials_of(unbent_like(self.bench, fit.plant), fit, found)
+            found = self._leads(names, [effect for effect in self.problem.effects if effect.name in others])
+            trials += trials_of(unbiased_like(self.problem, fit.plant), fit, found)
         return self._new(trials)
 
     def _siblings(self, names: Names, best: Names) -> list[Names]:
@@ -151,13 +155,13 @@ class Search(Tried):
             return []
         self._replaced[best, names] = found
         added = tuple(name for name in best if name not in names)
-        alike = siblings(self.bench, found, added, self._open_beside(names, best))
-        bare, unbent = found.plant.without_effects(*added), fit.plant
+        alike = siblings(self.problem, found, added, self._open_beside(names, best))
+        bare, unbiased = found.plant.without_effects(*added), fit.plant
         trials = [
-            Trial(start=bare.with_effects(lead.estimate), bent=unbent.with_effects(lead.effect), without=fit)
+            Trial(start=bare.with_effects(lead.estimate), biased=unbiased.with_effects(lead.effect), without=fit)
             for lead in alike
         ]
-        better = self.attempt(trials, rival=found.rms)
+        better = self.attempt(trials, alternative=found.rms)
         seen = {name for new in better for name in new}
         self.leads = self.leads | {lead.effect.name: lead for lead in alike if lead.effect.name in seen}
         return better
@@ -167,7 +171,7 @@ class Search(Tried):
 
         A time or a period is looked for in a residual, and what began in another one may not have found it.
         """
-        least, floor = self.missing([best]), self.floor_power(best)
+        least, floor = self.missing([best]), self.error_power(best)
 
         def is_open(effect: Effect) -> bool:
             tried = tuple(sorted((*names, effect.name)))
@@ -178,7 +182,7 @@ class Search(Tried):
 
         rest, full = self.tried[names].calibration.plant, self.tried[best].calibration.plant
         # What the set has at one place may be at another one, or may be what another effect does at a further place.
-        others = [effect for effect in self.bench.everywhere if rest.lacks(effect)]
+        others = [effect for effect in self.problem.everywhere if rest.lacks(effect)]
         return [effect for effect in others if effect.name not in full.effect_names and is_open(effect)]
 
     def _new(self, trials: Sequence[Trial], finished: Finished | None = None) -> list[Names]:
@@ -188,7 +192,7 @@ class Search(Tried):
         return self.attempt(new, finished, self.least_rms([names for names in self.tried if len(names) == size]))
 
     def _good_alone(self, names: Names) -> list[Lead]:
-        """Return what explained most by itself: the score is blind to what the plant is still bent to imitate."""
+        """Return what explained most by itself: the score is blind to what the plant is still biased to imitate."""
         alone = [single for single in self.tried if len(single) == 1 and single[0] not in names]
         return [self.leads[single[0]] for single in self.ranked(alone)[:ALONE] if single[0] in self.leads]
 
@@ -235,9 +239,9 @@ class Search(Tried):
         if not names:
             return leads(self.known(), fit)
         free = [effect for effect in further if fit.plant.lacks(effect)]
-        times = reading_times(base.plant, first_only(self.bench.fitted))
+        times = reading_times(base.plant, first_only(self.problem.fitted))
         looking = [effect for effect in free if effect.starts(times, fit.residuals[: times.size])]
-        again = footprints(self.bench, base, looking, fit)
+        again = linearised_responses(self.problem, base, looking, fit)
         others = {e.name for e in free} - {e.name for e in looking}
         return leads([*(f for f in self.known() if f.effect.name in others), *again], fit)
 
@@ -245,9 +249,9 @@ class Search(Tried):
         """Return what each event could explain beside each of `several` candidates fitted before it."""
         fits = {names: self.tried[names].calibration for names in several}
         new = [names for names, fit in fits.items() if names not in self._events or self._events[names][0] is not fit]
-        effects, parts = self.bench.effects, self.bench.fitted
-        jobs = [(unbent_like(self.bench, fits[names].plant), fits[names], effects, parts) for names in new]
-        found = run_jobs(event_leads, jobs, workers=self.bench.jobs)
+        effects, parts = self.problem.effects, self.problem.fitted
+        jobs = [(unbiased_like(self.problem, fits[names].plant), fits[names], effects, parts) for names in new]
+        found = run_jobs(event_leads, jobs, workers=self.problem.jobs)
         self._events |= {names: (fits[names], events) for names, events in zip(new, found, strict=True)}
         return [self._events[names][1] for names in several]
 
@@ -274,7 +278,7 @@ def joint_trials(search: Search) -> list[Trial]:
         Of pairs that were not tried the most promising, the first one first, as far as they promise nearly as much as
         the best possible pair that was tried has kept.
     """
-    given = frozenset(search.bench.nominal.effect_names)
+    given = frozenset(search.problem.nominal.effect_names)
     tried = {frozenset(names) | given for names in search.tried}
     kept = [names for names, c in search.tried.items() if len(names) == 2 and search.is_possible(c)]
     least = (NEAR * search.least_rms(kept)) ** 2
@@ -299,5 +303,5 @@ def _of_all(search: Search) -> Iterator[tuple[float, Trial]]:
         free = [f for f in search.known() if fit.plant.lacks(f.effect)]
         found = most_promising(leads(free, fit), events)
         alone = linearised_rms(fit.residuals, fit.movable) ** 2
-        for lead, trial in zip(found, trials_of(unbent_like(search.bench, fit.plant), fit, found), strict=True):
+        for lead, trial in zip(found, trials_of(unbiased_like(search.problem, fit.plant), fit, found), strict=True):
             yield max(lead.left, alone - lead.share * fit.rms**2), trial

@@ -9,9 +9,9 @@ import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration, descend
 from deatwin.ident.greybox.status import FitStatus
-from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
 from deatwin.ident.mismatch.naming.screen import Lead
+from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.refit.search import (
     DECIDING,
     ROUGH,
@@ -31,7 +31,7 @@ from deatwin.plant.model import Plant
 FAILED_SEARCH = 1.02
 """A fit that leaves more than was promised, by more than this ratio of the rms, has lost its way."""
 FEW = 4
-"""Simulations that show whether the way from the bent plant leads anywhere."""
+"""Simulations that show whether the way from the biased plant leads anywhere."""
 NEAR = 1.1
 """Fits that are within this ratio of the best rms, or by their linearised minimum were on the way there when they ran
 out of simulations, are carried to the end, besides those that leave hardly anything."""
@@ -54,8 +54,8 @@ class Trial:
     Parameters
     ----------
     start : Plant
-        With the effects, and values that were not bent by a fit without them.
-    bent : Plant
+        With the effects, and values that were not biased by a fit without them.
+    biased : Plant
         With the effects, and the values of the best plant without the last of them: another start.
     without : Calibration
         That plant's fit, of which this one is a generalisation.
@@ -64,7 +64,7 @@ class Trial:
     """
 
     start: Plant
-    bent: Plant
+    biased: Plant
     without: Calibration
     share: float = 0.0
 
@@ -74,13 +74,13 @@ class Trial:
         return self.without.rms * float(np.sqrt(max(1.0 - self.share, 0.0)))
 
 
-def trials_of(unbent: Plant, fit: Calibration, chosen: Iterable[Lead]) -> list[Trial]:
+def trials_of(unbiased: Plant, fit: Calibration, chosen: Iterable[Lead]) -> list[Trial]:
     """Trials of single effects.
 
     Parameters
     ----------
-    unbent : Plant
-        Without them, not bent by a fit.
+    unbiased : Plant
+        Without them, not biased by a fit.
     fit : Calibration
         Of the plant without them.
     chosen : iterable of Lead
@@ -89,12 +89,12 @@ def trials_of(unbent: Plant, fit: Calibration, chosen: Iterable[Lead]) -> list[T
     Returns
     -------
     list of Trial
-        Each effect built into the unbent plant, and as it is estimated into the one that the fit bent.
+        Each effect built into the unbiased plant, and as it is estimated into the one that the fit biased.
     """
     return [
         Trial(
-            start=unbent.with_effects(lead.effect),
-            bent=fit.plant.with_effects(lead.estimate),
+            start=unbiased.with_effects(lead.effect),
+            biased=fit.plant.with_effects(lead.estimate),
             without=fit,
             share=lead.share,
         )
@@ -103,18 +103,18 @@ def trials_of(unbent: Plant, fit: Calibration, chosen: Iterable[Lead]) -> list[T
 
 
 def run_trials(
-    bench: Bench,
+    problem: DiagnosisProblem,
     trials: Sequence[Trial],
     noise: float,
     finished: Callable[[float], None] | None = None,
     fitted: Fitted | None = None,
-    rival: float = np.inf,
+    alternative: float = np.inf,
 ) -> list[Candidate]:
     """Fit and judge each trial, those that promise most first; one that cannot come near another is given up.
 
     Parameters
     ----------
-    bench : Bench
+    problem : DiagnosisProblem
         Recordings and number of workers.
     trials : sequence of Trial
         What to try; the first ones give the others their measure.
@@ -124,7 +124,7 @@ def run_trials(
         Called with the share that is done.
     fitted : callable, optional
         Called with each fit as soon as there is one; with its residuals on the held-out part, SI, once they are known.
-    rival : float
+    alternative : float
         Rms of the best fit so far that these compete with, SI.
 
     Returns
@@ -134,10 +134,10 @@ def run_trials(
     """
     fits: list[Calibration] = []
     done = 0
-    first = FIRST if np.isinf(rival) else len(trials)  # a measure that is known need not be waited for
+    first = FIRST if np.isinf(alternative) else len(trials)  # a measure that is known need not be waited for
     for group in (trials[:first], trials[first:]):
-        tasks = [(bench, trial, HOPELESS * rival) for trial in group]
-        for found in stream_jobs(_tried, tasks, workers=bench.jobs):
+        tasks = [(problem, trial, HOPELESS * alternative) for trial in group]
+        for found in stream_jobs(_tried, tasks, workers=problem.jobs):
             done += 1
             if found.status.ok:
                 fits.append(found)
@@ -145,20 +145,22 @@ def run_trials(
                     fitted(found, None)
             if finished is not None:
                 finished(done / len(trials))
-        rival = min([rival, *(fit.rms for fit in fits)])
-    near = [k for k, fit in enumerate(fits) if fit.within_reach < NEAR * rival or is_promising(fit, noise)]
+        alternative = min([alternative, *(fit.rms for fit in fits)])
+    near = [k for k, fit in enumerate(fits) if fit.within_reach < NEAR * alternative or is_promising(fit, noise)]
     longest_first = sorted(range(len(fits)), key=lambda k: k not in near)
-    jobs = [(bench, fits[k], noise, k in near) for k in longest_first]
-    ended = dict(zip(longest_first, run_jobs(_ended, jobs, workers=bench.jobs), strict=True))
+    jobs = [(problem, fits[k], noise, k in near) for k in longest_first]
+    ended = dict(zip(longest_first, run_jobs(_ended, jobs, workers=problem.jobs), strict=True))
     return _told([ended[k] for k in range(len(fits))], fitted)
 
 
-def refitted(bench: Bench, plants: Sequence[Plant], noise: float, fitted: Fitted | None = None) -> list[Candidate]:
+def refitted(
+    problem: DiagnosisProblem, plants: Sequence[Plant], noise: float, fitted: Fitted | None = None
+) -> list[Candidate]:
     """Fit plants from where they are, to the end, and judge them.
 
     Parameters
     ----------
-    bench : Bench
+    problem : DiagnosisProblem
         Recordings and number of workers.
     plants : sequence of Plant
         With effects, and values from another fit.
@@ -170,7 +172,7 @@ def refitted(bench: Bench, plants: Sequence[Plant], noise: float, fitted: Fitted
     list of Candidate
         In their order, without those that cannot be simulated.
     """
-    return _told(run_jobs(_from_there, [(bench, plant, noise) for plant in plants], workers=bench.jobs), fitted)
+    return _told(run_jobs(_from_there, [(problem, plant, noise) for plant in plants], workers=problem.jobs), fitted)
 
 
 def _told(judged: Sequence[Candidate | None], fitted: Fitted | None) -> list[Candidate]:
@@ -187,7 +189,7 @@ def with_fitted(nominal: Plant, fitted: Plant) -> Plant:
     Parameters
     ----------
     nominal : Plant
-        Not bent by a fit.
+        Not biased by a fit.
     fitted : Plant
         Has all effects of the nominal one.
 
@@ -200,69 +202,69 @@ def with_fitted(nominal: Plant, fitted: Plant) -> Plant:
     return nominal.with_effects(*added).with_values(own)
 
 
-def unbent_like(bench: Bench, fitted: Plant) -> Plant:
-    """The nominal plant in the form of a fitted one, with its effects and their values: the rest was not bent.
+def unbiased_like(problem: DiagnosisProblem, fitted: Plant) -> Plant:
+    """The nominal plant in the variant of a fitted one, with its effects and their values: the rest was not biased.
 
     Parameters
     ----------
-    bench : Bench
+    problem : DiagnosisProblem
         With the nominal plant.
     fitted : Plant
-        Perhaps in another form.
+        Perhaps in another variant.
 
     Returns
     -------
     Plant
     """
-    return with_fitted(bench.nominal.with_rig(fitted.rig), fitted)
+    return with_fitted(problem.nominal.with_rig(fitted.rig), fitted)
 
 
-def _tried(bench: Bench, trial: Trial, hopeless: float) -> Calibration:
-    """From the unbent plant; where that does not keep what is promised, from the bent one as well.
+def _tried(problem: DiagnosisProblem, trial: Trial, hopeless: float) -> Calibration:
+    """From the unbiased plant; where that does not keep what is promised, from the biased one as well.
 
-    A plant that was fitted without an effect has been bent to imitate it, and the way back is long; but what the score
+    A plant that was fitted without an effect has been biased to imitate it, and the way back is long; but what the score
     promises is near it, where a search from afar may end elsewhere. From where all is as without the new effects, but
     for a little of them, no fit leaves more than without them: from there goes what left more. Where neither can be
-    simulated, from the unbent plant with the effect the other way or with less of it: a softening spring lets go of the
+    simulated, from the unbiased plant with the effect the other way or with less of it: a softening spring lets go of the
     ball, a hardening one or a little of it does not.
     """
-    found = search(trial.start, bench.fitted, hopeless)
+    found = search(trial.start, problem.fitted, hopeless)
     if found.given_up and found.rms**2 < MOSTLY * trial.without.rms**2:
-        found = _better(found, further(found, bench.fitted, **ROUGHLY))  # from afar the linearised minimum errs most
+        found = _better(found, further(found, problem.fitted, **ROUGHLY))  # from afar the linearised minimum errs most
     # The plant without the effect is a special case of the one with it: a worse fit is a failed search.
     if not found.status.ok or found.rms > FAILED_SEARCH * trial.promised:
-        again = descend(trial.bent, bench.fitted, evaluations=FEW, tolerance=ROUGH, hopeless=hopeless)
+        again = descend(trial.biased, problem.fitted, evaluations=FEW, tolerance=ROUGH, hopeless=hopeless)
         if again.status is FitStatus.STOPPED and _better(found, again) is again:
-            again = _better(again, further(again, bench.fitted, **ROUGHLY, hopeless=hopeless))
+            again = _better(again, further(again, problem.fitted, **ROUGHLY, hopeless=hopeless))
         found = _better(found, again)
     if found.status.ok and not found.given_up and found.rms > FAILED_SEARCH * trial.without.rms:
-        found = _better(found, roughly(_with_little(trial), bench.fitted, hopeless))
+        found = _better(found, roughly(_with_little(trial), problem.fitted, hopeless))
     for start in _otherwise(trial):
         if found.status.ok:
             break
-        found = search(start, bench.fitted, hopeless)
+        found = search(start, problem.fitted, hopeless)
     if not found.status.ok:
         return found
-    placed = at_its_time(found, bench.fitted, hopeless, ROUGH)
-    return in_a_wider_range(placed, trial.start, bench.fitted, hopeless)
+    placed = at_its_time(found, problem.fitted, hopeless, ROUGH)
+    return in_a_wider_range(placed, trial.start, problem.fitted, hopeless)
 
 
-def _from_there(bench: Bench, plant: Plant, noise: float) -> Candidate | None:
+def _from_there(problem: DiagnosisProblem, plant: Plant, noise: float) -> Candidate | None:
     """A plant fitted from its values; from far away where these cannot be simulated without what else was there."""
-    found = roughly(plant, bench.fitted)
-    found = found if found.status.ok else search(plant, bench.fitted)
-    return _ended(bench, found, noise, True) if found.status.ok else None
+    found = roughly(plant, problem.fitted)
+    found = found if found.status.ok else search(plant, problem.fitted)
+    return _ended(problem, found, noise, True) if found.status.ok else None
 
 
-def _ended(bench: Bench, fit: Calibration, noise: float, to_the_end: bool) -> Candidate | None:
+def _ended(problem: DiagnosisProblem, fit: Calibration, noise: float, to_the_end: bool) -> Candidate | None:
     """A fit, carried to the end or as it is, and judged."""
-    return judge(bench, _finished(bench, fit) if to_the_end else fit, noise)
+    return judge(problem, _finished(problem, fit) if to_the_end else fit, noise)
 
 
-def _finished(bench: Bench, fit: Calibration) -> Calibration:
+def _finished(problem: DiagnosisProblem, fit: Calibration) -> Calibration:
     """The fit carried to the end, with an event that it cannot place where the held-out part has it."""
-    placed = at_its_time(fit, bench.fitted, enough=DECIDING)
-    return in_its_gap(finish(placed, bench.fitted), bench.fitted, bench.everything)
+    placed = at_its_time(fit, problem.fitted, enough=DECIDING)
+    return in_its_gap(finish(placed, problem.fitted), problem.fitted, problem.everything)
 
 
 def _better(one: Calibration, other: Calibration) -> Calibration:

@@ -8,17 +8,17 @@ from dataclasses import replace
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
-from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.floor import floor_of
+from deatwin.ident.mismatch.model_error import model_error_of
 from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
+from deatwin.ident.mismatch.naming.criteria import TRIFLE, acts, explained, gained, held_back_by, takes_most
 from deatwin.ident.mismatch.naming.decide import Distances, Naming, decide, with_distances
-from deatwin.ident.mismatch.naming.trial import Fitted, Trial, refitted, run_trials, unbent_like
-from deatwin.ident.mismatch.naming.whole import settled_on_everything
-from deatwin.ident.mismatch.naming.worth import TRIFLE, acts, explained, gained, held_back_by, takes_most
+from deatwin.ident.mismatch.naming.refit_all_data import settled_on_everything
+from deatwin.ident.mismatch.naming.trial import Fitted, Trial, refitted, run_trials, unbiased_like
+from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.plant.model import Plant
 
 CLEARLY_BETTER = 0.8
-"""A rival form is gone on with where its best single effect leaves less than this share of the mean square."""
+"""An alternative variant is gone on with where its best single effect leaves less than this share of the mean square."""
 Finished = Callable[[float], None]
 Names = tuple[str, ...]
 
@@ -43,7 +43,7 @@ class Tried:
 
     Parameters
     ----------
-    bench : Bench
+    problem : DiagnosisProblem
         Effects and recordings.
     base : Candidate
         Without further effects.
@@ -51,8 +51,8 @@ class Tried:
         Called with each fit.
     """
 
-    def __init__(self, bench: Bench, base: Candidate, fitted: Fitted | None = None) -> None:
-        self.bench, self.fitted = bench, fitted
+    def __init__(self, problem: DiagnosisProblem, base: Candidate, fitted: Fitted | None = None) -> None:
+        self.problem, self.fitted = problem, fitted
         self.tried: dict[Names, Candidate] = {(): base}
         self.lost: list[str] = []
         self._distances: Distances = {}
@@ -60,7 +60,7 @@ class Tried:
 
     @property
     def failed(self) -> list[str]:
-        """Effects and sets of effects with which no plant could be simulated, in this form as far as that is known."""
+        """Effects and sets of effects with which no plant could be simulated, in this variant as far as that is known."""
         known = dict.fromkeys((*self.unscreened, *self.lost))
         return [names for names in known if tuple(names.split("+")) not in self.tried]
 
@@ -100,16 +100,18 @@ class Tried:
     def _beyond_noise(self, mean_square: float) -> float:
         return max(mean_square - self.noise**2, 0.0)
 
-    def floor_power(self, names: Names) -> float:
+    def error_power(self, names: Names) -> float:
         """Power of the plant's own error, as the set `names` is judged by it."""
         return float(self.tried[names].calibration.plant.rig.model_error ** 2)
 
     def judge_by_the_best(self, stage: Sequence[Names]) -> None:
-        """The base plant was bent to imitate what is missing; the best of a `stage` knows the plant's error better."""
+        """The base plant was biased to imitate what is missing; the best of a `stage` knows the plant's error better."""
         best = self.best_of(stage)
         if best is None:
             return
-        error = max(self.bench.nominal.rig.model_error, floor_of(self.tried[best].calibration.plant, self.bench))
+        error = max(
+            self.problem.nominal.rig.model_error, model_error_of(self.tried[best].calibration.plant, self.problem)
+        )
         for names in stage:
             self.tried[names] = self.tried[names].with_floor(error)
 
@@ -128,7 +130,7 @@ class Tried:
 
     def each_counts(self, names: Names) -> bool:
         """Return whether removing any effect of `names` costs more than the model error and is no trifle."""
-        least = max(self.floor_power(names), TRIFLE * self.missing([()]))
+        least = max(self.error_power(names), TRIFLE * self.missing([()]))
         return all(gained(self.tried[names], less) >= least for less in self.without_one(names))
 
     def without_one(self, names: Names) -> Iterator[Candidate]:
@@ -144,7 +146,7 @@ class Tried:
         return len(names) > 1 and self.takes_most(names) and not self.each_counts(names)
 
     def is_own(self, candidate: Candidate) -> bool:
-        """Return whether a candidate was fitted in this search, in this form of the plant."""
+        """Return whether a candidate was fitted in this search, in this variant of the plant."""
         known = self.tried.get(candidate.effects)
         return known is not None and known.calibration is candidate.calibration
 
@@ -164,37 +166,39 @@ class Tried:
     def settled(self, competing: Sequence[Candidate], hopeful: Callable[[Candidate], bool]) -> Naming:
         """The decision among the `competing` candidates by fits to all recordings, of which one must be `hopeful`."""
         tried = tuple(self.tried.values())
-        naming = settled_on_everything(competing, tried, self.bench, hopeful, self.is_possible)
+        naming = settled_on_everything(competing, tried, self.problem, hopeful, self.is_possible)
         return self.with_distances(naming, competing)
 
     def with_distances(self, naming: Naming, competing: Sequence[Candidate]) -> Naming:
         """A decision that also keeps those of the `competing` candidates which these inputs cannot distinguish."""
-        return with_distances(naming, competing, self.bench, self.is_possible, known=self._distances)
+        return with_distances(naming, competing, self.problem, self.is_possible, known=self._distances)
 
-    def is_clearly_worse_than(self, rival: Candidate) -> bool:
-        """Return whether the `rival` form of the plant leaves clearly less without effects than this one."""
-        return self._beyond_noise(float(rival.losses.mean())) < CLEARLY_BETTER * self.missing([()])
+    def is_clearly_worse_than(self, alternative: Candidate) -> bool:
+        """Return whether the `alternative` variant of the plant leaves clearly less without effects than this one."""
+        return self._beyond_noise(float(alternative.losses.mean())) < CLEARLY_BETTER * self.missing([()])
 
-    def is_clearly_better_than(self, rival: Candidate) -> bool:
-        """Return whether the `rival` form of the plant leaves clearly more without effects than this one."""
-        return self.missing([()]) <= CLEARLY_BETTER * self._beyond_noise(float(rival.losses.mean()))
+    def is_clearly_better_than(self, alternative: Candidate) -> bool:
+        """Return whether the `alternative` variant of the plant leaves clearly more without effects than this one."""
+        return self.missing([()]) <= CLEARLY_BETTER * self._beyond_noise(float(alternative.losses.mean()))
 
-    def may_be_misread(self, stage: Sequence[Names], naming: Naming, rival: Candidate) -> bool:
-        """Whether the `rival` form of the plant could be what is missing, or what single effects of a `stage` lack.
+    def may_be_misread(self, stage: Sequence[Names], naming: Naming, alternative: Candidate) -> bool:
+        """Whether the `alternative` variant of the plant could be what is missing, or what single effects of a `stage` lack.
 
-        What is missing beside a wrong form takes most of the mismatch in this one, or the other form does by itself.
+        What is missing beside a wrong variant takes most of the mismatch in this one, or the other variant does by itself.
         `naming` is the decision over the stage.
         """
-        if self.is_clearly_worse_than(rival):
+        if self.is_clearly_worse_than(alternative):
             return True
         return naming.best is None and self.one_takes_most(stage)
 
-    def attempt(self, trials: Sequence[Trial], finished: Finished | None = None, rival: float = np.inf) -> list[Names]:
-        """Fit and judge `trials`, which compete with a `rival` rms; `finished` is called with the share that is done.
+    def attempt(
+        self, trials: Sequence[Trial], finished: Finished | None = None, alternative: float = np.inf
+    ) -> list[Names]:
+        """Fit and judge `trials`, which compete with an `alternative` rms; `finished` is called with the share that is done.
 
         What is returned are the sets of which no fit was known, or none as good.
         """
-        found = run_trials(self.bench, trials, self.noise, finished, self.fitted, rival)
+        found = run_trials(self.problem, trials, self.noise, finished, self.fitted, alternative)
         better = self._know(found)
         self.lost += ["+".join(names) for names in map(self.names_of, trials) if names not in self.tried]
         return better
@@ -208,14 +212,16 @@ class Tried:
                 self.tried[candidate.effects] = candidate
                 better.append(candidate.effects)
         # What a wrong plant leaves at the top of the spectrum is no noise: the best explanation shows the least.
-        noise = min([self.noise, *(noise_seen(c.calibration, self.bench.fitted) for c in found)])
+        noise = min([self.noise, *(noise_seen(c.calibration, self.problem.fitted) for c in found)])
         self.tried = {names: replace(candidate, noise=noise) for names, candidate in self.tried.items()}
         return better
 
     def fit_some(self, full: Names, rest: Names) -> None:
-        """Fit the effects `rest` of the set `full`, from its values and from where nothing was bent."""
+        """Fit the effects `rest` of the set `full`, from its values and from where nothing was biased."""
         plant = self.plant_of(full, rest)
-        self.attempt([Trial(start=unbent_like(self.bench, plant), bent=plant, without=self.tried[()].calibration)])
+        self.attempt(
+            [Trial(start=unbiased_like(self.problem, plant), biased=plant, without=self.tried[()].calibration)]
+        )
 
     def fit_fewer(self, full: Names) -> list[Names]:
         """Fit `full` without each of its effects in turn, from its values; the sets that could be fitted.
@@ -230,7 +236,7 @@ class Tried:
         """Fit `several` sets of effects of the set `full` from the values of that."""
         plants = [self.plant_of(full, rest) for rest in several]
         # What cannot begin from there may from elsewhere: it is not lost yet.
-        self._know(refitted(self.bench, plants, self.noise, self.fitted))
+        self._know(refitted(self.problem, plants, self.noise, self.fitted))
 
     def plant_of(self, full: Names, rest: Names) -> Plant:
         """The plant of the set `full` with the effects of `rest` only, not fitted anew."""
@@ -239,4 +245,4 @@ class Tried:
 
     def names_of(self, trial: Trial) -> Names:
         """The set of effects that a `trial` is of."""
-        return tuple(name for name in trial.start.effect_names if name not in self.bench.nominal.effect_names)
+        return tuple(name for name in trial.start.effect_names if name not in self.problem.nominal.effect_names)

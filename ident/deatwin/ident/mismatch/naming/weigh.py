@@ -24,7 +24,6 @@ from scipy.special import log_ndtr
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.parts import level_of
 from deatwin.ident.greybox.problem import Problem
-from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.likelihood import structured
 from deatwin.ident.mismatch.likelihood.beforehand import (
     coordinate,
@@ -38,8 +37,9 @@ from deatwin.ident.mismatch.likelihood.scales import evidence
 from deatwin.ident.mismatch.likelihood.several import OwnErrors, own_errors
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.contribution import readings_of_fit
-from deatwin.ident.mismatch.naming.screen import Footprint
+from deatwin.ident.mismatch.naming.screen import LinearisedResponse
 from deatwin.ident.mismatch.plan.seen import Change, products
+from deatwin.ident.mismatch.problem import DiagnosisProblem
 
 OWN, OTHER = 0.05, 0.015
 """Deviation of what a law misses along a second effect, as a share of what its own effect does: of what another law of
@@ -55,7 +55,7 @@ FAR = 1e-300
 class Scale:
     """On which candidates are weighed: the `base` plant, and the sensor's `noise`, SI."""
 
-    bench: Bench
+    problem: DiagnosisProblem
     base: Candidate
     noise: float
     _weights: dict[tuple[str, ...], tuple[Calibration, float]] = field(default_factory=dict, init=False, repr=False)
@@ -68,7 +68,7 @@ class Scale:
     @property
     def _pair_odds(self) -> float:
         """Log odds of any two effects over any one."""
-        return pair_odds(len({effect.cause for effect in self.bench.everywhere}))
+        return pair_odds(len({effect.cause for effect in self.problem.everywhere}))
 
     def weight(self, candidate: Candidate) -> float:
         """Log evidence of a candidate's fit."""
@@ -95,17 +95,17 @@ class Scale:
     @cached_property
     def error(self) -> OwnErrors:
         """The plant's own error in each reading, as the base plant moves."""
-        parts = self.bench.fitted
+        parts = self.problem.fitted
         readings = readings_of_fit(parts, self.base.calibration.residuals)
-        return own_errors(self.bench.nominal.rig, parts, readings, self.noise, self.bench.expected_error)
+        return own_errors(self.problem.nominal.rig, parts, readings, self.noise, self.problem.expected_error)
 
     def _columns(self, candidate: Candidate) -> tuple[np.ndarray, Prior]:
         """Derivatives and the plant's own error in deviations beforehand, (n, k), and where the fit lies in them."""
-        fit, effects = candidate.calibration, {effect.name: effect for effect in self.bench.everywhere}
+        fit, effects = candidate.calibration, {effect.name: effect for effect in self.problem.everywhere}
         moves = Problem(plant=fit.plant, parts=(), names=fit.names).smooth()
         parameters = [fit.plant.parameters[name] for name, smooth in zip(fit.names, moves, strict=True) if smooth]
         largest = float(np.quantile(np.abs(self.error.of[0].readings), 0.99))
-        known = [coordinate(p, self.bench.nominal, effects, largest) for p in parameters]
+        known = [coordinate(p, self.problem.nominal, effects, largest) for p in parameters]
         mean, spread = (np.array([getattr(k, name) for k in known]) for name in ("mean", "deviation"))
         # Deviations of the rig's own parameters, which may be large, have a prior of their own: `log_prior_of_rig`.
         of_effects = [p.name.partition(".")[0] in effects for p in parameters]
@@ -121,7 +121,7 @@ class Scale:
         apart = alone.calibration.residuals - pair.calibration.residuals
         if not np.isfinite(does).all() or not does.any():
             return structured.known(apart[:, None], sizes[:1])
-        basis = structured.law(does, self.error.times, level_of(self.bench.fitted))
+        basis = structured.law(does, self.error.times, level_of(self.problem.fitted))
         own = basis @ (basis.T @ apart)
         return structured.known(np.column_stack([own, apart - own]), sizes)
 
@@ -134,21 +134,21 @@ class Scale:
 
     def log_prior_of_rig(self, candidate: Candidate) -> float:
         """Return the log prior of the rig's own parameters relative to their nominal values, which may be wrong."""
-        fit, nominal = candidate.calibration, self.bench.nominal.parameters
+        fit, nominal = candidate.calibration, self.problem.nominal.parameters
         return sum(nominal_odds(fit.plant.parameters[name], nominal[name]) for name in fit.names if name in nominal)
 
-    def bent(self, candidate: Candidate) -> float:
+    def biased(self, candidate: Candidate) -> float:
         """Return how unlikely the rig's own parameters are beside right nominal values, in nats; missing physics biases them."""
-        fit, nominal = candidate.calibration, self.bench.nominal.parameters
+        fit, nominal = candidate.calibration, self.problem.nominal.parameters
         off = [departure(fit.plant.parameters[name], nominal[name]) for name in fit.names if name in nominal]
         return 0.5 * float(np.sum(np.square(off)))
 
-    def promises(self, alone: Candidate, known: Sequence[Footprint]) -> dict[str, float]:
+    def promises(self, alone: Candidate, known: Sequence[LinearisedResponse]) -> dict[str, float]:
         """Log odds of each further effect beside one that was fitted, to first order, over an error of that one's law.
 
         Of the shape that promises most.
         """
-        fit, effects = alone.calibration, {effect.name: effect for effect in self.bench.effects}
+        fit, effects = alone.calibration, {effect.name: effect for effect in self.problem.effects}
         own = self._columns(alone)[0][:, : -self.error.columns.shape[1]]
         changes = [Change(effect="", readings=fit.residuals, typical=1.0, deviation=1.0, one_sided=False)]
         for one in known:

@@ -11,14 +11,14 @@ import numpy as np
 from deatwin.ident.greybox.parts import Part
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
-from deatwin.ident.mismatch.advise.distance import TOLD_APART, confusion
+from deatwin.ident.mismatch.advise.distance import DISTINGUISHED, confusion
 from deatwin.ident.mismatch.advise.offer import SensorOffer
 from deatwin.ident.mismatch.advise.sensors import offer, offered
 from deatwin.ident.mismatch.advise.waveforms import REPERTOIRE, bears, limits_of, safe_limits, waveform
 from deatwin.ident.mismatch.excess import practical_size
 from deatwin.ident.mismatch.likelihood.beforehand import ACCURACY, deviation, strength_deviation
 from deatwin.ident.mismatch.likelihood.several import OwnErrors, own_errors, taken_up
-from deatwin.ident.mismatch.naming.screen import footprint, shapes_of
+from deatwin.ident.mismatch.naming.screen import response, shapes_of
 from deatwin.ident.mismatch.plan.result import ExperimentPlan, Foreseen, TellingReading
 from deatwin.ident.mismatch.plan.seen import Change, distances, smallest
 from deatwin.ident.parallel import run_jobs
@@ -156,7 +156,7 @@ class _Seen:
 
     def alike(self, name: str, among: np.ndarray) -> tuple[str, ...]:
         """Effects that could not be told from one at its typical strength, the most alike first."""
-        near = {other: d2 for other, d2 in self.nearest(name, among).items() if other and d2 < TOLD_APART}
+        near = {other: d2 for other, d2 in self.nearest(name, among).items() if other and d2 < DISTINGUISHED}
         return tuple(sorted(near, key=lambda other: near[other]))
 
     @property
@@ -233,7 +233,7 @@ def _changes(plant: Plant, effect: Effect, parts: tuple[Part, ...]) -> list[Chan
     else:
         shapes = shapes_of(effect, plant, parts)
     typical = effect.described(effect.strength)
-    known = [footprint(plant, parts, without, shape, missing=LARGE) for shape in shapes]
+    known = [response(plant, parts, without, shape, missing=LARGE) for shape in shapes]
     return [
         Change(
             effect=effect.name,

@@ -10,10 +10,10 @@ import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.parts import Part, free_run_residuals
-from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge, noise_seen
 from deatwin.ident.mismatch.naming.datasets import base_tables
 from deatwin.ident.mismatch.naming.drawing import draw_base
+from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.refit.search import (
     OPENING_SAMPLES,
     ROUGH,
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 
 OPENS_AS_WELL = 1.2
-"""Largest ratio of rms residuals on the openings of the experiments for a form to be fitted to all of them; by its
+"""Largest ratio of rms residuals on the openings of the experiments for a variant to be fitted to all of them; by its
 linear model, where its few simulations did not do."""
 DECADE = 10.0
 """Standard error of a parameter, as a factor, from which on the readings do not know its order of magnitude."""
@@ -52,21 +52,21 @@ class Base(Described):
     ----------
     chosen : Candidate
         Interpretation of the rig file with which the diagnosis continues.
-    rivals : tuple of Candidate
+    alternatives : tuple of Candidate
         The other interpretations, the best first.
     noise : float
         Standard deviation of the sensor noise, SI.
     """
 
     chosen: Candidate
-    rivals: tuple[Candidate, ...]
+    alternatives: tuple[Candidate, ...]
     noise: float
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
         "told": several(base_tables),
     }
 
-    def in_form_of(self, chosen: Candidate) -> Base:
+    def in_variant_of(self, chosen: Candidate) -> Base:
         """Return the same interpretations with another one chosen.
 
         Parameters
@@ -78,9 +78,9 @@ class Base(Described):
         -------
         Base
         """
-        forms = (self.chosen, *self.rivals)
-        others = tuple(form for form in forms if not _same_form(form, chosen))
-        return Base(chosen=chosen, rivals=others, noise=chosen.noise)
+        variants = (self.chosen, *self.alternatives)
+        others = tuple(variant for variant in variants if not _same_form(variant, chosen))
+        return Base(chosen=chosen, alternatives=others, noise=chosen.noise)
 
     def as_filed(self, rig: Rig) -> Base:
         """Return the same interpretations; that of the rig file is chosen if it could be simulated.
@@ -94,8 +94,8 @@ class Base(Described):
         -------
         Base
         """
-        filed = [form for form in self.rivals if _is_read_alike(form.calibration.plant.rig, rig)]
-        return self.in_form_of(filed[0]) if filed else self
+        filed = [variant for variant in self.alternatives if _is_read_alike(variant.calibration.plant.rig, rig)]
+        return self.in_variant_of(filed[0]) if filed else self
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the residuals of each interpretation on fitted and held-out data, the chosen one first.
@@ -112,12 +112,12 @@ class Base(Described):
         return draw_base(self, ax)
 
 
-def calibrate_base(bench: Bench) -> Base:
+def calibrate_base(problem: DiagnosisProblem) -> Base:
     """Calibrate the base plant for every possible interpretation of the rig file.
 
     Parameters
     ----------
-    bench : Bench
+    problem : DiagnosisProblem
         Plant and recordings.
 
     Returns
@@ -131,25 +131,25 @@ def calibrate_base(bench: Bench) -> Base:
     SimulationError
         If no interpretation of the plant can be simulated on these recordings.
     """
-    first = _fitted_well(bench, bench.nominal)
+    first = _fitted_well(problem, problem.nominal)
     if first is not None and first.adequate:
-        return Base(chosen=first, rivals=(), noise=first.noise)
-    known = [first, *_other_forms(bench, first)]
+        return Base(chosen=first, alternatives=(), noise=first.noise)
+    known = [first, *_other_forms(problem, first)]
     usable = [candidate for candidate in known if candidate is not None]
     if not usable:
-        raise _cannot_simulate(bench.nominal, bench.everything)
+        raise _cannot_simulate(problem.nominal, problem.everything)
     noise = min(candidate.noise for candidate in usable)
     usable = [replace(candidate, noise=noise) for candidate in usable]
     chosen = _preferred(usable)
-    return Base(chosen=chosen, rivals=_ranked(c for c in usable if c is not chosen), noise=noise)
+    return Base(chosen=chosen, alternatives=_ranked(c for c in usable if c is not chosen), noise=noise)
 
 
-def beside_rivals(bench: Bench, base: Base) -> Base:
-    """The base plant with its rival forms, where none was asked because the first one was good enough.
+def beside_alternatives(problem: DiagnosisProblem, base: Base) -> Base:
+    """The base plant with its alternative variants, where none was asked because the first one was good enough.
 
     Parameters
     ----------
-    bench : Bench
+    problem : DiagnosisProblem
         Plant and recordings.
     base : Base
         In which something is missing all the same.
@@ -159,50 +159,50 @@ def beside_rivals(bench: Bench, base: Base) -> Base:
     Base
         The same one chosen, and judged by the same noise.
     """
-    if base.rivals:
+    if base.alternatives:
         return base
-    others = [form for form in _other_forms(bench, base.chosen) if not _same_form(form, base.chosen)]
-    rivals = [replace(form, noise=base.noise) for form in others]
-    return replace(base, rivals=_ranked(rivals)) if rivals else base
+    others = [variant for variant in _other_forms(problem, base.chosen) if not _same_form(variant, base.chosen)]
+    alternatives = [replace(variant, noise=base.noise) for variant in others]
+    return replace(base, alternatives=_ranked(alternatives)) if alternatives else base
 
 
-def _other_forms(bench: Bench, first: Candidate | None) -> list[Candidate]:
-    """The rival forms of the rig that could be simulated, and open as well as the file's own, if that can be."""
-    forms = [bench.nominal.with_rig(rig) for rig in bench.nominal.rig.rivals()]
-    near = run_jobs(approach, [(form, bench.fitted) for form in forms], workers=bench.jobs)
-    limit = np.inf if first is None else OPENS_AS_WELL * _opening_rms(first.calibration.plant, bench)
+def _other_forms(problem: DiagnosisProblem, first: Candidate | None) -> list[Candidate]:
+    """The alternative variants of the rig that could be simulated, and open as well as the file's own, if that can be."""
+    variants = [problem.nominal.with_rig(rig) for rig in problem.nominal.rig.rivals()]
+    near = run_jobs(approach, [(variant, problem.fitted) for variant in variants], workers=problem.jobs)
+    limit = np.inf if first is None else OPENS_AS_WELL * _opening_rms(first.calibration.plant, problem)
     running = [fit.plant for fit in near if fit.status.ok and fit.within_reach < limit]
-    floor = bench.nominal.rig.noise if first is None else first.noise
-    fits = run_jobs(settle, [(form, bench.fitted, floor) for form in running], workers=bench.jobs)
-    return [candidate for candidate in (_judged(bench, fit) for fit in fits) if candidate is not None]
+    floor = problem.nominal.rig.noise if first is None else first.noise
+    fits = run_jobs(settle, [(variant, problem.fitted, floor) for variant in running], workers=problem.jobs)
+    return [candidate for candidate in (_judged(problem, fit) for fit in fits) if candidate is not None]
 
 
-def _ranked(forms: Iterable[Candidate]) -> tuple[Candidate, ...]:
-    return tuple(sorted(forms, key=lambda c: -c.evidence))
+def _ranked(variants: Iterable[Candidate]) -> tuple[Candidate, ...]:
+    return tuple(sorted(variants, key=lambda c: -c.evidence))
 
 
-def _fitted_well(bench: Bench, form: Plant) -> Candidate | None:
-    """A form fitted from the best of several starts, to the end."""
-    openings = run_jobs(approach, [(start, bench.fitted) for start in _starts(form)], workers=bench.jobs)
+def _fitted_well(problem: DiagnosisProblem, variant: Plant) -> Candidate | None:
+    """A variant fitted from the best of several starts, to the end."""
+    openings = run_jobs(approach, [(start, problem.fitted) for start in _starts(variant)], workers=problem.jobs)
     usable = [fit for fit in openings if fit.status.ok]
     if not usable:
         return None
     best = min(usable, key=lambda fit: fit.rms)
-    rough = at_its_time(roughly(_where_it_acts(best, bench.fitted), bench.fitted), bench.fitted)
-    return _judged(bench, finish(rough, bench.fitted)) if rough.status.ok else None
+    rough = at_its_time(roughly(_where_it_acts(best, problem.fitted), problem.fitted), problem.fitted)
+    return _judged(problem, finish(rough, problem.fitted)) if rough.status.ok else None
 
 
-def _starts(form: Plant) -> list[Plant]:
-    """The form as described, and with all parameters off by typical errors of a data sheet, the same ones always.
+def _starts(variant: Plant) -> list[Plant]:
+    """The variant as described, and with all parameters off by typical errors of a data sheet, the same ones always.
 
     Times of events are none of a data sheet.
     """
     rng = np.random.default_rng(0)
-    free = [form.parameters[name] for name in form.parameters.free if name not in form.event_times]
-    starts = [form]
+    free = [variant.parameters[name] for name in variant.parameters.free if name not in variant.event_times]
+    starts = [variant]
     for factors in np.exp(SPREAD * rng.standard_normal((MORE_STARTS, len(free)))):
         pairs = zip(free, factors, strict=True)
-        starts.append(form.with_values({p.name: float(np.clip(f * p.value, p.lower, p.upper)) for p, f in pairs}))
+        starts.append(variant.with_values({p.name: float(np.clip(f * p.value, p.lower, p.upper)) for p, f in pairs}))
     return starts
 
 
@@ -235,20 +235,20 @@ def _is_read_alike(one: Rig, other: Rig) -> bool:
     return replace(one, model_error=other.model_error) == other
 
 
-def _judged(bench: Bench, fit: Calibration) -> Candidate | None:
-    return judge(bench, fit, noise_seen(fit, bench.fitted)) if fit.status.ok else None
+def _judged(problem: DiagnosisProblem, fit: Calibration) -> Candidate | None:
+    return judge(problem, fit, noise_seen(fit, problem.fitted)) if fit.status.ok else None
 
 
 def _preferred(usable: Sequence[Candidate]) -> Candidate:
-    """The nominal form, unless it certainly leaves a mismatch and another one does not: first one that is adequate."""
+    """The nominal variant, unless it certainly leaves a mismatch and another one does not: first one that is adequate."""
     if not usable[0].mismatch:
         return usable[0]
     sound = [c for c in usable if c.adequate] or [c for c in usable if not c.mismatch]
     return sound[0] if sound else usable[0]
 
 
-def _opening_rms(plant: Plant, bench: Bench) -> float:
-    openings = [opening(part, OPENING_SAMPLES) for part in bench.fitted]
+def _opening_rms(plant: Plant, problem: DiagnosisProblem) -> float:
+    openings = [opening(part, OPENING_SAMPLES) for part in problem.fitted]
     residuals = free_run_residuals(plant, openings)
     return float(np.inf) if residuals is None else float(np.sqrt(np.mean(residuals**2)))
 

@@ -18,7 +18,7 @@ def fitted_parameters(nominal: Plant, fit: Calibration) -> dict[str, FittedParam
     nominal : Plant
         Before the calibration.
     fit : Calibration
-        Of the same plant, perhaps in another form.
+        Of the same plant, perhaps in another variant.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Fits that spend their simulations where they matter: a rough one for every form, a fine one for the good ones."""
+"""Fits that spend their simulations where they matter: a rough one for every variant, a fine one for the good ones."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ OPENING_SAMPLES = 2000
 """The first approach uses the opening of each experiment, long enough for the film's fast parameters."""
 OPENING_EVALUATIONS = 8
 ROUGH = 3e-3
-"""A form that leaves a large residual need not be fitted better than to 0.15 % of it,"""
+"""A variant that leaves a large residual need not be fitted better than to 0.15 % of it,"""
 ROUGHLY: Mapping[str, Any] = {"evaluations": 10, "tolerance": ROUGH}
 """nor with more simulations than these."""
 DECIDING = 1e-3
@@ -35,7 +35,7 @@ SAME = 1e-6
 AROUND = 4
 """Samples on either side of a least squared residual, each of which may hide a lesser one: noise roughens it."""
 PROMISING = 1.3
-"""Mean squared residual against noise and model error, below which a form is fitted to the end."""
+"""Mean squared residual against noise and model error, below which a variant is fitted to the end."""
 
 
 def approach(start: Plant, parts: Sequence[Part]) -> Calibration:
@@ -201,15 +201,15 @@ def at_its_time(fit: Calibration, parts: Sequence[Part], hopeless: float = np.in
     return fit if plant is fit.plant else roughly(plant, parts, hopeless)
 
 
-def in_a_wider_range(fit: Calibration, unbent: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Calibration:
+def in_a_wider_range(fit: Calibration, unbiased: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Calibration:
     """Fit anew, from just beyond, what ended where only the usual ends and not physics, as long as that gains.
 
     Parameters
     ----------
     fit : Calibration
         Of a plant on `parts`.
-    unbent : Plant
-        The same with starting values: at the end of the range the others were bent to do what lay beyond it.
+    unbiased : Plant
+        The same with starting values: at the end of the range the others were biased to do what lay beyond it.
     parts : sequence of Part
         Samples that count.
     hopeless : float
@@ -224,9 +224,9 @@ def in_a_wider_range(fit: Calibration, unbent: Plant, parts: Sequence[Part], hop
     further = {name: value for name, value in ended.items() if value is not None}
     if not further:
         return fit
-    again = search(unbent.with_values(further), parts, hopeless)
+    again = search(unbiased.with_values(further), parts, hopeless)
     gains = again.status.ok and again.rms**2 < (1.0 - ROUGH) * fit.rms**2
-    return in_a_wider_range(again, unbent, parts, hopeless) if gains else fit
+    return in_a_wider_range(again, unbiased, parts, hopeless) if gains else fit
 
 
 def in_its_gap(fit: Calibration, fitted: Sequence[Part], everything: Sequence[Part]) -> Calibration:

@@ -7,27 +7,27 @@ from collections.abc import Callable, Collection, Iterable
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
-from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.criteria import held_back_by, takes_most
 from deatwin.ident.mismatch.naming.decide import Naming
-from deatwin.ident.mismatch.naming.worth import held_back_by, takes_most
+from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.verify.verification import Verification
 from deatwin.ident.mismatch.verify.verify import verify
 
 
 def first_that_stands(
-    found: Iterable[Naming], bench: Bench, rng: np.random.Generator, started: Callable[[str], None]
+    found: Iterable[Naming], problem: DiagnosisProblem, rng: np.random.Generator, started: Callable[[str], None]
 ) -> tuple[Naming, Verification, bool]:
     """The first explanation that is not refuted, its verification, and whether it stands; else the first of all.
 
-    What has been refuted in a form of the plant is no rival of the next one there, nor what is left of it where one
+    What has been refuted in a variant of the plant is no alternative of the next one there, nor what is left of it where one
     effect is doubted.
 
     Parameters
     ----------
     found : iterable of Naming
         Explanations, the likeliest first; the last one may have none.
-    bench : Bench
+    problem : DiagnosisProblem
         Recordings.
     rng : numpy.random.Generator
         Of their verification.
@@ -46,9 +46,9 @@ def first_that_stands(
             if naming.best is None:
                 break
         started("verifying on held-out data")
-        known = [effects for form, effects in refuted if form is naming.base.calibration]
+        known = [effects for variant, effects in refuted if variant is naming.base.calibration]
         answer = naming.without(known)
-        verification = verify(answer.base, answer.best or answer.base, rng, bench, answer.candidates)
+        verification = verify(answer.base, answer.best or answer.base, rng, problem, answer.candidates)
         spared = _without_doubted(answer, verification, known)
         stands = verification.holds or bool(spared)
         verified.append((answer.as_likely(spared), verification, stands))
@@ -76,6 +76,6 @@ def _without_doubted(
         for c in rest
         if c is not None
         and frozenset(c.effects) not in refuted
-        and (c in naming.rivals or (takes_most(c, naming.base) and not held_back_by(c)))
+        and (c in naming.alternatives or (takes_most(c, naming.base) and not held_back_by(c)))
     ]
     return standing if len(standing) == len(rest) else []

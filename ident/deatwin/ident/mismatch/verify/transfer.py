@@ -9,9 +9,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.losses import BLOCK_SAMPLES, block_losses, bootstrap_gain
 from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.plant.datasets import Metadata, variable
 from deatwin.plant.recording import label
 
@@ -57,14 +57,16 @@ class Transfer:
         return self.gain_high < 0.0 and self.after > self.floor and grows > self.model_error**2
 
 
-def transfers(base: Candidate, amended: Candidate, bench: Bench, rng: np.random.Generator) -> tuple[Transfer, ...]:
+def transfers(
+    base: Candidate, amended: Candidate, problem: DiagnosisProblem, rng: np.random.Generator
+) -> tuple[Transfer, ...]:
     """Compare two candidates on each part of the held-out data.
 
     Parameters
     ----------
     base, amended : Candidate
         Judged on the same samples.
-    bench : Bench
+    problem : DiagnosisProblem
         Recordings.
     rng : numpy.random.Generator
         Of the paired block bootstrap.
@@ -76,7 +78,7 @@ def transfers(base: Candidate, amended: Candidate, bench: Bench, rng: np.random.
     """
     error = amended.calibration.plant.rig.model_error
     floor = float(np.hypot(amended.noise, error))
-    parts = [*_records(base, amended, bench), *_thirds(base, amended, bench)]
+    parts = [*_records(base, amended, problem), *_thirds(base, amended, problem)]
     return tuple(
         Transfer(
             part=name,
@@ -94,13 +96,13 @@ def transfers(base: Candidate, amended: Candidate, bench: Bench, rng: np.random.
 Losses = tuple[str, np.ndarray, np.ndarray]
 
 
-def _records(base: Candidate, amended: Candidate, bench: Bench) -> list[Losses]:
+def _records(base: Candidate, amended: Candidate, problem: DiagnosisProblem) -> list[Losses]:
     names = [
         f"{label(record)}, {part.reading}" if part.reading else label(record)
-        for part in bench.unseen
+        for part in problem.unseen
         for record in part.experiment.recordings
     ]
-    cuts = np.cumsum([mask.sum() for part in bench.unseen for mask in part.masks])[:-1]
+    cuts = np.cumsum([mask.sum() for part in problem.unseen for mask in part.masks])[:-1]
     pieces = zip(names, np.split(base.unseen, cuts), np.split(amended.unseen, cuts), strict=True)
     found = [
         (name, block_losses(before), block_losses(after))
@@ -110,8 +112,8 @@ def _records(base: Candidate, amended: Candidate, bench: Bench) -> list[Losses]:
     return found if len(found) > 1 else []
 
 
-def _thirds(base: Candidate, amended: Candidate, bench: Bench) -> list[Losses]:
-    pairs = [pair for part in bench.unseen for pair in zip(part.experiment.recordings, part.masks, strict=True)]
+def _thirds(base: Candidate, amended: Candidate, problem: DiagnosisProblem) -> list[Losses]:
+    pairs = [pair for part in problem.unseen for pair in zip(part.experiment.recordings, part.masks, strict=True)]
     # The same blocks as the losses': the mean square of the command in each.
     amplitudes = block_losses(np.concatenate([record.inputs[0, mask] for record, mask in pairs]))
     before, after = block_losses(base.unseen), block_losses(amended.unseen)

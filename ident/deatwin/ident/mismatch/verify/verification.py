@@ -12,12 +12,12 @@ import numpy as np
 from deatwin.ident.mismatch.result import (
     Ablation,
     ConstancySummary,
-    ShamSummary,
+    PlaceboSummary,
     TransferSummary,
     VerificationSummary,
 )
 from deatwin.ident.mismatch.verify.constancy import Constancy
-from deatwin.ident.mismatch.verify.shams import Sham
+from deatwin.ident.mismatch.verify.placebos import Placebo
 from deatwin.ident.mismatch.verify.transfer import Transfer
 from deatwin.plant.amplitudes import amplitude_unit, axis_label, written_amplitude
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, table_along, variable
@@ -46,7 +46,7 @@ class Verification(Described):
         error and by most of the excess over noise.
     ablations : tuple of Ablation
         Result without each effect.
-    shams : tuple of Sham
+    shams : tuple of Placebo
         Results with placebo effects, of each kind for each effect.
     transfers : tuple of Transfer
         Results for each record, if there are several, and for each third of the amplitudes.
@@ -71,7 +71,7 @@ class Verification(Described):
     )
     counts: bool = False
     ablations: tuple[Ablation, ...] = field(default=(), metadata=table_along("ablation"))
-    shams: tuple[Sham, ...] = field(default=(), metadata=table_along("sham"))
+    shams: tuple[Placebo, ...] = field(default=(), metadata=table_along("sham"))
     transfers: tuple[Transfer, ...] = field(default=(), metadata=table_along("transfer"))
     constancies: tuple[Constancy, ...] = field(default=(), metadata=table_along("constancy"))
     noise: float = field(
@@ -151,7 +151,7 @@ class Verification(Described):
                 for a in self.ablations
             ),
             shams=tuple(
-                ShamSummary(
+                PlaceboSummary(
                     effect=s.effect,
                     kind=s.kind.value,
                     share=s.share,
@@ -193,7 +193,9 @@ class Verification(Described):
         rows = [("all of it", self.unseen_before, self.unseen_after)]
         rows += [(t.part, t.before, t.after) for t in self.transfers]
         rows += [(f"without {_plain(a.effect)}", self.unseen_before, a.unseen) for a in self.ablations]
-        rows += [(f"{_plain(s.effect)} {s.kind.value}", *self._with_sham(s)) for s in self.shams if s.share is not None]
+        rows += [
+            (f"{_plain(s.effect)} {s.kind.value}", *self._with_placebo(s)) for s in self.shams if s.share is not None
+        ]
         for place, (_, before, after) in enumerate(rows):
             axes.plot([before / size, after / size], [place, place], color="0.6", linewidth=1.2, zorder=1)
         places = np.arange(len(rows))
@@ -207,7 +209,7 @@ class Verification(Described):
         axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, markerscale=1.0)
         return axes
 
-    def _with_sham(self, sham: Sham) -> tuple[float, float]:
+    def _with_placebo(self, sham: Placebo) -> tuple[float, float]:
         """Rms before, and after with the sham in the effect's place, to first order."""
         without = next((a.unseen for a in self.ablations if a.effect == sham.effect), self.unseen_before)
         gained = (sham.share or 0.0) * (without**2 - self.unseen_after**2)

@@ -12,17 +12,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.excess import practical_size
 from deatwin.ident.mismatch.losses import block_losses, bootstrap_gain
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
 from deatwin.ident.mismatch.naming.clocks import of_one_clock
-from deatwin.ident.mismatch.naming.worth import MOST
+from deatwin.ident.mismatch.naming.criteria import MOST
+from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.refit.fitted import fitted_effect
 from deatwin.ident.mismatch.refit.search import refit, settle
 from deatwin.ident.mismatch.result import Ablation
 from deatwin.ident.mismatch.verify.constancy import Constancy, constancies
-from deatwin.ident.mismatch.verify.shams import Sham, sham_effects
+from deatwin.ident.mismatch.verify.placebos import Placebo, placebo_effects
 from deatwin.ident.mismatch.verify.transfer import transfers
 from deatwin.ident.mismatch.verify.verification import Verification
 
@@ -34,7 +34,7 @@ def verify(
     base: Candidate,
     amended: Candidate,
     rng: np.random.Generator,
-    bench: Bench | None = None,
+    problem: DiagnosisProblem | None = None,
     tried: Sequence[Candidate] = (),
 ) -> Verification:
     """Test a candidate on the held-out data by ablation, placebo effects, transfer and constancy.
@@ -45,7 +45,7 @@ def verify(
         Base plant and explanation, judged on the same samples.
     rng : numpy.random.Generator
         Source of the paired block bootstrap and of random phases.
-    bench : Bench, optional
+    problem : DiagnosisProblem, optional
         Recordings; without them, transfer and placebo effects are not tested.
     tried : sequence of Candidate
         Candidates among which an explanation without one of its effects is looked up before it is fitted.
@@ -54,8 +54,8 @@ def verify(
     -------
     Verification
     """
-    reduced = _reduced(base, amended, bench, tried)
-    whole = None if bench is None else _whole(amended, bench)
+    reduced = _reduced(base, amended, problem, tried)
+    whole = None if problem is None else _whole(amended, problem)
     return Verification(
         fitted_before=base.calibration.rms,
         fitted_after=amended.calibration.rms,
@@ -63,9 +63,9 @@ def verify(
         unseen_after=_rms(amended.unseen),
         gain_low=bootstrap_gain(block_losses(base.unseen), block_losses(amended.unseen), rng),
         ablations=tuple(_ablation(name, base, amended, without, rng) for name, without in reduced.items()),
-        shams=() if bench is None else _shams(amended, reduced, bench, rng),
-        transfers=() if bench is None else transfers(base, amended, bench, rng),
-        constancies=() if bench is None else _constancies(amended, bench, whole),
+        shams=() if problem is None else _placebos(amended, reduced, problem, rng),
+        transfers=() if problem is None else transfers(base, amended, problem, rng),
+        constancies=() if problem is None else _constancies(amended, problem, whole),
         counts=_takes_most_unseen(base, amended) and _counts(base, amended, rng),
         noise=amended.noise,
         output_unit=amended.calibration.plant.rig.output_unit,
@@ -104,7 +104,7 @@ def _share(base: Candidate, amended: Candidate, without: Candidate, noise: float
 
 
 def _reduced(
-    base: Candidate, amended: Candidate, bench: Bench | None, tried: Sequence[Candidate]
+    base: Candidate, amended: Candidate, problem: DiagnosisProblem | None, tried: Sequence[Candidate]
 ) -> dict[str, Candidate]:
     """The explanation without each of its effects, fitted; without those that cannot be had."""
     carried = (c for c in tried if not c.calibration.given_up)
@@ -112,15 +112,15 @@ def _reduced(
     found = {}
     for name in amended.effects:
         rest = frozenset(amended.effects) - {name}
-        candidate = known.get(rest) or (None if bench is None else _refitted(bench, amended, name))
+        candidate = known.get(rest) or (None if problem is None else _refitted(problem, amended, name))
         if candidate is not None:
             found[name] = candidate
     return found
 
 
-def _refitted(bench: Bench, amended: Candidate, name: str) -> Candidate | None:
-    fit = settle(amended.calibration.plant.without_effects(name), bench.fitted, amended.noise)
-    return judge(bench, fit, amended.noise) if fit.status.ok else None
+def _refitted(problem: DiagnosisProblem, amended: Candidate, name: str) -> Candidate | None:
+    fit = settle(amended.calibration.plant.without_effects(name), problem.fitted, amended.noise)
+    return judge(problem, fit, amended.noise) if fit.status.ok else None
 
 
 def _ablation(name: str, base: Candidate, amended: Candidate, without: Candidate, rng: np.random.Generator) -> Ablation:
@@ -154,33 +154,33 @@ def _gained_unseen(without: Candidate, amended: Candidate) -> float:
     return float(np.mean(without.unseen**2) - np.mean(amended.unseen**2))
 
 
-def _whole(amended: Candidate, bench: Bench) -> Calibration | None:
+def _whole(amended: Candidate, problem: DiagnosisProblem) -> Calibration | None:
     """The fit to all recordings of an explanation that leaves too much; None of others, or where there is none."""
     if amended.adequate or not amended.effects:
         return None
-    fit = refit(amended.calibration, bench.everything)
+    fit = refit(amended.calibration, problem.everything)
     return None if fit is amended.calibration else fit
 
 
-def _constancies(amended: Candidate, bench: Bench, whole: Calibration | None) -> tuple[Constancy, ...]:
+def _constancies(amended: Candidate, problem: DiagnosisProblem, whole: Calibration | None) -> tuple[Constancy, ...]:
     """Over what was fitted; where the explanation leaves too much, over all recordings if that refutes an effect."""
-    fitted = constancies(amended.calibration, bench.fitted, amended.effects)
+    fitted = constancies(amended.calibration, problem.fitted, amended.effects)
     if whole is None:
         return fitted
     # The extrapolation may leave too much where this fit does not; but what is no part of the noise's power is nothing.
     left = max(whole.rms**2 - amended.noise**2, practical_size(amended.noise, 0.0) ** 2)
-    everywhere = constancies(whole, bench.everything, amended.effects, too_much=float(np.sqrt(left)))
+    everywhere = constancies(whole, problem.everything, amended.effects, too_much=float(np.sqrt(left)))
     return tuple(e if e.mends and not e.holds else f for f, e in zip(fitted, everywhere, strict=True))
 
 
-def _shams(
-    amended: Candidate, reduced: dict[str, Candidate], bench: Bench, rng: np.random.Generator
-) -> tuple[Sham, ...]:
-    found: list[Sham] = []
+def _placebos(
+    amended: Candidate, reduced: dict[str, Candidate], problem: DiagnosisProblem, rng: np.random.Generator
+) -> tuple[Placebo, ...]:
+    found: list[Placebo] = []
     for name, without in reduced.items():
         effect = fitted_effect(amended.calibration.plant, name)
         gain = _gained_unseen(without, amended)
-        found += sham_effects(without.calibration, effect, gain, bench.fitted, bench.everything, rng)
+        found += placebo_effects(without.calibration, effect, gain, problem.fitted, problem.everything, rng)
     return tuple(found)
 
 

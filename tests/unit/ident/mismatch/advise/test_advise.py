@@ -19,10 +19,10 @@ from deatwin.ident.mismatch import Verdict, diagnose
 from deatwin.ident.mismatch.advise import distance, question
 from deatwin.ident.mismatch.advise.advise import SCREENED, _labels, _needed, advise
 from deatwin.ident.mismatch.advise.waveforms import BIPOLAR, REPERTOIRE, Limits, bears, limits_of, safe_limits, waveform
-from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.excess import practical_size
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
 from deatwin.ident.mismatch.naming.decide import Distance
+from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.refit.search import finish, search
 from deatwin.plant import (
     AmplifierSaturation,
@@ -89,10 +89,10 @@ def blank(commands: np.ndarray) -> Experiment:
     return Experiment(recordings=(Recording.from_arrays(commands, np.zeros(commands.size), STEP),))
 
 
-def bench_of(nominal: Plant, experiment: Experiment) -> Bench:
+def bench_of(nominal: Plant, experiment: Experiment) -> DiagnosisProblem:
     """70 % of a record to be fitted, the rest to judge."""
     early = np.arange(experiment.n_samples) < 0.7 * experiment.n_samples
-    return Bench(
+    return DiagnosisProblem(
         nominal=nominal,
         effects=(),
         fitted=(Part(experiment=experiment, masks=(early,)),),
@@ -104,10 +104,10 @@ def bench_of(nominal: Plant, experiment: Experiment) -> Bench:
     )
 
 
-def rivals_on(bench: Bench, *effects: Effect) -> list[Candidate]:
-    noise = bench.nominal.rig.noise
-    fits = [finish(search(bench.nominal.with_effects(effect), bench.fitted), bench.fitted) for effect in effects]
-    found = [judge(bench, fit, noise) for fit in fits]
+def alternatives_on(problem: DiagnosisProblem, *effects: Effect) -> list[Candidate]:
+    noise = problem.nominal.rig.noise
+    fits = [finish(search(problem.nominal.with_effects(effect), problem.fitted), problem.fitted) for effect in effects]
+    found = [judge(problem, fit, noise) for fit in fits]
     return [candidate for candidate in found if candidate is not None]
 
 
@@ -195,10 +195,10 @@ def test_safe_limits_stay_below_the_static_limits_of_the_film():
 def test_where_the_reading_cannot_tell_another_signal_is_advised(tmp_path):
     nominal = Plant(rig=Wire())
     experiment = nominal.with_effects(ElectrodeRC(time=0.1)).record(blank(sine(8.0, 0.5)), np.random.default_rng(0))
-    bench = bench_of(nominal, experiment)
+    problem = bench_of(nominal, experiment)
     # the capacitor's lag and the sensor's are the same reading of one linear chain
-    rivals = rivals_on(bench, ElectrodeRC(time=0.08), SensorLag(time=0.08))
-    found = advise(bench, rivals, np.random.default_rng(0))
+    alternatives = alternatives_on(problem, ElectrodeRC(time=0.08), SensorLag(time=0.08))
+    found = advise(problem, alternatives, np.random.default_rng(0))
     assert found is not None
     assert found.recording is None
     assert found.measure in ("the current", "the voltage on the film")  # which only the one of them makes late
@@ -210,7 +210,7 @@ def test_where_the_reading_cannot_tell_another_signal_is_advised(tmp_path):
     found.save_input(tmp_path / "next_input.csv")
     assert not (tmp_path / "next_input.csv").exists()
     assert max(found.tried.values()) < 16
-    assert found.undecided == found.rivals
+    assert found.undecided == found.alternatives
     axes = found.plot()
     assert axes.get_xlabel()
     plt.close(axes.figure)
@@ -220,12 +220,12 @@ def test_where_the_reading_cannot_tell_another_signal_is_advised(tmp_path):
 def test_a_refit_that_brought_rivals_nearer_tells_the_confusion_before():
     nominal = Plant(rig=Wire(noise=4e-5))
     experiment = nominal.with_effects(Delay(time=0.01)).record(blank(sine(8.0, 0.2)), np.random.default_rng(0))
-    bench = bench_of(nominal, experiment)
-    rivals = rivals_on(bench, Delay(time=0.03), SensorLag(time=0.03))
+    problem = bench_of(nominal, experiment)
+    alternatives = alternatives_on(problem, Delay(time=0.03), SensorLag(time=0.03))
 
     def before(*squared: float) -> float:
         known = [Distance(effects=("delay", "sensor_lag"), d2=d2) for d2 in squared]
-        found = advise(bench, rivals, np.random.default_rng(0), distances=known)
+        found = advise(problem, alternatives, np.random.default_rng(0), distances=known)
         assert found is not None
         return found.confusion_before
 
@@ -258,10 +258,12 @@ def test_a_diagnosis_tells_the_confusion_by_the_distances_that_it_lists(monkeypa
 def test_of_many_explanations_the_nearest_pairs_are_simulated(monkeypatch):
     nominal = Plant(rig=Wire())
     experiment = nominal.with_effects(ElectrodeRC(time=0.1)).record(blank(sine(8.0, 0.5)), np.random.default_rng(0))
-    bench = bench_of(nominal, experiment)
-    rivals = rivals_on(bench, ElectrodeRC(time=0.08), Delay(time=0.05), SensorCurvature(), SensorLag(time=0.08))
-    of = [rival.calibration for rival in rivals]
-    asked = question.Question.of(bench, of, nominal.rig.noise, np.random.default_rng(1))
+    problem = bench_of(nominal, experiment)
+    alternatives = alternatives_on(
+        problem, ElectrodeRC(time=0.08), Delay(time=0.05), SensorCurvature(), SensorLag(time=0.08)
+    )
+    of = [alternative.calibration for alternative in alternatives]
+    asked = question.Question.of(problem, of, nominal.rig.noise, np.random.default_rng(1))
     commands = asked.commands("steps with long holds", 1000)
     assert commands is not None
     assert len(asked.pairs) == 12
@@ -284,9 +286,11 @@ def test_of_many_explanations_the_nearest_pairs_are_simulated(monkeypatch):
 def test_an_input_is_simulated_once_with_each_fitted_explanation(monkeypatch):
     nominal = Plant(rig=Wire())
     experiment = nominal.with_effects(ElectrodeRC(time=0.1)).record(blank(sine(8.0, 0.5)), np.random.default_rng(0))
-    bench = bench_of(nominal, experiment)
-    of = [r.calibration for r in rivals_on(bench, ElectrodeRC(time=0.08), Delay(time=0.05), SensorLag(time=0.08))]
-    asked = question.Question.of(bench, of, nominal.rig.noise, np.random.default_rng(1))
+    problem = bench_of(nominal, experiment)
+    of = [
+        r.calibration for r in alternatives_on(problem, ElectrodeRC(time=0.08), Delay(time=0.05), SensorLag(time=0.08))
+    ]
+    asked = question.Question.of(problem, of, nominal.rig.noise, np.random.default_rng(1))
     commands = asked.commands("steps with long holds", 1000)
     started: list[Plant] = []
     evaluate = Problem.evaluate
@@ -318,9 +322,9 @@ def test_an_input_is_simulated_once_with_each_fitted_explanation(monkeypatch):
     ("reached", "first", "last", "needed"),
     [
         (48.0, 50.0, 60.0, 1500.0),  # it is told already: d² is taken to grow like the length
-        (20.0, 30.0, 29.0, 3600.0),  # to first order hardly anything, but it is told apart as it is
+        (20.0, 30.0, 29.0, 3600.0),  # to first order hardly anything, but it is distinguished as it is
         (6.0, 4.0, 100.0, 6000.0),  # five times as long, 25 times as far: like the square of the length
-        (6.0, 4.0, 15.0, np.inf),  # at the greatest length not told apart
+        (6.0, 4.0, 15.0, np.inf),  # at the greatest length not distinguished
         (6.0, 17.2, 17.2 + 1e-6, np.inf),
         (0.0, 0.0, 100.0, np.inf),
     ],
@@ -340,9 +344,9 @@ def test_a_length_is_foretold_from_how_the_distance_grows(reached, first, last, 
 def test_an_input_that_decides_on_some_of_the_explanations_is_advised(monkeypatch):
     nominal = Plant(rig=Wire(noise=4e-5))
     experiment = nominal.with_effects(Delay(time=0.01)).record(blank(sine(8.0, 0.2)), np.random.default_rng(0))
-    bench = bench_of(nominal, experiment)
+    problem = bench_of(nominal, experiment)
     # to a slow sine all three are late; a fast input shows the delay, but a lag is itself whatever is said of it
-    rivals = rivals_on(bench, Delay(time=0.01), ElectrodeRC(time=0.01), SensorLag(time=0.01))
+    alternatives = alternatives_on(problem, Delay(time=0.01), ElectrodeRC(time=0.01), SensorLag(time=0.01))
     asked, module = [], sys.modules[advise.__module__]
 
     def to_measure(market, explanations):
@@ -351,11 +355,11 @@ def test_an_input_that_decides_on_some_of_the_explanations_is_advised(monkeypatc
 
     measured = module._to_measure
     monkeypatch.setattr(module, "_to_measure", to_measure)
-    found = advise(bench, rivals, np.random.default_rng(0))
+    found = advise(problem, alternatives, np.random.default_rng(0))
     assert found is not None
     assert found.recording is not None
-    assert found.rivals == ("delay", "electrode_rc", "sensor_lag")
-    assert found.undecided == found.rivals[1:]
+    assert found.alternatives == ("delay", "electrode_rc", "sensor_lag")
+    assert found.undecided == found.alternatives[1:]
     assert asked == [[("electrode_rc",), ("sensor_lag",)]]  # on what the input decides nothing need be measured
     assert found.measure in ("the current", "the voltage on the film")  # which a lag of the reading leaves as it was
     # two of the three are confused by more than 2.3 %, and by chance at most; the third by no more than that
@@ -367,8 +371,8 @@ def test_an_input_that_decides_on_some_of_the_explanations_is_advised(monkeypatc
 
 
 def test_the_same_effects_on_another_form_of_the_rig_get_a_number():
-    rivals = [SimpleNamespace(effects=effects) for effects in (("creep",), ("delay", "leakage"), ("creep",), ())]
-    assert _labels(rivals) == ("creep (1)", "delay + leakage", "creep (2)", "nothing missing")
+    alternatives = [SimpleNamespace(effects=effects) for effects in (("creep",), ("delay", "leakage"), ("creep",), ())]
+    assert _labels(alternatives) == ("creep (1)", "delay + leakage", "creep (2)", "nothing missing")
 
 
 @compiled
@@ -377,16 +381,19 @@ def test_an_input_stays_between_rest_and_recordings_if_it_would_move_the_plant_t
     high = blank(2.9 + 0.05 * (sine(20.0, 0.5) - 2.3))
     nominal = Plant(rig=Diaphragm(noise=2e-7, model_error=2e-7, command_range=(0.0, 3.4)))
     concealed = nominal.with_values(WRONG).with_effects(SensorLag(time=0.05))
-    bench = bench_of(nominal, concealed.record(high, np.random.default_rng(0)))
-    fits = [rival.calibration for rival in rivals_on(bench, SensorLag(time=0.05), ElectrodeRC(time=0.05))]
-    asked = question.Question.of(bench, fits, nominal.rig.noise, np.random.default_rng(1))
-    whole = replace(asked, bench=replace(bench, nominal=nominal.with_rig(replace(nominal.rig, model_error=1.0))))
+    problem = bench_of(nominal, concealed.record(high, np.random.default_rng(0)))
+    fits = [
+        alternative.calibration
+        for alternative in alternatives_on(problem, SensorLag(time=0.05), ElectrodeRC(time=0.05))
+    ]
+    asked = question.Question.of(problem, fits, nominal.rig.noise, np.random.default_rng(1))
+    whole = replace(asked, problem=replace(problem, nominal=nominal.with_rig(replace(nominal.rig, model_error=1.0))))
     for name in REPERTOIRE:
         calm, far = (of.commands(name, 3000) for of in (asked, whole))
         if far is None:
             assert calm is None
             continue
-        errors = [asked.bench.nominal.rig.for_motion(r.std()).model_error for r in _readings(fits[0], calm, far)]
+        errors = [asked.problem.nominal.rig.for_motion(r.std()).model_error for r in _readings(fits[0], calm, far)]
         assert errors[0] <= errors[1]
         assert calm.max() <= high.recordings[0].inputs.max() + 1e-9 or np.array_equal(calm, far)
         if name == "holds with rests between them":  # near the top only, each hold would be the same
@@ -401,9 +408,9 @@ def test_a_drive_of_both_polarities_is_not_used_where_no_recording_was(low, high
     # the error is a hundredth of the motion: a range of 20 V hides what is seen in one of 1 V
     nominal = Plant(rig=CrudeWire(noise=0.0, command_range=(-10.0, 10.0)))
     experiment = nominal.record(blank(np.linspace(low, high, 400)), np.random.default_rng(0))
-    bench = bench_of(nominal.with_rig(nominal.rig.for_motion(experiment.recordings[0].outputs.std())), experiment)
-    fit = calibrate(nominal, bench.fitted, starts=1)
-    asked = question.Question.of(bench, [fit, replace(fit)], 0.0, np.random.default_rng(1))
+    problem = bench_of(nominal.with_rig(nominal.rig.for_motion(experiment.recordings[0].outputs.std())), experiment)
+    fit = calibrate(nominal, problem.fitted, starts=1)
+    asked = question.Question.of(problem, [fit, replace(fit)], 0.0, np.random.default_rng(1))
     for name in set(REPERTOIRE) - BIPOLAR:
         made = asked.commands(name, 1000)
         assert min(low, 0.0) - 1e-9 <= made.min() < made.max() <= max(high, 0.0) + 1e-9
@@ -413,9 +420,9 @@ def test_a_drive_of_both_polarities_is_not_used_where_no_recording_was(low, high
 
 def test_an_input_by_which_nothing_moves_is_calm_enough(monkeypatch):
     nominal = Plant(rig=Wire(noise=0.0, command_range=(-10.0, 10.0)))
-    bench = bench_of(nominal, nominal.record(blank(np.linspace(-0.3, 0.5, 400)), np.random.default_rng(0)))
-    fit = calibrate(nominal, bench.fitted, starts=1)
-    asked = question.Question.of(bench, [fit, replace(fit)], 0.0, np.random.default_rng(1))
+    problem = bench_of(nominal, nominal.record(blank(np.linspace(-0.3, 0.5, 400)), np.random.default_rng(0)))
+    fit = calibrate(nominal, problem.fitted, starts=1)
+    asked = question.Question.of(problem, [fit, replace(fit)], 0.0, np.random.default_rng(1))
     monkeypatch.setattr(question.Question, "_error_of", lambda _, made: 0.0 if made.max() <= 0.5 else 1.0)
     assert asked.commands("staircase up and down", 500).max() == pytest.approx(0.5)
 
@@ -427,10 +434,10 @@ def _readings(fit, *inputs):
 def test_one_explanation_needs_no_advice():
     nominal = Plant(rig=Wire())
     experiment = nominal.record(blank(sine(4.0, 0.5)), np.random.default_rng(0))
-    bench = bench_of(nominal, experiment)
-    only = judge(bench, calibrate(nominal, bench.fitted, starts=1), nominal.rig.noise)
+    problem = bench_of(nominal, experiment)
+    only = judge(problem, calibrate(nominal, problem.fitted, starts=1), nominal.rig.noise)
     assert only is not None
-    assert advise(bench, [only], np.random.default_rng(0)) is None
+    assert advise(problem, [only], np.random.default_rng(0)) is None
 
 
 TIES = {
@@ -450,18 +457,18 @@ def decided(truth: Effect, other: Effect, frequency: float, seconds: float, tria
     """
     concealed = NOMINAL.with_values(WRONG).with_effects(truth)
     poor = blank(sine(seconds, frequency))
-    bench = bench_of(NOMINAL, concealed.record(poor, np.random.default_rng(0)))
-    rivals = rivals_on(bench, type(truth)(), other)
-    found = advise(bench, rivals, np.random.default_rng(1))
+    problem = bench_of(NOMINAL, concealed.record(poor, np.random.default_rng(0)))
+    alternatives = alternatives_on(problem, type(truth)(), other)
+    found = advise(problem, alternatives, np.random.default_rng(1))
     assert found is not None
     assert found.confusion_before > 0.023  # d² < 16: a tie
-    right, wrong = (rival.calibration for rival in rivals)
-    squared = distance.distance_squared(right.plant, wrong, bench.fitted, NOMINAL.rig.noise, steps=0)
+    right, wrong = (alternative.calibration for alternative in alternatives)
+    squared = distance.distance_squared(right.plant, wrong, problem.fitted, NOMINAL.rig.noise, steps=0)
     before = after = 0
     for trial in range(trials):
         rng = np.random.default_rng(1000 + trial)
-        parts = [replace(bench.fitted[0], experiment=concealed.record(poor, rng))]
-        right, wrong = (calibrate(rival.calibration.plant, parts, starts=1) for rival in rivals)
+        parts = [replace(problem.fitted[0], experiment=concealed.record(poor, rng))]
+        right, wrong = (calibrate(alternative.calibration.plant, parts, starts=1) for alternative in alternatives)
         before += wrong.rms < right.rms
         if found.experiment is not None:
             parts.append(Part.whole(concealed.record(found.experiment, rng)))
@@ -487,7 +494,7 @@ def test_the_advised_input_decides_a_tie(tmp_path):
     written = found.summary
     assert written.file == "next_input.csv"
     assert written.seconds == found.seconds == pytest.approx(again.duration)
-    assert found.rivals == ("delay", "electrode_rc")
+    assert found.alternatives == ("delay", "electrode_rc")
     axes = found.plot()
     assert "µm" in axes.get_ylabel()
     plt.close(axes.figure)

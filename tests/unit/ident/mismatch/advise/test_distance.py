@@ -90,13 +90,13 @@ def test_white_noise_and_a_linear_plant_give_the_distance_of_the_textbook():
     curved = BASE.with_effects(SensorCurvature(curvature=100.0))
     y = simulated(BASE.with_values({"time": 0.0}), asked)
     truth = curved.with_values({"time": 0.0})
-    rival = replace(start(BASE.with_values({"time": 0.0}), asked), names=("gain", "zero"))
+    alternative = replace(start(BASE.with_values({"time": 0.0}), asked), names=("gain", "zero"))
     # reading = gain u + zero: what it cannot follow of the square is the rest of a straight line through it
     line = np.column_stack([np.ones(y.size), y])
     rest = 100 * y**2 - line @ np.linalg.lstsq(line, 100 * y**2, rcond=None)[0]
     expected = float(rest @ rest) / NOISE**2
     for steps in (0, 4):  # damping by 1 % costs 1e-4 of what the parameters take up, and they take up 100 y² nearly all
-        assert distance_squared(truth, rival, asked, NOISE, steps=steps) == pytest.approx(expected, rel=0.01)
+        assert distance_squared(truth, alternative, asked, NOISE, steps=steps) == pytest.approx(expected, rel=0.01)
 
 
 def test_the_quick_square_form_is_that_of_the_dense_covariance():
@@ -158,12 +158,12 @@ def test_earlier_recordings_hold_a_rival_back():
     old, new = parts(commands(seed=2)), parts(commands(200, seed=3))
     plants = [BASE.with_effects(Delay(time=0.05)), BASE.with_effects(SensorLag(time=0.05))]
     seen = measured(old, simulated(plants[0], old))
-    truth, rival = (calibrate(plant, seen, tolerance=1e-8, starts=1) for plant in plants)
-    memory = Memory.of(truth, rival, seen)
-    free = distance_squared(truth.plant, rival, new, NOISE)
-    held = distance_squared(truth.plant, rival, new, NOISE, memory=memory)
+    truth, alternative = (calibrate(plant, seen, tolerance=1e-8, starts=1) for plant in plants)
+    memory = Memory.of(truth, alternative, seen)
+    free = distance_squared(truth.plant, alternative, new, NOISE)
+    held = distance_squared(truth.plant, alternative, new, NOISE, memory=memory)
     before = memory.refitted.squared_distance(NOISE)
-    both = distance_squared(truth.plant, rival, [*seen, *new], NOISE)
+    both = distance_squared(truth.plant, alternative, [*seen, *new], NOISE)
     assert free + before < 1.02 * held  # one refit for both cannot do better than one for each
     assert held == pytest.approx(both, rel=0.05)  # to first order, since the fit is near
 
@@ -200,8 +200,8 @@ def test_the_wrong_one_wins_as_often_as_predicted(share, trials):
         return [plant.with_effects(Delay(time=0.03)), plant.with_effects(SensorLag(time=0.03))]
 
     def squared(size: float) -> float:
-        truth, rival = plants(share * size)
-        fit = calibrate(rival, measured(asked, simulated(truth, asked)), starts=1)
+        truth, alternative = plants(share * size)
+        fit = calibrate(alternative, measured(asked, simulated(truth, asked)), starts=1)
         return distance_squared(truth, fit, asked, size)
 
     noise = NOISE * np.sqrt(squared(NOISE)) / 2  # d² goes with the square of the errors: here d is 2

@@ -11,11 +11,11 @@ from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.advise.offer import PricedReading
 from deatwin.ident.mismatch.advise.question import Question
 from deatwin.ident.mismatch.advise.sensors import offered, prices
-from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.gate.gate import gate
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
 from deatwin.ident.mismatch.naming.weigh import Scale
 from deatwin.ident.mismatch.prepare import prepare
+from deatwin.ident.mismatch.problem import DiagnosisProblem
+from deatwin.ident.mismatch.quality.quality import check_quality
 from deatwin.ident.mismatch.refit.search import finish, search
 from deatwin.plant import (
     Creep,
@@ -35,17 +35,17 @@ SURE = float(np.log(19.0))
 
 def weighed(
     plant: Plant, experiment: Experiment, effects: Sequence[Effect]
-) -> tuple[Bench, list[Candidate], np.ndarray]:
+) -> tuple[DiagnosisProblem, list[Candidate], np.ndarray]:
     """Both explanations, each fitted, and how the likelihood weighs them."""
-    bench, base = prepare(plant, gate(plant, experiment), effects)
+    problem, base = prepare(plant, check_quality(plant, experiment), effects)
     found = []
     for effect in effects:
-        fit: Calibration = finish(search(bench.nominal.with_effects(effect), bench.fitted), bench.fitted)
-        candidate = judge(bench, fit, base.noise)
+        fit: Calibration = finish(search(problem.nominal.with_effects(effect), problem.fitted), problem.fitted)
+        candidate = judge(problem, fit, base.noise)
         assert candidate is not None
         found.append(candidate)
-    scale = Scale(bench=bench, base=base.chosen, noise=base.noise)
-    return bench, found, np.array([scale.weight(candidate) for candidate in found])
+    scale = Scale(problem=problem, base=base.chosen, noise=base.noise)
+    return problem, found, np.array([scale.weight(candidate) for candidate in found])
 
 
 def bought(number: int, seconds: float) -> tuple[float, PricedReading, float]:
@@ -67,9 +67,9 @@ def bought(number: int, seconds: float) -> tuple[float, PricedReading, float]:
     # A sensor that hardly tells a leak from an amplifier that runs out of current
     sensor = {**NOISE, "displacement": NOISE["displacement"] * (1.0 if fault.endswith("drift") else 10.0)}
     plant = Plant(rig=Planar(noise=sensor["displacement"], further=(STATED,)))
-    bench, found, weights = weighed(plant, measured(sensor), effects)
+    problem, found, weights = weighed(plant, measured(sensor), effects)
     before = right * float(weights[0] - weights[1])
-    question = Question.of(bench, [one.calibration for one in found], found[0].noise, rng)
+    question = Question.of(problem, [one.calibration for one in found], found[0].noise, rng)
     best, *_ = prices(question).among((0, 1))
     reading = STATED if best.reading == STATED.name else Reading(name=best.reading, noise=best.noise)
     plant = Plant(rig=replace(plant.rig, further=(reading,)))

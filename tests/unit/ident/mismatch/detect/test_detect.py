@@ -11,7 +11,6 @@ from scipy.stats import kstwobign
 
 from deatwin.ident.greybox.fit import calibrate
 from deatwin.ident.greybox.parts import Part
-from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.detect.detect import detect, detect_in
 from deatwin.ident.mismatch.detect.law import LEVEL, Law
 from deatwin.ident.mismatch.detect.leftover import Leftover, leftover_of
@@ -19,9 +18,10 @@ from deatwin.ident.mismatch.detect.null import Refit, _autoregression, colour
 from deatwin.ident.mismatch.detect.origin import Origin, origin_of
 from deatwin.ident.mismatch.detect.power import Power
 from deatwin.ident.mismatch.detect.statistics import Scores
-from deatwin.ident.mismatch.gate.repeats import find_repeats
 from deatwin.ident.mismatch.naming.candidate import judge
-from deatwin.ident.mismatch.naming.screen import Footprint
+from deatwin.ident.mismatch.naming.screen import LinearisedResponse
+from deatwin.ident.mismatch.problem import DiagnosisProblem
+from deatwin.ident.mismatch.quality.repeats import find_repeats
 from deatwin.plant import Delay, Diaphragm, Experiment, Plant, Recording, SensorDrift, SensorJump, records
 from deatwin.plant.excitation import band_limited_noise, random_holds
 
@@ -259,8 +259,8 @@ def test_what_could_be_seen_is_told_of_effects_once_these_are_known():
     found = detect_in(left.with_residual(after_fit(left, white(rng, 1500))), rng, draws=100)
     assert (found.smallest, found.visible) == ({}, True)
     strength = NOISE / float(np.sqrt(np.mean(change**2)))
-    known = [Footprint(effect=SensorDrift(), change=size * change) for size in (strength, 1e-9 * strength)]
-    one, faint = (found.beside([footprint]) for footprint in known)
+    known = [LinearisedResponse(effect=SensorDrift(), change=size * change) for size in (strength, 1e-9 * strength)]
+    one, faint = (found.beside([response]) for response in known)
     # As large in the readings, whatever the strength that makes it.
     assert 0.3 * NOISE < one.smallest["sensor_drift"] < 3.0 * NOISE
     assert faint.smallest["sensor_drift"] == pytest.approx(one.smallest["sensor_drift"])
@@ -330,12 +330,12 @@ def test_noise_that_grows_with_the_motion_is_a_disturbance_and_what_a_plant_lack
 PLANT = Plant(rig=Diaphragm())
 
 
-def bench_of(command: np.ndarray, seed: int, truth: Plant = PLANT) -> Bench:
+def bench_of(command: np.ndarray, seed: int, truth: Plant = PLANT) -> DiagnosisProblem:
     blank = Experiment(recordings=(Recording.from_arrays(command, np.zeros_like(command), STEP),))
     experiment = truth.record(blank, np.random.default_rng(seed))
     early = np.arange(command.size) < 0.7 * command.size
     fitted, unseen = (Part(experiment=experiment, masks=(mask,)) for mask in (early, ~early))
-    return Bench(
+    return DiagnosisProblem(
         nominal=PLANT,
         effects=(),
         fitted=(fitted,),
@@ -348,12 +348,12 @@ def bench_of(command: np.ndarray, seed: int, truth: Plant = PLANT) -> Bench:
 
 
 def test_a_plant_that_is_its_own_truth_lacks_nothing():
-    bench = bench_of(band_limited_noise(np.random.default_rng(0), 40.0, STEP), 1)
-    base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=4, starts=1), PLANT.rig.noise)
-    left = leftover_of(base, bench)
+    problem = bench_of(band_limited_noise(np.random.default_rng(0), 40.0, STEP), 1)
+    base = judge(problem, calibrate(PLANT, problem.fitted, evaluations=4, starts=1), PLANT.rig.noise)
+    left = leftover_of(base, problem)
     np.testing.assert_allclose(left.residual[left.fitted], base.calibration.residuals, atol=1e-12)
     np.testing.assert_allclose(left.residual[~left.fitted], base.unseen, atol=1e-12)
-    found = detect(base, bench, np.random.default_rng(2))
+    found = detect(base, problem, np.random.default_rng(2))
     assert not found.mismatch
     assert found.testable
     assert found.moved > 20 * PLANT.rig.noise
@@ -374,9 +374,9 @@ def small_then_large() -> np.ndarray:
 def test_a_rig_that_answers_a_few_milliseconds_late_lacks_nothing(late, taken_up):
     """Readings are late by 3 ms (a deviation of 0.15 samples): 6 ms are within two of them, 9 ms are not."""
     command = random_holds(np.random.default_rng(0), 30.0, STEP, 1.2, 3.4, 0.1, 0.6)
-    bench = replace(bench_of(command, 1, PLANT.with_effects(Delay(time=late))), effects=(Delay(),))
-    base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=10, starts=1), PLANT.rig.noise)
-    found = detect(base, bench, np.random.default_rng(2))
+    problem = replace(bench_of(command, 1, PLANT.with_effects(Delay(time=late))), effects=(Delay(),))
+    base = judge(problem, calibrate(PLANT, problem.fitted, evaluations=10, starts=1), PLANT.rig.noise)
+    found = detect(base, problem, np.random.default_rng(2))
     assert replace(found, taken_up=None).mismatch
     assert found.mismatch is not taken_up
     if found.taken_up is not None:
@@ -385,9 +385,9 @@ def test_a_rig_that_answers_a_few_milliseconds_late_lacks_nothing(late, taken_up
 
 def test_what_the_plant_takes_up_once_it_is_fitted_to_all_recordings_is_not_missing():
     """The truth has the same equations: what stiffens the film where it moves far is hardly seen where it does not."""
-    bench = bench_of(small_then_large(), 1, PLANT.with_values({"stretch_limit": 200.0}))
-    base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=20, starts=1, tolerance=1e-4), PLANT.rig.noise)
-    found = detect(base, bench, np.random.default_rng(2))
+    problem = bench_of(small_then_large(), 1, PLANT.with_values({"stretch_limit": 200.0}))
+    base = judge(problem, calibrate(PLANT, problem.fitted, evaluations=20, starts=1, tolerance=1e-4), PLANT.rig.noise)
+    found = detect(base, problem, np.random.default_rng(2))
     assert replace(found, taken_up=None).mismatch  # by chance and size alone it would be one
     assert found.taken_up
     assert not found.mismatch
@@ -405,29 +405,29 @@ def test_what_the_plant_takes_up_once_it_is_fitted_to_all_recordings_is_not_miss
     ids=["the same", "on a bound"],
 )
 def test_a_refit_that_fails_or_ends_on_a_bound_takes_nothing_up(monkeypatch, refitted):
-    bench = bench_of(small_then_large(), 1, PLANT.with_values({"stretch_limit": 200.0}))
-    base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=20, starts=1, tolerance=1e-4), PLANT.rig.noise)
+    problem = bench_of(small_then_large(), 1, PLANT.with_values({"stretch_limit": 200.0}))
+    base = judge(problem, calibrate(PLANT, problem.fitted, evaluations=20, starts=1, tolerance=1e-4), PLANT.rig.noise)
     module = importlib.import_module("deatwin.ident.mismatch.detect.detect")
     monkeypatch.setattr(module, "refit", refitted)
-    found = detect(base, bench, np.random.default_rng(2))
+    found = detect(base, problem, np.random.default_rng(2))
     assert found.mismatch
     assert found.taken_up is None
 
 
 @pytest.mark.parametrize("at", [20.0, 50.0], ids=["fitted part", "held-out part"])
 def test_what_the_plant_cannot_take_up_is_missing(at):
-    bench = bench_of(small_then_large(), 1, PLANT.with_effects(SensorJump(change=20e-6, at=at)))
-    base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=20, starts=1, tolerance=1e-4), PLANT.rig.noise)
-    found = detect(base, bench, np.random.default_rng(2))
+    problem = bench_of(small_then_large(), 1, PLANT.with_effects(SensorJump(change=20e-6, at=at)))
+    base = judge(problem, calibrate(PLANT, problem.fitted, evaluations=20, starts=1, tolerance=1e-4), PLANT.rig.noise)
+    found = detect(base, problem, np.random.default_rng(2))
     assert found.mismatch
     assert found.summary.taken_up is False
 
 
 def test_a_level_with_a_tiny_ripple_tests_nothing():
     ripple = 2.4 + 1e-3 * np.sin(2 * np.pi * 0.5 * STEP * np.arange(2000))
-    bench = bench_of(ripple, 3)
-    base = judge(bench, calibrate(PLANT, bench.fitted, evaluations=4, starts=1), PLANT.rig.noise)
-    assert not detect(base, bench, np.random.default_rng(4)).testable
+    problem = bench_of(ripple, 3)
+    base = judge(problem, calibrate(PLANT, problem.fitted, evaluations=4, starts=1), PLANT.rig.noise)
+    assert not detect(base, problem, np.random.default_rng(4)).testable
 
 
 @pytest.mark.study
@@ -435,10 +435,10 @@ def test_linearised_refits_are_as_good_as_full_ones():
     """Two hundred records of the reduced plant, fitted in full; it takes some minutes."""
     command = band_limited_noise(np.random.default_rng(5), 40.0, STEP)
     clean = replace(PLANT, rig=replace(PLANT.rig, model_error=0.0))
-    bench = replace(bench_of(command, 6), nominal=clean)
-    start = calibrate(clean, bench.fitted, starts=1)
-    base = judge(bench, start, clean.rig.noise)
-    law = Law(leftover_of(base, bench), np.random.default_rng(7), 1000)
+    problem = replace(bench_of(command, 6), nominal=clean)
+    start = calibrate(clean, problem.fitted, starts=1)
+    base = judge(problem, start, clean.rig.noise)
+    law = Law(leftover_of(base, problem), np.random.default_rng(7), 1000)
     pieces = []
     for seed in range(200):
         again = bench_of(command, 1000 + seed)

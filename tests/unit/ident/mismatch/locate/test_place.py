@@ -7,10 +7,10 @@ import pytest
 
 from deatwin.ident.greybox import Part, calibrate
 from deatwin.ident.greybox.filter import Opening, linearise
-from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.locate.closure import closure_p_value, regressions
 from deatwin.ident.mismatch.locate.place import Places, locate_place
 from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.plant import CoulombFriction, Creep, Diaphragm, Experiment, Hysteresis, Plant, Recording, SensorDrift
 from deatwin.plant.effects.amplifier_slew import AmplifierSlew
 from deatwin.plant.effects.base import Effect
@@ -31,7 +31,7 @@ def placed(effect: Effect, seed: int) -> Places:
     part = Part.whole(truth.record(blank, np.random.default_rng(seed)))
     nominal = Plant(rig=Diaphragm())
     base = Candidate(effects=(), calibration=calibrate(nominal, [part], starts=1), unseen=np.empty(0), noise=NOISE)
-    bench = Bench(
+    problem = DiagnosisProblem(
         nominal=nominal,
         effects=(),
         fitted=(part,),
@@ -41,7 +41,7 @@ def placed(effect: Effect, seed: int) -> Places:
         stated_error=1e-6,
         expected_error=1e-6,
     )
-    return locate_place(base, bench, np.random.default_rng(0))
+    return locate_place(base, problem, np.random.default_rng(0))
 
 
 def weaker(effect: Effect) -> Effect:

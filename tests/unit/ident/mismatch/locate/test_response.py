@@ -52,9 +52,9 @@ def test_a_change_shows_in_the_orders_that_it_makes() -> None:
         if d.order == 1:
             assert d.size == pytest.approx(0.1, abs=0.02)  # all of the input's terms are larger by a tenth
     # the cubic term alone changes the slope at the operating point by less, but the curvature too
-    bent = locate_response([measured(u, run(u, **{"u(k-1)^3": 2.0}), 1)], [plant], 0.0)
-    assert {d.order for d in bent} >= {1, 3}
-    sizes = {d.order: d.size for d in bent}
+    biased = locate_response([measured(u, run(u, **{"u(k-1)^3": 2.0}), 1)], [plant], 0.0)
+    assert {d.order for d in biased} >= {1, 3}
+    sizes = {d.order: d.size for d in biased}
     assert sizes[3] > 3 * sizes[1]
 
 

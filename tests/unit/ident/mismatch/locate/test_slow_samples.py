@@ -5,11 +5,11 @@ import pytest
 
 from deatwin.ident.discrepancy import Track as Learned
 from deatwin.ident.discrepancy import gaussian_process
-from deatwin.ident.mismatch.gate.repeats import find_repeats
-from deatwin.ident.mismatch.gate.suspects import stuck
 from deatwin.ident.mismatch.locate.frequency import locate_frequency
 from deatwin.ident.mismatch.locate.time import locate_time
 from deatwin.ident.mismatch.locate.track import Track
+from deatwin.ident.mismatch.quality.repeats import find_repeats
+from deatwin.ident.mismatch.quality.suspects import stuck
 from deatwin.ident.soundness import RISE_SAMPLES
 from deatwin.plant.recording import Recording
 

@@ -60,7 +60,7 @@ def noise() -> float:
 @pytest.fixture
 def nothing() -> Naming:
     """No explanation was found."""
-    return Naming(candidates=(), best=None, rivals=(), probabilities={}, noise=NOISE)
+    return Naming(candidates=(), best=None, alternatives=(), probabilities={}, noise=NOISE)
 
 
 @pytest.fixture
@@ -144,8 +144,8 @@ def search_over() -> Callable[..., Search]:
     """``search_over(*candidates)``: a search in which these were tried, the base plant first."""
 
     def make(*candidates: Candidate) -> Search:
-        bench = SimpleNamespace(effects=(), everywhere=(), jobs=1, nominal=Nominal(), fitted=FITTED, everything=PARTS)
-        search = Search(bench, candidates[0], ())
+        problem = SimpleNamespace(effects=(), everywhere=(), jobs=1, nominal=Nominal(), fitted=FITTED, everything=PARTS)
+        search = Search(problem, candidates[0], ())
         search.tried.update({c.effects: c for c in candidates})
         search._together = list  # no pairs: nothing was screened
         search._siblings = lambda names, best: []  # nothing acts as anything does

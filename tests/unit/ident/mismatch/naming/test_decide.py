@@ -1,4 +1,4 @@
-"""Decisions between explanations, on residuals whose sizes are given: which leads, and which stay its rivals."""
+"""Decisions between explanations, on residuals whose sizes are given: which leads, and which stay its alternatives."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.criteria import suffices
 from deatwin.ident.mismatch.naming.decide import (
     Distance,
     Naming,
@@ -16,21 +17,20 @@ from deatwin.ident.mismatch.naming.decide import (
     with_all_distances,
     with_distances,
 )
-from deatwin.ident.mismatch.naming.worth import suffices
 
 
 def test_the_best_adequate_explanation_stands_alone(candidate, is_adequate, noise):
     right, wrong = candidate("creep", rms=2.1), candidate("electrode_rc", rms=4.7)
     decided = decide((right, wrong), (wrong, right), noise, is_adequate, is_adequate)
     assert decided.best is right
-    assert decided.rivals == ()
+    assert decided.alternatives == ()
     assert decided.probabilities[("creep",)] == pytest.approx(1.0)
 
 
-def test_equal_explanations_are_rivals(candidate, is_adequate, noise):
+def test_equal_explanations_are_alternatives(candidate, is_adequate, noise):
     one, other = candidate("creep", rms=2.10), candidate("permittivity_drift", rms=2.11)
     decided = decide((one, other), (one, other), noise, is_adequate, is_adequate)
-    assert decided.rivals == (other,)
+    assert decided.alternatives == (other,)
     assert cannot_rule_out(other, one)
 
 
@@ -42,12 +42,12 @@ def test_many_that_are_unlikely_one_by_one_are_rivals_together(candidate, noise)
     stage = (best, *others)
     alone = decide(stage, stage[:2], noise, lambda c: c is best, lambda c: True)
     assert alone.probabilities[best.effects] == pytest.approx(25 / 26, rel=1e-6)
-    assert alone.rivals == ()
+    assert alone.alternatives == ()
     together = decide(stage, stage, noise, lambda c: c is best, lambda c: True)
     assert together.probabilities[best.effects] == pytest.approx(25 / 30, rel=1e-6)
-    held = together.probabilities[best.effects] + sum(together.probabilities[c.effects] for c in together.rivals)
+    held = together.probabilities[best.effects] + sum(together.probabilities[c.effects] for c in together.alternatives)
     # 28/30 are too few, 29/30 enough
-    assert len(together.rivals) == 4
+    assert len(together.alternatives) == 4
     assert held > 0.95
 
 
@@ -57,15 +57,15 @@ def test_another_head_keeps_the_distances_that_are_known_from_it(candidate, nois
     naming = Naming(
         candidates=(one, other, third),
         best=one,
-        rivals=(other, third),
+        alternatives=(other, third),
         probabilities={},
         noise=noise,
         distances=distances,
     )
-    assert naming.led_by(one) is naming
-    led = naming.led_by(other)
+    assert naming.with_best(one) is naming
+    led = naming.with_best(other)
     assert led.best is other
-    assert led.rivals == (one, third)
+    assert led.alternatives == (one, third)
     assert led.distances == (Distance(effects=("delay", "creep"), d2=9.0),)
 
 
@@ -75,43 +75,43 @@ def test_the_distance_to_a_rival_is_not_that_of_the_same_effects_in_another_form
     naming = Naming(
         candidates=(best, near, twin),
         best=best,
-        rivals=(near,),
+        alternatives=(near,),
         probabilities={("creep",): 1.0, ("leakage",): 0.5},
         noise=noise,
         distances=distances,
     )
-    rival, bench = candidate("delay", rms=2.1), SimpleNamespace(everything=(), jobs=1)
+    alternative, problem = candidate("delay", rms=2.1), SimpleNamespace(everything=(), jobs=1)
     asked = []
 
     def apart(one, other, parts, level):
         asked.append((one, other, level))
         return 2.0
 
-    told = with_all_distances(naming.beside([rival]), bench, apart)
-    assert asked == [(best.calibration, rival.calibration, noise)]  # of what is known nothing is asked again
+    told = with_all_distances(naming.beside([alternative]), problem, apart)
+    assert asked == [(best.calibration, alternative.calibration, noise)]  # of what is known nothing is asked again
     assert {d.effects: d.d2 for d in told.distances} == {("creep", "leakage"): 4.0, ("creep", "delay"): 2.0}
-    led = with_all_distances(told.led_by(rival), bench, apart)  # from which only one distance is known
+    led = with_all_distances(told.with_best(alternative), problem, apart)  # from which only one distance is known
     assert {d.effects: d.d2 for d in led.distances} == {("delay", "creep"): 2.0, ("delay", "leakage"): 2.0}
-    assert {d.effects[1] for d in led.distances} == {"+".join(r.effects) for r in led.rivals}
+    assert {d.effects[1] for d in led.distances} == {"+".join(r.effects) for r in led.alternatives}
 
 
 def test_a_short_experiment_of_its_own_rules_out_what_a_long_one_cannot(candidate):
     best = candidate("creep", rms=2.1)
-    # 9000 samples tell nothing; in the last 700 fitted and 300 unseen ones the rival leaves 1 more: 1 > (1.2 / 2)²
+    # 9000 samples tell nothing; in the last 700 fitted and 300 unseen ones the alternative leaves 1 more: 1 > (1.2 / 2)²
     mixed = np.where(np.arange(10_000) % 10 < 9, 2.1**2, 2.1**2 + 1.0)
     late = np.sqrt(np.sort(mixed))
     calibration = SimpleNamespace(**{**vars(best.calibration), "residuals": np.r_[late[:6300], late[-700:]]})
-    rival = replace(best, effects=("delay",), calibration=calibration, unseen=np.r_[late[6300:9000], late[-300:]])
+    alternative = replace(best, effects=("delay",), calibration=calibration, unseen=np.r_[late[6300:9000], late[-300:]])
     sizes = ((6300, 2700), (700, 300))
-    best, rival = replace(best, sizes=sizes), replace(rival, sizes=sizes)
-    assert rival.mean_squares - best.mean_squares == pytest.approx([0.1, 0.0, 1.0])
+    best, alternative = replace(best, sizes=sizes), replace(alternative, sizes=sizes)
+    assert alternative.mean_squares - best.mean_squares == pytest.approx([0.1, 0.0, 1.0])
     # 100 ln(1 + 0.1 / 2.1²) are 2.2 nats, with a parameter more 4.9: strong. 0.1 in the mean is less than 0.36
     clear = replace(best, calibration=SimpleNamespace(**{**vars(best.calibration), "names": ("a",) * 7}))
-    assert not is_as_likely(rival, clear)
-    assert not cannot_rule_out(rival, clear)
-    assert cannot_rule_out(replace(rival, sizes=()), replace(clear, sizes=()))
+    assert not is_as_likely(alternative, clear)
+    assert not cannot_rule_out(alternative, clear)
+    assert cannot_rule_out(replace(alternative, sizes=()), replace(clear, sizes=()))
     few = ((6800, 2960), (200, 40))  # too few samples to say anything by themselves
-    assert cannot_rule_out(replace(rival, sizes=few), replace(clear, sizes=few))
+    assert cannot_rule_out(replace(alternative, sizes=few), replace(clear, sizes=few))
 
 
 def test_nothing_adequate_is_no_explanation(candidate, is_adequate, noise):
@@ -148,7 +148,7 @@ def test_what_is_as_likely_as_the_best_is_a_rival_though_it_misses_a_limit_by_a_
     assert best.adequate and not near.adequate
     decided = decide((best, near, far), (best, near, far), noise, is_adequate, lambda c: True)
     assert decided.best is best
-    assert decided.rivals == (near,)
+    assert decided.alternatives == (near,)
 
 
 @pytest.mark.parametrize(("rms", "kept"), [(2.59, True), (2.7, False)])
@@ -158,10 +158,10 @@ def test_what_is_worse_by_more_than_the_model_error_has_been_told_apart(
     """2.3² + 1.2² = 2.59²; of the two the inputs are said to predict no difference."""
     best, other = candidate("creep", rms=2.3), candidate("mullins", rms=rms)
     decided = decide((best, other), (best, other), noise, is_adequate, lambda c: True)
-    assert decided.rivals == ()
-    bench = SimpleNamespace(everything=(), jobs=1)
-    found = with_distances(decided, (best, other), bench, lambda c: True, lambda *given: 9.0)
-    assert (found.rivals == (other,)) is kept
+    assert decided.alternatives == ()
+    problem = SimpleNamespace(everything=(), jobs=1)
+    found = with_distances(decided, (best, other), problem, lambda c: True, lambda *given: 9.0)
+    assert (found.alternatives == (other,)) is kept
     assert [d.d2 for d in found.distances] == [9.0]
 
 
@@ -174,10 +174,10 @@ def test_what_differs_by_little_is_no_rival_where_it_is_told_apart_and_unlikely(
     names = ("a",) * (len(best.calibration.names) + more)
     other = replace(other, calibration=SimpleNamespace(**{**vars(other.calibration), "names": names}))
     decided = decide((best, other), (best, other), noise, is_adequate, lambda c: True)
-    assert decided.rivals == (() if more else (other,))
-    bench = SimpleNamespace(everything=(), jobs=1)
-    found = with_distances(decided, (best, other), bench, lambda c: True, lambda *given: d2)
-    assert (found.rivals == (other,)) is kept
+    assert decided.alternatives == (() if more else (other,))
+    problem = SimpleNamespace(everything=(), jobs=1)
+    found = with_distances(decided, (best, other), problem, lambda c: True, lambda *given: d2)
+    assert (found.alternatives == (other,)) is kept
 
 
 @pytest.mark.parametrize(("unlikely", "kept"), [(2.9, True), (3.1, False)])
@@ -188,34 +188,38 @@ def test_of_what_reads_alike_a_rival_is_left_that_is_not_20_times_less_likely_be
     best, other = candidate("permittivity_drift", rms=2.1), candidate("sensor_drift_at_command_gain", rms=2.1)
     other = replace(other, log_share=-1.4, log_size=1.4 - unlikely)
     decided = decide((best, other), (best, other), noise, is_adequate, lambda c: True)
-    bench = SimpleNamespace(everything=(), jobs=1)
-    found = with_distances(decided, (best, other), bench, lambda c: True, lambda *given: 0.03)
-    assert (found.rivals == (other,)) is kept
+    problem = SimpleNamespace(everything=(), jobs=1)
+    found = with_distances(decided, (best, other), problem, lambda c: True, lambda *given: 0.03)
+    assert (found.alternatives == (other,)) is kept
     assert cannot_rule_out(other, best) is kept
 
 
 def test_distances_need_no_probabilities_and_take_no_rival_away(candidate, noise, monkeypatch):
-    """A decision by other fits may know more of a rival, or nothing of one that could not be fitted there."""
+    """A decision by other fits may know more of an alternative, or nothing of one that could not be fitted there."""
     # 200 ln(2.2 / 2.1) are 9 nats, and the two differ by half of the model error
-    best, rival, lost = candidate("creep", rms=2.1), candidate("delay", rms=2.2), candidate("mullins", rms=3.0)
-    known = {best.effects: 0.6, rival.effects: 0.4}
-    naming = Naming(candidates=(best, rival, lost), best=best, rivals=(rival,), probabilities=known, noise=noise)
-    bench = SimpleNamespace(everything=(), jobs=1)
-    found = with_distances(naming, (best, rival, lost), bench, lambda c: True, lambda *given: 100.0)
-    assert found.rivals == (rival,)
+    best, alternative, lost = candidate("creep", rms=2.1), candidate("delay", rms=2.2), candidate("mullins", rms=3.0)
+    known = {best.effects: 0.6, alternative.effects: 0.4}
+    naming = Naming(
+        candidates=(best, alternative, lost), best=best, alternatives=(alternative,), probabilities=known, noise=noise
+    )
+    problem = SimpleNamespace(everything=(), jobs=1)
+    found = with_distances(naming, (best, alternative, lost), problem, lambda c: True, lambda *given: 100.0)
+    assert found.alternatives == (alternative,)
     assert found.probabilities == known
 
 
 def test_the_distance_of_the_same_two_fits_is_reckoned_once(candidate, noise):
-    best, rival, better = candidate("creep", rms=2.1), candidate("delay", rms=2.2), candidate("delay", rms=2.15)
-    naming = Naming(candidates=(best, rival), best=best, rivals=(), probabilities={}, noise=noise)
-    bench, known, asked = SimpleNamespace(everything=(), jobs=1), {}, []
+    best, alternative, better = candidate("creep", rms=2.1), candidate("delay", rms=2.2), candidate("delay", rms=2.15)
+    naming = Naming(candidates=(best, alternative), best=best, alternatives=(), probabilities={}, noise=noise)
+    problem, known, asked = SimpleNamespace(everything=(), jobs=1), {}, []
 
     def reckoned(*stage: Candidate) -> list[float]:
-        found = with_distances(naming, stage, bench, lambda c: True, lambda *given: asked.append(given) or 9.0, known)
+        found = with_distances(naming, stage, problem, lambda c: True, lambda *given: asked.append(given) or 9.0, known)
         return [distance.d2 for distance in found.distances]
 
-    assert reckoned(best, rival) == reckoned(best, replace(rival, noise=noise)) == [9.0]  # judged anew, not fitted
+    assert (
+        reckoned(best, alternative) == reckoned(best, replace(alternative, noise=noise)) == [9.0]
+    )  # judged anew, not fitted
     assert len(asked) == 1
     assert reckoned(best, better) == [9.0]
     assert len(asked) == 2
@@ -233,7 +237,7 @@ def test_what_differs_fast_from_the_likelier_one_does_not_lead_for_its_fewer_par
     assert wrong.evidence > right.evidence
     decided = decide((wrong, right), (wrong, right), noise, is_adequate, lambda c: True)
     assert decided.best is right
-    assert decided.rivals == (wrong,)
+    assert decided.alternatives == (wrong,)
     odds = np.exp(1 / (2 * (1 / 25 + 1 / 9)) - np.log(200) / 2)
     assert decided.probabilities[right.effects] == pytest.approx(odds / (1 + odds), rel=1e-2)
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from deatwin.ident.mismatch.naming.screen import Footprint, Lead
+from deatwin.ident.mismatch.naming.screen import Lead, LinearisedResponse
 from deatwin.ident.mismatch.naming.sets import joint_trials
 from deatwin.plant import Creep, Delay, Diaphragm, ElectrodeRC, Hysteresis, Plant, SensorDrift, SensorJump
 
@@ -39,7 +39,7 @@ def fit_of(*effects) -> SimpleNamespace:
 
 
 def search_with(*sets) -> SimpleNamespace:
-    known = [Footprint(effect=e, change=change) for e, change in EFFECTS.items()]
+    known = [LinearisedResponse(effect=e, change=change) for e, change in EFFECTS.items()]
     tried = {tuple(e.name for e in effects): fit_of(*effects) for effects in sets}
     return SimpleNamespace(
         tried=tried,
@@ -47,7 +47,7 @@ def search_with(*sets) -> SimpleNamespace:
         is_possible=lambda candidate: True,
         known=lambda: known,
         event_leads=lambda *several: [() for _ in several],
-        bench=SimpleNamespace(nominal=PLANT),
+        problem=SimpleNamespace(nominal=PLANT),
     )
 
 
@@ -128,7 +128,7 @@ def test_what_promises_nearly_as_much_is_tried(kept, asked):
 
 def test_effects_of_the_plant_itself_belong_to_no_pair():
     search = search_with((Hysteresis(),), (Creep(),))
-    search.bench.nominal = PLANT.with_effects(Delay())
+    search.problem.nominal = PLANT.with_effects(Delay())
     for candidate in search.tried.values():
         candidate.calibration.plant = candidate.calibration.plant.with_effects(Delay())
     found = joint_trials(search)

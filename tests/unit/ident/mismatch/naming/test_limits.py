@@ -34,40 +34,42 @@ def hysteresis(distance: float) -> Effect:
 FRICTION, CREEP = effect_named("coulomb_friction"), effect_named("creep")
 
 
-def rivals(*candidates: Candidate, possible=lambda c: True, before=()) -> list[tuple[str, ...]]:
-    """Names of the rivals where the first candidate is the best, and some were rivals `before`."""
+def alternatives(*candidates: Candidate, possible=lambda c: True, before=()) -> list[tuple[str, ...]]:
+    """Names of the alternatives where the first candidate is the best, and some were alternatives `before`."""
     probabilities = {c.effects: float(c is candidates[0]) for c in candidates}
-    naming = Naming(candidates=candidates, best=candidates[0], rivals=before, probabilities=probabilities, noise=1.0)
+    naming = Naming(
+        candidates=candidates, best=candidates[0], alternatives=before, probabilities=probabilities, noise=1.0
+    )
     found = with_limits(naming, possible)
-    assert found.probabilities[found.best.effects] == pytest.approx(1 / (1 + len(found.rivals)))
-    return [rival.effects for rival in found.rivals]
+    assert found.probabilities[found.best.effects] == pytest.approx(1 / (1 + len(found.alternatives)))
+    return [alternative.effects for alternative in found.alternatives]
 
 
 def test_hysteresis_over_the_smallest_distance_may_be_dry_friction():
     best, friction, creep = candidate(hysteresis(LOWEST)), candidate(FRICTION), candidate(CREEP)
-    assert rivals(best, friction, creep) == [("coulomb_friction",)]
-    assert rivals(best, friction, creep, possible=lambda c: c is creep) == []
+    assert alternatives(best, friction, creep) == [("coulomb_friction",)]
+    assert alternatives(best, friction, creep, possible=lambda c: c is creep) == []
 
 
 def test_each_effect_of_a_pair_may_have_become_another():
     best = candidate(CREEP, hysteresis(LOWEST))
     pair, single = candidate(FRICTION, CREEP), candidate(FRICTION)
-    assert rivals(best, single, pair) == [pair.effects]
+    assert alternatives(best, single, pair) == [pair.effects]
 
 
 @pytest.mark.parametrize(("deviation", "friction"), [(0.11, True), (0.09, False)])
 def test_nearly_the_smallest_distance_may_be_dry_friction_too_unless_it_is_surely_more(deviation, friction):
     best = candidate(hysteresis(1.2 * LOWEST), deviation=deviation)  # the logarithm of 1.2 is 1.96 times 0.093
-    assert rivals(best, candidate(FRICTION)) == ([("coulomb_friction",)] if friction else [])
+    assert alternatives(best, candidate(FRICTION)) == ([("coulomb_friction",)] if friction else [])
 
 
 @pytest.mark.parametrize("distance", [30e-6, HIGHEST])
 def test_elsewhere_it_is_hysteresis(distance):
-    assert rivals(candidate(hysteresis(distance)), candidate(FRICTION)) == []
+    assert alternatives(candidate(hysteresis(distance)), candidate(FRICTION)) == []
 
 
 def test_without_an_answer_nothing_is_added():
-    nothing = Naming(candidates=(candidate(),), best=None, rivals=(), probabilities={}, noise=1.0)
+    nothing = Naming(candidates=(candidate(),), best=None, alternatives=(), probabilities={}, noise=1.0)
     assert with_limits(nothing, lambda c: True) is nothing
 
 
@@ -80,13 +82,13 @@ def test_what_an_effect_becomes_is_in_the_catalogue_and_at_a_parameter_of_its_ow
 
 def test_what_was_a_rival_before_is_as_likely_too():
     best, friction = candidate(hysteresis(LOWEST)), candidate(FRICTION)
-    assert rivals(best, friction, before=(friction,)) == [("coulomb_friction",)]
+    assert alternatives(best, friction, before=(friction,)) == [("coulomb_friction",)]
 
 
 def test_what_ended_on_its_bound_has_become_the_other_however_narrow_its_interval():
     best = candidate(hysteresis(1.0004 * LOWEST), deviation=1e-5, at_bound=("hysteresis.distance",))
-    assert rivals(best, candidate(FRICTION)) == [("coulomb_friction",)]
+    assert alternatives(best, candidate(FRICTION)) == [("coulomb_friction",)]
 
 
 def test_what_was_in_the_plant_before_is_no_explanation():
-    assert rivals(candidate(hysteresis(LOWEST), CREEP, there=1), candidate(FRICTION)) == []
+    assert alternatives(candidate(hysteresis(LOWEST), CREEP, there=1), candidate(FRICTION)) == []

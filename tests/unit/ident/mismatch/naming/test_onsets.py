@@ -1,4 +1,4 @@
-"""When an event came: to first order for all times at once, and where a fit without it was bent to meet it halfway."""
+"""When an event came: to first order for all times at once, and where a fit without it was biased to meet it halfway."""
 
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
@@ -9,7 +9,7 @@ import pytest
 
 from deatwin.ident.greybox import Part, calibrate
 from deatwin.ident.mismatch.naming.onsets import beginning_at_each, event_lead, event_leads
-from deatwin.ident.mismatch.naming.screen import Footprint, Lead, footprints, leads, most_promising
+from deatwin.ident.mismatch.naming.screen import Lead, LinearisedResponse, leads, linearised_responses, most_promising
 from deatwin.ident.mismatch.refit import search
 from deatwin.plant import Creep, Diaphragm, ElectrodeLoss, Experiment, Plant, Recording, SensorDrift, SensorJump
 from deatwin.plant.excitation import band_limited_noise
@@ -63,7 +63,7 @@ def lead_at(at: float, size: float, effect, *, clock=CLOCK, noise=0.0, rms=None)
     residual = size * WAVE * (CLOCK > at) + OWN @ [0.3, -0.02] + noise * rng.normal(size=M)
     order = np.argsort(np.argsort(clock, kind="stable"), kind="stable")  # the samples in the order of `clock`
     fit = float(np.sqrt(np.mean(residual**2))) if rms is None else rms
-    known = Footprint(effect=effect, change=WAVE[order])
+    known = LinearisedResponse(effect=effect, change=WAVE[order])
     return event_lead(known, clock, residual[order], OWN[order], fit)
 
 
@@ -88,7 +88,7 @@ def test_samples_of_several_recordings_may_come_in_any_order():
 def test_two_samples_at_one_time_see_an_event_both_or_neither():
     twice = np.repeat(CLOCK[::2], 2)
     jump = 5e-5 * (np.arange(M) > 200)  # between two of the same time
-    lead = event_lead(Footprint(effect=SensorJump(), change=np.ones(M)), twice, jump, OWN[:, 1:], 1.0)
+    lead = event_lead(LinearisedResponse(effect=SensorJump(), change=np.ones(M)), twice, jump, OWN[:, 1:], 1.0)
     assert lead.effect.at not in twice
     assert np.count_nonzero(twice < lead.effect.at) in (200, 202)
 
@@ -103,7 +103,7 @@ def test_an_event_is_no_larger_than_it_can_be():
 
 
 def test_what_explains_the_other_way_only_explains_nothing():
-    wave, nobody = Footprint(effect=ElectrodeLoss(), change=np.ones(M)), np.zeros((M, 1))
+    wave, nobody = LinearisedResponse(effect=ElectrodeLoss(), change=np.ones(M)), np.zeros((M, 1))
     up = np.where(CLOCK > 30.0, -1.0, 0.0)
     assert event_lead(wave, CLOCK, up, nobody, 1.0) is None
     assert event_lead(wave, CLOCK, -up, nobody, 1.0).share > 0.0
@@ -112,7 +112,7 @@ def test_what_explains_the_other_way_only_explains_nothing():
 @pytest.mark.parametrize("start", [-500.0, 3e4, 1.7e9])
 def test_on_a_clock_that_no_event_has_nothing_is_found(start):
     clock = CLOCK - CLOCK[0] + start
-    known = Footprint(effect=ElectrodeLoss(), change=np.ones(M))
+    known = LinearisedResponse(effect=ElectrodeLoss(), change=np.ones(M))
     assert event_lead(known, clock, np.where(clock > clock[100], 0.3, 0.0), np.ones((M, 1)), 1.0) is None
     assert event_lead(known, clock, np.where(clock > clock[100], -0.3, 0.0), np.zeros((M, 1)), 1.0) is None
     late = event_lead(known, CLOCK - 30.0, np.where(CLOCK > 40.0, 0.3, 0.0), np.ones((M, 1)), 1.0)
@@ -121,13 +121,13 @@ def test_on_a_clock_that_no_event_has_nothing_is_found(start):
 
 def test_an_event_has_samples_before_it_and_after_it():
     """A share of the area that is lost before all is a smaller area, and no event."""
-    constant = Footprint(effect=ElectrodeLoss(), change=np.ones(M))
+    constant = LinearisedResponse(effect=ElectrodeLoss(), change=np.ones(M))
     lead = event_lead(constant, CLOCK, np.full(M, 0.3), CLOCK[:, None] - CLOCK.mean(), 1.0)
     assert CLOCK[0] + 0.1 < lead.effect.at < CLOCK[-1] - 0.1
 
 
 def test_nothing_is_explained_that_the_fit_does_without():
-    """What is left where the plant is not bent may be more than the fit leaves, and what an event takes of that."""
+    """What is left where the plant is not biased may be more than the fit leaves, and what an event takes of that."""
     much = lead_at(30.0, 5e-5, SensorJump(), noise=4e-5)
     free = np.sqrt(much.left)
     assert lead_at(30.0, 5e-5, SensorJump(), noise=4e-5, rms=0.99 * free) is None
@@ -155,12 +155,12 @@ slow_without_compiler = pytest.mark.skipif(
 @slow_without_compiler
 def test_an_event_is_seen_from_before_it_came(part):
     fit = calibrate(PLANT, [part], evaluations=10, starts=1)
-    bench = SimpleNamespace(fitted=[part], jobs=1)
-    (bent,) = leads(footprints(bench, fit, [ElectrodeLoss()], fit), fit)
-    assert abs(bent.effect.at - AT) > 0.3 * SECONDS  # what the fit leaves does not tell when
+    problem = SimpleNamespace(fitted=[part], jobs=1)
+    (biased,) = leads(linearised_responses(problem, fit, [ElectrodeLoss()], fit), fit)
+    assert abs(biased.effect.at - AT) > 0.3 * SECONDS  # what the fit leaves does not tell when
     (lead,) = event_leads(PLANT, fit, [ElectrodeLoss(), Creep()], [part])
     assert lead.effect.at == lead.estimate.at == pytest.approx(AT, abs=0.01 * SECONDS)
-    assert lead.share > bent.share
+    assert lead.share > biased.share
     assert lead.effect.share == ElectrodeLoss().share  # the typical one, from where a fit begins
     # with the drift in the plant nothing bends it, but what comes is large for a first order
     beside = calibrate(PLANT.with_effects(DRIFT), [part], evaluations=10, starts=1)
@@ -192,7 +192,7 @@ def test_what_is_no_event_or_in_the_plant_has_no_lead_here(part):
 @slow_without_compiler
 @pytest.mark.parametrize(
     "place, found",
-    [("approach", SimpleNamespace(status=SimpleNamespace(ok=False))), ("footprint", None), ("Problem.evaluate", None)],
+    [("approach", SimpleNamespace(status=SimpleNamespace(ok=False))), ("response", None), ("Problem.evaluate", None)],
 )
 def test_a_plant_that_cannot_be_simulated_has_no_lead(part, monkeypatch, place, found):
     fit = calibrate(PLANT, [part], evaluations=3, starts=1)
@@ -216,8 +216,8 @@ class Unbearable(ElectrodeLoss):
 @slow_without_compiler
 def test_a_fit_starts_with_a_strength_at_which_the_plant_was_simulated(part):
     fit = calibrate(PLANT, [part], evaluations=3, starts=1)
-    bench = SimpleNamespace(fitted=[part], jobs=1)
-    (known, *_) = footprints(bench, fit, [Unbearable()], fit)
+    problem = SimpleNamespace(fitted=[part], jobs=1)
+    (known, *_) = linearised_responses(problem, fit, [Unbearable()], fit)
     assert abs(known.effect.share) < abs(Unbearable().share)
     (lead,) = event_leads(PLANT, fit, [Unbearable()], [part])
     assert abs(lead.effect.share) == pytest.approx(abs(known.effect.share))

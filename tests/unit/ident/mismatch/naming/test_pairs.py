@@ -60,13 +60,13 @@ class GivenScale:
 
     odds, promised, bends = STRONG + 1.0, {}, {}
 
-    def __init__(self, *, bench, base, noise):
-        self.tried = (bench, base, noise)
+    def __init__(self, *, problem, base, noise):
+        self.tried = (problem, base, noise)
 
     def weight(self, candidate):
         return -candidate.calibration.rms
 
-    def bent(self, candidate):
+    def biased(self, candidate):
         return self.bends.get(candidate.effects, 0.0)
 
     def of_two(self, pair, alone):
@@ -86,7 +86,7 @@ def first_alone(search: Search) -> Naming:
     """The decision for the clipping, over all that was tried."""
     best = search.tried[CLIP]
     return Naming(
-        candidates=tuple(search.tried.values()), best=best, rivals=(), probabilities={CLIP: 1.0}, noise=best.noise
+        candidates=tuple(search.tried.values()), best=best, alternatives=(), probabilities={CLIP: 1.0}, noise=best.noise
     )
 
 
@@ -99,7 +99,7 @@ def test_a_pair_that_is_likelier_by_far_and_explains_is_named(leaving):
     search = Known(*leaving(5.0, 3.0, 4.6, 2.2))
     naming = decided(search)
     assert naming.best is search.tried[PAIR]
-    assert naming.rivals == ()
+    assert naming.alternatives == ()
 
 
 @pytest.mark.parametrize(
@@ -107,13 +107,13 @@ def test_a_pair_that_is_likelier_by_far_and_explains_is_named(leaving):
     [((2.2, 2.2), 1.0), ((2.4, 2.4), 10.0), ((2.2, 3.2), 10.0)],
     ids=["likelier, but not by far", "too much is left for an explanation", "the held-out part refutes the two"],
 )
-def test_a_pair_that_is_likelier_but_cannot_lead_is_a_rival(leaving, scale, pair, odds):
+def test_a_pair_that_is_likelier_but_cannot_lead_is_a_alternative(leaving, scale, pair, odds):
     """A single effect is not named alone where two are likelier."""
     scale(odds=odds)
     search = Known(*leaving(5.0, 3.0, 4.6, pair))
     naming = decided(search)
     assert naming.best is search.tried[CLIP]
-    assert naming.rivals == (search.tried[PAIR],)
+    assert naming.alternatives == (search.tried[PAIR],)
     assert naming.probabilities[CLIP] == naming.probabilities[PAIR]
 
 
@@ -121,13 +121,13 @@ def test_the_first_stands_alone_where_no_pair_is_likelier(leaving, scale):
     scale(odds=-1.0)
     search = Known(*leaving(5.0, 3.0, 4.6, 2.2))
     naming = decided(search)
-    assert (naming.best, naming.rivals) == (search.tried[CLIP], ())
+    assert (naming.best, naming.alternatives) == (search.tried[CLIP], ())
 
 
-def test_what_acts_as_well_in_the_place_of_the_second_is_a_rival(leaving, candidate):
+def test_what_acts_as_well_in_the_place_of_the_second_is_a_alternative(leaving, candidate):
     other = candidate("amplifier_saturation", "dielectric_absorption", rms=2.205)
     search = Known(*leaving(5.0, 3.0, 4.6, 2.2), candidate("dielectric_absorption", rms=4.6), replaced=(other,))
-    assert decided(search).rivals == (other,)
+    assert decided(search).alternatives == (other,)
 
 
 def test_a_single_effect_is_fitted_from_the_pair_before_the_pair_is_likelier(leaving, candidate):
@@ -158,7 +158,7 @@ def test_the_pairs_that_promise_most_are_tried_beside_the_likeliest_single_effec
 
 
 def test_what_lets_the_rig_be_nearer_to_its_nominal_values_is_tried(leaving, candidate, scale):
-    """A lag bends the damping of the plant without it, where its footprint then promises nothing."""
+    """A lag bends the damping of the plant without it, where its response then promises nothing."""
     search = Known(*leaving(5.0, 3.0, 3.5, 2.2), candidate("sensor_lag", rms=4.9))
     bends = {(): 70.0, CLIP: 70.0, CREEP: 71.0, ("sensor_lag",): 1.0}
     scale(promised={CLIP: {"sensor_lag": -5.0, "mullins": -1.0}}, bends=bends)
@@ -186,28 +186,28 @@ def test_a_pair_has_the_single_effects_as_rivals_that_it_is_not_far_likelier_tha
     scale(odds=STRONG - 0.1)
     doubted = with_doubt(search, both)
     assert doubted.best is search.tried[PAIR]
-    assert {rival.effects for rival in doubted.rivals} == {CLIP, third.effects}
+    assert {alternative.effects for alternative in doubted.alternatives} == {CLIP, third.effects}
     assert doubted.probabilities[CLIP] == pytest.approx(1 / 3)
     alone = first_alone(search)
     assert with_doubt(search, alone) is alone
 
 
 @pytest.mark.parametrize(
-    ("left", "rivals"), [(2.7, (CLIP,)), (3.0, ())], ids=["nearly all is taken", "too much is left"]
+    ("left", "alternatives"), [(2.7, (CLIP,)), (3.0, ())], ids=["nearly all is taken", "too much is left"]
 )
-def test_a_law_is_to_blame_only_for_what_laws_err_by(leaving, scale, left, rivals):
+def test_a_law_is_to_blame_only_for_what_laws_err_by(leaving, scale, left, alternatives):
     """Of 21 - 1 units of power that are neither noise nor the plant's error one effect leaves 2.3, another one 4."""
     search = Known(*leaving(5.0, left, 4.6, 2.2))
     scale(odds=-19.0)
     both = replace(first_alone(search), best=search.tried[PAIR], probabilities={PAIR: 1.0})
-    assert tuple(rival.effects for rival in with_doubt(search, both).rivals) == rivals
+    assert tuple(alternative.effects for alternative in with_doubt(search, both).alternatives) == alternatives
 
 
 def test_rivals_of_another_form_stay_among_what_was_tried(leaving, candidate, scale):
     scale(odds=-1.0)
     search, other = Known(*leaving(5.0, 3.0, 4.6, 2.2)), candidate(*CREEP, rms=3.1)
-    naming = with_a_second(search, replace(first_alone(search), rivals=(other,)))
-    assert naming.rivals == (other,)
+    naming = with_a_second(search, replace(first_alone(search), alternatives=(other,)))
+    assert naming.alternatives == (other,)
     assert naming.candidates == (*search.tried.values(), other)
 
 
@@ -235,12 +235,12 @@ def explained_alone(leaving, monkeypatch):
 
 def test_a_search_for_causes_ends_with_the_look_for_a_second_one(explained_alone):
     search, _ = explained_alone
-    found = name.name_causes(search.bench, search.tried[()], ())
+    found = name.name_causes(search.problem, search.tried[()], ())
     assert found.best.effects == PAIR
 
 
 def answers(search) -> list[tuple[str, ...] | None]:
-    found = name.explanations(search.bench, search.tried[()], ())
+    found = name.explanations(search.problem, search.tried[()], ())
     return [None if naming.best is None else naming.best.effects for naming in found]
 
 
@@ -257,7 +257,7 @@ def test_after_a_single_effect_comes_what_pairs_explain(explained_alone, monkeyp
     monkeypatch.setattr(search, "alike", lambda full: asked.append(("as one of", *full)) or [])
     asked, nothing = (
         [],
-        Naming(candidates=(search.tried[()],), best=None, rivals=(), probabilities={}, noise=search.noise),
+        Naming(candidates=(search.tried[()],), best=None, alternatives=(), probabilities={}, noise=search.noise),
     )
     pairs = [names for names in search.tried if len(names) == 2]
     assert PAIR in pairs
@@ -288,9 +288,9 @@ def test_after_an_answer_of_another_form_comes_that_of_the_form_before(explained
     assert answers(search) == [CLIP, PAIR]
 
 
-@pytest.mark.parametrize(("cost", "rivals"), [(1.4, [CLIP]), (1.5, [])])  # the floor is 1.2² = 1.44
-def test_what_would_do_alone_but_for_the_ranges_of_the_plant_is_no_rival_of_a_pair(leaving, held, cost, rivals):
+@pytest.mark.parametrize(("cost", "alternatives"), [(1.4, [CLIP]), (1.5, [])])  # the floor is 1.2² = 1.44
+def test_what_would_do_alone_but_for_the_ranges_of_the_plant_is_no_rival_of_a_pair(leaving, held, cost, alternatives):
     """Without its second effect the pair leaves little more; in the one case only a film that is none does so."""
     base, clip, creep, pair = leaving(5.0, 2.3, 4.6, 2.1)
     search = Known(base, held(clip, cost, "damping"), creep, pair)
-    assert [rival.effects for rival in _doubted(search, [PAIR]).rivals] == rivals
+    assert [alternative.effects for alternative in _doubted(search, [PAIR]).alternatives] == alternatives

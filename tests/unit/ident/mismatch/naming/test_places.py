@@ -7,8 +7,8 @@ import pytest
 from oscillator import Oscillator
 
 from deatwin.ident.mismatch import Verdict, diagnose
-from deatwin.ident.mismatch.gate.gate import gate
 from deatwin.ident.mismatch.prepare import prepare
+from deatwin.ident.mismatch.quality.quality import check_quality
 from deatwin.plant import (
     Creep,
     Delay,
@@ -75,7 +75,7 @@ def test_what_a_linear_plant_reads_the_same_from_two_places_is_one_cause_whose_p
     (cause,) = found.causes
     assert (found.verdict, cause.effect, cause.place) == (Verdict.NAMED, "periodic_disturbance", None)
     assert set(cause.places) == {"reading", "command", "force"}
-    assert found.rivals == ()
+    assert found.alternatives == ()
     assert found.names == ("periodic_disturbance",)
     assert "these recordings cannot decide" in found.sentence
 
@@ -96,7 +96,7 @@ def test_one_reading_has_no_more_effects_than_before_and_two_have_the_places_tha
     one, two = Oscillator(), Oscillator(further=(Reading(name="speed", noise=1e-3),))
     benches = {}
     for rig in (one, two):
-        checked = gate(Plant(rig=rig), recorded(rig, level=40.0, count=400))
+        checked = check_quality(Plant(rig=rig), recorded(rig, level=40.0, count=400))
         benches[rig] = prepare(Plant(rig=rig), checked, effects)[0]
     usual = [e.name for e in effects if one.with_effects().accepts(e)]
     assert [e.name for e in benches[one].effects] == usual
@@ -120,6 +120,6 @@ def test_a_large_drift_of_a_gain_is_unlikely_and_one_of_a_zero_in_its_own_unit_i
         replace(SensorDrift().placed("command_gain"), change=change),
         replace(SensorDrift().placed("command"), change=1.0),
     )
-    bench, _ = prepare(plant, gate(plant, recorded(Oscillator(), level=40.0, count=400)), [SensorDrift()])
-    assert bench.log_size([drift.name], plant.with_effects(drift)) == pytest.approx(-less)
-    assert bench.log_size([zero.name], plant.with_effects(zero)) == 0.0
+    problem, _ = prepare(plant, check_quality(plant, recorded(Oscillator(), level=40.0, count=400)), [SensorDrift()])
+    assert problem.log_size([drift.name], plant.with_effects(drift)) == pytest.approx(-less)
+    assert problem.log_size([zero.name], plant.with_effects(zero)) == 0.0

@@ -38,8 +38,8 @@ LAG = candidate("sensor_lag", fitted=7.0, unseen=11.0)
 PAIR = candidate("permittivity_drift", "prestretch_relaxation", fitted=5.0, unseen=6.0)
 
 
-def named(*candidates: Candidate, best: Candidate | None = None, rivals: tuple[Candidate, ...] = ()) -> Naming:
-    return Naming(candidates=(BASE, *candidates), best=best, rivals=rivals, probabilities={}, noise=NOISE)
+def named(*candidates: Candidate, best: Candidate | None = None, alternatives: tuple[Candidate, ...] = ()) -> Naming:
+    return Naming(candidates=(BASE, *candidates), best=best, alternatives=alternatives, probabilities={}, noise=NOISE)
 
 
 def many(count: int, start: float = 5.0) -> list[Candidate]:
@@ -63,7 +63,7 @@ def roles(axes) -> dict[str, str]:
 
 
 def test_each_candidate_has_a_bar_for_each_part_the_base_plant_first():
-    axes = named(LAG, CREEP, PAIR, DRIFT, best=CREEP, rivals=(DRIFT,)).plot()
+    axes = named(LAG, CREEP, PAIR, DRIFT, best=CREEP, alternatives=(DRIFT,)).plot()
     assert labels(axes) == [
         "base plant",
         "permittivity drift",
@@ -80,7 +80,7 @@ def test_each_candidate_has_a_bar_for_each_part_the_base_plant_first():
 
 
 def test_the_answer_and_its_rivals_are_told_by_their_colours():
-    axes = named(LAG, CREEP, DRIFT, best=CREEP, rivals=(DRIFT,)).plot()
+    axes = named(LAG, CREEP, DRIFT, best=CREEP, alternatives=(DRIFT,)).plot()
     assert roles(axes) == {"base plant": BARE, "permittivity drift": RIVAL, "creep": BEST, "sensor lag": OTHER}
     hollow = [bar.get_facecolor()[3] for bar in axes.containers[0]]
     assert hollow == [0.0] * 4  # the fitted part
@@ -102,20 +102,20 @@ def test_of_many_the_best_on_unseen_data_are_drawn():
 
 def test_the_answer_and_its_rivals_are_always_drawn():
     """They need not leave the least of the held-out part: evidence is of both parts, and the effects are counted."""
-    axes = named(*many(20, start=1.0), CREEP, PAIR, best=PAIR, rivals=(CREEP,)).plot()
+    axes = named(*many(20, start=1.0), CREEP, PAIR, best=PAIR, alternatives=(CREEP,)).plot()
     known = roles(axes)
     assert len(known) == 12
     assert known["permittivity drift + prestretch relaxation"] == BEST
     assert known["creep"] == RIVAL
     crowd = tuple(many(14))
-    known = roles(named(CREEP, *crowd, best=CREEP, rivals=crowd).plot())
+    known = roles(named(CREEP, *crowd, best=CREEP, alternatives=crowd).plot())
     assert sum(role == RIVAL for role in known.values()) == 14
 
 
 def test_a_rival_in_another_form_of_the_rig_says_so():
     early = replace(RIG, reading=ReadingTime.START_OF_HOLD, model_error=3e-6)
-    rival = candidate("delay", fitted=2.2, unseen=2.4, rig=early)
-    axes = named(CREEP, candidate("delay", fitted=4.0, unseen=4.0), best=CREEP, rivals=(rival,)).plot()
+    alternative = candidate("delay", fitted=2.2, unseen=2.4, rig=early)
+    axes = named(CREEP, candidate("delay", fitted=4.0, unseen=4.0), best=CREEP, alternatives=(alternative,)).plot()
     assert labels(axes) == ["base plant", "creep", "delay (reading: start of hold)", "delay"]
     assert roles(axes)["delay (reading: start of hold)"] == RIVAL
     assert axes.get_title(loc="left") == "best explanation: creep"  # all four are there
@@ -144,9 +144,9 @@ def test_what_was_not_tried_is_said():
 def crowded() -> Naming:
     """Twelve rows, some with long names, and a title of several lines."""
     sets = [(a, "prestretch_relaxation", b) for a in ("permittivity_drift", "creep") for b in ("mullins", "leakage")]
-    rivals = tuple(candidate(*names, fitted=3.0, unseen=3.0) for names in sets)
+    alternatives = tuple(candidate(*names, fitted=3.0, unseen=3.0) for names in sets)
     answer = candidate("permittivity_drift", "prestretch_relaxation", "dielectric_absorption", fitted=2.1, unseen=2.2)
-    return replace(named(answer, *rivals, *many(20), best=answer, rivals=rivals), failed=("delay",))
+    return replace(named(answer, *alternatives, *many(20), best=answer, alternatives=alternatives), failed=("delay",))
 
 
 @pytest.mark.parametrize("naming", [crowded(), named(LAG, CREEP, best=CREEP), nothing_tried(BASE)])

@@ -12,11 +12,11 @@ from deatwin.ident.greybox.tangent import linearised_rms
 from deatwin.ident.mismatch.naming.screen import (
     LEVELS,
     SEEN,
-    Footprint,
+    LinearisedResponse,
     _of_a_size,
-    footprint,
-    footprints,
     leads,
+    linearised_responses,
+    response,
     shapes_of,
 )
 from deatwin.plant import (
@@ -73,7 +73,7 @@ def test_what_a_parameter_at_its_bound_would_hide_is_seen(fitted):
     """The damping of the film imitates a lag; at the end of its range it can do no more of that."""
     fit, _ = fitted
     k = fit.names.index("damping")
-    lag = Footprint(effect=SensorLag(), change=fit.jacobian[:, k])  # the very same
+    lag = LinearisedResponse(effect=SensorLag(), change=fit.jacobian[:, k])  # the very same
     missing = replace(fit, residuals=2.0 * fit.jacobian[:, k])
     assert [lead.share for lead in leads([lag], missing)] == pytest.approx([0.0], abs=1e-12)
     (lead,) = leads([lag], replace(missing, at_bound=("damping",)))
@@ -99,23 +99,23 @@ def test_an_effect_is_seen_at_the_strength_at_which_it_does_what_is_missing(fitt
         return float(np.sqrt(np.mean(values**2)))
 
     little = 0.5
-    known = footprint(fit.plant, [part], without, stop, missing=rms(change(little)))
+    known = response(fit.plant, [part], without, stop, missing=rms(change(little)))
     assert known.effect == stop  # a fit begins where it did
     assert rms(known.change - change(little) / little) < 0.1 * rms(known.change)
-    wall = footprint(fit.plant, [part], without, stop, missing=rms(change(stop.stiffness)))
+    wall = response(fit.plant, [part], without, stop, missing=rms(change(stop.stiffness)))
     assert wall.change == pytest.approx(change(stop.stiffness) / stop.stiffness)
     assert rms(wall.change) < 0.5 * rms(known.change)  # much of it does less for its stiffness
 
 
 def test_the_screen_looks_for_as_much_as_the_fit_leaves(fitted):
     fit, part = fitted
-    bench, without = SimpleNamespace(fitted=[part], jobs=1), simulated(fit.plant, [part])
+    problem, without = SimpleNamespace(fitted=[part], jobs=1), simulated(fit.plant, [part])
     much = replace(fit, residuals=100.0 * fit.residuals)
     for left in (fit, much):
-        found = footprints(bench, fit, [EndStop()], left)
+        found = linearised_responses(problem, fit, [EndStop()], left)
         assert len(found) > 1
         for known in found:
-            alone = footprint(fit.plant, [part], without, known.effect, missing=left.rms)
+            alone = response(fit.plant, [part], without, known.effect, missing=left.rms)
             np.testing.assert_allclose(known.change, alone.change, atol=1e-12)
 
 
@@ -146,7 +146,7 @@ def test_less_of_an_effect_than_a_simulation_is_accurate_to_is_not_looked_at(fit
     fit, part = fitted
     without = simulated(fit.plant, [part])
     least = SEEN * float(np.std(without))
-    nothing, something = (footprint(fit.plant, [part], without, Creep(), missing=m) for m in (0.0, least))
+    nothing, something = (response(fit.plant, [part], without, Creep(), missing=m) for m in (0.0, least))
     np.testing.assert_array_equal(nothing.change, something.change)
 
 
@@ -160,8 +160,8 @@ def test_a_tone_is_looked_for_with_its_phase_at_the_readings(reading, frequency)
     blank = Experiment(recordings=(Recording.from_arrays(commands, np.zeros_like(commands), 0.02),))
     part = Part.whole(plant.with_effects(tone).record(blank, np.random.default_rng(1)))
     fit = calibrate(plant, [part], evaluations=3, starts=1)
-    bench = SimpleNamespace(fitted=[part], jobs=1)
-    (lead,) = leads(footprints(bench, fit, [PeriodicDisturbance()], fit), fit)
+    problem = SimpleNamespace(fitted=[part], jobs=1)
+    (lead,) = leads(linearised_responses(problem, fit, [PeriodicDisturbance()], fit), fit)
     assert lead.share > 0.95  # noise has a hundredth of its power
     # four standard deviations, at a noise of a tenth of the amplitude in 1000 samples (Rife & Boorstyn, 1974)
     cycles, turned = frequency * 20.0, 4 * 0.1 * np.sqrt(2 / 1000)

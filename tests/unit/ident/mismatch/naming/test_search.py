@@ -196,7 +196,7 @@ def test_what_comes_at_a_time_or_with_a_period_is_tried_again_where_another_effe
     tried = {"thermal_stiffness": 3.6, "creep": 3.6, "electrode_loss": 2.7}
     pairs = [candidate(*sorted(("sensor_jump", name)), rms=rms) for name, rms in tried.items()]
     search = search_over(candidate(rms=9.0), candidate("sensor_jump", rms=6.0), best, *pairs)
-    search.bench.everywhere = [ThermalStiffness(), Creep(), ElectrodeLoss(), Delay(), SensorJump()]
+    search.problem.everywhere = [ThermalStiffness(), Creep(), ElectrodeLoss(), Delay(), SensorJump()]
     # the creep has neither; with a lost electrode 1.81² µm² is left, and (1.5² + 1.2²) / (1.81² + 1.2²) is 0.78
     open_beside = [e.name for e in search._open_beside(("sensor_jump",), best.effects)]
     assert open_beside == ["thermal_stiffness", "electrode_loss", "delay"]
@@ -231,18 +231,18 @@ def test_what_acts_as_the_best_is_new_or_a_better_fit_of_what_is_known(candidate
     best, jump = candidate("periodic_disturbance", "sensor_jump", rms=2.5), candidate("sensor_jump", rms=6.0)
     swing, creep = ("sensor_jump", "thermal_stiffness"), ("creep", "sensor_jump")
     search = search_over(candidate(rms=9.0), jump, best, candidate(*swing, rms=3.6))
-    jump.calibration.plant.with_effects = lambda effect: f"unbent, {effect}"
+    jump.calibration.plant.with_effects = lambda effect: f"unbiased, {effect}"
     best.calibration.plant.without_effects = lambda *added: SimpleNamespace(with_effects=lambda e: f"bare, {e}")
     asked, alike = [], ("thermal_stiffness", "creep")
 
-    def siblings(bench, fit, added, effects):
+    def siblings(problem, fit, added, effects):
         asked.append((fit, added, effects))
         return [SimpleNamespace(effect=_Typical(n), estimate=n) for n in alike]
 
-    def attempt(trials, rival):
+    def attempt(trials, alternative):
         # from the best set's plant without the effect, or else from that without both
-        assert [(t.start, t.bent) for t in trials] == [(f"bare, {n}", f"unbent, typical {n}") for n in alike]
-        assert rival == asked[-1][0].rms and {id(t.without) for t in trials} == {id(jump.calibration)}
+        assert [(t.start, t.biased) for t in trials] == [(f"bare, {n}", f"unbiased, typical {n}") for n in alike]
+        assert alternative == asked[-1][0].rms and {id(t.without) for t in trials} == {id(jump.calibration)}
         return search._know([candidate(*swing, rms=2.2), candidate(*creep, rms=5.0)])
 
     monkeypatch.setattr("deatwin.ident.mismatch.naming.sets.siblings", siblings)
@@ -272,7 +272,7 @@ def looked_for(candidate, search_over, monkeypatch):
     asked = []
     monkeypatch.setattr(
         "deatwin.ident.mismatch.naming.sets.event_leads",
-        lambda unbent, fit, effects, parts: asked.append((unbent, fit)) or ((fit, effects, parts),),
+        lambda unbiased, fit, effects, parts: asked.append((unbiased, fit)) or ((fit, effects, parts),),
     )
     return search_over(candidate(rms=9.0), candidate("creep", rms=5.0), candidate("delay", rms=7.0)), asked
 
@@ -282,8 +282,8 @@ def test_events_are_looked_for_once_in_each_fit(looked_for, candidate):
     creep, delay = (search.tried[(name,)].calibration for name in ("creep", "delay"))
     assert [found[0][0] for found in search.event_leads(("delay",), ("creep",))] == [delay, creep]
     ((lead,),) = search.event_leads(("creep",))
-    assert lead == (creep, search.bench.effects, search.bench.fitted)
-    assert asked == [(search.bench.nominal, fit) for fit in (delay, creep)]
+    assert lead == (creep, search.problem.effects, search.problem.fitted)
+    assert asked == [(search.problem.nominal, fit) for fit in (delay, creep)]
     better = candidate("creep", rms=4.0)
     search.tried[("creep",)] = replace(better, noise=1.9)  # another noise is no other fit
     search.tried[("creep",)] = replace(search.tried[("creep",)], noise=1.8)
@@ -293,11 +293,11 @@ def test_events_are_looked_for_once_in_each_fit(looked_for, candidate):
 
 def test_what_promises_more_from_before_an_event_is_what_an_effect_promises(candidate, search_over):
     jump, creep = SimpleNamespace(name="sensor_jump", event="at"), SimpleNamespace(name="creep", event="")
-    bent, seen, slow = (
+    biased, seen, slow = (
         SimpleNamespace(effect=effect, share=share) for effect, share in ((jump, 0.1), (jump, 0.6), (creep, 0.3))
     )
     search = search_over(candidate(rms=9.0), candidate("delay", rms=5.0))
-    search._screened = lambda names, further: (slow, bent)
+    search._screened = lambda names, further: (slow, biased)
     asked = []
     search.event_leads = lambda *several: asked.append(several) or [(seen,)]
     for names in ((), ("delay",)):

@@ -99,9 +99,9 @@ def share_of(time: float, lag: float) -> float:
 
 
 def test_a_delay_acts_as_a_lag_does_and_a_drift_does_not():
-    bench, fit = explained()
+    problem, fit = explained()
     others = [SensorDrift(), SensorCurvature(), Delay()]
-    (found,) = siblings(bench, fit, ("sensor_lag",), others)
+    (found,) = siblings(problem, fit, ("sensor_lag",), others)
     assert found.effect.name == "delay"
     share = share_of(found.estimate.time, LAG)
     assert share > 0.5
@@ -115,32 +115,32 @@ def test_what_correlates_by_a_half_at_the_strength_that_the_typical_one_promises
     strength = typical * (change @ wanted) / (change @ change)
     assert 0.15 < share_of(strength, lag) < 0.35
     assert (share_of(strength, lag) > 0.25) is alike
-    bench, fit = explained(lag)
-    found = siblings(bench, fit, ("sensor_lag",), [SensorDrift(), Delay()])
+    problem, fit = explained(lag)
+    found = siblings(problem, fit, ("sensor_lag",), [SensorDrift(), Delay()])
     assert [lead.effect.name for lead in found] == ["delay"] * alike
 
 
 @pytest.mark.parametrize("curvature", [20.0, -20.0])
 def test_a_sibling_begins_on_its_own_side(curvature):
-    """Readings bent the other way are explained by a negative strength, and by no positive one."""
-    bent = Plant(rig=Mirror()).with_effects(SensorCurvature(curvature=curvature))
+    """Readings biased the other way are explained by a negative strength, and by no positive one."""
+    biased = Plant(rig=Mirror()).with_effects(SensorCurvature(curvature=curvature))
     blank = Recording.from_arrays(COMMANDS, np.zeros_like(COMMANDS), STEP)
-    readings = bent.simulate(Experiment(recordings=(blank,))).require().outputs[0][0]
+    readings = biased.simulate(Experiment(recordings=(blank,))).require().outputs[0][0]
     part = Part.whole(Experiment(recordings=(measured(readings),)))
     plant = Plant(rig=Mirror()).with_effects(SensorCurvature(curvature=0.1))
     fit = calibrate(plant, [part], tolerance=1e-10, starts=1)
-    bench = SimpleNamespace(fitted=(part,), jobs=1, nominal=Plant(rig=Mirror()))
-    (found,) = siblings(bench, fit, ("sensor_curvature",), [SensorCurvature(curvature=1.0)])
+    problem = SimpleNamespace(fitted=(part,), jobs=1, nominal=Plant(rig=Mirror()))
+    (found,) = siblings(problem, fit, ("sensor_curvature",), [SensorCurvature(curvature=1.0)])
     assert np.sign(found.estimate.curvature) == np.sign(curvature)
 
 
 def test_what_an_effect_does_by_itself_is_the_difference_without_it():
-    bench, fit = explained()
-    does = contribution(bench, fit, ("sensor_lag",))
+    problem, fit = explained()
+    does = contribution(problem, fit, ("sensor_lag",))
     np.testing.assert_allclose(does, GAIN * (lagged(COMMANDS, LAG) - COMMANDS), atol=1e-9)
-    assert not contribution(bench, fit, ()).any()
+    assert not contribution(problem, fit, ()).any()
 
 
 def test_where_nothing_else_may_be_tried_there_are_no_siblings():
-    bench, fit = explained()
-    assert siblings(bench, fit, ("sensor_lag",), []) == []
+    problem, fit = explained()
+    assert siblings(problem, fit, ("sensor_lag",), []) == []

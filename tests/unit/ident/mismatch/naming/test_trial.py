@@ -26,14 +26,14 @@ def fit_of(rms: float, plant: Plant | None = None) -> SimpleNamespace:
     [
         (0.0, 3.3),  # better than without the effect, and no more was promised
         (0.7, 3.3),  # 6.4 sqrt(0.3) = 3.5: kept
-        (0.9, 2.1),  # 2.0 was promised: the search lost its way, and the bent plant is nearer
+        (0.9, 2.1),  # 2.0 was promised: the search lost its way, and the biased plant is nearer
     ],
 )
 def test_a_search_that_does_not_keep_what_the_score_promises_is_made_from_the_bent_plant(monkeypatch, share, ended):
     monkeypatch.setattr(trial, "search", lambda *_: fit_of(3.3))
     monkeypatch.setattr(trial, "descend", lambda *_, **__: fit_of(2.1))
     monkeypatch.setattr(trial, "at_its_time", lambda fit, *_, **__: fit)
-    task = Trial(start=PLANT, bent=PLANT, without=fit_of(6.4), share=share)
+    task = Trial(start=PLANT, biased=PLANT, without=fit_of(6.4), share=share)
     assert _tried(SimpleNamespace(fitted=()), task, float("inf")).rms == ended
 
 
@@ -47,7 +47,7 @@ def test_a_fit_that_leaves_more_than_without_the_effect_begins_where_there_is_li
     spring = CubicStiffness(stiffness=-2e7)
     without = PLANT.with_values({"shear_modulus": 2e4})
     start = PLANT.with_effects(spring).with_values({"creep.modulus": 3e4})
-    task = Trial(start=start, bent=start, without=fit_of(6.4, without))
+    task = Trial(start=start, biased=start, without=fit_of(6.4, without))
     assert _tried(SimpleNamespace(fitted=()), task, float("inf")).rms == ended
     for plant in begun:
         values = {name: plant.parameters[name].value for name in ("shear_modulus", "creep.modulus")}
@@ -63,13 +63,13 @@ def test_a_fit_that_already_takes_most_of_the_mismatch_is_not_given_up(monkeypat
     monkeypatch.setattr(trial, "search", lambda *_: given_up)
     monkeypatch.setattr(trial, "further", lambda *_, **__: fit_of(2.1))
     monkeypatch.setattr(trial, "at_its_time", lambda fit, *_, **__: fit)
-    monkeypatch.setattr(trial, "descend", lambda *_, **__: fit_of(9.0))  # from the bent plant
-    task = Trial(start=PLANT, bent=PLANT, without=fit_of(6.4), share=0.1)
+    monkeypatch.setattr(trial, "descend", lambda *_, **__: fit_of(9.0))  # from the biased plant
+    task = Trial(start=PLANT, biased=PLANT, without=fit_of(6.4), share=0.1)
     assert _tried(SimpleNamespace(fitted=()), task, 3.0).rms == ended
 
 
 def test_what_is_explained_to_first_order_is_promised():
-    assert Trial(start=None, bent=None, without=fit_of(5.0), share=0.64).promised == pytest.approx(3.0)
+    assert Trial(start=None, biased=None, without=fit_of(5.0), share=0.64).promised == pytest.approx(3.0)
 
 
 def rough(rms: float, linearised: float, status: FitStatus) -> Calibration:
@@ -91,16 +91,16 @@ def test_what_ran_out_of_simulations_on_its_way_to_the_best_is_carried_to_the_en
         "beside": rough(2.19, 2.19, settled),
     }
     finished: list[Calibration] = []
-    monkeypatch.setattr(trial, "_tried", lambda bench, fit, hopeless: fit)
-    monkeypatch.setattr(trial, "_finished", lambda bench, fit: finished.append(fit) or fit)
-    monkeypatch.setattr(trial, "judge", lambda bench, fit, noise: fit)
+    monkeypatch.setattr(trial, "_tried", lambda problem, fit, hopeless: fit)
+    monkeypatch.setattr(trial, "_finished", lambda problem, fit: finished.append(fit) or fit)
+    monkeypatch.setattr(trial, "judge", lambda problem, fit, noise: fit)
     assert run_trials(SimpleNamespace(jobs=1), list(fits.values()), 0.5) == list(fits.values())
     assert finished == [fits["best"], fits["on its way"], fits["beside"]]
 
 
 def strengths(plant: Plant, *before: Effect) -> list[dict[str, float]]:
     """With what strengths a fit begins where it cannot with those of `plant`, which had the effects `before`."""
-    task = Trial(start=plant, bent=plant, without=fit_of(6.4, Plant(rig=Diaphragm()).with_effects(*before)))
+    task = Trial(start=plant, biased=plant, without=fit_of(6.4, Plant(rig=Diaphragm()).with_effects(*before)))
     names = ("cubic_stiffness.stiffness", "creep.modulus", "amplifier_saturation.voltage")
     return [{n: p.parameters[n].value for n in names if n in p.parameters} for p in _otherwise(task)]
 
@@ -145,8 +145,8 @@ def test_what_is_fitted_again_begins_from_where_it_is_and_from_afar_only_where_i
     monkeypatch.setattr(trial, "roughly", lambda plant, parts: fit["near"])
     monkeypatch.setattr(trial, "search", lambda plant, parts: fit["far"])
     monkeypatch.setattr(trial, "at_its_time", lambda found, *_, **__: found)
-    monkeypatch.setattr(trial, "_finished", lambda bench, found: finished.append(found) or found)
-    monkeypatch.setattr(trial, "judge", lambda bench, found, noise: SimpleNamespace(calibration=found, unseen=None))
+    monkeypatch.setattr(trial, "_finished", lambda problem, found: finished.append(found) or found)
+    monkeypatch.setattr(trial, "judge", lambda problem, found, noise: SimpleNamespace(calibration=found, unseen=None))
     seen = []
     found = refitted(SimpleNamespace(jobs=1, fitted=()), [PLANT], 0.5, lambda found, _: seen.append(found))
     assert [one.calibration.rms for one in found] == ended

@@ -55,7 +55,7 @@ def test_some_effects_of_a_set_are_fitted_from_its_values_and_the_better_fits_st
     found = {("creep", "delay"): 3.1, ("delay", "periodic_disturbance"): 2.5}
     monkeypatch.setattr(search, "plant_of", lambda full, rest: rest)
 
-    def refitted(bench, plants, noise, fitted):
+    def refitted(problem, plants, noise, fitted):
         asked.append(plants)
         fitted = [candidate(*names, rms=rms) for names, rms in found.items()]
         fitted[0].calibration.plant.rig = SimpleNamespace(model_error=1.2, sample_time=0.02, noise=1.9)
@@ -74,7 +74,7 @@ def test_some_effects_of_a_set_are_fitted_from_its_values_and_the_better_fits_st
 def test_a_decision_keeps_what_the_inputs_cannot_distinguish(candidate, search_over):
     best, near = candidate("creep", rms=2.1), candidate("delay", rms=2.3)
     search = search_over(candidate(rms=9.0), best, near)
-    assert search.decision([best, near], lambda c: c is best).rivals == ()
-    search.with_distances = lambda naming, competing: replace(naming, rivals=tuple(competing[1:]))
-    assert search.decision([best, near], lambda c: c is best).rivals == (near,)
-    assert search.settled([best, near], lambda c: False).rivals == (near,)
+    assert search.decision([best, near], lambda c: c is best).alternatives == ()
+    search.with_distances = lambda naming, competing: replace(naming, alternatives=tuple(competing[1:]))
+    assert search.decision([best, near], lambda c: c is best).alternatives == (near,)
+    assert search.settled([best, near], lambda c: False).alternatives == (near,)

@@ -7,7 +7,7 @@ import pytest
 
 from deatwin.ident.mismatch.likelihood.beforehand import FAST, pair_odds
 from deatwin.ident.mismatch.naming.decide import STRONG
-from deatwin.ident.mismatch.naming.screen import Footprint
+from deatwin.ident.mismatch.naming.screen import LinearisedResponse
 from deatwin.ident.mismatch.naming.weigh import OTHER, Scale
 from deatwin.plant.effects.catalogue import effect_named
 
@@ -24,15 +24,15 @@ NOTHING = SimpleNamespace(
 
 
 @pytest.fixture
-def bench():
+def problem():
     part = SimpleNamespace(timepts=TIMES, size=TIMES.size, measured=MOTION, reading="", level=np.ones(TIMES.size))
     nominal = SimpleNamespace(rig=SimpleNamespace(sample_time=0.02), parameters={})
     return SimpleNamespace(everywhere=EFFECTS, effects=EFFECTS, fitted=(part,), nominal=nominal, expected_error=5e-7)
 
 
 @pytest.fixture
-def scale(bench):
-    return Scale(bench=bench, base=NOTHING, noise=NOISE)
+def scale(problem):
+    return Scale(problem=problem, base=NOTHING, noise=NOISE)
 
 
 def strength(effect):
@@ -94,10 +94,10 @@ def test_first_order_promises_what_a_fit_then_shows(scale):
     left = NOISE * rng.standard_normal(TIMES.size) + missed
     typical = strength(SECOND).value
     alone, pair = fitted(left, (FIRST, CREPT)), fitted(left, (FIRST, CREPT), (SECOND, missed))
-    known = [Footprint(effect=SECOND, change=missed / typical)]
+    known = [LinearisedResponse(effect=SECOND, change=missed / typical)]
     promised = scale.promises(alone, known)["sensor_drift"]
     assert promised == pytest.approx(scale.of_two(pair, alone), rel=0.15)
-    assert "creep" not in scale.promises(alone, [Footprint(effect=FIRST, change=CREPT)])
+    assert "creep" not in scale.promises(alone, [LinearisedResponse(effect=FIRST, change=CREPT)])
 
 
 def test_the_error_is_that_of_the_base_plant_as_it_moves(scale):

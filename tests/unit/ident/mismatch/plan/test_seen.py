@@ -1,4 +1,4 @@
-"""What readings would show, against the likelihood of drawn readings and against closed forms."""
+"""What readings would show, against the likelihood of drawn readings and against closed variants."""
 
 import numpy as np
 import pytest

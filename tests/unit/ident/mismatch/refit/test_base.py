@@ -32,15 +32,17 @@ def test_a_form_that_ran_out_of_simulations_is_judged_by_its_linear_model(monkey
         "elsewhere": opened("elsewhere", 4.0, 2.5),
         "worse at its end": opened("worse at its end", 2.5, 2.3, FitStatus.SETTLED),
     }
-    nominal = SimpleNamespace(rig=SimpleNamespace(noise=0.1, rivals=lambda: list(openings)), with_rig=lambda rig: rig)
+    nominal = SimpleNamespace(
+        rig=SimpleNamespace(noise=0.1, alternatives=lambda: list(openings)), with_rig=lambda rig: rig
+    )
     # whatever a form is given, the nominal one leaves 2 on the openings: the limit is 2.4
     first = SimpleNamespace(adequate=False, calibration=SimpleNamespace(plant=None), noise=0.1)
     settled: list[str] = []
-    monkeypatch.setattr(base, "_fitted_well", lambda bench, form: first)
-    monkeypatch.setattr(base, "_opening_rms", lambda plant, bench: 2.0)
+    monkeypatch.setattr(base, "_fitted_well", lambda problem, form: first)
+    monkeypatch.setattr(base, "_opening_rms", lambda plant, problem: 2.0)
     monkeypatch.setattr(base, "approach", lambda form, parts: openings[form])
     monkeypatch.setattr(base, "settle", lambda plant, parts, noise: settled.append(plant))
-    monkeypatch.setattr(base, "_judged", lambda bench, fit: None)
+    monkeypatch.setattr(base, "_judged", lambda problem, fit: None)
     monkeypatch.setattr(base, "replace", lambda candidate, noise: candidate)
     monkeypatch.setattr(base, "_preferred", lambda usable: usable[0])
     base.calibrate_base(SimpleNamespace(nominal=nominal, fitted=(), jobs=1))
@@ -61,13 +63,13 @@ def fitted(rig: Diaphragm) -> Any:
 def test_the_form_of_the_rig_file_is_chosen_whatever_its_model_error_was_found_to_be():
     filed, early = fitted(replace(Diaphragm(), model_error=3e-6)), fitted(Diaphragm(reading=ReadingTime.START_OF_HOLD))
     bonded = fitted(Diaphragm(ball="bonded"))
-    chosen = base.Base(chosen=early, rivals=(bonded, filed), noise=1e-6).as_filed(Diaphragm())
+    chosen = base.Base(chosen=early, alternatives=(bonded, filed), noise=1e-6).as_filed(Diaphragm())
     assert chosen.chosen is filed
-    assert chosen.rivals == (early, bonded)
+    assert chosen.alternatives == (early, bonded)
 
 
 def test_where_the_form_of_the_rig_file_could_not_be_simulated_another_one_stays():
-    early = base.Base(chosen=fitted(Diaphragm(reading=ReadingTime.START_OF_HOLD)), rivals=(), noise=1e-6)
+    early = base.Base(chosen=fitted(Diaphragm(reading=ReadingTime.START_OF_HOLD)), alternatives=(), noise=1e-6)
     assert early.as_filed(Diaphragm()) is early
 
 
@@ -84,8 +86,8 @@ def test_the_rival_forms_are_asked_where_something_is_missing_in_one_that_was_go
     """A small mismatch of the held-out part only is none to the calibration; the other reading may be all that it is."""
     early, bonded = fitted(Diaphragm(reading=ReadingTime.START_OF_HOLD)), fitted(Diaphragm(ball="bonded"))
     early.evidence, bonded.evidence, asked = 5.0, 9.0, []
-    found = [early, fitted(Diaphragm()), bonded]  # the same form fitted once more is no rival
-    monkeypatch.setattr(base, "_other_forms", lambda bench, first: asked.append(first) or found)
+    found = [early, fitted(Diaphragm()), bonded]  # the same form fitted once more is no alternative
+    monkeypatch.setattr(base, "_other_forms", lambda problem, first: asked.append(first) or found)
     monkeypatch.setattr(
         base,
         "replace",
@@ -94,14 +96,14 @@ def test_the_rival_forms_are_asked_where_something_is_missing_in_one_that_was_go
         ),
     )
     chosen = fitted(Diaphragm())
-    alone = base.Base(chosen=chosen, rivals=(), noise=3e-6)
-    found = base.beside_rivals(None, alone)
+    alone = base.Base(chosen=chosen, alternatives=(), noise=3e-6)
+    found = base.beside_alternatives(None, alone)
     assert asked == [chosen] and found.chosen is chosen
-    assert [form.evidence for form in found.rivals] == [9.0, 5.0]
-    assert {form.noise for form in found.rivals} == {3e-6}  # they are judged by the same
-    assert base.beside_rivals(None, found) is found
-    monkeypatch.setattr(base, "_other_forms", lambda bench, first: [])
-    assert base.beside_rivals(None, alone) is alone
+    assert [form.evidence for form in found.alternatives] == [9.0, 5.0]
+    assert {form.noise for form in found.alternatives} == {3e-6}  # they are judged by the same
+    assert base.beside_alternatives(None, found) is found
+    monkeypatch.setattr(base, "_other_forms", lambda problem, first: [])
+    assert base.beside_alternatives(None, alone) is alone
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,7 +20,7 @@ OTHER = known("delay", "hysteresis", rms=2.1)
 
 
 @pytest.mark.parametrize(
-    ("alone", "rivals", "doubted", "spared"),
+    ("alone", "alternatives", "doubted", "spared"),
     [
         (known("creep", rms=3.0), (), ["delay"], True),
         (known("creep", rms=3.0), (), [], False),
@@ -30,9 +30,13 @@ OTHER = known("delay", "hysteresis", rms=2.1)
         (known("creep", rms=3.0), (), ["delay", "creep"], False),  # delay alone was not tried
     ],
 )
-def test_what_stands_without_an_effect_that_unseen_data_do_not_show(alone, rivals, doubted, spared):
+def test_what_stands_without_an_effect_that_unseen_data_do_not_show(alone, alternatives, doubted, spared):
     naming = Naming(
-        candidates=(BASE, alone, PAIR, OTHER), best=PAIR, rivals=rivals, probabilities={PAIR.effects: 1.0}, noise=2.0
+        candidates=(BASE, alone, PAIR, OTHER),
+        best=PAIR,
+        alternatives=alternatives,
+        probabilities={PAIR.effects: 1.0},
+        noise=2.0,
     )
     found = standing._without_doubted(naming, SimpleNamespace(doubted=doubted))
     assert found == [alone] * spared
@@ -40,7 +44,7 @@ def test_what_stands_without_an_effect_that_unseen_data_do_not_show(alone, rival
 
 def test_a_rival_that_the_naming_has_already_stands_whatever_it_takes():
     alone = known("creep", rms=8.0)
-    naming = Naming(candidates=(BASE, alone, PAIR), best=PAIR, rivals=(alone,), probabilities={}, noise=2.0)
+    naming = Naming(candidates=(BASE, alone, PAIR), best=PAIR, alternatives=(alone,), probabilities={}, noise=2.0)
     assert standing._without_doubted(naming, SimpleNamespace(doubted=["delay"])) == [alone]
     assert standing._without_doubted(replace(naming, best=None), SimpleNamespace(doubted=[])) == []
 
@@ -56,9 +60,11 @@ def first_that_stands(monkeypatch, several: list[Naming], **said: list) -> tuple
     return standing.first_that_stands(iter(several), None, np.random.default_rng(0), lambda text: None)
 
 
-def named_by(best: SimpleNamespace | None, *rivals: SimpleNamespace) -> Naming:
-    chances = {c.effects: 0.5 for c in (best, *rivals) if c is not None}
-    return Naming(candidates=(BASE, ALONE, PAIR), best=best, rivals=rivals, probabilities=chances, noise=2.0)
+def named_by(best: SimpleNamespace | None, *alternatives: SimpleNamespace) -> Naming:
+    chances = {c.effects: 0.5 for c in (best, *alternatives) if c is not None}
+    return Naming(
+        candidates=(BASE, ALONE, PAIR), best=best, alternatives=alternatives, probabilities=chances, noise=2.0
+    )
 
 
 @pytest.mark.parametrize(("stand", "answer"), [([True], ALONE), ([False, True], PAIR), ([False, False], ALONE)])
@@ -73,7 +79,7 @@ def test_where_an_explanation_is_refuted_the_next_one_is_verified(monkeypatch, s
 def test_what_was_refuted_is_no_rival_of_the_next_and_nothing_that_it_could_be_spared_for(monkeypatch):
     several = [named_by(ALONE), named_by(PAIR, ALONE, OTHER)]
     naming, _, stands = first_that_stands(monkeypatch, several, holds=[False, True], doubted=[(), ()])
-    assert stands and naming.rivals == (OTHER,)
+    assert stands and naming.alternatives == (OTHER,)
     assert naming.probabilities == {PAIR.effects: 0.5, OTHER.effects: 0.5}
     # without the delay, of which held-out data are not certain, the refuted creep is left
     assert standing._without_doubted(several[1], SimpleNamespace(doubted=["delay"])) == [ALONE]
@@ -100,5 +106,5 @@ def test_what_stands_without_a_doubted_effect_is_as_likely_as_with_it(monkeypatc
     """The evidence of the one with both says nothing of which law is right."""
     naming, _, stands = first_that_stands(monkeypatch, [named_by(PAIR)], holds=[False], doubted=[("delay",)])
     assert stands
-    assert naming.rivals == (ALONE,)
+    assert naming.alternatives == (ALONE,)
     assert naming.probabilities[PAIR.effects] == naming.probabilities[ALONE.effects]

@@ -10,12 +10,19 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from deatwin.ident.greybox.fit import calibrate
-from deatwin.ident.mismatch.bench import Bench
-from deatwin.ident.mismatch.gate.gate import gate, split
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
-from deatwin.ident.mismatch.verify import shams
+from deatwin.ident.mismatch.problem import DiagnosisProblem
+from deatwin.ident.mismatch.quality.quality import check_quality, split
+from deatwin.ident.mismatch.verify import placebos
 from deatwin.ident.mismatch.verify.constancy import Constancy
-from deatwin.ident.mismatch.verify.shams import ShamKind, _Case, _Court, backwards, phase_randomised, sham_effects
+from deatwin.ident.mismatch.verify.placebos import (
+    PlaceboKind,
+    _Case,
+    _Court,
+    backwards,
+    phase_randomised,
+    placebo_effects,
+)
 from deatwin.ident.mismatch.verify.verify import _ablation, _constancies, _whole, shares_explained, verify
 from deatwin.plant import Creep, Delay, Diaphragm, Experiment, PermittivityDrift, Plant, Recording
 from deatwin.plant.effects.base import Effect
@@ -34,7 +41,7 @@ VISIBLE = 0.3  # of the noise: below it no effect is named
 
 
 @cache
-def bench_of(*effects, seed: int = 0) -> Bench:
+def bench_of(*effects, seed: int = 0) -> DiagnosisProblem:
     """40 s of noise and 30 s of holds by a plant with effects and known parameters."""
     rng = np.random.default_rng(seed)
     noise, holds = band_limited_noise(rng, 40.0, 0.02), random_holds(rng, 30.0, 0.02, 1.2, 3.1)
@@ -44,9 +51,9 @@ def bench_of(*effects, seed: int = 0) -> Bench:
     return on_bench(truth.record(Experiment(recordings=(first, second)), rng), effects)
 
 
-def on_bench(experiment: Experiment, effects: tuple[Effect, ...]) -> Bench:
-    fitted, unseen, everything = split(gate(NOMINAL, (experiment,)))
-    return Bench(
+def on_bench(experiment: Experiment, effects: tuple[Effect, ...]) -> DiagnosisProblem:
+    fitted, unseen, everything = split(check_quality(NOMINAL, (experiment,)))
+    return DiagnosisProblem(
         nominal=NOMINAL,
         effects=effects,
         fitted=fitted,
@@ -58,7 +65,7 @@ def on_bench(experiment: Experiment, effects: tuple[Effect, ...]) -> Bench:
     )
 
 
-def late_readings(mean: float, growth: float, seed: int) -> Bench:
+def late_readings(mean: float, growth: float, seed: int) -> DiagnosisProblem:
     """60 s of noise whose readings come late by a mean time that grows."""
     rng = np.random.default_rng(seed)
     command = band_limited_noise(rng, 60.0, 0.02)
@@ -72,22 +79,22 @@ def late_readings(mean: float, growth: float, seed: int) -> Bench:
 
 
 @cache
-def fitted_with(bench: Bench, *effects) -> Candidate:
+def fitted_with(problem: DiagnosisProblem, *effects) -> Candidate:
     """The plant with effects, fitted from the true parameters."""
     plant = NOMINAL.with_values(VALUES).with_effects(*effects)
-    candidate = judge(bench, calibrate(plant, bench.fitted, starts=1), NOISE)
+    candidate = judge(problem, calibrate(plant, problem.fitted, starts=1), NOISE)
     assert candidate is not None
     return candidate
 
 
-def shams_of(effect, seed: int):
+def placebos_of(effect, seed: int):
     """Shams of the effect that is there, and the structural residual after the refit without it over the noise."""
-    bench = bench_of(effect, seed=seed)
-    base = fitted_with(bench)
+    problem = bench_of(effect, seed=seed)
+    base = fitted_with(problem)
     gain = float(np.mean(base.unseen**2)) - NOISE**2
     structural = max(base.calibration.rms**2 - NOISE**2, 0.0) ** 0.5 / NOISE
-    found = sham_effects(
-        base.calibration, effect, gain, bench.fitted, bench.everything, np.random.default_rng(seed + 100)
+    found = placebo_effects(
+        base.calibration, effect, gain, problem.fitted, problem.everything, np.random.default_rng(seed + 100)
     )
     return structural, {sham.kind: sham for sham in found}
 
@@ -101,9 +108,9 @@ def shams_of(effect, seed: int):
 def test_shams_of_a_right_name_are_rejected(effect):
     if effect.event:
         effect = replace(effect, **{effect.event: 22.0})
-    structural, shams = shams_of(effect, seed=0)
+    structural, shams = placebos_of(effect, seed=0)
     assert structural > VISIBLE
-    assert set(shams) == set(ShamKind)
+    assert set(shams) == set(PlaceboKind)
     for sham in shams.values():
         assert sham.share is not None, sham.skipped
         assert sham.rejected, sham
@@ -120,7 +127,7 @@ def test_at_least_95_percent_of_right_names_survive_all_shams():
         if effect.event:
             effect = replace(effect, **{effect.event: 22.0})
         for seed in range(20, 24):
-            structural, shams = shams_of(effect, seed)
+            structural, shams = placebos_of(effect, seed)
             if structural > VISIBLE:
                 survived.append(all(sham.rejected for sham in shams.values()))
                 judged.append(sum(sham.share is not None for sham in shams.values()))
@@ -132,10 +139,10 @@ def test_at_least_95_percent_of_right_names_survive_all_shams():
 @needs_compiler
 def test_an_effect_without_memory_has_no_backward_sham():
     """On the force of a spring the future and the past are the same, but for what the film itself remembers."""
-    _, shams = shams_of(effect_named("sensor_saturation"), seed=0)
-    assert shams[ShamKind.BACKWARDS].share is None
-    assert "hardly differs" in shams[ShamKind.BACKWARDS].skipped
-    assert shams[ShamKind.BACKWARDS].rejected  # a sham that says nothing speaks against nobody
+    _, shams = placebos_of(effect_named("sensor_saturation"), seed=0)
+    assert shams[PlaceboKind.BACKWARDS].share is None
+    assert "hardly differs" in shams[PlaceboKind.BACKWARDS].skipped
+    assert shams[PlaceboKind.BACKWARDS].rejected  # a sham that says nothing speaks against nobody
 
 
 def spoilt_hysteresis(sham_of):
@@ -155,17 +162,17 @@ def spoilt_hysteresis(sham_of):
             for record, half, sham in zip(experiment.recordings, own, sham_of(change, experiment), strict=True)
         )
     )
-    fitted, _, everything = split(gate(NOMINAL, (spoilt,)))
+    fitted, _, everything = split(check_quality(NOMINAL, (spoilt,)))
     base = calibrate(plant, fitted, evaluations=4, starts=1)  # at its minimum the plant is hardly simulated any more
-    return {s.kind: s for s in sham_effects(base, effect, 1e-16, fitted, everything, np.random.default_rng(0))}
+    return {s.kind: s for s in placebo_effects(base, effect, 1e-16, fitted, everything, np.random.default_rng(0))}
 
 
 @needs_compiler
 def test_what_happened_backwards_is_not_the_effect():
     """The readings hold half of the effect and all of its own sham: the sham must win."""
     shams = spoilt_hysteresis(lambda change, of: [y[::-1] for y in reversed(change(backwards(of)))])
-    assert shams[ShamKind.BACKWARDS].share > 1.0
-    assert not shams[ShamKind.BACKWARDS].rejected
+    assert shams[PlaceboKind.BACKWARDS].share > 1.0
+    assert not shams[PlaceboKind.BACKWARDS].rejected
 
 
 @needs_compiler
@@ -177,8 +184,8 @@ def test_what_is_only_as_large_and_as_smooth_is_not_the_effect():
         return [phase_randomised(y, rng) for y in change(of)]
 
     shams = spoilt_hysteresis(drawn)
-    assert shams[ShamKind.RANDOM_PHASES].share > 1.0
-    assert not shams[ShamKind.RANDOM_PHASES].rejected
+    assert shams[PlaceboKind.RANDOM_PHASES].share > 1.0
+    assert not shams[PlaceboKind.RANDOM_PHASES].rejected
 
 
 def test_random_phases_compete_with_the_refit_and_what_runs_backwards_with_the_first_order():
@@ -197,23 +204,23 @@ def test_random_phases_compete_with_the_refit_and_what_runs_backwards_with_the_f
     nonlinear = replace(case, gain=2.5 * own)
     assert "too far from linear" in nonlinear.random_phases([other]).skipped
     # a part of what the refit gained is the parameters' alone, before any of these competes
-    bent = replace(case, gain=1.8 * own, residual=mismatch + jacobian @ [0.5, -0.3])
-    by_parameters = np.mean(bent.residual[250:] ** 2) - np.mean(mismatch[250:] ** 2)
+    biased = replace(case, gain=1.8 * own, residual=mismatch + jacobian @ [0.5, -0.3])
+    by_parameters = np.mean(biased.residual[250:] ** 2) - np.mean(mismatch[250:] ** 2)
     assert own < 1.8 * own - by_parameters < 1.7 * own
-    assert bent.random_phases([other]).share == pytest.approx(gained / (1.8 * own - by_parameters))
-    assert bent.backwards(other).share == pytest.approx(gained / own)
+    assert biased.random_phases([other]).share == pytest.approx(gained / (1.8 * own - by_parameters))
+    assert biased.backwards(other).share == pytest.approx(gained / own)
 
 
 @needs_compiler
 def test_the_wrong_sign_is_noticed():
     effect = effect_named("sensor_drift")
-    bench = bench_of(effect, seed=0)
-    without = fitted_with(bench)
+    problem = bench_of(effect, seed=0)
+    without = fitted_with(problem)
     base, gain = without.calibration, float(np.mean(without.unseen**2)) - NOISE**2
     wrong = replace(effect, change=-effect.change)
     for named, rejected in ((effect, True), (wrong, False)):
-        found = sham_effects(base, named, gain, bench.fitted, bench.everything, np.random.default_rng(0))
-        assert {s.kind: s for s in found}[ShamKind.OPPOSITE].rejected is rejected
+        found = placebo_effects(base, named, gain, problem.fitted, problem.everything, np.random.default_rng(0))
+        assert {s.kind: s for s in found}[PlaceboKind.OPPOSITE].rejected is rejected
 
 
 @needs_compiler
@@ -225,14 +232,14 @@ def test_the_wrong_sign_is_noticed():
     ],
 )
 def test_shams_that_nothing_can_be_learned_of_say_so(monkeypatch, gain, simulates, reason):
-    bench = bench_of(seed=0)
-    base = fitted_with(bench).calibration
+    problem = bench_of(seed=0)
+    base = fitted_with(problem).calibration
     if not simulates:
-        monkeypatch.setattr(shams, "_change", lambda plant, effect, experiments: None)
-    found = sham_effects(
-        base, effect_named("hysteresis"), gain, bench.fitted, bench.everything, np.random.default_rng(0)
+        monkeypatch.setattr(placebos, "_change", lambda plant, effect, experiments: None)
+    found = placebo_effects(
+        base, effect_named("hysteresis"), gain, problem.fitted, problem.everything, np.random.default_rng(0)
     )
-    assert [sham.kind for sham in found] == list(ShamKind)
+    assert [sham.kind for sham in found] == list(PlaceboKind)
     assert all(sham.share is None and reason in sham.skipped and sham.rejected for sham in found)
 
 
@@ -279,17 +286,17 @@ def test_random_phases_keep_mean_and_spectrum_and_nothing_else(size):
 @needs_compiler
 def test_two_causes_are_each_needed():
     effects = Creep(modulus=50e3, time=20.0), PermittivityDrift(relative_change=-0.08, time=60.0)
-    bench = bench_of(*effects, seed=2)
-    base, answer = fitted_with(bench), fitted_with(bench, *effects)
-    one = fitted_with(bench, effects[1])
-    found = verify(base, answer, np.random.default_rng(0), bench, (base, one))
+    problem = bench_of(*effects, seed=2)
+    base, answer = fitted_with(problem), fitted_with(problem, *effects)
+    one = fitted_with(problem, effects[1])
+    found = verify(base, answer, np.random.default_rng(0), problem, (base, one))
     assert found.holds, found.failures
     assert [a.effect for a in found.ablations] == ["creep", "permittivity_drift"]
     # Without creep it is the candidate that was given; without the drift it was fitted here, a special case of both.
     assert found.ablations[0].unseen == pytest.approx(np.sqrt(np.mean(one.unseen**2)))
     assert answer.calibration.rms < found.ablations[1].fitted < base.calibration.rms
     assert found.ablations[1].unseen > found.unseen_after + found.ablations[1].gain_low > found.unseen_after
-    assert {(s.effect, s.kind) for s in found.shams} == {(e.name, kind) for e in effects for kind in ShamKind}
+    assert {(s.effect, s.kind) for s in found.shams} == {(e.name, kind) for e in effects for kind in PlaceboKind}
     assert [t.part for t in found.transfers][2:] == ["lowest amplitudes", "middle amplitudes", "highest amplitudes"]
     assert len(found.transfers) == 5
     assert [c.effect for c in found.constancies] == ["creep", "permittivity_drift"]
@@ -305,16 +312,16 @@ def test_two_causes_are_each_needed():
 @pytest.mark.parametrize(("growth", "refuted"), [(0.0, False), (0.02, True)])
 def test_a_delay_that_grows_is_none_though_it_grows_by_less_than_itself(growth, refuted):
     """By 20 ms beside a mean of 40 ms: most of what a constant one leaves."""
-    bench = late_readings(0.04, growth, seed=5)
-    base, answer = fitted_with(bench), fitted_with(bench, Delay(time=0.04))
-    found = verify(base, answer, np.random.default_rng(0), bench)
+    problem = late_readings(0.04, growth, seed=5)
+    base, answer = fitted_with(problem), fitted_with(problem, Delay(time=0.04))
+    found = verify(base, answer, np.random.default_rng(0), problem)
     assert answer.adequate is not refuted
     (constancy,) = found.constancies
     assert constancy.mends is refuted
     assert any("delay" in failure and "most of the remaining error" in failure for failure in found.failures) is refuted
     assert (found.whole is not None) is refuted  # the fit that constancy was told from is at hand
     if refuted:
-        assert found.whole.residuals.size == sum(part.size for part in bench.everything)
+        assert found.whole.residuals.size == sum(part.size for part in problem.everything)
         # relative to the fitted delay, to which the film's own parameters add or take some
         fitted = answer.calibration.plant.parameters["delay.time"].value
         assert constancy.change * fitted == pytest.approx(growth, rel=0.25)
@@ -323,9 +330,9 @@ def test_a_delay_that_grows_is_none_though_it_grows_by_less_than_itself(growth, 
 
 @needs_compiler
 def test_an_effect_that_is_not_there_does_not_hold():
-    bench = bench_of(seed=3)
-    base, answer = fitted_with(bench), fitted_with(bench, Creep(modulus=5e3, time=20.0))
-    found = verify(base, answer, np.random.default_rng(0), bench)
+    problem = bench_of(seed=3)
+    base, answer = fitted_with(problem), fitted_with(problem, Creep(modulus=5e3, time=20.0))
+    found = verify(base, answer, np.random.default_rng(0), problem)
     assert not found.holds
     assert "it is not certain that the error on held-out data falls" in found.failures
 
@@ -383,8 +390,8 @@ def test_what_would_have_to_change_is_asked_of_all_recordings_where_too_much_is_
     monkeypatch.setattr(MODULE, "constancies", found)
     monkeypatch.setattr(MODULE, "refit", lambda *_: whole if fits else fit)
     amended = SimpleNamespace(calibration=fit, effects=("delay",), adequate=adequate, noise=1.0)
-    bench = SimpleNamespace(fitted=(), everything=())
-    (constancy,) = _constancies(amended, bench, _whole(amended, bench))
+    problem = SimpleNamespace(fitted=(), everything=())
+    (constancy,) = _constancies(amended, problem, _whole(amended, problem))
     assert constancy is (moving if refuted else steady)
     assert constancy.holds is not refuted
     assert asked[1:] == ([pytest.approx(np.sqrt(8.0))] if fits and not adequate else [])  # 3² less the noise's 1²
@@ -395,8 +402,8 @@ def test_less_than_noise_is_nothing_that_a_change_could_mend(monkeypatch):
     monkeypatch.setattr(MODULE, "constancies", lambda *_, too_much=None: asked.append(too_much) or steady)
     monkeypatch.setattr(MODULE, "refit", lambda *_: SimpleNamespace(rms=1.0))
     amended = SimpleNamespace(calibration=None, effects=("delay",), adequate=False, noise=1.1)
-    bench = SimpleNamespace(fitted=(), everything=())
-    assert _constancies(amended, bench, _whole(amended, bench)) == steady
+    problem = SimpleNamespace(fitted=(), everything=())
+    assert _constancies(amended, problem, _whole(amended, problem)) == steady
     assert asked == [None, pytest.approx(np.sqrt(0.1) * 1.1)]  # a tenth of the noise's power is known of no sensor
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from deatwin.ident.mismatch.gate.beside import without_faults
-from deatwin.ident.mismatch.gate.faults import faults_of
-from deatwin.ident.mismatch.gate.gate import Soundness, gate, split
-from deatwin.ident.mismatch.gate.suspects import held
+from deatwin.ident.mismatch.quality.beside import without_faults
+from deatwin.ident.mismatch.quality.faults import faults_of
+from deatwin.ident.mismatch.quality.quality import Soundness, check_quality, split
+from deatwin.ident.mismatch.quality.suspects import held
 from deatwin.plant import Experiment, Planar, Plant, Reading, Recording
 
 STEP, NOISE, SIZE = 0.005, 2e-3, 3000
@@ -119,7 +119,7 @@ def test_a_hold_is_the_fault_of_its_own_reading(row: int) -> None:
     spoilt, stretch = np.array(record.outputs), slice(400, 600)
     noise = spoilt[row] - plant.simulate(blank).require().outputs[0][row]
     spoilt[row, stretch] = spoilt[row, 400] + noise[stretch]
-    given = gate(plant, Experiment(recordings=(replace(record, outputs=spoilt),)))
+    given = check_quality(plant, Experiment(recordings=(replace(record, outputs=spoilt),)))
     checked = without_faults(given, plant)
     (fault,) = faults_of(checked)
     assert fault.fault == f"the {('reading', 'capacitance')[row]} is stuck"

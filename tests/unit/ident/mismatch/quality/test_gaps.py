@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from oscillator import MASS, Oscillator
 
-from deatwin.ident.mismatch.gate.gaps import without_unknown
-from deatwin.ident.mismatch.gate.gate import gate, split
+from deatwin.ident.mismatch.quality.gaps import without_unknown
+from deatwin.ident.mismatch.quality.quality import check_quality, split
 from deatwin.plant import Experiment, Planar, Plant, Reading, Recording
 
 PLANT = Plant(rig=Planar(noise=1e-6, model_error=0.0, further=(Reading(name="capacitance", noise=1e-15),)))
@@ -24,7 +24,7 @@ def gapped(changes_at: int) -> Experiment:
 
 def test_readings_count_again_where_the_time_of_the_change_no_longer_matters() -> None:
     experiment = gapped(330)
-    checked = without_unknown(gate(PLANT, experiment), PLANT, PLANT.rig.noise)
+    checked = without_unknown(check_quality(PLANT, experiment), PLANT, PLANT.rig.noise)
     before, after = checked.unknown[0]
     assert not before.any()
     first = int(after.sum())
@@ -47,7 +47,7 @@ def behind_a_wander(rate: float, seed: int) -> tuple[float, float]:
     blank = Experiment(recordings=(Recording.from_arrays(command, np.zeros((0, 2000)), rig.sample_time),))
     (whole,) = plant.record(blank, rng).recordings
     gapped = Experiment(recordings=(whole.section(0, 500), whole.section(550, 2000)))
-    left_out = without_unknown(gate(plant, gapped), plant, rig.noise).unknown[0][1]
+    left_out = without_unknown(check_quality(plant, gapped), plant, rig.noise).unknown[0][1]
     residual = gapped.recordings[1].outputs[0] - plant.simulate(gapped).require().outputs[1][0]
     return left_out.sum() * rig.sample_time, float(np.abs(residual[~left_out]).max() / rig.noise)
 
@@ -67,12 +67,12 @@ def test_behind_a_gap_a_plant_that_swings_is_left_out_as_long_as_it_does() -> No
 
 @pytest.mark.parametrize("changes_at", [400, 2000], ids=["after it", "never"])
 def test_a_command_that_is_the_same_behind_a_gap_was_held(changes_at: int) -> None:
-    checked = gate(PLANT, gapped(changes_at))
+    checked = check_quality(PLANT, gapped(changes_at))
     assert without_unknown(checked, PLANT, PLANT.rig.noise) is checked
 
 
 def test_where_hardly_a_reading_would_count_all_do() -> None:
     """Without noise or model error a difference counts as long as there is any."""
     before, after = gapped(330).recordings
-    checked = gate(PLANT, Experiment(recordings=(before.section(260, 300), after)))
+    checked = check_quality(PLANT, Experiment(recordings=(before.section(260, 300), after)))
     assert without_unknown(checked, PLANT, 0.0) is checked

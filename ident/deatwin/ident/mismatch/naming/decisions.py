@@ -10,15 +10,15 @@ from dataclasses import replace
 from functools import partial
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.criteria import MOST, explained, is_near_model_error, suffices
 from deatwin.ident.mismatch.naming.cycles import shows_its_cycles
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming, cannot_rule_out
+from deatwin.ident.mismatch.naming.evidence_ratio import advantage, likeliest
 from deatwin.ident.mismatch.naming.limits import with_limits
 from deatwin.ident.mismatch.naming.pairs import barely, with_doubt
+from deatwin.ident.mismatch.naming.refit_all_data import judged_on_everything
 from deatwin.ident.mismatch.naming.sets import Search
 from deatwin.ident.mismatch.naming.tried import Names, once
-from deatwin.ident.mismatch.naming.versus import advantage, likeliest
-from deatwin.ident.mismatch.naming.whole import judged_on_everything
-from deatwin.ident.mismatch.naming.worth import MOST, explained, is_near_floor, suffices
 
 _Decision = Callable[[Search, Sequence[Names]], Naming]
 MOST_NEARLY = 2
@@ -28,7 +28,7 @@ MOST_NEARLY = 2
 def decided(search: Search, stage: Sequence[Names]) -> Naming:
     """The decision over a stage, among those that explain the recordings.
 
-    It is led by a rival that is likelier by far and suffices as far as anybody knows the plant's own error: what is
+    It is led by an alternative that is likelier by far and suffices as far as anybody knows the plant's own error: what is
     improbable beside it keeps a limit by luck.
 
     Parameters
@@ -45,9 +45,9 @@ def decided(search: Search, stage: Sequence[Names]) -> Naming:
     naming = _among(search, stage, lambda c: c.adequate and search.counts(c))
     if naming.best is None or len(naming.best.effects) > MOST_NEARLY:
         return naming
-    enough = [c for c in naming.rivals if _nearly_explains(search, c)]
+    enough = [c for c in naming.alternatives if _nearly_explains(search, c)]
     first = likeliest(enough or [naming.best])
-    return naming.led_by(first) if advantage(first, naming.best) > STRONG else naming
+    return naming.with_best(first) if advantage(first, naming.best) > STRONG else naming
 
 
 def decided_surely(search: Search, stage: Sequence[Names]) -> Naming:
@@ -132,7 +132,7 @@ def settled(search: Search, stage: Sequence[Names]) -> Naming:
 
 
 def on_everything(search: Search, naming: Naming) -> Iterator[Naming]:
-    """A decision with the rivals that all recordings together bring back, for each order in which it may be verified.
+    """A decision with the alternatives that all recordings together bring back, for each order in which it may be verified.
 
     And with those that its best one has become, and single effects whose laws may do what two do.
 
@@ -148,14 +148,14 @@ def on_everything(search: Search, naming: Naming) -> Iterator[Naming]:
     Naming
         As `shown_first` has it; then, where that is another order, as the evidence has it.
     """
-    judged = judged_on_everything(naming, search.bench, search.is_possible)
+    judged = judged_on_everything(naming, search.problem, search.is_possible)
     shown = shown_first(search, judged)
     for answer in (judged,) if shown is judged else (shown, judged):
         yield with_doubt(search, with_limits(answer, search.is_possible))
 
 
 def shown_first(search: Search, naming: Naming) -> Naming:
-    """A decision, led by a rival that suffices where the best has a cycle that was hardly recorded.
+    """A decision, led by an alternative that suffices where the best has a cycle that was hardly recorded.
 
     Such a cycle imitates any drift.
 
@@ -167,21 +167,21 @@ def shown_first(search: Search, naming: Naming) -> Naming:
     Returns
     -------
     Naming
-        Also with the rivals that its new best one cannot rule out.
+        Also with the alternatives that its new best one cannot rule out.
     """
-    everything = search.bench.everything
+    everything = search.problem.everything
     if naming.best is None or shows_its_cycles(naming.best, everything):
         return naming
-    shown = [c for c in naming.rivals if search.is_own(c) and shows_its_cycles(c, everything)]
+    shown = [c for c in naming.alternatives if search.is_own(c) and shows_its_cycles(c, everything)]
     enough = [c for c in shown if _nearly_explains(search, c)]
     if not enough:
         return naming
     first = likeliest(enough)
-    led = naming.led_by(first)
-    kept = {first.effects, *(rival.effects for rival in led.rivals)}
+    led = naming.with_best(first)
+    kept = {first.effects, *(alternative.effects for alternative in led.alternatives)}
     beside = [c for c in naming.candidates if c.effects in naming.probabilities and c.effects not in kept]
     near = [c for c in beside if search.is_own(c) and search.is_possible(c) and cannot_rule_out(c, first)]
-    return replace(led, rivals=(*led.rivals, *near))
+    return replace(led, alternatives=(*led.alternatives, *near))
 
 
 def _over_all(search: Search, over: _Decision, stage: Sequence[Names], further: Sequence[Names]) -> Naming:
@@ -236,7 +236,7 @@ def _settled(search: Search, stage: Sequence[Names]) -> Naming:
 
     def hopeful(candidate: Candidate) -> bool:
         most = explained(candidate, search.tried[()]) > MOST
-        return is_near_floor(candidate.fitted_test) and most and search.counts(candidate)
+        return is_near_model_error(candidate.fitted_test) and most and search.counts(candidate)
 
     return search.settled([search.tried[names] for names in sets], hopeful)
 

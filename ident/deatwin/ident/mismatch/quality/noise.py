@@ -9,7 +9,7 @@ from enum import Enum
 import numpy as np
 
 from deatwin.ident.mismatch.excess import PRACTICAL_SHARE
-from deatwin.ident.mismatch.gate.repeats import Repeats
+from deatwin.ident.mismatch.quality.repeats import Repeats
 from deatwin.ident.soundness import neighbours_deviation, runs, samples_in
 
 MIDDLE = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 6.0

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from deatwin.ident.mismatch.gate.gate import FEWEST_SOUND, Gate
+from deatwin.ident.mismatch.quality.quality import FEWEST_SOUND, DataQuality
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 
 
-def without_unknown(checked: Gate, plant: Plant, noise: float) -> Gate:
+def without_unknown(checked: DataQuality, plant: Plant, noise: float) -> DataQuality:
     """The recordings with those readings marked that depend on how a command changed in a gap.
 
     It changed at its end, as is assumed, at its beginning, or wandered as on either side of it: where a calibrated plant

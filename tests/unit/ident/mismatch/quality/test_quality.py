@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deatwin.ident.mismatch.gate.gate import Soundness, confirm, gate, split
+from deatwin.ident.mismatch.quality.quality import Soundness, check_quality, confirm, split
 from deatwin.plant import DataError, Diaphragm, Experiment, ModelError, Plant, Recording
 from deatwin.plant.excitation import band_limited_noise, random_holds
 
@@ -32,7 +32,7 @@ def test_ringing_after_any_jump_is_no_outlier():
     for _ in range(20):
         holds = random_holds(rng, 60.0, 0.02, 1.1, 3.3)
         blank = Experiment(recordings=(Recording.from_arrays(holds, np.zeros_like(holds), 0.02),))
-        assert gate(PLANT, [PLANT.record(blank, rng)]).soundness is Soundness.SOUND
+        assert check_quality(PLANT, [PLANT.record(blank, rng)]).soundness is Soundness.SOUND
 
 
 def test_a_corner_of_the_command_makes_no_outlier():
@@ -44,10 +44,10 @@ def test_a_corner_of_the_command_makes_no_outlier():
     corner = int(np.argmax(commands[1000:])) + 1000
     reading[corner + 5] += 2e-4
     spoiled = with_outputs(blank, reading)
-    assert not gate(PLANT, [spoiled]).outliers[0][0][corner : corner + 50].any()
+    assert not check_quality(PLANT, [spoiled]).outliers[0][0][corner : corner + 50].any()
     reading[corner + 80] += 2e-4
     spoiled = with_outputs(blank, reading)
-    assert gate(PLANT, [spoiled]).outliers[0][0][corner + 80]
+    assert check_quality(PLANT, [spoiled]).outliers[0][0][corner + 80]
 
 
 def test_fast_motion_is_no_outlier():
@@ -56,7 +56,7 @@ def test_fast_motion_is_no_outlier():
     for _ in range(10):
         noise = band_limited_noise(rng, 60.0, 0.02, band=3.0)
         blank = Experiment(recordings=(Recording.from_arrays(noise, np.zeros_like(noise), 0.02),))
-        assert not gate(PLANT, [PLANT.record(blank, rng)]).findings
+        assert not check_quality(PLANT, [PLANT.record(blank, rng)]).findings
 
 
 def test_a_ball_that_rings_at_every_turn_of_the_drive_is_no_outlier(sound):
@@ -65,16 +65,16 @@ def test_a_ball_that_rings_at_every_turn_of_the_drive_is_no_outlier(sound):
     ring = 2e-4 * after * np.exp(-after) * np.sin(2 * np.pi * np.arange(40) / 4.1)
     for start in range(300, 1500, 60):
         outputs[start : start + 40] += ring
-    assert not gate(PLANT, [with_outputs(sound, outputs)]).findings
+    assert not check_quality(PLANT, [with_outputs(sound, outputs)]).findings
     outputs[1650] += 2e-4
-    assert np.flatnonzero(gate(PLANT, [with_outputs(sound, outputs)]).outliers[0][0]).tolist() == [1650]
+    assert np.flatnonzero(check_quality(PLANT, [with_outputs(sound, outputs)]).outliers[0][0]).tolist() == [1650]
 
 
 def test_what_the_calibrated_plant_does_as_well_is_not_confirmed(sound):
     outputs = sound.recordings[0].outputs[0].copy()
     outputs[500:600:10] += 2e-4
     spoiled = with_outputs(sound, outputs)
-    checked = gate(PLANT, [spoiled])
+    checked = check_quality(PLANT, [spoiled])
     assert checked.outliers[0][0].sum() == 10
     assert not confirm(checked, [[record.outputs[0] for record in spoiled.recordings]]).findings
 
@@ -83,7 +83,7 @@ def test_a_true_outlier_is_confirmed(sound):
     outputs = sound.recordings[0].outputs[0].copy()
     outputs[500:600:4] += 2e-4
     spoiled = with_outputs(sound, outputs)
-    checked = confirm(gate(PLANT, [spoiled]), [[y[0] for y in PLANT.simulate(spoiled).outputs]])
+    checked = confirm(check_quality(PLANT, [spoiled]), [[y[0] for y in PLANT.simulate(spoiled).outputs]])
     assert checked.soundness is Soundness.FAULTY
     assert checked.outliers[0][0].sum() >= 20
 
@@ -94,7 +94,7 @@ def with_outputs(experiment: Experiment, outputs: np.ndarray) -> Experiment:
 
 
 def test_a_sound_experiment_passes(sound):
-    checked = gate(PLANT, [sound])
+    checked = check_quality(PLANT, [sound])
     assert checked.soundness is Soundness.SOUND
     assert all(mask.mean() > 0.995 for mask in checked.sound[0])
 
@@ -102,7 +102,7 @@ def test_a_sound_experiment_passes(sound):
 def test_a_stuck_sensor_is_a_fault_with_its_place(sound):
     outputs = sound.recordings[0].outputs[0].copy()
     outputs[1000:1200] = np.median(outputs)
-    checked = gate(PLANT, [with_outputs(sound, outputs)])
+    checked = check_quality(PLANT, [with_outputs(sound, outputs)])
     assert checked.soundness is Soundness.FAULTY
     assert "stuck in 200 samples between 20.00 and 23.98 s" in checked.findings[0]
     assert not checked.sound[0][0][1000:1200].any()
@@ -111,13 +111,13 @@ def test_a_stuck_sensor_is_a_fault_with_its_place(sound):
 def test_a_lone_outlier_is_left_out_without_a_fault(sound):
     outputs = sound.recordings[0].outputs[0].copy()
     outputs[700] += 2e-4
-    checked = gate(PLANT, [with_outputs(sound, outputs)])
+    checked = check_quality(PLANT, [with_outputs(sound, outputs)])
     assert checked.soundness is Soundness.SOUND
     assert not checked.sound[0][0][700]
 
 
 def test_the_last_part_of_each_record_is_unseen(sound):
-    fitted, unseen, everything = split(gate(PLANT, [sound]))
+    fitted, unseen, everything = split(check_quality(PLANT, [sound]))
     for early, late, all_of_it in zip(fitted[0].masks, unseen[0].masks, everything[0].masks, strict=True):
         assert not (early & late).any()
         np.testing.assert_array_equal(early | late, all_of_it)
@@ -125,7 +125,7 @@ def test_the_last_part_of_each_record_is_unseen(sound):
 
 
 def test_an_onset_in_the_unseen_part_moves_the_split(sound):
-    fitted, unseen, _ = split(gate(PLANT, [sound]), onset=32.0)
+    fitted, unseen, _ = split(check_quality(PLANT, [sound]), onset=32.0)
     # of the eight seconds after the onset the last 30 % stay unseen
     assert np.flatnonzero(unseen[0].masks[0])[0] == round((32.0 + 0.7 * 8.0) / 0.02)
     assert np.flatnonzero(unseen[0].masks[1])[0] == round(0.7 * 2000)
@@ -136,7 +136,7 @@ def test_a_sensor_that_freezes_and_stays_frozen_leaves_an_unseen_part(sound):
     first, second = sound.recordings
     outputs = first.outputs.copy()
     outputs[0, 1300:] = outputs[0, 1300]
-    checked = gate(PLANT, [Experiment(recordings=(replace(first, outputs=outputs), second))])
+    checked = check_quality(PLANT, [Experiment(recordings=(replace(first, outputs=outputs), second))])
     assert checked.soundness is Soundness.FAULTY
     _, unseen, _ = split(checked)
     # the sensor may have stood still for the first of these by chance; 70 % of what is sound is fitted
@@ -146,7 +146,7 @@ def test_a_sensor_that_freezes_and_stays_frozen_leaves_an_unseen_part(sound):
 
 def test_a_dead_sensor_is_a_fault_and_not_a_limit(sound):
     dead = Experiment(recordings=tuple(replace(r, outputs=np.full_like(r.outputs, 1e-4)) for r in sound.recordings))
-    checked = gate(PLANT, [dead])
+    checked = check_quality(PLANT, [dead])
     assert checked.soundness is Soundness.FAULTY
     assert "stuck in 2000 samples" in checked.findings[0]
     fitted, unseen, _ = split(checked)  # there is nothing better to fit
@@ -155,14 +155,14 @@ def test_a_dead_sensor_is_a_fault_and_not_a_limit(sound):
 
 def test_a_reading_that_is_clipped_half_of_the_time_is_not_stuck(sound):
     clipped = [replace(r, outputs=np.minimum(r.outputs, np.median(r.outputs))) for r in sound.recordings]
-    assert gate(PLANT, [Experiment(recordings=tuple(clipped))]).soundness is Soundness.SOUND
+    assert check_quality(PLANT, [Experiment(recordings=tuple(clipped))]).soundness is Soundness.SOUND
 
 
 def test_a_spike_beyond_a_limit_makes_no_clipped_reading_stuck(sound):
     outputs = sound.recordings[0].outputs[0]
     clipped = np.minimum(outputs, np.quantile(outputs, 0.8))
     clipped[700] += 1e-4
-    assert not gate(PLANT, [with_outputs(sound, clipped)]).stuck[0][0].any()
+    assert not check_quality(PLANT, [with_outputs(sound, clipped)]).stuck[0][0].any()
 
 
 def coarse(step: float) -> Experiment:
@@ -175,14 +175,14 @@ def coarse(step: float) -> Experiment:
 
 @pytest.mark.parametrize("step", [1e-6, 5e-6, 10e-6])
 def test_readings_in_coarse_steps_are_not_stuck_over_slow_commands(step):
-    assert gate(PLANT, [coarse(step)]).soundness is Soundness.SOUND
+    assert check_quality(PLANT, [coarse(step)]).soundness is Soundness.SOUND
 
 
 def test_coarse_readings_can_be_stuck_too():
     sound = coarse(5e-6)
     outputs = sound.recordings[0].outputs[0].copy()
     outputs[2200:2700] = outputs[2200]
-    checked = gate(PLANT, [with_outputs(sound, outputs)])
+    checked = check_quality(PLANT, [with_outputs(sound, outputs)])
     assert checked.stuck[0][0][2200:2700].all()
     assert checked.stuck[0][0].sum() < 600
 
@@ -191,7 +191,7 @@ def test_coarse_readings_can_be_stuck_too():
 def test_readings_that_are_lost_for_a_moment_are_left_out(sound, value):
     outputs = sound.recordings[0].outputs[0].copy()
     outputs[700:720] = value
-    checked = gate(PLANT, [with_outputs(sound, outputs)])
+    checked = check_quality(PLANT, [with_outputs(sound, outputs)])
     assert checked.stuck[0][0][700:720].all()
     assert checked.stuck[0][0].sum() == 20
 
@@ -201,12 +201,12 @@ def test_a_film_that_is_sent_away_and_back_is_not_lost():
     command = 1.5 + (np.arange(6000) // 40 % 2)
     reading = 5e-6 * np.round(1e-4 * command**2 / 5e-6)
     jumpy = Experiment(recordings=(Recording.from_arrays(command, reading, 0.02),))
-    assert not gate(PLANT, [jumpy]).stuck[0][0].any()
+    assert not check_quality(PLANT, [jumpy]).stuck[0][0].any()
 
 
 def test_a_dead_recording_beside_a_sound_one_is_left_out(sound):
     dead = Experiment(recordings=tuple(replace(r, outputs=np.full_like(r.outputs, 1e-4)) for r in sound.recordings))
-    checked = gate(PLANT, [sound, dead])
+    checked = check_quality(PLANT, [sound, dead])
     assert checked.soundness is Soundness.FAULTY
     for parts in split(checked):
         assert [part.experiment for part in parts] == [sound]
@@ -214,61 +214,61 @@ def test_a_dead_recording_beside_a_sound_one_is_left_out(sound):
 
 def test_a_recording_in_many_pieces_is_taken_as_a_whole(sound):
     pieces = tuple(sound.recordings[0].section(start, start + 149) for start in range(0, 1900, 150))
-    assert len(gate(PLANT, [Experiment(recordings=pieces)]).usable[0]) == len(pieces)
+    assert len(check_quality(PLANT, [Experiment(recordings=pieces)]).usable[0]) == len(pieces)
     with pytest.raises(ModelError, match="100 samples, but a diagnosis needs at least 140"):  # 20 for each of 7
-        gate(PLANT, [Experiment(recordings=(pieces[0].section(0, 100),))])
+        check_quality(PLANT, [Experiment(recordings=(pieces[0].section(0, 100),))])
 
 
 def test_the_sound_part_beside_a_long_freeze_has_no_outliers(sound):
     first, second = sound.recordings
     outputs = first.outputs.copy()
     outputs[0, :1400] = outputs[0].min()
-    checked = gate(PLANT, [Experiment(recordings=(replace(first, outputs=outputs), second))])
+    checked = check_quality(PLANT, [Experiment(recordings=(replace(first, outputs=outputs), second))])
     assert checked.stuck[0][0][:1400].all()
     assert checked.outliers[0][0][1410:].sum() == 0
 
 
 def test_nothing_to_diagnose_is_one_clear_error(sound):
     with pytest.raises(DataError, match="no recording was given"):
-        gate(PLANT, [])
+        check_quality(PLANT, [])
     constant = Experiment(recordings=(Recording.from_arrays(np.full(3000, 2.0), np.zeros(3000), 0.02),))
     with pytest.raises(DataError, match="constant"):
-        gate(PLANT, [constant])
+        check_quality(PLANT, [constant])
 
 
 def test_limits_jumps_steps_and_gaps_are_reported_but_no_faults(sound):
     first, second = sound.recordings
     clipped = np.minimum(first.outputs, np.quantile(first.outputs, 0.8))
     given = Experiment(recordings=(replace(first, outputs=clipped), replace(second, start=second.start + 3.0)))
-    assert gate(PLANT, [given]).soundness is Soundness.SOUND
-    notes = gate(PLANT, [given]).notes
+    assert check_quality(PLANT, [given]).soundness is Soundness.SOUND
+    notes = check_quality(PLANT, [given]).notes
     assert notes[0].startswith("record 1: the reading is at a limit in ")
     assert "no readings between 40.00 and 43.00 s" in notes[-1]
     coarse = np.round(first.outputs[0] / 8e-6) * 8e-6
-    checked = gate(PLANT, [with_outputs(sound, coarse)])
+    checked = check_quality(PLANT, [with_outputs(sound, coarse)])
     assert checked.soundness is Soundness.SOUND
     assert "record 1: the readings come in steps of 8 µm" in checked.notes
     jumped = first.outputs[0] - 3e-4 * (np.arange(2000) >= 1200)
-    jumps = [note for note in gate(PLANT, [with_outputs(sound, jumped)]).notes if "jumps" in note]
+    jumps = [note for note in check_quality(PLANT, [with_outputs(sound, jumped)]).notes if "jumps" in note]
     assert jumps == ["record 1: jumps in one sample at 24.00 s"]
 
 
 def test_a_sound_experiment_needs_no_notes(sound):
-    assert gate(PLANT, [sound]).notes == ()
+    assert check_quality(PLANT, [sound]).notes == ()
 
 
 def test_a_jump_is_confirmed_by_the_residual(sound):
     outputs = sound.recordings[0].outputs[0].copy()
     outputs[1200:] -= 3e-4
     jumped = with_outputs(sound, outputs)
-    checked = confirm(gate(PLANT, [jumped]), [[y[0] for y in PLANT.simulate(jumped).outputs]])
+    checked = confirm(check_quality(PLANT, [jumped]), [[y[0] for y in PLANT.simulate(jumped).outputs]])
     assert np.flatnonzero(checked.jumps[0][0]).tolist() == [1200]
 
 
 def test_the_gate_draws_what_it_found(sound):
     outputs = sound.recordings[0].outputs[0].copy()
     outputs[1000:1200] = np.median(outputs)
-    axes = gate(PLANT, [with_outputs(sound, outputs)]).plot()
+    axes = check_quality(PLANT, [with_outputs(sound, outputs)]).plot()
     assert axes.get_ylabel() == "reading, µm"
     assert "stuck, 200 samples" in [text.get_text() for text in axes.get_legend().get_texts()]
 
@@ -284,12 +284,12 @@ def test_the_gate_draws_what_it_found(sound):
 )
 def test_what_are_no_experiments_is_said(sound, given, said):
     with pytest.raises(DataError, match=said):
-        gate(PLANT, given(sound))
+        check_quality(PLANT, given(sound))
 
 
 def test_a_rig_is_no_plant(sound):
     with pytest.raises(ModelError, match="needs a Plant, not a Diaphragm"):
-        gate(PLANT.rig, sound)
+        check_quality(PLANT.rig, sound)
 
 
 def turning(command: np.ndarray, friction: float) -> np.ndarray:
@@ -312,7 +312,7 @@ STAIRS = np.repeat([0, 0.5, 1, 1.5, 0, -1, -1.5, 0, 3, 5, 8, 0, 1.2, -4, -8, 0, 
 def test_a_motor_that_friction_holds_is_not_stuck():
     """A counter of a motor that stands has no noise: it stands still for 25 s under commands of a fifth of the range."""
     recorded = Recording.from_arrays(STAIRS, turning(STAIRS, 1.8), 0.05)
-    checked = gate(PLANT, [Experiment(recordings=(recorded,))])
+    checked = check_quality(PLANT, [Experiment(recordings=(recorded,))])
     assert (np.diff(recorded.outputs[0][:480]) == 0.0).all()
     assert not checked.stuck[0][0].any()
 
@@ -346,7 +346,7 @@ def test_a_slider_that_sticks_and_slips_is_not_stuck():
         place = sticking(drag, rng.choice([0.02, 0.05, 0.1]))
         stood.append(max(np.diff(np.flatnonzero(np.diff(place)))) * 0.02)
         given = [Experiment(recordings=(Recording.from_arrays(drag, place, 0.02),))]
-        sound += not gate(PLANT, given).stuck[0][0].any()
+        sound += not check_quality(PLANT, given).stuck[0][0].any()
     assert min(stood) > 1.0
     assert sound >= 9
 
@@ -360,7 +360,7 @@ def test_a_slider_whose_counter_stands_still_is_stuck():
         place = sticking(drag, 0.05)
         first = int(rng.integers(1000, 5000))
         place[first : first + 400] = place[first]
-        stuck = gate(PLANT, [Experiment(recordings=(Recording.from_arrays(drag, place, 0.02),))]).stuck[0][0]
+        stuck = check_quality(PLANT, [Experiment(recordings=(Recording.from_arrays(drag, place, 0.02),))]).stuck[0][0]
         found.append(stuck[first : first + 400].all() and stuck.sum() < 700)
     assert sum(found) >= 9
 
@@ -370,7 +370,7 @@ def test_a_hold_is_stuck_however_short_where_noise_is_alive(sound):
     outputs = sound.recordings[0].outputs[0].copy()
     first = int(np.argmax(np.abs(outputs[15:] - outputs[:-15])))
     outputs[first : first + 15] = outputs[first]
-    found = gate(PLANT, [with_outputs(sound, outputs)]).stuck[0][0]
+    found = check_quality(PLANT, [with_outputs(sound, outputs)]).stuck[0][0]
     assert np.flatnonzero(found).tolist() == list(range(first, first + 15))
 
 
@@ -378,7 +378,15 @@ def test_a_counter_that_stands_still_where_the_motor_turns_is_stuck():
     """Without friction, though it repeats with the command; with friction, though at no leap of the command."""
     free = turning(STAIRS, 0.0)
     free[120:300] = free[119]
-    assert gate(PLANT, [Experiment(recordings=(Recording.from_arrays(STAIRS, free, 0.05),))]).stuck[0][0][120:300].all()
+    assert (
+        check_quality(PLANT, [Experiment(recordings=(Recording.from_arrays(STAIRS, free, 0.05),))])
+        .stuck[0][0][120:300]
+        .all()
+    )
     held = turning(STAIRS, 1.8)
     held[500:575] = held[499]
-    assert gate(PLANT, [Experiment(recordings=(Recording.from_arrays(STAIRS, held, 0.05),))]).stuck[0][0][500:575].all()
+    assert (
+        check_quality(PLANT, [Experiment(recordings=(Recording.from_arrays(STAIRS, held, 0.05),))])
+        .stuck[0][0][500:575]
+        .all()
+    )

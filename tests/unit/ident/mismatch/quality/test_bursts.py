@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from deatwin.ident.mismatch.gate.beside import without_faults
-from deatwin.ident.mismatch.gate.bursts import noisier
-from deatwin.ident.mismatch.gate.gate import Soundness, gate, split
-from deatwin.ident.mismatch.gate.suspects import spikes
+from deatwin.ident.mismatch.quality.beside import without_faults
+from deatwin.ident.mismatch.quality.bursts import noisier
+from deatwin.ident.mismatch.quality.quality import Soundness, check_quality, split
+from deatwin.ident.mismatch.quality.suspects import spikes
 from deatwin.plant import Experiment, Planar, Plant, Reading, Recording
 
 STRETCH = slice(600, 800)
@@ -98,7 +98,7 @@ def test_a_burst_is_said_and_left_out_of_its_own_reading(row: int) -> None:
     (record,) = PLANT.record(blank, rng).recordings
     spoilt = np.array(record.outputs)
     spoilt[row, STRETCH] += 8.0 * PLANT.rig.readings[row].noise * rng.standard_normal(200)
-    checked = without_faults(gate(PLANT, Experiment(recordings=(replace(record, outputs=spoilt),))), PLANT)
+    checked = without_faults(check_quality(PLANT, Experiment(recordings=(replace(record, outputs=spoilt),))), PLANT)
     assert checked.soundness is Soundness.SOUND
     assert f"the {('reading', 'capacitance')[row]} is much noisier than elsewhere" in checked.notes[0]
     parts = split(checked, weights={"capacitance": 1.0})[2]

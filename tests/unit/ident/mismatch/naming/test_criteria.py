@@ -1,4 +1,4 @@
-"""What an explanation is worth whose plant was bent to the ends of its ranges."""
+"""What an explanation is worth whose plant was biased to the ends of its ranges."""
 
 from dataclasses import replace
 from functools import partial
@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from deatwin.ident.mismatch.naming.worth import explained, held_back_by, suffices
+from deatwin.ident.mismatch.naming.criteria import explained, held_back_by, suffices
 from deatwin.plant.parameters import Scale
 
 
@@ -50,7 +50,7 @@ def test_what_is_held_back_is_neither_an_answer_nor_a_rival_though_it_would_suff
     assert search.counts(one) is possible
     naming = search.decision([alike, one], lambda c: c is alike)
     assert naming.best is alike
-    assert naming.rivals == (one,) * possible
+    assert naming.alternatives == (one,) * possible
 
 
 def test_a_part_in_which_nothing_is_missing_has_nothing_to_explain(candidate):

@@ -13,7 +13,7 @@ import numpy as np
 
 from deatwin.ident.greybox.parts import Part, settled
 from deatwin.ident.mismatch.datasets import samples
-from deatwin.ident.mismatch.gate import suspects
+from deatwin.ident.mismatch.quality import suspects
 from deatwin.ident.soundness import noise_of_bends, resolution, runs
 from deatwin.plant.amplitudes import written_amplitude
 from deatwin.plant.checks import require_excitation, require_samples
@@ -46,7 +46,7 @@ class Soundness(Enum):
     FAULTY = "faulty parts of the recordings are left out"
 
 
-def _joined(name: str) -> Callable[[Gate], np.ndarray]:
+def _joined(name: str) -> Callable[[DataQuality], np.ndarray]:
     """The marks of all records, one after another."""
     return lambda checked: np.concatenate([mask for masks in getattr(checked, name) for mask in masks])
 
@@ -58,7 +58,7 @@ def marked_in_any(*kinds: Masks) -> Masks:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Gate(Described):
+class DataQuality(Described):
     """Recordings with their faulty samples marked and their noise estimated.
 
     Parameters
@@ -257,7 +257,7 @@ class Gate(Described):
         return axes
 
 
-def gate(plant: Plant, experiments: Experiment | Sequence[Experiment]) -> Gate:
+def check_quality(plant: Plant, experiments: Experiment | Sequence[Experiment]) -> DataQuality:
     """Check recordings, mark faulty samples, and estimate the noise.
 
     Parameters
@@ -269,7 +269,7 @@ def gate(plant: Plant, experiments: Experiment | Sequence[Experiment]) -> Gate:
 
     Returns
     -------
-    Gate
+    DataQuality
         Checked recordings; outliers and jumps are suspects until `confirm` compares them with a calibrated plant.
 
     Raises
@@ -289,7 +289,7 @@ def gate(plant: Plant, experiments: Experiment | Sequence[Experiment]) -> Gate:
             raise DataError("a recording has no output column: there is nothing to compare the plant with")
     require_excitation(records)
     require_samples(records, FEWEST_PER_PARAMETER * len(plant.parameters.free), "a diagnosis")
-    return Gate(
+    return DataQuality(
         experiments=given,
         stuck=tuple(tuple(suspects.stuck(r) | suspects.lost(r) for r in e.recordings) for e in given),
         outliers=tuple(tuple(suspects.spikes(r.outputs[0]) & suspects.quiet(r) for r in e.recordings) for e in given),
@@ -313,19 +313,19 @@ def _listed(experiments: Experiment | Sequence[Experiment]) -> tuple[Experiment,
     return given
 
 
-def confirm(checked: Gate, readings: Sequence[Sequence[np.ndarray]]) -> Gate:
+def confirm(checked: DataQuality, readings: Sequence[Sequence[np.ndarray]]) -> DataQuality:
     """Keep only outliers and jumps that also appear in the residual, because fast motion of the plant is no fault.
 
     Parameters
     ----------
-    checked : Gate
+    checked : DataQuality
         Checked recordings with suspected faults.
     readings : sequence of sequence of ndarray, each of shape (n,)
         Readings of the calibrated plant, for each experiment and record, SI.
 
     Returns
     -------
-    Gate
+    DataQuality
     """
     outliers, jumps = [], []
     for k, (experiment, simulated) in enumerate(zip(checked.experiments, readings, strict=True)):
@@ -336,7 +336,7 @@ def confirm(checked: Gate, readings: Sequence[Sequence[np.ndarray]]) -> Gate:
 
 
 def split(
-    checked: Gate,
+    checked: DataQuality,
     onset: float | None = None,
     weights: Mapping[str, float] = MappingProxyType({}),
     levels: Sequence[tuple[np.ndarray, ...]] | None = None,
@@ -348,7 +348,7 @@ def split(
 
     Parameters
     ----------
-    checked : Gate
+    checked : DataQuality
         What `gate` returned.
     onset : float, optional
         Clock time at which a mismatch begins, s.

@@ -207,7 +207,7 @@ def suffices(candidate: Candidate, base: Candidate) -> bool:
     return share > shares[0] and bool(left < np.interp(share, shares, limits) * error)
 
 
-def is_near_floor(left: Excess) -> bool:
+def is_near_model_error(left: Excess) -> bool:
     """Return whether a residual is what a model error may leave that is not known to the digit.
 
     Parameters
@@ -219,4 +219,4 @@ def is_near_floor(left: Excess) -> bool:
     -------
     bool
     """
-    return left.within_floor or left.size < SUFFICIENT[1][0] * left.model_error
+    return left.within_error or left.size < SUFFICIENT[1][0] * left.model_error

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.ident.mismatch.bench import Bench
+from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 from deatwin.plant.model_error import Refinable
@@ -16,14 +16,14 @@ from deatwin.plant.readings import Reading
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.base import Rig
 
-BENT = 1.5
+BIASED = 1.5
 """Largest ratio by which a plant may raise the error that is expected of its rig. What is missing bends the base plant,
 and a wrong effect any other, to where its equations hold no more: that is no reason to expect less of it. Of 150 base
 plants from which nothing was missing (concealed physics, seed 78) none raised it by more than 4 %."""
 
 
-def floor_of(plant: Plant, bench: Bench) -> float:
-    """Model error of a calibrated plant on the recordings on the bench.
+def model_error_of(plant: Plant, problem: DiagnosisProblem) -> float:
+    """Model error of a calibrated plant on the recordings on the problem.
 
     What is expected of the rig (none is quite as described) and what the plant cannot follow of finer equations of
     its own are independent of each other. Effects do not count: their equations are the same in both.
@@ -32,7 +32,7 @@ def floor_of(plant: Plant, bench: Bench) -> float:
     ----------
     plant : Plant
         Calibrated.
-    bench : Bench
+    problem : DiagnosisProblem
         Recordings, and the error expected of a motion of their size.
 
     Returns
@@ -43,9 +43,9 @@ def floor_of(plant: Plant, bench: Bench) -> float:
     """
     bare = plant.without_effects()
     if not isinstance(bare.rig, Refinable):
-        return bench.expected_error
-    found = max((_not_followed(bare, part.experiment) for part in bench.everything), default=0.0)
-    return min(float(np.hypot(bench.expected_error, found)), BENT * bench.expected_error)
+        return problem.expected_error
+    found = max((_not_followed(bare, part.experiment) for part in problem.everything), default=0.0)
+    return min(float(np.hypot(problem.expected_error, found)), BIASED * problem.expected_error)
 
 
 def _not_followed(plant: Plant, experiment: Experiment) -> float:

@@ -1,4 +1,4 @@
-"""Sham effects: changes of the readings as large and as smooth as a named effect's, with its physics spoilt.
+"""Placebo effects: changes of the readings as large and as smooth as a named effect's, with its physics spoilt.
 
 Whatever explains a mismatch because it is flexible, or slow, or comes with the input, explains it as well when its
 memory runs backwards in time, its strength has the wrong sign, or its phases are drawn anew. What explains it because
@@ -35,7 +35,7 @@ RESOLVED = 1e-6
 """Directions of the parameters that the readings hardly know are no way out."""
 
 
-class ShamKind(Enum):
+class PlaceboKind(Enum):
     """Way in which a placebo effect differs from the effect; the text says it."""
 
     BACKWARDS = "backwards in time"
@@ -44,14 +44,14 @@ class ShamKind(Enum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sham:
+class Placebo:
     """Gain of a placebo effect beside that of the effect, on the held-out data.
 
     Parameters
     ----------
     effect : str
         Canonical name.
-    kind : ShamKind
+    kind : PlaceboKind
         How it was spoilt.
     share : float or None
         Gain of the sham in squared residual, to first order, relative to that of the effect itself: likewise to first
@@ -65,7 +65,7 @@ class Sham:
     """
 
     effect: str
-    kind: ShamKind
+    kind: PlaceboKind
     share: float | None = field(default=None, metadata=variable(about="gain relative to that of the effect"))
     expected: float | None = field(default=None, metadata=variable(about="the same were the effect the truth"))
     skipped: str = ""
@@ -148,23 +148,23 @@ class _Case:
         """Return what the refit with the effect gained beyond what the parameters alone would, to first order, SI."""
         return self.gain - (self.court.unseen_power(self.residual) - self.court.unseen_power(self.mismatch))
 
-    def opposite(self) -> Sham:
+    def opposite(self) -> Placebo:
         """The effect with the wrong sign; relative to the refit, since to first order only one of the two can gain."""
         share = self.court.gain(-self.named, self.mismatch) / self.gain
-        return Sham(effect=self.name, kind=ShamKind.OPPOSITE, share=share, expected=0.0)
+        return Placebo(effect=self.name, kind=PlaceboKind.OPPOSITE, share=share, expected=0.0)
 
-    def backwards(self, change: np.ndarray) -> Sham:
+    def backwards(self, change: np.ndarray) -> Placebo:
         """The effect on commands that run backwards, relative to the effect to first order: both might be refitted."""
-        return self._best(ShamKind.BACKWARDS, [change], at_least=0.0)
+        return self._best(PlaceboKind.BACKWARDS, [change], at_least=0.0)
 
-    def random_phases(self, changes: Sequence[np.ndarray]) -> Sham:
+    def random_phases(self, changes: Sequence[np.ndarray]) -> Placebo:
         """Signals of the effect's spectrum, relative to what the refit gained beyond the parameters alone, too.
 
         They are added to the readings, so that of their strength first order is all there is; of the effect it is not.
         """
-        return self._best(ShamKind.RANDOM_PHASES, changes, at_least=self.gain_beyond)
+        return self._best(PlaceboKind.RANDOM_PHASES, changes, at_least=self.gain_beyond)
 
-    def _best(self, kind: ShamKind, changes: Sequence[np.ndarray], at_least: float) -> Sham:
+    def _best(self, kind: PlaceboKind, changes: Sequence[np.ndarray], at_least: float) -> Placebo:
         """The best of several shams, of those that differ from the effect, which gains `at_least` so much, SI."""
         own, whole = (self.court.gain(self.named, of) for of in (self.mismatch, self.named))
         if own < NEARLY_LINEAR * self.gain:
@@ -178,26 +178,26 @@ class _Case:
         if 2 * len(distinct) <= len(pairs):
             return self.skipped(kind, "with these inputs it hardly differs from the real effect")
         share, expected = max(distinct)
-        return Sham(effect=self.name, kind=kind, share=share, expected=expected)
+        return Placebo(effect=self.name, kind=kind, share=share, expected=expected)
 
-    def skipped(self, kind: ShamKind, reason: str) -> Sham:
+    def skipped(self, kind: PlaceboKind, reason: str) -> Placebo:
         """Nothing can be learned."""
-        return Sham(effect=self.name, kind=kind, skipped=reason)
+        return Placebo(effect=self.name, kind=kind, skipped=reason)
 
 
-def _none_judged(name: str, reason: str) -> tuple[Sham, ...]:
+def _none_judged(name: str, reason: str) -> tuple[Placebo, ...]:
     """No kind of sham has anything to say of an effect."""
-    return tuple(Sham(effect=name, kind=kind, skipped=reason) for kind in ShamKind)
+    return tuple(Placebo(effect=name, kind=kind, skipped=reason) for kind in PlaceboKind)
 
 
-def sham_effects(
+def placebo_effects(
     without: Calibration,
     effect: Effect,
     gain: float,
     fitted: Sequence[Part],
     everything: Sequence[Part],
     rng: np.random.Generator,
-) -> tuple[Sham, ...]:
+) -> tuple[Placebo, ...]:
     """Let the shams of a named effect compete with it.
 
     The plant without the effect is simulated with and without it, on the commands and on the commands backwards. The
@@ -221,7 +221,7 @@ def sham_effects(
 
     Returns
     -------
-    tuple of Sham
+    tuple of Placebo
         One of each kind; skipped where the effect gains nothing or cannot be simulated in the plant without it.
     """
     problem = Problem(plant=without.plant, parts=tuple(everything), names=without.names)
@@ -239,7 +239,7 @@ def sham_effects(
     drawn = [[[phase_randomised(y, rng) for y in each] for each in change] for _ in range(DRAWS)]
     turned = _change(without.plant, effect, [_backwards(part) for part in everything])
     return (
-        case.skipped(ShamKind.BACKWARDS, "the plant cannot be simulated with reversed commands")
+        case.skipped(PlaceboKind.BACKWARDS, "the plant cannot be simulated with reversed commands")
         if turned is None
         else case.backwards(_counted(_forwards(turned), everything)),
         case.opposite(),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deatwin.ident.mismatch.gate.repeats import find_repeats, repeatability
+from deatwin.ident.mismatch.quality.repeats import find_repeats, repeatability
 
 STEP, NOISE = 0.02, 2e-6
 

@@ -9,7 +9,7 @@ import pytest
 from deatwin.ident.greybox import Part, calibrate
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, decide
-from deatwin.ident.mismatch.naming.whole import (
+from deatwin.ident.mismatch.naming.refit_all_data import (
     _holds,
     _of_the_fitted_part,
     fitted_to_all,
@@ -62,14 +62,14 @@ def together_fast(differing_fast):
     return leaving
 
 
-BENCH = SimpleNamespace(everything=(), jobs=1)
+PROBLEM = SimpleNamespace(everything=(), jobs=1)
 
 
 def judged(*candidates: Candidate, sizes: dict[str, float]) -> Naming:
-    """The best of the candidates by both parts, and rivals, where fits to everything leave these sizes."""
+    """The best of the candidates by both parts, and alternatives, where fits to everything leave these sizes."""
     tried = (candidate("base", 9.0, 9.0), *candidates)
     naming = decide(tried, candidates, NOISE, lambda c: True, lambda c: True)
-    return judged_on_everything(naming, BENCH, lambda c: c.effects != ("idle",), together(sizes))
+    return judged_on_everything(naming, PROBLEM, lambda c: c.effects != ("idle",), together(sizes))
 
 
 SHORT, LONG = candidate("creep", 2.2, 2.4), candidate("dielectric_absorption", 2.1, 3.6)
@@ -78,7 +78,7 @@ SHORT, LONG = candidate("creep", 2.2, 2.4), candidate("dielectric_absorption", 2
 def test_what_errs_only_where_it_is_extrapolated_is_a_rival_if_it_holds_for_everything():
     naming = judged(SHORT, LONG, sizes={"creep": 2.2, "dielectric_absorption": 2.2})
     assert naming.best is SHORT
-    assert naming.rivals == (LONG,)
+    assert naming.alternatives == (LONG,)
     assert naming.probabilities == {SHORT.effects: pytest.approx(0.5), LONG.effects: pytest.approx(0.5)}
 
 
@@ -86,7 +86,7 @@ def test_what_errs_only_where_it_is_extrapolated_is_a_rival_if_it_holds_for_ever
 @pytest.mark.parametrize(("rms", "kept"), [(2.2 * np.exp(2.9 / 200), True), (2.2 * np.exp(3.1 / 200), False)])
 def test_strong_evidence_of_everything_rules_out(rms, kept):
     naming = judged(SHORT, LONG, sizes={"creep": 2.2, "dielectric_absorption": rms})
-    assert (LONG in naming.rivals) is kept
+    assert (LONG in naming.alternatives) is kept
     if kept:  # the odds are the ratio of the evidences
         assert naming.probabilities[LONG.effects] == pytest.approx(1 / (1 + np.exp(2.9)))
 
@@ -99,7 +99,7 @@ def test_strong_evidence_of_everything_rules_out(rms, kept):
 def test_the_likelier_one_leads_where_it_explains_everything(short, long, first, odds):
     naming = judged(SHORT, LONG, sizes={"creep": short, "dielectric_absorption": long})
     assert naming.best is first
-    assert naming.rivals == (SHORT if first is LONG else LONG,)
+    assert naming.alternatives == (SHORT if first is LONG else LONG,)
     assert naming.probabilities[LONG.effects] == pytest.approx(1 / (1 + odds))
 
 
@@ -109,7 +109,7 @@ def test_the_likelier_one_does_not_lead_where_the_unseen_part_would_refute_it(un
     wild = candidate("dielectric_absorption", 2.1, unseen)
     naming = judged(SHORT, wild, sizes={"creep": 2.2, "dielectric_absorption": 2.15})
     assert (naming.best is wild) is leads
-    assert {naming.best, *naming.rivals} == {SHORT, wild}
+    assert {naming.best, *naming.alternatives} == {SHORT, wild}
 
 
 # 10,000 samples that differ fast by 0.1 µm from others of 2.2 µm: d² = 25, 1 / 2(1/25 + 1/9) = 3.3 nats are strong;
@@ -119,26 +119,32 @@ def test_the_likelier_one_does_not_lead_where_the_unseen_part_would_refute_it(un
 )
 def test_what_differs_fast_from_the_best_is_ruled_out_by_that(together_fast, differing_fast, fitted, everything, kept):
     best = differing_fast(candidate("delay", 2.2, 2.4), 0.0)
-    rival = differing_fast(candidate("sensor_lag", 2.2, 3.6), fitted)
+    alternative = differing_fast(candidate("sensor_lag", 2.2, 3.6), fitted)
 
     refit = together_fast({"sensor_lag": everything})
-    naming = decide((candidate("base", 9.0, 9.0), best, rival), (best, rival), NOISE, lambda c: True, lambda c: True)
-    assert naming.rivals == ()
-    judged = judged_on_everything(naming, BENCH, lambda c: True, refit)
+    naming = decide(
+        (candidate("base", 9.0, 9.0), best, alternative), (best, alternative), NOISE, lambda c: True, lambda c: True
+    )
+    assert naming.alternatives == ()
+    judged = judged_on_everything(naming, PROBLEM, lambda c: True, refit)
     assert judged.best is best
-    assert (judged.rivals == (rival,)) is kept
+    assert (judged.alternatives == (alternative,)) is kept
 
 
 # Twice the 0.1 µm of above: d² = 100, 1 / 2(1/100 + 1/9) = 4.1 nats, of which blocks see 0.8.
 def test_how_much_likelier_what_leads_is_counts_what_differs_fast(together_fast, differing_fast):
-    best, rival = (differing_fast(c, 0.0) for c in (candidate("delay", 2.2, 2.4), candidate("sensor_lag", 2.2, 3.6)))
+    best, alternative = (
+        differing_fast(c, 0.0) for c in (candidate("delay", 2.2, 2.4), candidate("sensor_lag", 2.2, 3.6))
+    )
 
     refit = together_fast({"delay": 0.2})
-    naming = decide((candidate("base", 9.0, 9.0), best, rival), (best, rival), NOISE, lambda c: True, lambda c: True)
-    judged = judged_on_everything(naming, BENCH, lambda c: True, refit)
-    assert judged.best is rival
+    naming = decide(
+        (candidate("base", 9.0, 9.0), best, alternative), (best, alternative), NOISE, lambda c: True, lambda c: True
+    )
+    judged = judged_on_everything(naming, PROBLEM, lambda c: True, refit)
+    assert judged.best is alternative
     odds = np.exp(1 / (2 * (1 / 100 + 1 / 9)))
-    assert judged.probabilities[rival.effects] == pytest.approx(odds / (1 + odds), rel=1e-2)
+    assert judged.probabilities[alternative.effects] == pytest.approx(odds / (1 + odds), rel=1e-2)
 
 
 def test_of_the_fitted_part_all_is_left_out_that_was_not_fitted():
@@ -152,24 +158,24 @@ def test_of_the_fitted_part_all_is_left_out_that_was_not_fitted():
 def test_a_fit_that_failed_is_no_evidence_against_the_best():
     naming = judged(SHORT, LONG, sizes={"creep": FAILS, "dielectric_absorption": 2.2})
     assert naming.best is SHORT
-    assert naming.rivals == (LONG,)
+    assert naming.alternatives == (LONG,)
 
 
 def test_what_loses_on_the_fitted_part_has_lost():
     # 140 blocks: 70 ln(2.25²/2.2²) = 3.1 nats worse where it was fitted.
     worse = candidate("mullins", 2.25, 3.6)
-    assert judged(SHORT, worse, sizes={}).rivals == ()
+    assert judged(SHORT, worse, sizes={}).alternatives == ()
 
 
 def test_what_could_be_no_rival_and_what_cannot_be_fitted_stay_out():
     idle = candidate("idle", 2.1, 3.6)
     naming = judged(SHORT, LONG, idle, sizes={"creep": 2.2, "dielectric_absorption": FAILS})
-    assert naming.rivals == ()
+    assert naming.alternatives == ()
     assert sum(naming.probabilities.values()) == pytest.approx(1.0)
 
 
 def test_without_an_explanation_there_is_nothing_to_bring_back():
-    nothing = Naming(candidates=(SHORT,), best=None, rivals=(), probabilities={}, noise=NOISE)
+    nothing = Naming(candidates=(SHORT,), best=None, alternatives=(), probabilities={}, noise=NOISE)
     assert judged_on_everything(nothing, SimpleNamespace(everything=(), jobs=1), lambda c: True) is nothing
 
 
@@ -177,7 +183,7 @@ def settled(*stage: Candidate, sizes: dict[str, float], base: float = 9.0) -> Na
     """The decision over the stage by fits to everything; a law that errs on the fitted part has no hope."""
     tried = (candidate("base", base, base), *stage)
     refit = together({"base": base, **sizes})
-    return settled_on_everything(stage, tried, BENCH, lambda c: c.fitted_test.within_floor, lambda c: True, refit)
+    return settled_on_everything(stage, tried, PROBLEM, lambda c: c.fitted_test.within_error, lambda c: True, refit)
 
 
 # Beside a noise of 2.0 one and a half times the model error of 1.0 are 2.5; of 2.6² - 2² - 1² a fifth is 0.6², and
@@ -189,17 +195,17 @@ def settled(*stage: Candidate, sizes: dict[str, float], base: float = 9.0) -> Na
 def test_what_errs_only_where_it_is_extrapolated_is_the_answer_if_it_holds_for_everything(base, rms, answer):
     found = settled(LONG, sizes={"dielectric_absorption": rms}, base=base)
     assert found.best is answer
-    assert found.rivals == ()
+    assert found.alternatives == ()
 
 
 # 100 ln(2.45²/2.3²) = 12.6 nats; the squares differ by 0.84², more than half of the model error, or by 0.3².
 @pytest.mark.parametrize(("other", "kept"), [(2.45, False), (2.32, True)])
 def test_what_leaves_as_little_of_everything_is_a_rival_though_it_errs_on_the_fitted_part(other, kept):
     rough = candidate("creep", 2.3, 3.6)
-    assert not rough.fitted_test.within_floor
+    assert not rough.fitted_test.within_error
     found = settled(LONG, rough, sizes={"dielectric_absorption": 2.3, "creep": other})
     assert found.best is LONG
-    assert (rough in found.rivals) is kept
+    assert (rough in found.alternatives) is kept
 
 
 # They differ by 0.1 µm at half the sample rate, d² = 25: 1 / 2(1/25 + 1/9) = 3.3 nats, of which blocks see 0.2. By 0.08
@@ -210,9 +216,11 @@ def test_what_leaves_less_that_is_fast_leads_on_everything(together_fast, apart,
 
     refit = together_fast({"dielectric_absorption": apart})
     tried = (candidate("base", 9.0, 9.0), LONG, rough)
-    found = settled_on_everything(tried[1:], tried, BENCH, lambda c: c.fitted_test.within_floor, lambda c: True, refit)
+    found = settled_on_everything(
+        tried[1:], tried, PROBLEM, lambda c: c.fitted_test.within_error, lambda c: True, refit
+    )
     assert (found.best is rough) is leads
-    assert {found.best, *found.rivals} == {LONG, rough}
+    assert {found.best, *found.alternatives} == {LONG, rough}
     d2 = 10_000 * apart**2 / 4
     odds = np.exp(1 / (2 * (1 / d2 + 1 / 9)))
     assert found.probabilities[rough.effects] == pytest.approx(odds / (1 + odds), rel=1e-2)
@@ -225,7 +233,7 @@ def test_how_far_two_are_apart_is_judged_by_all_recordings(rms, kept):
     worse = candidate("creep", 2.1, 4.5)
     found = settled(LONG, worse, sizes={"dielectric_absorption": 2.3, "creep": rms})
     assert found.best is LONG
-    assert (worse in found.rivals) is kept
+    assert (worse in found.alternatives) is kept
 
 
 def test_nothing_is_fitted_to_everything_where_nothing_explains_the_fitted_part():
@@ -238,7 +246,7 @@ def test_what_is_likelier_by_far_on_everything_leads_if_it_leaves_as_little(rms,
     rough = candidate("creep", 2.6, 3.6)
     found = settled(LONG, rough, sizes={"dielectric_absorption": rms, "creep": 2.4})
     assert (found.best is rough) is leads
-    assert {found.best, *found.rivals} == {LONG, rough}
+    assert {found.best, *found.alternatives} == {LONG, rough}
 
 
 # Of 9.0² - 2.0² - 1.0² the half is 6.16²; beside noise and model error that is 6.56.
@@ -247,7 +255,7 @@ def test_what_the_unseen_part_would_refute_does_not_lead(unseen, leads):
     rough = candidate("creep", 2.6, unseen)
     found = settled(LONG, rough, sizes={"dielectric_absorption": 2.45, "creep": 2.4})
     assert (found.best is rough) is leads
-    assert {found.best, *found.rivals} == {LONG, rough}
+    assert {found.best, *found.alternatives} == {LONG, rough}
     # 100 ln(2.45²/2.4²) = 4.1 nats; without that part it is at most as likely.
     assert found.probabilities[rough.effects] == pytest.approx(1 / (1 + (2.4 / 2.45) ** 200) if leads else 0.5)
 
@@ -257,7 +265,7 @@ def settled_beside_what_strays(strayed: Candidate, everything: float) -> Naming:
     refit = together({"base": 9.0, "dielectric_absorption": 2.3, "creep": everything})
     tried = (candidate("base", 9.0, 9.0), LONG, strayed)
     return settled_on_everything(
-        tried[1:], tried, BENCH, lambda c: c.fitted_test.within_floor, lambda c: c is not strayed, refit
+        tried[1:], tried, PROBLEM, lambda c: c.fitted_test.within_error, lambda c: c is not strayed, refit
     )
 
 
@@ -278,7 +286,7 @@ def settled_beside_what_strays(strayed: Candidate, everything: float) -> Naming:
 def test_what_strays_on_the_unseen_part_is_a_rival_if_it_describes_the_rest_as_well(fitted, everything, kept):
     found = settled_beside_what_strays(candidate("creep", fitted, 12.0), everything)
     assert found.best is LONG
-    assert [rival.effects for rival in found.rivals] == ([("creep",)] if kept else [])
+    assert [alternative.effects for alternative in found.alternatives] == ([("creep",)] if kept else [])
 
 
 # As above, of what differs fast from the best.
@@ -292,10 +300,10 @@ def test_what_strays_and_differs_fast_is_ruled_out_by_that(together_fast, differ
     refit = together_fast({"sensor_lag": everything})
     tried = (candidate("base", 9.0, 9.0), answer, strayed)
     found = settled_on_everything(
-        tried[1:], tried, BENCH, lambda c: c.fitted_test.within_floor, lambda c: c is not strayed, refit
+        tried[1:], tried, PROBLEM, lambda c: c.fitted_test.within_error, lambda c: c is not strayed, refit
     )
     assert found.best is answer
-    assert (found.rivals == (strayed,)) is kept
+    assert (found.alternatives == (strayed,)) is kept
 
 
 # 100 ln(2.33²/2.3²) = 2.6 nats for the answer.
@@ -317,13 +325,13 @@ def test_thousands_of_nats_are_no_division_by_zero():
 def test_without_a_fit_of_the_best_to_everything_those_that_have_one_are_as_likely():
     naming = judged(SHORT, LONG, sizes={"creep": FAILS, "dielectric_absorption": 2.6})
     assert naming.best is SHORT
-    assert naming.rivals == (LONG,)
+    assert naming.alternatives == (LONG,)
     assert naming.probabilities == {SHORT.effects: pytest.approx(0.5), LONG.effects: pytest.approx(0.5)}
 
 
 def test_what_the_ranges_of_the_plant_hold_back_does_not_come_back_as_one_that_strayed(held):
     strayed = held(candidate("creep", 2.1, 12.0), 1.1, "damping")  # more than 1.0², the model error
-    assert settled_beside_what_strays(strayed, 2.2).rivals == ()
+    assert settled_beside_what_strays(strayed, 2.2).alternatives == ()
 
 
 @pytest.mark.parametrize(

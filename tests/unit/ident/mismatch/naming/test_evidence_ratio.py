@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from deatwin.ident.mismatch.naming import versus
+from deatwin.ident.mismatch.naming import evidence_ratio
 from deatwin.ident.mismatch.naming.candidate import Candidate
-from deatwin.ident.mismatch.naming.versus import LAW, advantage, likeliest
+from deatwin.ident.mismatch.naming.evidence_ratio import LAW, advantage, likeliest
 
 NOISE, COUNT = 2.0, 2000
 
@@ -99,7 +99,7 @@ def test_of_two_laws_that_are_nearly_right_as_many_lead_as_it_says(size, monkeyp
 def test_three_that_beat_each_other_in_turn_end_the_search(monkeypatch):
     beats = {("a", "b"): 1.0, ("b", "c"): 1.0, ("c", "a"): 1.0}
     monkeypatch.setattr(
-        versus,
+        evidence_ratio,
         "advantage",
         lambda one, other: beats.get(one.effects + other.effects, -beats.get(other.effects + one.effects, 0.0)),
     )

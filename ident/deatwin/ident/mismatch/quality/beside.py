@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from deatwin.ident.mismatch.gate.bursts import noisier
-from deatwin.ident.mismatch.gate.gate import Gate, Masks, marked_in_any
-from deatwin.ident.mismatch.gate.suspects import held
+from deatwin.ident.mismatch.quality.bursts import noisier
+from deatwin.ident.mismatch.quality.quality import DataQuality, Masks, marked_in_any
+from deatwin.ident.mismatch.quality.suspects import held
 from deatwin.ident.soundness import resolution
 from deatwin.plant.model import Plant
 
 
-def without_faults(checked: Gate, plant: Plant) -> Gate:
+def without_faults(checked: DataQuality, plant: Plant) -> DataQuality:
     """The recordings with the faults of each reading marked, which stand out beside a calibrated plant.
 
     The same object where there are none.
@@ -48,7 +48,7 @@ def without_faults(checked: Gate, plant: Plant) -> Gate:
     )
 
 
-def _of_each(checked: Gate, masks: Sequence[np.ndarray]) -> Masks:
+def _of_each(checked: DataQuality, masks: Sequence[np.ndarray]) -> Masks:
     """Masks of all records, one after another, for each experiment."""
     following = iter(masks)
     return tuple(tuple(next(following) for _ in experiment.recordings) for experiment in checked.experiments)

@@ -9,11 +9,18 @@ import numpy as np
 
 from deatwin.ident.greybox.fit import descend
 from deatwin.ident.greybox.parts import Part
-from deatwin.ident.mismatch.bench import Bench
 from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.criteria import (
+    MOST,
+    SUFFICIENT,
+    asks,
+    held_back_by,
+    is_near_model_error,
+    share_explained,
+)
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming, cannot_rule_out, decide, is_as_likely, normalised
-from deatwin.ident.mismatch.naming.versus import advantage, likeliest
-from deatwin.ident.mismatch.naming.worth import MOST, SUFFICIENT, asks, held_back_by, is_near_floor, share_explained
+from deatwin.ident.mismatch.naming.evidence_ratio import advantage, likeliest
+from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.refit.search import DECIDING
 from deatwin.ident.parallel import run_jobs
 
@@ -25,7 +32,7 @@ Refit = Callable[[Candidate, Sequence[Part]], Candidate | None]
 def settled_on_everything(
     stage: Sequence[Candidate],
     tried: Sequence[Candidate],
-    bench: Bench,
+    problem: DiagnosisProblem,
     hopeful: Callable[[Candidate], bool],
     possible: Callable[[Candidate], bool],
     refit: Refit | None = None,
@@ -41,12 +48,12 @@ def settled_on_everything(
         Those that compete: all with the same number of effects.
     tried : sequence of Candidate
         Everything so far, the base plant first.
-    bench : Bench
+    problem : DiagnosisProblem
         Recordings and number of workers.
     hopeful : callable
         Whether a candidate could be the answer, but for what it leaves of the held-out part.
     possible : callable
-        Whether it could be a rival.
+        Whether it could be an alternative.
     refit : callable, optional
         Fits a candidate to all parts; None of it where there is no fit.
 
@@ -55,7 +62,7 @@ def settled_on_everything(
     Naming
         Without a best one where none leaves little enough of all recordings, or none is hopeful; led by what is
         likelier by far, if that leaves as little and takes most of the held-out part: else that part would refute it.
-        A single effect that describes the fitted part as well, but is no possible rival for its extrapolation, is one
+        A single effect that describes the fitted part as well, but is no possible alternative for its extrapolation, is one
         where all recordings have no strong evidence against it.
     """
     noise = tried[0].noise
@@ -65,9 +72,9 @@ def settled_on_everything(
         return decide(tried, (), noise, hopeful, possible)
     # Beside a single effect that strays, any second one would mend its tail, or do nothing.
     others = [c for c in stage if c.effects not in known and len(c.effects) == 1 and not held_back_by(c)]
-    strayed = {c.effects: c for c in others if is_near_floor(c.fitted_test)}
-    competing = [(c, bench.everything) for c in (tried[0], *known.values(), *strayed.values())]
-    base, *found = run_jobs(refit or fitted_to_all, competing, workers=bench.jobs)
+    strayed = {c.effects: c for c in others if is_near_model_error(c.fitted_test)}
+    competing = [(c, problem.everything) for c in (tried[0], *known.values(), *strayed.values())]
+    base, *found = run_jobs(refit or fitted_to_all, competing, workers=problem.jobs)
     if base is None:
         return decide(tried, (), noise, hopeful, possible)
     fitted = [whole for whole in found if whole is not None]
@@ -80,23 +87,23 @@ def settled_on_everything(
     holding = [whole for whole in enough if _holds(known[whole.effects], tried[0])]
     first = likeliest(holding or [naming.best])
     lead = first if advantage(first, naming.best) > STRONG else naming.best
-    led, best = naming.led_by(lead), known[lead.effects]
+    led, best = naming.with_best(lead), known[lead.effects]
     # How far apart the two are is known of fits to the fitted part only, which err where they are extrapolated.
-    near = [w for w in answers if w not in (lead, *led.rivals) and cannot_rule_out(w, lead)]
+    near = [w for w in answers if w not in (lead, *led.alternatives) and cannot_rule_out(w, lead)]
     back = [
         w
         for w in fitted
         if w.effects in strayed and is_as_likely(w, lead) and _is_as_likely_there(strayed[w.effects], best)
     ]
     odds = {w.effects: _odds(w, lead, w in holding) for w in (*wholes, *back)}
-    rivals = (*(known[c.effects] for c in (*led.rivals, *near)), *(strayed[w.effects] for w in back))
-    return replace(led, best=best, rivals=rivals, probabilities=normalised(odds))
+    alternatives = (*(known[c.effects] for c in (*led.alternatives, *near)), *(strayed[w.effects] for w in back))
+    return replace(led, best=best, alternatives=alternatives, probabilities=normalised(odds))
 
 
 def judged_on_everything(
-    naming: Naming, bench: Bench, possible: Callable[[Candidate], bool], refit: Refit | None = None
+    naming: Naming, problem: DiagnosisProblem, possible: Callable[[Candidate], bool], refit: Refit | None = None
 ) -> Naming:
-    """Also keep as rivals the explanations that hold as well as the best when both are fitted to all recordings.
+    """Also keep as alternatives the explanations that hold as well as the best when both are fitted to all recordings.
 
     The held-out part is extrapolated. A slow effect whose law is not quite the catalogue's errs there although it is the
     right one, since no fit to the beginning of a relaxation knows its end; what describes the beginning worse cannot
@@ -106,23 +113,23 @@ def judged_on_everything(
     ----------
     naming : Naming
         Decided by both parts.
-    bench : Bench
+    problem : DiagnosisProblem
         Recordings and number of workers.
     possible : callable
-        Whether a candidate could be a rival.
+        Whether a candidate could be an alternative.
     refit : callable, optional
         As for `settled_on_everything`.
 
     Returns
     -------
     Naming
-        With probabilities by the evidence of all recordings, where any rival was brought back; led by one of those if
+        With probabilities by the evidence of all recordings, where any alternative was brought back; led by one of those if
         it is the likelier, leaves no more than noise and model error, and takes most of the held-out part.
     """
     best = naming.best
     if best is None:
         return naming
-    kept = {best.effects, *(rival.effects for rival in naming.rivals)}
+    kept = {best.effects, *(alternative.effects for alternative in naming.alternatives)}
     doubtful = [
         c
         for c in naming.candidates
@@ -131,7 +138,7 @@ def judged_on_everything(
     if not doubtful:
         return naming
     competing = {c.effects: c for c in (best, *doubtful)}
-    fits = run_jobs(refit or fitted_to_all, [(c, bench.everything) for c in competing.values()], workers=bench.jobs)
+    fits = run_jobs(refit or fitted_to_all, [(c, problem.everything) for c in competing.values()], workers=problem.jobs)
     whole = {c.effects: c for c in fits if c is not None}
     leading = [whole[best.effects]] if best.effects in whole else []
     back = [whole[c.effects] for c in doubtful if c.effects in whole]
@@ -140,7 +147,7 @@ def judged_on_everything(
         return naming
     if leading:  # a fit that failed is no evidence against the best
         leading += [
-            w for w in back if w.fitted_test.within_floor and _holds(competing[w.effects], naming.candidates[0])
+            w for w in back if w.fitted_test.within_error and _holds(competing[w.effects], naming.candidates[0])
         ]
     first = likeliest(leading or back)
     # What was not fitted again keeps its odds against the best.
@@ -148,9 +155,9 @@ def judged_on_everything(
     scale = known / max(naming.probabilities[best.effects], TINY)
     odds = {effects: scale * p for effects, p in naming.probabilities.items()}
     odds |= {w.effects: _odds(w, first, w in leading) for w in back}
-    rivals = (*naming.rivals, *(competing[w.effects] for w in back))
-    judged = replace(naming, rivals=rivals, probabilities=normalised(odds))
-    return judged.led_by(competing[first.effects]) if leading else judged
+    alternatives = (*naming.alternatives, *(competing[w.effects] for w in back))
+    judged = replace(naming, alternatives=alternatives, probabilities=normalised(odds))
+    return judged.with_best(competing[first.effects]) if leading else judged
 
 
 def _odds(whole: Candidate, first: Candidate, leads: bool) -> float:
@@ -159,9 +166,9 @@ def _odds(whole: Candidate, first: Candidate, leads: bool) -> float:
     return float(np.exp(against if leads else min(against, 0.0)))
 
 
-def _is_as_likely_there(rival: Candidate, best: Candidate) -> bool:
-    """Return whether the fitted part alone has no strong evidence against a rival."""
-    return is_as_likely(_of_the_fitted_part(rival), _of_the_fitted_part(best))
+def _is_as_likely_there(alternative: Candidate, best: Candidate) -> bool:
+    """Return whether the fitted part alone has no strong evidence against an alternative."""
+    return is_as_likely(_of_the_fitted_part(alternative), _of_the_fitted_part(best))
 
 
 def _of_the_fitted_part(candidate: Candidate) -> Candidate:
@@ -192,7 +199,7 @@ def _settles(whole: Candidate, base: Candidate) -> bool:
     In a plant within its ranges.
     """
     most = share_explained(whole.fitted_test, base.fitted_test) > SUFFICIENT[0][0]
-    return most and is_near_floor(whole.fitted_test) and not held_back_by(whole)
+    return most and is_near_model_error(whole.fitted_test) and not held_back_by(whole)
 
 
 def _holds(candidate: Candidate, base: Candidate) -> bool:

@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deatwin.ident.mismatch.naming.answers import decided, decided_surely, nearly, on_everything, settled, shown_first
 from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.criteria import suffices
 from deatwin.ident.mismatch.naming.decide import Naming
+from deatwin.ident.mismatch.naming.decisions import decided, decided_surely, nearly, on_everything, settled, shown_first
+from deatwin.ident.mismatch.naming.evidence_ratio import advantage
 from deatwin.ident.mismatch.naming.sets import Search
-from deatwin.ident.mismatch.naming.versus import advantage
-from deatwin.ident.mismatch.naming.worth import suffices
 from deatwin.plant import PeriodicDisturbance, ThermalStiffness
 from deatwin.plant.effects.base import Effect
 
@@ -24,14 +24,14 @@ def test_what_keeps_a_limit_by_luck_does_not_lead_what_is_likelier_by_far(candid
     assert not likelier.adequate
     led = decided(search_over(base, lucky, likelier), [("delay",), ("sensor_drift",)])
     assert led.best is likelier
-    assert led.rivals == (lucky,)
+    assert led.alternatives == (lucky,)
     # of a small mismatch it leaves too much of the held-out part, 1.66 of 2.2 µm: that is no answer, however likely it is
     base, bad = candidate(rms=3.0), candidate("sensor_drift", rms=2.0, unseen=2.6)
     assert bad.evidence - lucky.evidence > np.log(20)
     assert not suffices(bad, base)
     naming = decided(search_over(base, lucky, bad), [("delay",), ("sensor_drift",)])
     assert naming.best is lucky
-    assert naming.rivals == (bad,)
+    assert naming.alternatives == (bad,)
 
 
 @pytest.mark.parametrize(("fast", "leads"), [(0.15, True), (0.0, False)])
@@ -71,10 +71,10 @@ def test_a_cycle_that_was_hardly_recorded_does_not_lead(candidate, search_over, 
     swing = with_a_period(candidate("thermal_stiffness", rms=2.05), ThermalStiffness(period=period))
     other = with_a_period(candidate("periodic_disturbance", rms=left), PeriodicDisturbance(frequency=1 / tone))
     likely, base = {swing.effects: 0.9, other.effects: 0.1}, candidate(rms=9.0)
-    naming = Naming(candidates=(base, swing, other), best=swing, rivals=(other,), probabilities=likely, noise=2.0)
+    naming = Naming(candidates=(base, swing, other), best=swing, alternatives=(other,), probabilities=likely, noise=2.0)
     found = shown_first(search_over(base, swing, other), naming)
     assert found.best.effects == (lead,)
-    assert {c.effects for c in (found.best, *found.rivals)} == {swing.effects, other.effects}
+    assert {c.effects for c in (found.best, *found.alternatives)} == {swing.effects, other.effects}
     assert found.probabilities == likely
 
 
@@ -87,21 +87,21 @@ def led_by_a_swing(candidate, search_over):
     search = search_over(base, swing, creep, drift, delay)
     likely = {c.effects: p for c, p in ((swing, 0.9), (creep, 0.08), (drift, 0.02), (delay, 0.0))}
     tried = tuple(search.tried.values())
-    return search, Naming(candidates=tried, best=swing, rivals=(creep,), probabilities=likely, noise=2.0)
+    return search, Naming(candidates=tried, best=swing, alternatives=(creep,), probabilities=likely, noise=2.0)
 
 
-def test_what_leads_instead_brings_its_own_rivals(led_by_a_swing):
+def test_what_leads_instead_brings_its_own_alternatives(led_by_a_swing):
     """Against the swing the drift has 100 ln(2.15/2.0) = 7.2 nats, against the creep 2.4: less than ln 20."""
     search, naming = led_by_a_swing
     found = shown_first(search, naming)
     assert found.best.effects == ("creep",)
-    assert [c.effects for c in found.rivals] == [("thermal_stiffness",), ("sensor_drift",)]
+    assert [c.effects for c in found.alternatives] == [("thermal_stiffness",), ("sensor_drift",)]
 
 
 def test_what_was_fitted_in_another_form_does_not_lead(led_by_a_swing, candidate):
     """It would be judged against this form without effects, and its reading of the rig would count for it."""
     search, naming = led_by_a_swing
-    elsewhere = replace(naming, rivals=(candidate("creep", rms=2.1),))
+    elsewhere = replace(naming, alternatives=(candidate("creep", rms=2.1),))
     assert shown_first(search, elsewhere) is elsewhere
 
 
@@ -193,7 +193,7 @@ def test_what_acts_as_one_of_two_is_tried_before_they_are_the_answer(
     monkeypatch.setattr(search, "_siblings", siblings)
     naming = answered(search, [tone.effects, *(c.effects for c in before)])
     assert naming.best is swing
-    named = [naming.best.effects, *(c.effects for c in naming.rivals)]
+    named = [naming.best.effects, *(c.effects for c in naming.alternatives)]
     assert len(named) == len(set(named))
 
 
@@ -222,7 +222,7 @@ def test_a_pair_of_which_one_effect_counts_for_less_than_the_floor_is_doubted(
     search = search_over(base, creep, delay, pair)
     monkeypatch.setattr(Search, "fit_from", lambda *_: None)
     naming = nearly(search)
-    found = [] if naming.best is None else [naming.best.effects, *(c.effects for c in naming.rivals)]
+    found = [] if naming.best is None else [naming.best.effects, *(c.effects for c in naming.alternatives)]
     assert found == answer
     assert [naming.probabilities[effects] for effects in answer] == [0.5] * len(answer)
 

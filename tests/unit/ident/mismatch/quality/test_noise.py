@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from deatwin.ident.mismatch.gate.noise import NoiseSource, noise_level, noise_levels, rests
-from deatwin.ident.mismatch.gate.repeats import find_repeats
+from deatwin.ident.mismatch.quality.noise import NoiseSource, noise_level, noise_levels, rests
+from deatwin.ident.mismatch.quality.repeats import find_repeats
 
 NOISE = 2e-6
 

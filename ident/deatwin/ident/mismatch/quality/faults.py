@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from deatwin.ident.mismatch.gate.gate import Gate
+from deatwin.ident.mismatch.quality.quality import DataQuality
 from deatwin.ident.mismatch.result import Fault
 from deatwin.plant.recording import label
 
 
-def faults_of(checked: Gate) -> tuple[Fault, ...]:
+def faults_of(checked: DataQuality) -> tuple[Fault, ...]:
     """One for each kind of fault in a recording."""
     found: list[Fault] = []
     kinds = [("the reading is stuck", checked.stuck), ("the reading has outliers", checked.outliers)]

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from deatwin.ident.mismatch.naming import forms, sets
-from deatwin.ident.mismatch.naming.answers import decided
+from deatwin.ident.mismatch.naming import sets, variants
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, decide
-from deatwin.ident.mismatch.naming.forms import with_fewer
-from deatwin.ident.mismatch.naming.name import _best_form, _with_more
+from deatwin.ident.mismatch.naming.decisions import decided
+from deatwin.ident.mismatch.naming.name import _best_variant, _with_more
 from deatwin.ident.mismatch.naming.screen import Lead
 from deatwin.ident.mismatch.naming.sets import Search
+from deatwin.ident.mismatch.naming.variants import with_fewer
 from deatwin.ident.mismatch.refit.base import _preferred
 
 
@@ -59,7 +59,7 @@ def elsewhere(
         def begun(search: Search, form: Candidate) -> Search:
             other = search_over(form)
 
-            def attempt(sets, rival):
+            def attempt(sets, alternative):
                 found = {c.effects: c for c in known if c.effects in sets}
                 other.tried.update(found)
                 return list(found)
@@ -74,10 +74,10 @@ def elsewhere(
                 monkeypatch.setattr(other, name, does)
             return other
 
-        monkeypatch.setattr(forms, "_begun", begun)
+        monkeypatch.setattr(variants, "_begun", begun)
         return judged
 
-    monkeypatch.setattr(forms, "_trial", lambda search, full, form, names: names)
+    monkeypatch.setattr(variants, "_trial", lambda search, full, form, names: names)
     return leave
 
 
@@ -103,18 +103,21 @@ def test_another_form_replaces_the_nominal_one_only_where_that_leaves_a_mismatch
 
 def test_the_form_in_which_one_effect_explains_clearly_more_is_taken(candidate, form):
     nominal, other = form(candidate("delay", rms=2.3)), form(candidate("electrode_rc", rms=2.0))
-    search, _, naming = _best_form([nominal, other])
+    search, _, naming = _best_variant([nominal, other])
     assert search is other[0]
     assert naming.best.effects == ("electrode_rc",)
-    assert naming.rivals == ()
+    assert naming.alternatives == ()
 
 
 def test_what_suffices_in_another_form_stays_possible(candidate, form):
     nominal = form(candidate("delay", rms=2.101))
     other = form(candidate("delay", rms=2.1), candidate("sensor_lag", rms=2.102))
-    search, _, naming = _best_form([nominal, other])
+    search, _, naming = _best_variant([nominal, other])
     assert search is nominal[0]  # no form is taken for nothing
-    assert [naming.best.effects, *(rival.effects for rival in naming.rivals)] == [("delay",), ("sensor_lag",)]
+    assert [naming.best.effects, *(alternative.effects for alternative in naming.alternatives)] == [
+        ("delay",),
+        ("sensor_lag",),
+    ]
     assert ("sensor_lag",) in [candidate.effects for candidate in naming.candidates]
     assert sum(naming.probabilities.values()) == pytest.approx(1.0)
     assert 0.3 < naming.probabilities["sensor_lag",] < 0.5  # the residuals are nearly equal
@@ -124,16 +127,16 @@ def test_what_suffices_in_another_form_stays_possible(candidate, form):
 def test_another_effect_in_another_form_leads_where_the_evidence_for_it_is_strong(candidate, form, effect, taken):
     # 2.15² - 2.1² is 0.46², less than half of the plant's error, but 100 ln(2.15/2.1)² are 4.7 nats: a hundred to one
     forms = [form(candidate("delay", rms=2.15)), form(candidate(effect, rms=2.1))]
-    search, _, naming = _best_form(forms)
+    search, _, naming = _best_variant(forms)
     assert search is forms[taken][0]
     if taken:
-        assert [rival.effects for rival in naming.rivals] == [("delay",)]
+        assert [alternative.effects for alternative in naming.alternatives] == [("delay",)]
 
 
 @pytest.mark.parametrize("least, taken", [(0.79, 1), (0.81, 0)])
 def test_where_nothing_suffices_a_form_must_leave_clearly_less(candidate, form, least, taken):
     forms = [form(candidate("delay", rms=9.0)), form(candidate("creep", rms=8.0), least=least)]
-    assert _best_form(forms)[0] is forms[taken][0]
+    assert _best_variant(forms)[0] is forms[taken][0]
 
 
 @pytest.mark.parametrize("bare, taken", [(3.0, 1), (3.2, 0)])
@@ -148,7 +151,7 @@ def test_another_reading_of_the_rig_costs_less_than_an_effect_that_does_as_much(
     nominal = of(candidate(rms=18.0), delayed)
     jumped = candidate("sensor_jump", rms=2.8)
     other = of(candidate(rms=bare), jumped)
-    search, _, naming = _best_form([nominal, other])
+    search, _, naming = _best_variant([nominal, other])
     assert naming.best is None
     assert search is (nominal, other)[taken][0]
 
@@ -189,15 +192,17 @@ def test_another_form_is_tried_where_it_or_an_effect_takes_much(candidate, searc
 
 
 def test_another_form_is_screened_by_its_own_plant_once_that_is_asked_for(candidate, monkeypatch):
-    """Footprints in a plant that was calibrated in the rig file's form said nothing of a lag in another one."""
+    """Linearised responses in a plant that was calibrated in the rig file's form said nothing of a lag in another one."""
     screened = []
     effects = [SimpleNamespace(name="creep"), SimpleNamespace(name="mullins")]
     of_creep, of_mullins = (SimpleNamespace(effect=effect) for effect in effects)
-    monkeypatch.setattr(sets, "footprints", lambda _, base, __, fit: screened.append((base, fit)) or [of_mullins])
+    monkeypatch.setattr(
+        sets, "linearised_responses", lambda _, base, __, fit: screened.append((base, fit)) or [of_mullins]
+    )
     search = Search(SimpleNamespace(effects=effects, jobs=1), candidate(rms=6.0), [of_creep])
     assert search.known() == [of_creep]
     form = candidate(rms=5.0)
-    other = search.in_form_of(form)
+    other = search.in_variant_of(form)
     assert screened == []
     assert search.failed == other.failed == ["mullins"]  # with which the rig file's form could not be simulated
     other.lost.append("delay")
@@ -209,7 +214,7 @@ def test_another_form_is_screened_by_its_own_plant_once_that_is_asked_for(candid
     assert other.failed == []
     other.lost.append("creep+delay")
     assert other.failed == ["creep+delay"]
-    assert other.in_form_of(form).failed == []
+    assert other.in_variant_of(form).failed == []
     assert search.failed == ["mullins"]
 
 
@@ -226,14 +231,14 @@ def test_a_form_that_leaves_clearly_less_is_searched_as_the_first_one_was(
     names, looked_for = ("creep", "delay", "lost"), [("creep",), ("mullins",)]
     stage = [(name,) for name in names]
     search = search_over(candidate(rms=6.0), *(candidate(name, rms=3.0 + k) for k, name in enumerate(names)))
-    search.bench.nominal = SimpleNamespace(with_rig=lambda rig: None)
+    search.problem.nominal = SimpleNamespace(with_rig=lambda rig: None)
     search.leads = {n: Lead(effect=SimpleNamespace(name=n), share=0.5, estimate=None) for n in names}
     attempted = []
-    monkeypatch.setattr(forms, "trials_of", lambda unbent, fit, chosen: [(lead.effect.name,) for lead in chosen])
+    monkeypatch.setattr(variants, "trials_of", lambda unbiased, fit, chosen: [(lead.effect.name,) for lead in chosen])
     monkeypatch.setattr(Search, "beside", lambda self, names: self.lost.append("lost") or fitted(self, looked_for))
-    monkeypatch.setattr(Search, "attempt", lambda self, sets, rival: attempted.extend(sets) or fitted(self, sets))
+    monkeypatch.setattr(Search, "attempt", lambda self, sets, alternative: attempted.extend(sets) or fitted(self, sets))
     monkeypatch.setattr(Search, "judge_by_the_best", lambda self, stage: None)
-    other, found = forms.in_form(search, candidate(rms=left), stage)
+    other, found = variants.in_variant(search, candidate(rms=left), stage)
     assert sorted(found) == sorted({*stage[:2], *looked_for} if clearly else stage)
     assert attempted == (stage[1:2] if clearly else stage)  # nothing is fitted twice, nor what could not be
     assert set(other.leads) == {*names}
@@ -252,7 +257,7 @@ def test_another_reading_of_the_rig_costs_less_than_one_effect_of_a_pair(
 
 
 def test_a_form_that_leaves_clearly_more_by_itself_may_need_one_effect_less(candidate, pair_of_a_delay, elsewhere):
-    """A creep of rows that were read a sample early: without it the file's form is bent to imitate both, that one not.
+    """A creep of rows that were read a sample early: without it the file's form is biased to imitate both, that one not.
 
     The same fit as of creep and a delay of a sample, beside which it leaves 8.8 of 6.6 µm without effects.
     """
@@ -284,7 +289,10 @@ def test_rivals_of_a_pair_are_rivals_in_the_other_form_too(candidate, pair_of_a_
     naming = decided(search, [("delay", "end_stop"), ("delay", "hysteresis")])
     elsewhere(candidate("end_stop", rms=2.06), candidate("hysteresis", rms=2.07))
     _, there = with_fewer(search, naming, [candidate(rms=5.5)])
-    assert [there.best.effects, *(rival.effects for rival in there.rivals)] == [("end_stop",), ("hysteresis",)]
+    assert [there.best.effects, *(alternative.effects for alternative in there.alternatives)] == [
+        ("end_stop",),
+        ("hysteresis",),
+    ]
 
 
 @pytest.mark.parametrize(

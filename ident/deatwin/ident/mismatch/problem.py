@@ -14,7 +14,7 @@ from deatwin.plant.model import Plant
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Bench:
+class DiagnosisProblem:
     """Diagnosis problem: plant, effects and recordings, prepared for all steps.
 
     Parameters
@@ -93,7 +93,7 @@ class Bench:
         return sum(log(size) - (size**2 - 1) / 2 for size in sizes if size > 1)
 
     @property
-    def of_first(self) -> Bench:
+    def of_first(self) -> DiagnosisProblem:
         """Return the same problem with the first reading only."""
         fitted, unseen, everything = map(first_only, (self.fitted, self.unseen, self.everything))
         return replace(self, fitted=fitted, unseen=unseen, everything=everything)

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from deatwin.ident.mismatch.floor import floor_of
+from deatwin.ident.mismatch.model_error import model_error_of
 from deatwin.plant import SimulationError
 
 
@@ -25,7 +25,7 @@ class Followed:
 
 
 # Three and four make five: what is expected of a rig and what it cannot follow are independent. A plant that leaves
-# five of four expected has been bent by what is missing: six is half as much again.
+# five of four expected has been biased by what is missing: six is half as much again.
 @pytest.mark.parametrize(
     ("left", "floor"),
     [
@@ -39,10 +39,10 @@ class Followed:
     ],
 )
 def test_the_most_that_is_left_of_any_experiment_counts(left, floor):
-    bench = SimpleNamespace(everything=[SimpleNamespace(experiment=k) for k in range(len(left))], expected_error=4.0)
-    assert floor_of(Followed(*left), bench) == pytest.approx(floor)
+    problem = SimpleNamespace(everything=[SimpleNamespace(experiment=k) for k in range(len(left))], expected_error=4.0)
+    assert model_error_of(Followed(*left), problem) == pytest.approx(floor)
 
 
 def test_where_no_error_is_expected_there_is_none():
-    bench = SimpleNamespace(everything=[SimpleNamespace(experiment=0)], expected_error=0.0)
-    assert floor_of(Followed(3.0), bench) == 0.0
+    problem = SimpleNamespace(everything=[SimpleNamespace(experiment=0)], expected_error=0.0)
+    assert model_error_of(Followed(3.0), problem) == 0.0

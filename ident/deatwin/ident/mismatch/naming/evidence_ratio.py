@@ -1,6 +1,6 @@
 r"""Comparison of two explanations by the evidence of the recordings.
 
-Where explanation k is right, rival l leaves :math:`\delta = r_l - r_k` more than noise and the plant's own error, whose
+Where explanation k is right, alternative l leaves :math:`\delta = r_l - r_k` more than noise and the plant's own error, whose
 covariance :math:`\Sigma` is that of `deatwin.ident.mismatch.advise.difference`. The sums of squared residuals then
 differ by :math:`S = \|r_l\|^2 - \|r_k\|^2`, which is normal about :math:`\|\delta\|^2` with the variance
 :math:`4\,\delta^T\Sigma\,\delta`; where l is right, about :math:`-\|\delta\|^2`. Neither law need be exact: what the

@@ -1,0 +1,147 @@
+"""Effects in other variants of the plant: another interpretation of what the rig file leaves open costs less than physics."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from deatwin.ident.mismatch.naming.candidate import Candidate
+from deatwin.ident.mismatch.naming.criteria import suffices, takes_most
+from deatwin.ident.mismatch.naming.decide import Naming, cannot_rule_out, is_as_likely
+from deatwin.ident.mismatch.naming.decisions import decided, decided_surely, nearly
+from deatwin.ident.mismatch.naming.sets import Search
+from deatwin.ident.mismatch.naming.trial import Trial, trials_of, with_fitted
+from deatwin.ident.mismatch.naming.tried import Names, each_without_one
+
+AGAIN = 4
+"""The best single effects of the nominal variant, that are tried in an alternative one."""
+
+
+def in_variant(search: Search, alternative: Candidate, stage: Sequence[Names]) -> tuple[Search, list[Names]]:
+    """A search in an alternative variant of the plant, begun with the best single effects of another one.
+
+    A variant that leaves clearly less is the likelier one: there all is looked for as it was in the other.
+
+    Parameters
+    ----------
+    search : Search
+        In the nominal variant.
+    alternative : Candidate
+        The alternative variant without effects.
+    stage : sequence of tuple of str
+        Single effects of that search.
+
+    Returns
+    -------
+    tuple of Search and list
+        With the single effects that were tried there.
+    """
+    fit, other = alternative.calibration, search.in_variant_of(alternative)
+    found = other.beside(()) if search.is_clearly_worse_than(alternative) else []
+    unbiased = search.problem.nominal.with_rig(fit.plant.rig)
+    # What an effect promises in another variant nobody knows.
+    again = {n: replace(search.leads[n], share=0.0) for names in search.ranked(stage)[:AGAIN] for n in names}
+    new = [lead for name, lead in again.items() if (name,) not in other.tried and name not in other.lost]
+    other.leads = again | other.leads
+    found += other.attempt(
+        trials_of(unbiased, fit, new), alternative=min(search.least_rms(stage), other.least_rms(found))
+    )
+    other.judge_by_the_best(found)
+    return other, found
+
+
+def with_fewer(search: Search, naming: Naming, variants: Sequence[Candidate]) -> tuple[Search, Naming]:
+    """The search and its answer, or those in another variant that needs one effect less, or has an answer at all.
+
+    A reading that is taken a sample early is a delay beside any other effect, too. Where two effects leave too much,
+    they may explain the recordings in a variant that neither shows by itself; of three that do, one may be all that the
+    other variant is. How much a variant leaves without effects says little where there is an answer: this one may be biased to
+    imitate what is missing, and the other not.
+
+    Parameters
+    ----------
+    search : Search
+        With what was tried.
+    naming : Naming
+        Its decision.
+    variants : sequence of Candidate
+        Other variants of the plant without effects; where there is no answer, those that leave clearly more are not tried.
+
+    Returns
+    -------
+    tuple of Search and Naming
+        Of the variants in which there is an answer, that with the most evidence.
+    """
+    decision = _explained if naming.best is None else _in_its_place
+    full, answers = _several(search, naming), []
+    for variant in variants if full else ():
+        leaves_more = search.is_clearly_better_than(variant)
+        if naming.best is None and leaves_more:
+            continue
+        other, found = decision(search, full, variant)
+        # What mends a variant that leaves clearly more without effects takes most there: it must be as likely.
+        comes_near = is_as_likely if leaves_more else cannot_rule_out
+        if found.best is None or not _explains(found.best, search):
+            continue
+        if naming.best is None or comes_near(found.best, naming.best):
+            answers.append((found.best.evidence, other, found))
+    return max(answers, key=lambda answer: answer[0], default=(0.0, search, naming))[1:]
+
+
+def _several(search: Search, naming: Naming) -> list[Names]:
+    """Explanations of several effects, the best first; where there is no explanation, the best pair and three."""
+    if naming.best is None:
+        best = [search.best_of([names for names in search.tried if len(names) == number]) for number in (2, 3)]
+        return [names for names in best if names is not None]
+    found = [candidate.effects for candidate in (naming.best, *naming.alternatives)]
+    return [names for names in found if len(names) > 1] if len(found[0]) > 1 else []
+
+
+def _explains(answer: Candidate, search: Search) -> bool:
+    """Return whether an answer in another variant explains what this variant lacks."""
+    return takes_most(answer, search.tried[()]) and suffices(answer, search.tried[()])
+
+
+def _in_its_place(search: Search, full: Sequence[Names], variant: Candidate) -> tuple[Search, Naming]:
+    """The decision in another variant over explanations of several effects that lack one of them."""
+    other = _begun(search, variant)
+    trials = {rest: _trial(search, names, variant, rest) for names in full for rest in each_without_one(names)}
+    other.judge_by_the_best(other.attempt(list(trials.values()), alternative=search.tried[full[0]].calibration.rms))
+    return other, nearly(other)
+
+
+def _explained(search: Search, full: Sequence[Names], variant: Candidate) -> tuple[Search, Naming]:
+    """The decision in another variant over a pair and each of its effects, or over two of three, where this variant has none.
+
+    `full` holds the pair first.
+    """
+    pair, *threes = full
+    other, rms = _begun(search, variant), search.tried[pair].calibration.rms
+    singles = other.attempt([_trial(search, pair, variant, rest) for rest in each_without_one(pair)], alternative=rms)
+    other.judge_by_the_best(singles)
+    naming = decided(other, singles)
+    if naming.best is not None:
+        return other, naming
+    pairs = other.attempt([_trial(search, pair, variant, pair)], alternative=rms)
+    other.judge_by_the_best([*singles, *pairs])
+    naming = decided_surely(other, pairs)
+    if naming.best is not None or not threes:
+        return other, naming
+    left = {rest: three for three in threes for rest in each_without_one(three) if rest != pair}
+    pairs += other.attempt([_trial(search, three, variant, rest) for rest, three in left.items()], alternative=rms)
+    other.judge_by_the_best([*singles, *pairs])
+    return other, decided_surely(other, pairs)
+
+
+def _begun(search: Search, variant: Candidate) -> Search:
+    """A search in another variant, with the least noise that any plant has shown."""
+    other = search.in_variant_of(replace(variant, noise=min(variant.noise, search.noise)))
+    other.leads = dict(search.leads)
+    return other
+
+
+def _trial(search: Search, full: Names, variant: Candidate, names: Names) -> Trial:
+    """Some effects of a set that is known in one variant, built into another one with the values that they have there."""
+    plant, fit = search.plant_of(full, names), variant.calibration
+    unbiased = search.problem.nominal.with_rig(fit.plant.rig)
+    return Trial(start=with_fitted(unbiased, plant), biased=with_fitted(fit.plant, plant), without=fit)
