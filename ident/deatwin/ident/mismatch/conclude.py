@@ -163,14 +163,14 @@ def _seconds(findings: Findings) -> float:
 
 
 def _left(findings: Findings) -> float:
-    """Rms of what the final plant gets wrong on held-out data, SI."""
+    """Return the final plant's rms error on held-out data, SI."""
     if findings.discovery is not None:
         return _beyond(findings.discovery.after, findings.base.noise)
     return findings.answer.unseen_test.size if findings.named else _base_error(findings)
 
 
 def _base_error(findings: Findings) -> float:
-    """Rms of what the base plant as it is reported gets wrong, SI: on the held-out part, if any is unseen by now."""
+    """Return the rms error of the reported base plant, SI: on held-out data unless it was fitted to them."""
     taken_up = findings.detection.taken_up
     unseen = findings.base.chosen.unseen_test.size
     return unseen if taken_up is None else _beyond(taken_up.rms, findings.base.noise)
@@ -190,7 +190,7 @@ def _indistinguishable(findings: Findings) -> tuple[IndistinguishablePair, ...]:
 
 
 def _left_over(findings: Findings) -> list[str]:
-    """Return where an explanation is good, but leaves more than the plant's own error."""
+    """Warn if a good explanation leaves more than the model error."""
     if not findings.named or findings.answer.adequate or findings.left is not None:
         return []
     unit, size = findings.unit
@@ -199,7 +199,7 @@ def _left_over(findings: Findings) -> list[str]:
 
 
 def _widened(plant: Plant) -> Iterator[str]:
-    """Parameters of effects that were fitted beyond their usual ranges."""
+    """Warn of parameters of effects that were fitted beyond their usual ranges."""
     for usual in (p for effect in plant.effects for p in effect.parameters):
         value = plant.parameters[usual.name].value
         if not usual.lower <= value <= usual.upper:
@@ -207,7 +207,7 @@ def _widened(plant: Plant) -> Iterator[str]:
 
 
 def _placed_unseen(findings: Findings) -> Iterator[str]:
-    """Events whose times no fitted reading could tell."""
+    """Warn of events whose times were fitted to held-out data."""
     problem, plant = findings.problem, findings.answer.calibration.plant
     for name in plant.event_times if findings.named else ():
         if gap_around(plant, name, problem.fitted, problem.everything) is not None:
@@ -215,7 +215,7 @@ def _placed_unseen(findings: Findings) -> Iterator[str]:
 
 
 def _form(findings: Findings) -> list[str]:
-    """Return what the recordings say of the rig where they speak against its file, or where the file is silent."""
+    """Warn if the recordings contradict the rig file, or fit one of its interpretations better."""
     stated, found = differences([findings.problem.nominal.rig, findings.final.plant.rig])
     return [
         f"the recordings fit a rig with {name} = {found[name]!r} better than with {value!r}"
@@ -224,7 +224,7 @@ def _form(findings: Findings) -> list[str]:
 
 
 def _variants_of_alternatives(findings: Findings) -> Iterator[str]:
-    """Alternatives that explain the recordings on another variant of the rig than the answer's."""
+    """Warn of alternatives in other rig variants than the answer's."""
     for alternative in findings.naming.alternatives if findings.named else ():
         _, found = differences([findings.answer.calibration.plant.rig, alternative.calibration.plant.rig])
         if found:
@@ -262,7 +262,7 @@ def _causes(findings: Findings) -> tuple[Cause, ...]:
 
 
 def _places(effect: Effect, findings: Findings) -> tuple[str, ...]:
-    """Return where an effect of the answer may enter, first where it does in the amended plant."""
+    """Return the places at which an effect of the answer may act, that in the amended plant first."""
     nominal, others = findings.problem.nominal, findings.elsewhere
     found = [effect, *(e for c in others for e in c.calibration.plant.effects if e.cause == effect.cause)]
     if not nominal.rig.further:
@@ -282,9 +282,9 @@ def _fit_summary(findings: Findings) -> FitSummary:
 
 
 def _location(findings: Findings) -> LocationSummary | None:
-    """Return where the mismatch is, the place first whose effects take up most of it, each at best and alone.
+    """Return the location of the mismatch, with places ranked by their best single effect.
 
-    Where no effect was tried at a place, its score is the share that something unknown there explains.
+    If no effect was tried at a place, its score is the share that an unknown process there explains.
     """
     if findings.location is None:
         return None
@@ -316,7 +316,7 @@ def _readings(findings: Findings, model: CalibratedPlant, reading: str = "") -> 
 
 
 def _recorded(findings: Findings) -> tuple[str, ...]:
-    """The further readings that the recordings hold."""
+    """Return the names of the further readings in the recordings."""
     return tuple(dict.fromkeys(part.reading for part in findings.problem.everything if part.reading))
 
 
@@ -341,7 +341,7 @@ def _base_model(findings: Findings) -> CalibratedPlant:
 
 
 def _distance_to(candidate: Candidate, naming: Naming) -> float | None:
-    """d² from the answer, where it is known; that to an alternative is not that of its effects in another variant of the rig."""
+    """Return d² from the answer if it is known for the candidate's own rig variant."""
     told = next(
         (alternative for alternative in naming.alternatives if alternative.effects == candidate.effects), candidate
     )
@@ -352,7 +352,7 @@ def _distance_to(candidate: Candidate, naming: Naming) -> float | None:
 
 
 def _rival_models(findings: Findings) -> dict[str, CalibratedPlant]:
-    """The alternatives as plants, each with what it leaves of the held-out data as its model error."""
+    """Return the alternatives as plants, each with its error on held-out data as model error."""
     noise, stated = findings.base.noise, findings.problem.stated_error
     return {
         "+".join(alternative.effects) or "none": CalibratedPlant(

@@ -10,7 +10,7 @@ from deatwin.ident.mismatch.losses import block_losses, exceeds
 
 SIGNIFICANCE = 0.01
 PRACTICAL_SHARE = 0.1
-"""Share of the noise's power by which an excess must exceed the model error: noise is not known better."""
+"""Smallest excess that counts, as a share of the noise's power: the noise is not known better."""
 BEYOND_DOUBT = 2.0
 """An excess this many times the practical size is a mismatch whatever its scatter."""
 
@@ -46,23 +46,20 @@ class Excess:
 
     @property
     def within_error(self) -> bool:
-        """Return whether the residual is no larger than noise and model error, with a margin of the noise's power.
-
-        What is not large enough to be a mismatch is not too large for an explanation either.
-        """
+        """Return whether the residual is no larger than noise and model error, with a margin of the noise's power."""
         return self.size <= self.practical
 
     @property
     def mismatch(self) -> bool:
-        """Return whether physics is missing: significant beyond noise *and* model error, or too large to doubt.
+        """Return whether physics is missing: the excess is significant, or too large to doubt.
 
-        A mismatch that comes in bursts scatters so much that no test of its mean is significant.
+        A mismatch in bursts varies so much that no test of its mean is significant.
         """
         return self.p_value < SIGNIFICANCE or self.size > BEYOND_DOUBT * self.practical
 
 
 def practical_size(noise: float, model_error: float) -> float:
-    """Rms from which an excess counts.
+    """Return the smallest rms excess that counts.
 
     Parameters
     ----------
@@ -78,9 +75,9 @@ def practical_size(noise: float, model_error: float) -> float:
 
 
 def excess_of(residuals: np.ndarray, noise: float, model_error: float) -> Excess:
-    """Test a residual against the floor of noise and model error.
+    """Test whether a residual exceeds noise and model error.
 
-    The floor carries the practical size: with many samples any model error is significant against noise alone.
+    The threshold includes the practical size, because with many samples any model error is significant against noise alone.
 
     Parameters
     ----------

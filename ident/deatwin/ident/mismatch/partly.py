@@ -1,4 +1,4 @@
-"""Partial explanations: effects that explain nearly all of a mismatch, and what they leave."""
+"""Partial explanations: effects that explain nearly all of a mismatch, and the remainder."""
 
 from __future__ import annotations
 
@@ -29,26 +29,25 @@ from deatwin.ident.mismatch.verify.verification import Verification
 from deatwin.ident.mismatch.verify.verify import verify
 
 EVERYWHERE = 0.9
-"""Share of the recorded time from which on a stretch that holds what is left says nothing of where it is."""
+"""Share of the recorded time beyond which a stretch with most of the remainder is not reported as its location."""
 
 
 def acting(naming: Naming, problem: DiagnosisProblem, rng: np.random.Generator) -> tuple[Naming, Verification] | None:
-    """The effects that act though they are not the whole of a mismatch, and their verification, which they pass.
+    """Return the effects that certainly act although they do not explain all of a mismatch, and their verification.
 
     Parameters
     ----------
     naming : Naming
-        All that was tried; its best one, if there is one, has been refuted.
+        All candidates; its best one, if any, was refuted.
     problem : DiagnosisProblem
         Recordings.
     rng : numpy.random.Generator
-        Of the verification.
+        Generator for the verification.
 
     Returns
     -------
     tuple of Naming and Verification, or None
-        None where no effect is certain to act: its strength may be 0, or each of two that run by one clock may be a part
-        of what another one does.
+        None if no effect certainly acts: a strength may be 0, or two drifts with one time constant may be one mechanism.
     """
     if naming.best is not None and of_one_clock(naming.best):
         return None
@@ -62,19 +61,19 @@ def acting(naming: Naming, problem: DiagnosisProblem, rng: np.random.Generator) 
 
 
 def explains_all(best: Candidate, base: Candidate, whole: Calibration | None) -> bool:
-    """Whether an explanation leaves no more than noise and model error, or no more than its laws may be to blame for.
+    """Return whether an explanation leaves no more than noise, model error and errors of its laws.
 
     Parameters
     ----------
     best, base : Candidate
         With and without effects.
     whole : Calibration or None
-        The explanation fitted to all recordings; None where that is not known.
+        Fit of the explanation to all recordings, if known.
 
     Returns
     -------
     bool
-        False where something else is missing beside its effects.
+        False if something else is missing.
     """
     error = best.fitted_test.model_error
     residuals = (best.calibration if whole is None else whole).residuals
@@ -83,24 +82,24 @@ def explains_all(best: Candidate, base: Candidate, whole: Calibration | None) ->
 
 
 def is_known(candidate: Candidate) -> bool:
-    """Return whether the 95 % intervals of its effects' strengths leave none of them out."""
+    """Return whether the 95 % interval of each effect's strength excludes zero."""
     fit = candidate.calibration
     strengths = [f"{e.name}.{e.strength}" for e in fit.plant.effects if e.name in candidate.effects]
     return all(low > 0.0 or high < 0.0 for low, high in map(fit.interval, strengths))
 
 
 def led_by_what_acts(naming: Naming) -> Naming | None:
-    """The smallest set that takes nearly all of a mismatch and leads all others, or what it shares with those.
+    """Return the smallest set that removes nearly all of a mismatch, or the effects it shares with equally likely sets.
 
     Parameters
     ----------
     naming : Naming
-        All that was tried.
+        All candidates.
 
     Returns
     -------
     Naming or None
-        Without alternatives; None where no set takes so much, or those that are as likely have no effect in common.
+        Without alternatives; None if no set removes so much, or equally likely sets have no effect in common.
     """
     base, tried = naming.base, naming.candidates
     known = {c.effects: c for c in tried}
@@ -126,7 +125,7 @@ def _takes_nearly_all(candidate: Candidate, base: Candidate) -> bool:
 
 
 def _stands_alone(candidate: Candidate, base: Candidate) -> bool:
-    """Return whether a candidate's own effects take away most of the mismatch, in a plant within its ranges."""
+    """Return whether a candidate's own effects remove most of the mismatch, in a plant within its ranges."""
     return takes_most(candidate, base) and acts(candidate, base) and not held_back_by(candidate)
 
 
@@ -139,14 +138,14 @@ def _leads(candidate: Candidate, base: Candidate, known: dict[tuple[str, ...], C
 
 
 def unexplained(answer: Candidate, base: Candidate, left: Location, seconds: float) -> Unexplained:
-    """Return what an answer leaves of a mismatch, and where most of that is.
+    """Return the remainder of a mismatch, and where most of it is.
 
     Parameters
     ----------
     answer, base : Candidate
         With and without the causes.
     left : Location
-        Of what the answer leaves.
+        Location of the remainder.
     seconds : float
         How long the recordings are together, s.
 

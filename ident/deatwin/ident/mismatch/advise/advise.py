@@ -1,9 +1,9 @@
-"""The next experiment: the input that would tell apart what the recordings at hand cannot.
+"""The next experiment: the input that would distinguish the remaining explanations.
 
-A repertoire of waveforms is tried on the explanations that are left, to first order; the best are simulated with a
-refit of each alternative, made as long as needed, and judged for plants drawn from the posteriors, too. What the recordings
-at hand hold against a refit counts, since the new one will be diagnosed together with them. Where none tells all of
-them apart, the one that leaves the least confusion is advised as long as it may be, if that is worth its time.
+A repertoire of waveforms is tried on the remaining explanations, to first order. The best waveforms are simulated with a
+refit of each alternative, made as long as needed, and also judged for plants drawn from the posteriors. The existing
+recordings limit these refits, because the new recording will be diagnosed together with them. If no input distinguishes
+all explanations, the one that leaves the least confusion is advised, at its greatest length, if it is worth its time.
 
 References
 ----------
@@ -33,26 +33,26 @@ from deatwin.plant.parameters import Parameter
 
 MOST_RIVALS = 8
 SCREENED, SHORTEST, LONGEST = 3000, 1000, 15_000
-"""Samples of an input when it is screened, and when it is advised."""
+"""Samples of a screened input; smallest and largest number of samples of an advised one."""
 ROUND = 250
-"""Samples to whose multiple a length is rounded up."""
+"""A length is rounded up to a multiple of this number of samples."""
 FINALISTS, TRIED = 3, 2
-"""Waveforms that are simulated with refits, and those that are made as long as needed, or as long as they may be."""
+"""Number of waveforms that are simulated with refits, and of those whose length is chosen."""
 WANTED = 1.5 * DISTINGUISHED
-"""d² for which a length is chosen: it grows like the length, but not exactly."""
+"""d² for which a length is chosen, with a margin because d² grows only roughly with the length."""
 AMPLE = 10 * WANTED * SCREENED / SHORTEST
-"""d² of a screened waveform that promises ten times what is wanted at the shortest length. The first such waveform of
-the repertoire, whose order is from broad and gentle to fast and special, is preferred to one that promises even more:
-what a plant's equations leave out shows most where it is driven to its extremes."""
+"""d² of a screened waveform that promises ten times the wanted value at the shortest length. The first such waveform is
+preferred to later ones that promise more. The repertoire is ordered from gentle to extreme waveforms, and at extremes
+the plant's equations are least accurate."""
 UNKNOWN = 0.5
 """Confusion by chance."""
 WORTHWHILE = 0.75
-"""Share of the confusion that an input may leave and still be advised: of three explanations it decides on one."""
+"""Largest share of the confusion that an advised input may leave; with three explanations it then excludes one."""
 TINY = 1e-3
 """d² of explanations that predict the same."""
 ATTEMPTS = 2
 HEAVIER = 2.0
-"""The load after a mass has been added, as a multiple."""
+"""Ratio of the load with the added mass to the load without it."""
 
 
 def advise(
@@ -130,20 +130,20 @@ def advise(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Load:
-    """The question on the rig as it is, or with a mass added, kg."""
+    """Question on the rig as it is, or with an added mass, kg."""
 
     question: Question
     added: float | None
 
     @cached_property
     def screened(self) -> dict[str, np.ndarray]:
-        """d² from each explanation to the nearest other, for all waveforms of the length at which they are screened."""
+        """Return d² from each explanation to the nearest other, for all waveforms at the screening length."""
         return _first_orders(self.question, SCREENED)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Input:
-    """A waveform, with d² from each explanation to the nearest other."""
+    """Waveform, with d² from each explanation to the nearest other one."""
 
     load: _Load
     name: str
@@ -152,7 +152,7 @@ class _Input:
 
     @cached_property
     def confusion(self) -> float:
-        """Probability of taking the wrong explanation, averaged over the posteriors."""
+        """Return the probability of choosing a wrong explanation, averaged over the posteriors."""
         question = self.load.question
         draws = range(1, max(map(len, question.shifts)))
         try:
@@ -163,7 +163,7 @@ class _Input:
 
 
 def _loads(question: Question) -> list[_Load]:
-    """The rig as it is and, where it has a load that is known and to which some can be added, with that."""
+    """Return the question on the rig as it is and, if its load is known and can be increased, with an added mass."""
     loads, parameters = [_Load(question=question, added=None)], question.fits[0].plant.parameters
     mass: Parameter | None = parameters["mass"] if "mass" in parameters else None
     if mass is not None and mass.known and 0 < HEAVIER * mass.value <= mass.upper:
@@ -172,7 +172,7 @@ def _loads(question: Question) -> list[_Load]:
 
 
 def _search(loads: Sequence[_Load], tell: Callable[[float, str], None]) -> _Input | None:
-    """The shortest input that tells all apart, a mass added only if need be; else what leaves the least confusion."""
+    """Return the shortest input that distinguishes all explanations, if possible without an added mass; else the best."""
     searches = [(look, load) for look in (_shortest, _least_confusing) for load in loads]
     for number, (look, load) in enumerate(searches):
         tell(0.9 * number / len(searches), "trying inputs" + (" with an added mass" if load.added else ""))
@@ -183,13 +183,13 @@ def _search(loads: Sequence[_Load], tell: Callable[[float, str], None]) -> _Inpu
 
 
 def _first_orders(question: Question, count: int) -> dict[str, np.ndarray]:
-    """d² from each explanation to the nearest other, to first order, for the whole repertoire at one length."""
+    """Return the first-order d² from each explanation to the nearest other, for all waveforms at one length."""
     made = {name: question.commands(name, count) for name in REPERTOIRE}
     return {name: question.first_order(commands) for name, commands in made.items() if commands is not None}
 
 
 def _shortest(load: _Load) -> _Input | None:
-    """The shortest input that tells the explanations apart."""
+    """Return the shortest input that distinguishes the explanations."""
     screened = {name: float(nearest.min()) for name, nearest in load.screened.items()}
     best = sorted(screened, key=lambda name: -screened[name])[:FINALISTS]
     gentle = [name for name in screened if screened[name] > AMPLE][:1]
@@ -201,9 +201,9 @@ def _shortest(load: _Load) -> _Input | None:
 
 
 def _least_confusing(load: _Load) -> _Input | None:
-    """Return the input of the greatest length that leaves the least confusion; None where none is worth its time.
+    """Return the input of the greatest length that leaves the least confusion; None if none is worth its time.
 
-    Half of that length shows what is slow well enough to choose which to try.
+    Inputs are preselected at half of that length, which shows slow differences well enough.
     """
     rough = {name: _confused(nearest) for name, nearest in _first_orders(load.question, LONGEST // 2).items()}
     promising = (_judged(load, name, LONGEST) for name in sorted(rough, key=lambda name: rough[name]))
@@ -212,7 +212,7 @@ def _least_confusing(load: _Load) -> _Input | None:
 
 
 def _needed(question: Question, name: str) -> float:
-    """Samples that a waveform needs if d² goes on to grow as it does to first order; what is slow grows late."""
+    """Return the number of samples that a waveform needs if d² grows as it does to first order."""
     commands = question.commands(name, SCREENED)
     if commands is None or not question.is_safe(commands):
         return float(np.inf)
@@ -230,12 +230,12 @@ def _needed(question: Question, name: str) -> float:
     if not 0.0 < first < last or last < DISTINGUISHED:
         return float(np.inf)
     growth = np.log(last / first) / np.log(LONGEST / SCREENED)
-    with np.errstate(over="ignore"):  # what hardly grows needs for ever
+    with np.errstate(over="ignore"):  # an infinite length is allowed
         return float(SCREENED * (WANTED / max(reached, TINY)) ** (1 / growth))
 
 
 def _long_enough(load: _Load, name: str, needed: float) -> _Input | None:
-    """The waveform at the length that lowers the confusion to what counts as told."""
+    """Return the waveform at the length at which the explanations count as distinguished."""
     for _ in range(ATTEMPTS):
         count = int(np.clip(ROUND * np.ceil(needed / ROUND), SHORTEST, LONGEST))
         found = _judged(load, name, count)
@@ -251,7 +251,7 @@ def _long_enough(load: _Load, name: str, needed: float) -> _Input | None:
 
 
 def _judged(load: _Load, name: str, count: int) -> _Input | None:
-    """A waveform of some length; None where it is not safe."""
+    """Judge a waveform of some length; None if it is not safe."""
     question = load.question
     commands = question.commands(name, count)
     if commands is None or not question.is_safe(commands):
@@ -263,19 +263,19 @@ def _judged(load: _Load, name: str, count: int) -> _Input | None:
 
 
 def _confused(nearest: np.ndarray) -> float:
-    """Probability of taking the nearest wrong explanation, averaged over which is the truth."""
+    """Return the probability of choosing the nearest wrong explanation, averaged over all truths."""
     return float(np.mean([confusion(float(squared)) for squared in nearest]))
 
 
 def _by_number(alternatives: Sequence[Candidate], distances: Sequence[Distance]) -> dict[frozenset[int], float]:
-    """d² of pairs of explanations, by their numbers; not of effects that explain the recordings in several variants."""
+    """Return d² of pairs of explanations by number, except for effects that occur in several rig variants."""
     names = ["+".join(alternative.effects) for alternative in alternatives]
     number = {name: k for k, name in enumerate(names) if names.count(name) == 1}
     return {frozenset(number[n] for n in d.effects): d.d2 for d in distances if {*d.effects} <= {*number}}
 
 
 def _predicted(question: Question, commands: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Readings of the best explanation, and of the others, refitted to it."""
+    """Return the readings of the best explanation, and of the others refitted to it."""
     best, *others = question.fits
     parts = question.parts(commands)
     apart = [difference(best.plant, other, parts) for other in others]
@@ -284,12 +284,12 @@ def _predicted(question: Question, commands: np.ndarray) -> tuple[np.ndarray, ..
 
 
 def _labels(alternatives: Sequence[Candidate]) -> tuple[str, ...]:
-    """The effects of each explanation; the same effects on another variant of the rig get a number."""
+    """Return the effects of each explanation; equal effects in other rig variants are numbered."""
     names = [" + ".join(alternative.effects) or "nothing missing" for alternative in alternatives]
     return tuple(f"{n} ({names[:k].count(n) + 1})" if names.count(n) > 1 else n for k, n in enumerate(names))
 
 
 def _to_measure(market: Prices, explanations: Sequence[int]) -> str:
-    """Return the reading that is expected to tell explanations apart best, if it would."""
+    """Return the reading that distinguishes explanations best, if it would."""
     telling = [priced for priced in market.among(explanations) if priced.resolves]
     return in_words(telling[0].reading) if telling else "another signal"

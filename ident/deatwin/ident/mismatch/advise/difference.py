@@ -1,29 +1,28 @@
-r"""Difference between two explanations: what the second cannot imitate of the first, and how well recordings show it.
+r"""Difference between two explanations: the part of the first that the second cannot imitate, and how visible it is.
 
 The truth is a plant with readings :math:`y_k`; an alternative is fitted to them as well as its parameters can, and leaves
 
 .. math:: \delta = y_k - y_l(\hat\theta_l), \qquad \hat\theta_l = \arg\min\nolimits_{\theta_l} \|y_k - y_l(\theta_l)\|^2
 
-Recordings add an error e to the readings. What the engine compares are squared residuals, of which the alternative leaves
-:math:`\|\delta\|^2 + 2\,\delta^T e` more than the truth does (up to what parameters take up of e in the one model and
-not in the other, which is of the size of :math:`\sigma^2`). The alternative wins where that is negative: for Gaussian e of
-covariance :math:`\Sigma` with the probability
+Recordings add an error e to the readings. The alternative leaves :math:`\|\delta\|^2 + 2\,\delta^T e` more squared
+residual than the truth (up to a term of the size of :math:`\sigma^2`, because the parameters of both absorb different
+parts of e). The alternative is chosen if that is negative; for Gaussian e with covariance :math:`\Sigma` the
+probability is
 
 .. math:: P = \Phi(-d/2), \qquad d^2 = \frac{(\delta^T\delta)^2}{\delta^T\Sigma\,\delta}
 
-For white noise this is the usual :math:`\|\delta\|^2/\sigma^2`, which grows with every sample. The plant's own error
-of rms m is not white, and counting it as such would tell explanations apart by thousands of samples of a difference
-far below it. A half of its variance is taken to be *static*, a smooth function of the reading that is the same
-whenever the film comes back to it: repeats do not average it out. The other half is *slow*, with the correlation time
-of the blocks in which the engine counts its losses:
+For white noise this is the usual :math:`\|\delta\|^2/\sigma^2`, which grows with every sample. The model error of rms m
+is not white; treated as white, it would let thousands of samples distinguish explanations by a far smaller difference.
+Half of its variance is assumed *static*, a smooth function of the reading that repeats do not average out. The other
+half is *slow*, with the correlation time of the blocks in which losses are counted:
 
 .. math:: \Sigma_{ij} = \sigma^2\delta_{ij} + \frac{m^2}{2}\sum_b h_b(y_i)\,h_b(y_j)
           + \frac{m^2}{2}\,e^{-|i-j|/n_b}
 
-with functions :math:`h_b` whose squares are hats over eight levels of the reading, and add up to one. The halves are a
-choice: what a reduced film leaves of its fine twin has a static share between nothing and 60 %, depending on the
-input, and correlation times of 0.5 to 5 s. A difference that is fast averages the model error out by itself, and
-counts against the noise alone.
+with functions :math:`h_b` whose squares are hat functions over eight levels of the reading, which add up to one. The
+halves are a choice: the difference between a reduced and a fine film has a static share of 0 to 60 %, depending on the
+input, and correlation times of 0.5 to 5 s. A fast difference averages out the model error and competes with the noise
+only.
 """
 
 from __future__ import annotations
@@ -65,12 +64,12 @@ class Difference:
     def between(
         cls, truth: Plant, alternative: Plant, readings: np.ndarray, left: np.ndarray, parts: Sequence[Part]
     ) -> Difference:
-        """A difference with the model error that the rigs have for a motion of its size.
+        """Return a difference with the larger model error of both rigs at this amplitude.
 
         Parameters
         ----------
         truth, alternative : Plant
-            The larger of their errors counts.
+            Both explanations.
         readings, left : ndarray, shape (n,)
             Of the truth, and truth minus alternative, SI.
         parts : sequence of Part
@@ -101,7 +100,7 @@ class Difference:
         Returns
         -------
         float
-            Infinite where there is a difference but no error to hide it.
+            Infinite for a difference without any error.
         """
         squares = float(self.left @ self.left)
         weighted = self.left * self.model_error
@@ -131,7 +130,7 @@ class Difference:
 
 
 def _static(readings: np.ndarray, weighted: np.ndarray) -> float:
-    """The square form of an error that is a smooth function of the reading."""
+    """Return the quadratic form of an error that is a smooth function of the reading."""
     low, high = float(readings.min()), float(readings.max())
     place = (readings - low) / (high - low) * (LEVELS - 1) if high > low else np.zeros(readings.size)
     below = np.minimum(place.astype(int), LEVELS - 2)
@@ -142,7 +141,7 @@ def _static(readings: np.ndarray, weighted: np.ndarray) -> float:
 
 
 def _slow(weighted: np.ndarray) -> float:
-    """The square form of an error whose correlation decays over a block."""
+    """Return the quadratic form of an error whose correlation decays over a block."""
     from scipy.signal import lfilter
 
     summed = lfilter([1.0], [1.0, -np.exp(-1 / BLOCK_SAMPLES)], weighted)

@@ -1,7 +1,7 @@
-"""Squared distance of two explanations on given inputs, and how often a decision between them is wrong.
+"""Squared distance of two explanations on given inputs, and the probability of a wrong decision between them.
 
-The one is taken for the truth, the other is refitted to its readings;
-`deatwin.ident.mismatch.advise.difference` says what that difference counts for.
+One explanation is taken as the truth and the other is refitted to its readings. The remaining difference is evaluated by
+`deatwin.ident.mismatch.advise.difference`.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 
 DISTINGUISHED = 16.0
-"""d² from which on two explanations can be distinguished: the wrong one wins in 2.3 % of all recordings."""
+"""Smallest d² of distinguished explanations: the wrong one is chosen in 2.3 % of all recordings."""
 STEPS = 4
-"""Steps of the alternative towards the truth with simulations."""
+"""Largest number of refit steps with simulations."""
 SETTLED = 0.02
-"""Share of the squared difference that a step must gain for another one: d² is not wanted to the percent."""
+"""Share of the squared difference that a step must gain to be followed by another one."""
 DAMPING = 1e-2
-"""Of a step to first order, as a share of what each parameter alone does to the readings: undamped it goes far along
-what hardly changes them, where no simulation follows."""
+"""Damping of a first-order step, relative to each parameter's own effect on the readings; an undamped step goes too far
+in directions that hardly change them."""
 
 
 def confusion(squared: float) -> float:
@@ -54,12 +54,12 @@ def confusion(squared: float) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Memory:
-    """Remember what recordings say against a refit of the alternative, to first order about its fitted parameters.
+    """Information of recordings against a refit of the alternative, to first order about its fitted parameters.
 
     Parameters
     ----------
     known : Difference
-        Of truth and alternative on those recordings, with the alternative's fitted parameters.
+        Difference of truth and alternative on those recordings, with the fitted parameters.
     jacobian : ndarray, shape (n, n_p)
         Derivative of the alternative's readings by its fitted coordinates, SI.
     """
@@ -69,7 +69,7 @@ class Memory:
 
     @classmethod
     def of(cls, truth: Calibration, alternative: Calibration, parts: Sequence[Part]) -> Memory:
-        """Take it from the fits of both to the same recordings; no simulation is needed.
+        """Compute it from the fits of both to the same recordings, without simulations.
 
         Parameters
         ----------
@@ -89,7 +89,7 @@ class Memory:
 
     @property
     def refitted(self) -> Difference:
-        """The difference after the alternative's refit to these recordings alone."""
+        """Return the difference after the alternative's refit to these recordings alone."""
         return replace(self.known, left=self.known.left - self.jacobian @ _step(self.jacobian, self.known.left))
 
     def beside(self, other: Memory) -> Memory:
@@ -108,7 +108,7 @@ class Memory:
 
 
 def separation(one: Calibration, other: Calibration, parts: Sequence[Part], noise: float, steps: int = STEPS) -> float:
-    """d² between two fitted explanations, the smaller one of both directions.
+    """Return d² between two fitted explanations, the smaller one of both directions.
 
     Parameters
     ----------
@@ -119,12 +119,12 @@ def separation(one: Calibration, other: Calibration, parts: Sequence[Part], nois
     noise : float
         Standard deviation of the sensor's noise, SI.
     steps : int
-        With simulations, at most; with none the distance is that to first order.
+        Largest number of steps with simulations; with 0 the distance is that to first order.
 
     Returns
     -------
     float
-        Where one explanation contains the other, which it can always imitate, d² of the way back.
+        If one explanation contains the other and can imitate it exactly, d² of the other direction.
 
     Raises
     ------
@@ -144,14 +144,14 @@ def distance_squared(
     memory: Memory | None = None,
     steps: int = STEPS,
 ) -> float:
-    """d² from a plant to an explanation that is refitted to it.
+    """Return d² from a plant to an explanation that is refitted to it.
 
     Parameters
     ----------
     truth : Plant
-        With the values to be imitated.
+        Plant with the true values.
     alternative : Calibration
-        The explanation, and where its refit starts.
+        The explanation, and the start of its refit.
     parts : sequence of Part
         Inputs, and the samples that count; readings are not used.
     noise : float
@@ -164,7 +164,7 @@ def distance_squared(
     Returns
     -------
     float
-        Infinite where the alternative cannot be simulated.
+        Infinite if the alternative cannot be simulated.
 
     Raises
     ------
@@ -186,8 +186,8 @@ def difference(
 ) -> Difference | None:
     """Return the part of a plant's readings that an alternative cannot imitate after a refit of all its parameters.
 
-    To first order the refit is a projection off the alternative's Jacobian. That errs where the two are far apart, so some
-    steps with simulations come before it.
+    To first order the refit is a projection off the alternative's Jacobian. That is inaccurate for large differences, so
+    some steps with simulations come first.
 
     Parameters
     ----------
@@ -233,7 +233,7 @@ def difference(
 
 
 def directions(one: Calibration, other: Calibration) -> list[tuple[Calibration, Calibration]]:
-    """Truth and alternative, in the orders that can tell something.
+    """Return truth and alternative in each order that is informative.
 
     Parameters
     ----------
@@ -243,16 +243,16 @@ def directions(one: Calibration, other: Calibration) -> list[tuple[Calibration, 
     Returns
     -------
     list of tuple
-        One pair where the other order has an alternative that contains the truth, else both.
+        Only one order if in the other one the alternative contains the truth.
     """
     return [(t, r) for t, r in ((one, other), (other, one)) if not _contains(r.plant, t.plant)]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Imitation(Problem):
-    """Least squares of an alternative's parameters on readings without noise and, to first order, on earlier recordings.
+    """Least-squares fit of an alternative to readings without noise and, to first order, to earlier recordings.
 
-    `beyond` is the truth's readings less those of the recordings, which `Problem` compares with.
+    `beyond` is the truth's readings minus those of the recordings.
     """
 
     beyond: np.ndarray
@@ -269,7 +269,7 @@ class _Imitation(Problem):
         return np.concatenate([left, old]), np.vstack([jacobian, self.memory.jacobian])
 
     def left(self, steps: int) -> np.ndarray | None:
-        """Refit the alternative in some steps with simulations and, if that leaves less, a last first-order one."""
+        """Refit the alternative in steps with simulations, and a last first-order step if that leaves less."""
         found = minimise(self, evaluations=1 + steps, tolerance=SETTLED)
         if found is None:
             return None

@@ -23,13 +23,13 @@ from deatwin.plant.recording import Experiment, Recording
 DRAWS = 2
 """Plants drawn from each posterior, besides the fitted one."""
 STEPS = 2
-"""Steps of an alternative's refit with simulations, as there are many refits."""
+"""Number of steps of an alternative's refit with simulations; there are many refits."""
 NEAREST = 2
-"""Pairs of each explanation whose alternative is refitted with simulations: those that are nearest to first order."""
+"""Number of the nearest pairs of each explanation for which the alternative is refitted with simulations."""
 CALMED = 3
-"""Number of times that the range is reduced for an input that moves the plant too far."""
+"""Largest number of times the range is reduced for an input that moves the plant too far."""
 PROBE = 100
-"""Samples for which a drawn plant must bear the ends of what was recorded, as the real one did."""
+"""Samples for which a drawn plant must bear the extremes of the recorded commands, as the real one did."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,17 +41,17 @@ class Question:
     problem : DiagnosisProblem
         Rig and recordings.
     fits : tuple of Calibration
-        The explanations, fitted to the fitted part; the best first.
+        The explanations, fitted to the fitted data, the best first.
     noise : float
         Standard deviation of the sensor's noise, SI.
     shifts : tuple of tuple of ndarray
-        For each explanation, coordinates of posterior plants less the fitted ones; zero first.
+        For each explanation, coordinates of posterior plants minus the fitted ones; the first is zero.
     pairs : tuple of pairs of int
-        Truth and alternative that are to be distinguished, by number.
+        Numbers of the truth and of the alternative.
     memories : tuple of Memory
-        For each pair, what the recordings at hand say.
+        For each pair, the information in the existing recordings.
     seed : int
-        Of what is random in waveforms: one is the same at any length, but for the length.
+        Seed of random waveforms; a longer waveform continues a shorter one.
     """
 
     problem: DiagnosisProblem
@@ -100,16 +100,16 @@ class Question:
 
     @property
     def before(self) -> np.ndarray:
-        """d² on the recordings at hand from each explanation to the one that is nearest to it, to first order."""
+        """Return the first-order d² from each explanation to the nearest one, on the existing recordings."""
         return self._nearest(self._before)
 
     @cached_property
     def _before(self) -> np.ndarray:
-        """Return the same of each pair."""
+        """Return the same for each pair."""
         return np.array([memory.refitted.squared_distance(self.noise) for memory in self.memories])
 
     def before_told(self, known: Mapping[frozenset[int], float]) -> np.ndarray:
-        """Return the same as `before`, where a refit has brought a pair nearer than that.
+        """Return `before`, with smaller distances where refits with simulations gave them.
 
         Parameters
         ----------
@@ -130,16 +130,16 @@ class Question:
 
     @cached_property
     def limits(self) -> Limits | None:
-        """Commands whose ends all plants of all posteriors bear; None where there are no such."""
+        """Return the range of commands that all posterior plants bear; None if there is none."""
         return safe_limits(self.posterior, limits_of(self.problem.nominal, self.problem.everything))
 
     @cached_property
     def posterior(self) -> tuple[Plant, ...]:
-        """All plants that the one on the problem may be."""
+        """Return all posterior plants."""
         return tuple(_moved(fit, x) for fit, shifts in zip(self.fits, self.shifts, strict=True) for x in shifts)
 
     def with_mass(self, mass: float) -> Question:
-        """Return the same question under another load, which the recordings at hand did not have.
+        """Return the question under another load than that of the existing recordings.
 
         Parameters
         ----------
@@ -153,7 +153,7 @@ class Question:
         return replace(self, fits=tuple(replace(f, plant=f.plant.with_values({"mass": mass})) for f in self.fits))
 
     def commands(self, name: str, count: int) -> np.ndarray | None:
-        """A waveform inside the limits.
+        """Return a waveform within the limits.
 
         Parameters
         ----------
@@ -165,10 +165,9 @@ class Question:
         Returns
         -------
         ndarray, shape (count,), or None
-            Where all of the working range would move the plant so far that its own error, by which all recordings
-            are judged, would hide what the ones at hand show: between rest and what these used, and there near the
-            command that is farthest from rest, as far as that moves it less. None where the limits do not allow this
-            waveform.
+            Usually over the whole working range. If that moved the plant so far that the larger model error would hide
+            the mismatch of the existing recordings, the range is reduced to that of these recordings, near the command
+            farthest from rest. None if the limits do not allow this waveform.
         """
         limits, share = self.limits, 1.0
         made = None if limits is None else self._made(name, count, limits)
@@ -180,11 +179,11 @@ class Question:
             if calmer is None or (calmed := self._error_of(calmer)) > error:
                 break
             made, error = calmer, calmed
-            share *= self._hidden / error if error > 0 else 1.0  # a range in which nothing moves
+            share *= self._hidden / error if error > 0 else 1.0  # nothing moves in this range
         return made
 
     def _near_the_farthest(self, limits: Limits, share: float) -> Limits:
-        """A share of the commands between rest and those of the recordings, beside the one that is farthest from it."""
+        """Return a share of the recordings' range of commands, next to the command farthest from rest."""
         least, most = used_range(self.problem.everything)
         low, high = np.clip([min(limits.rest, least), max(limits.rest, most)], limits.lowest, limits.highest)
         if high - limits.rest >= limits.rest - low:
@@ -196,17 +195,17 @@ class Question:
         return waveform(name, limits, count * self.sample_time, self.sample_time, rng)
 
     def _error_of(self, commands: np.ndarray) -> float:
-        """The plant's own error on an input, SI; that on the recordings at hand where it cannot be simulated."""
+        """Return the model error on an input, SI; that on the existing recordings if it cannot be simulated."""
         rig, readings = self.problem.nominal.rig, simulated(self.fits[0].plant, self.parts(commands))
         return rig.model_error if readings is None else rig.for_motion(float(readings.std())).model_error
 
     @property
     def _hidden(self) -> float:
-        """Return what counts as nothing on the recordings at hand, rms, SI."""
+        """Return the rms that does not count on the existing recordings, SI."""
         return practical_size(self.noise, self.problem.nominal.rig.model_error)
 
     def recording(self, commands: np.ndarray) -> Recording:
-        """Commands as a record of an experiment of its own, without readings.
+        """Return commands as the record of a separate experiment, without readings.
 
         Parameters
         ----------
@@ -216,8 +215,8 @@ class Question:
         Returns
         -------
         Recording
-            Its clock starts at zero; where an explanation has something happen at a time, behind the recordings
-            at hand, since what has happened stays.
+            Its clock starts at zero or, if an explanation contains an event, after the existing recordings, because an
+            event is not undone.
         """
         events = any(effect.event for fit in self.fits for effect in fit.plant.effects)
         start = max(part.experiment.end for part in self.problem.everything) if events else 0.0
@@ -234,7 +233,7 @@ class Question:
         )
 
     def parts(self, commands: np.ndarray) -> list[Part]:
-        """Return the same for a fit, with readings of zero.
+        """Wrap commands as parts of a fit, with readings of zero.
 
         Parameters
         ----------
@@ -267,7 +266,7 @@ class Question:
         return all(bears(plant, commands, rest) for plant in self.posterior)
 
     def first_order(self, commands: np.ndarray) -> np.ndarray:
-        """d² after recordings of an input, without a refit by simulations.
+        """Return d² after recordings of an input, without refits by simulations.
 
         Parameters
         ----------
@@ -277,12 +276,12 @@ class Question:
         Returns
         -------
         ndarray, shape (n_fits,)
-            From each explanation to the one that is nearest to it; 0 where one cannot be simulated.
+            From each explanation to the nearest one; 0 if one cannot be simulated.
         """
         return self._nearest(self._distances(commands))
 
     def _distances(self, commands: np.ndarray) -> np.ndarray:
-        """Return the same of each pair."""
+        """Return the same for each pair."""
         parts, responses = self.parts(commands), [r for r in self._responses(commands) if r is not None]
         if len(responses) < len(self.fits):
             return np.zeros(len(self.pairs))
@@ -296,12 +295,12 @@ class Question:
         return np.array(distances)
 
     def _responses(self, commands: np.ndarray) -> list[Response | None]:
-        """Return what each explanation makes of an input."""
+        """Return the response of each explanation to an input."""
         return self._last_responses(np.asarray(commands, dtype=float).tobytes())
 
     @cached_property
     def _last_responses(self) -> Callable[[bytes], list[Response | None]]:
-        """Those of the last input are kept, since all draws ask for them."""
+        """Return a function that keeps the responses to the last input, because all draws need them."""
         return lru_cache(maxsize=1)(lambda made: [self._response(fit, np.frombuffer(made)) for fit in self.fits])
 
     def _response(self, fit: Calibration, commands: np.ndarray) -> Response | None:
@@ -309,19 +308,19 @@ class Question:
         return fitting.evaluate(fitting.start())
 
     def refitted(self, commands: np.ndarray, draw: int = 0) -> np.ndarray:
-        """d² after recordings of an input, with each alternative refitted to the truth.
+        """Return d² after recordings of an input, with each alternative refitted to the truth.
 
         Parameters
         ----------
         commands : ndarray, shape (n,)
             In their unit.
         draw : int
-            Which plant of each posterior is the truth; 0 for the fitted one.
+            Number of the posterior plant that is the truth; 0 for the fitted one.
 
         Returns
         -------
         ndarray, shape (n_fits,)
-            From each explanation to the one that is nearest to it; infinite where no alternative can be simulated.
+            From each explanation to the nearest one; infinite if no alternative can be simulated.
 
         Raises
         ------
@@ -348,24 +347,24 @@ class Question:
         return self._nearest(distances)
 
     def _contested(self, commands: np.ndarray) -> list[int]:
-        """The pairs that are nearest to first order, some of each explanation; all where there are few."""
+        """Return the nearest pairs to first order, some for each explanation; all if there are few."""
         if len(self.pairs) <= NEAREST * len(self.fits):
             return list(range(len(self.pairs)))
         rough = self._distances(commands)
         return sorted({int(k) for involved in self._involved for k in involved[np.argsort(rough[involved])[:NEAREST]]})
 
     def _nearest(self, distances: np.ndarray) -> np.ndarray:
-        """From what is true of each pair to what is true of each explanation, whichever of the two is the truth."""
+        """Reduce values of pairs to the smallest value of each explanation, in either direction."""
         return np.array([distances[involved].min() for involved in self._involved])
 
     @cached_property
     def _involved(self) -> tuple[np.ndarray, ...]:
-        """For each explanation, the pairs that it is one of."""
+        """Return, for each explanation, the pairs that contain it."""
         return tuple(np.flatnonzero([k in pair for pair in self.pairs]) for k in range(len(self.fits)))
 
 
 def _draws(problem: DiagnosisProblem, fit: Calibration, rng: np.random.Generator) -> list[np.ndarray]:
-    """Differences of coordinates, drawn from the covariance inside the physical range."""
+    """Draw differences of coordinates from the covariance, within the physical range."""
     fitting = Problem(plant=fit.plant, parts=(), names=fit.names)
     start, (lower, upper) = fitting.start(), fitting.bounds()
     variances, axes = np.linalg.eigh(fit.covariance)
@@ -376,7 +375,7 @@ def _draws(problem: DiagnosisProblem, fit: Calibration, rng: np.random.Generator
 
 
 def _moved(fit: Calibration, shift: np.ndarray) -> Plant:
-    """The plant at a distance from the fitted coordinates."""
+    """Return the plant at shifted coordinates."""
     if not shift.any():
         return fit.plant
     fitting = Problem(plant=fit.plant, parts=(), names=fit.names)

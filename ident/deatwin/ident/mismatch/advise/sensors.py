@@ -1,9 +1,8 @@
 r"""Readings that a rig could have, and how well each would distinguish the explanations.
 
-A reading is priced along the recordings at hand, as if it had been taken beside them. One explanation is the truth,
-with noise that is drawn, the other is refitted to all readings to first order, and the likelihood that weighs
-explanations (`deatwin.ident.mismatch.likelihood.several`) says the log odds. So it is done for the two that are nearest
-to each other with all scales known.
+A reading is evaluated as if it had been taken with the existing recordings. One explanation is the truth, with drawn
+noise; the other is refitted to all readings, to first order. The log odds follow from the likelihood of
+`deatwin.ident.mismatch.likelihood.several`. This is done for the two explanations that are nearest to each other.
 """
 
 from __future__ import annotations
@@ -30,22 +29,21 @@ from deatwin.plant.readings import ELECTRICAL_UNITS, Reading
 from deatwin.plant.recording import Experiment
 
 SHARE = 1e-3
-"""Noise of a reading of which nobody has said how noisy it is, as a share of the largest value that it would have: ten
-effective bits. It is also the basic accuracy of a fast LCR meter (Keysight E4980A, data sheet 5989-4435EN: 0.10 %)."""
+"""Noise of a reading without stated noise, as a share of its largest value: ten effective bits. It is also the basic accuracy of a fast LCR meter (Keysight E4980A, data sheet 5989-4435EN: 0.10 %)."""
 NOT_RECORDED = "the rig file; not recorded"
 TYPICAL = "typical: a thousandth of the largest value"
 PLATINUM = "typical: platinum thermometer of class AA, IEC 60751"
 KELVIN = 0.1
 """Noise of such a thermometer, K."""
 SOME = 1.0
-"""Noise of a reading whose noise is not yet known."""
+"""Placeholder for unknown noise."""
 
 Signal = tuple[np.ndarray, np.ndarray]
 """Readings (n,) of a fitted plant, and their derivative (n, p) by its fitted coordinates; SI."""
 
 
 def offered(plants: Sequence[Plant], recorded: Collection[str]) -> tuple[Reading, ...]:
-    """Readings that all plants of one rig have and nobody recorded, those of the rig file first."""
+    """Return the unrecorded readings that all plants of a rig have, those of the rig file first."""
     rig = plants[0].rig
     stated = [reading for reading in rig.further if reading.name not in recorded]
     known = {*recorded, *(reading.name for reading in stated)}
@@ -65,7 +63,7 @@ def has(plant: Plant, reading: Reading) -> bool:
 
 
 def offer(reading: Reading, stated: Collection[Reading], largest: float) -> SensorOffer:
-    """A reading with its noise: that of the rig file, or what is typical where the `largest` value is this, SI."""
+    """Return a reading with its noise from the rig file, or a typical one for its `largest` value, SI."""
     noise, source = reading.noise, NOT_RECORDED
     if reading not in stated:
         noise, source = (KELVIN, PLATINUM) if reading.name == THERMOMETER else (SHARE * largest, TYPICAL)
@@ -73,7 +71,7 @@ def offer(reading: Reading, stated: Collection[Reading], largest: float) -> Sens
 
 
 def unread(parts: Sequence[Part], readings: Sequence[Reading]) -> tuple[Part, ...]:
-    """Parts of readings that are not in the recordings, where the first reading counts, reading after reading."""
+    """Return parts for unrecorded readings, at the samples at which the first reading counts."""
     silent = []
     for part in first_only(parts):
         records = part.experiment.recordings
@@ -98,7 +96,7 @@ def signals(plant: Plant, names: tuple[str, ...], parts: Sequence[Part], wanted:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Beside:
-    """A reading beside the recordings: what each explanation makes of it, in the order of the question's fits."""
+    """A possible reading with the responses of all explanations, in the order of the question's fits."""
 
     sensor: SensorOffer
     reading: Reading
@@ -107,13 +105,13 @@ class _Beside:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prices:
-    """Possible readings, and what each would say about the explanations of a question."""
+    """Possible readings, and how well each distinguishes the explanations of a question."""
 
     question: Question
     beside: tuple[_Beside, ...]
 
     def among(self, explanations: Collection[int]) -> tuple[PricedReading, ...]:
-        """The readings, the best first, for telling some of the explanations apart, which are given by number."""
+        """Return the readings, the best first, that distinguish some explanations, given by number."""
         asked = [number for number, pair in enumerate(self.question.pairs) if {*pair} <= {*explanations}]
         found = []
         for one in self.beside if asked else ():
@@ -123,7 +121,7 @@ class Prices:
         return tuple(sorted(found, key=lambda priced: -priced.log_odds))
 
     def _square(self, one: _Beside, number: int) -> float:
-        """d² of a pair, with all scales known."""
+        """Return d² of a pair for known scales."""
         truth, alternative = self.question.pairs[number]
         spread = self._spreads[alternative]
         rows = np.vstack(
@@ -133,7 +131,7 @@ class Prices:
         return float(taken_up(own, spread.size)[0, 0])
 
     def _log_odds(self, one: _Beside, number: int) -> float:
-        """Log odds of the truth over the alternative, by the likelihood of the recordings and of a reading that is drawn."""
+        """Return the log odds of truth over alternative, given the recordings and a drawn reading."""
         truth, alternative = self.question.pairs[number]
         own, error = self._errors(truth), self._error(one, truth)
         size, count = own.readings.size, error.readings.size
@@ -149,27 +147,27 @@ class Prices:
         return float(weights[0] - weights[1])
 
     def _error(self, one: _Beside, truth: int) -> OwnError:
-        """The plant's own error in a reading that nobody took, as an explanation moves."""
+        """Return the model error in an unrecorded reading, for an explanation's motion."""
         problem, reading = self.question.problem, replace(one.reading, noise=one.sensor.noise)
         parts = [replace(part, reading=reading.name, levels=None) for part in first_only(problem.fitted)]
         rig = replace(problem.nominal.rig, further=(reading,))
         return own_errors(rig, parts, one.signals[truth][0], 0.0, 0.0).of[0]
 
     def _errors(self, truth: int) -> OwnErrors:
-        """The plant's own error in what was recorded, as an explanation moves."""
+        """Return the model error in the recorded readings, for an explanation's motion."""
         problem = self.question.problem
         readings = readings_of_fit(problem.fitted, self.question.fits[truth].residuals)
         return own_errors(problem.nominal.rig, problem.fitted, readings, self.question.noise, problem.expected_error)
 
     def _own(self, number: int) -> np.ndarray:
-        """Return what the recordings say of a pair: products (p + 1, p + 1) of derivatives and difference."""
+        """Return the products (p + 1, p + 1) of derivatives and difference of a pair, in the recordings."""
         (truth, alternative), memory = self.question.pairs[number], self.question.memories[number]
         rows = np.vstack([(memory.jacobian * self._spreads[alternative]).T, memory.known.left])
         return self._errors(truth).products(rows)
 
     @cached_property
     def _spreads(self) -> list[np.ndarray]:
-        """Deviations of each explanation's coordinates beforehand, (p,) each."""
+        """Return the prior deviations of each explanation's coordinates, (p,) each."""
         problem = self.question.problem
         effects = {effect.name: effect for effect in problem.effects}
         largest = float(np.quantile(np.abs(np.concatenate([p.measured for p in first_only(problem.fitted)])), 0.99))
@@ -180,7 +178,7 @@ class Prices:
 
 
 def prices(question: Question) -> Prices:
-    """Price the readings that a question's rig could have beside its recordings."""
+    """Evaluate the readings that a question's rig could have in addition to its recordings."""
     problem, fits = question.problem, question.fits
     records = [record for part in problem.everything for record in part.experiment.recordings]
     recorded = {part.reading for part in problem.everything}
@@ -191,7 +189,7 @@ def prices(question: Question) -> Prices:
         question=question,
         beside=tuple(
             _Beside(sensor=offer(one, problem.nominal.rig.further, _largest(known)), reading=one, signals=known)
-            for one, known in zip(wanted, each, strict=False)  # none where an explanation cannot be simulated
+            for one, known in zip(wanted, each, strict=False)  # empty if an explanation cannot be simulated
         ),
     )
 

@@ -1,4 +1,4 @@
-"""Is anything missing at all, beyond chance and beyond what would matter?"""
+"""Test whether a mismatch is significant and large enough to matter."""
 
 from __future__ import annotations
 
@@ -37,13 +37,14 @@ CERTAIN = 1.25
 """An excess this many times the practical size is looked into (of 81 clean rigs drawn for this 80 came to 0.92 at most,
 one, by the scatter of its noise that is allowed for below, to 1.3) though chance may make it with a probability of"""
 LIKELY = 0.5
-"""instead of a hundredth: rather not than so,"""
+"""instead of a hundredth,"""
 BEYOND_CHANCE = 3.0
-"""and one of so many times whatever its probability: on some 90 clean rigs the largest was 1.8."""
+"""and an excess this many times the practical size regardless of its probability. On about 90 clean rigs the largest was
+1.8."""
 SCATTER = 3.0
-"""Standard deviations of the power of white noise that such an excess has besides: they are much in a short record."""
+"""Allowance for the scatter of the noise's power, in standard deviations; it matters in short records."""
 SURELY_LATE = 2.0
-"""Deviations of the time at which a reading is taken, within which it lies (95 %): what comes later is a dead time."""
+"""Half width of the 95 % interval of the reading's time, in standard deviations; a later reading has a dead time."""
 POINTS = 400
 """Points of a drawn curve."""
 
@@ -119,23 +120,23 @@ def detect_in(left: Leftover, rng: np.random.Generator, *, draws: int = DRAWS) -
 
 
 def _taking_up_the_rest(base: Candidate, problem: DiagnosisProblem) -> Calibration | None:
-    """The plant fitted to all recordings, if it leaves nothing that counts of either part, as it did of the fitted one.
+    """Refit the plant to all recordings; return the fit if it is adequate in fitted and in held-out data.
 
-    What the fitted part says of the parameters may carry the plant's own error far beyond it. A plant that must be biased
-    to the ends of its ranges for it takes up nothing.
+    Parameters from the fitted data alone may amplify the model error in the held-out data. A fit that reaches further
+    bounds is rejected.
     """
     if not base.fitted_test.within_error:
-        return None  # to fit more than that part brings it no nearer
+        return None  # more data cannot improve the fitted part
     whole = refit(base.calibration, problem.everything)
     biased = {*whole.at_bound} - {*base.calibration.at_bound}
     return whole if _leaves_nothing(whole, base, problem) and not biased else None
 
 
 def _answering_late(base: Candidate, problem: DiagnosisProblem, size: float) -> Calibration | None:
-    """The plant fitted with a dead time, if that is no longer than readings may be late, and leaves nothing that counts.
+    """Refit the plant with a dead time; return the fit if it is adequate and the dead time within the timing error.
 
-    Triggers, filters and integrators of real rigs come a little late: that is no missing physics. Not tried where what is
-    left, of this `size`, SI, is more than so little can do.
+    Triggers, filters and integrators of real rigs are slightly late, which is no missing physics. This is not tried if
+    the residual's `size`, SI, is larger than such a dead time could cause.
     """
     fit, share = base.calibration, SURELY_LATE * TIMING  # of a sample
     if Delay.name in fit.plant.effect_names or Delay.name not in {effect.name for effect in problem.effects}:
@@ -151,26 +152,26 @@ def _answering_late(base: Candidate, problem: DiagnosisProblem, size: float) -> 
 
 
 def _simulated(base: Candidate, problem: DiagnosisProblem) -> list[np.ndarray]:
-    """Readings of the base plant on the fitted part of each experiment, SI."""
+    """Return the base plant's readings in the fitted part of each experiment, SI."""
     readings = readings_of_fit(problem.fitted, base.calibration.residuals)
     return np.split(readings, np.cumsum([part.size for part in problem.fitted])[:-1])
 
 
 def _leaves_nothing(whole: Calibration, base: Candidate, problem: DiagnosisProblem) -> bool:
-    """Return whether a fit leaves nothing that counts of either part."""
+    """Return whether a fit is adequate in fitted and in held-out data."""
     left = [free_run_residuals(whole.plant, parts) for parts in (problem.fitted, problem.unseen)]
     error = whole.plant.rig.model_error
     return all(r is not None and excess_of(r, base.noise, error).within_error for r in left)
 
 
 def _size(left: Leftover) -> float:
-    """Rms beyond the noise of the fitted or the held-out part, whichever is larger."""
+    """Return the larger of the rms residuals beyond noise in fitted and in held-out data."""
     powers = [np.mean(left.residual[p] ** 2) for p in (left.fitted, ~left.fitted) if p.any()]
     return float(np.sqrt(max(max(powers) - left.noise**2, 0.0)))
 
 
 def _is_certain(left: Leftover, white: np.ndarray, least: float) -> bool:
-    """Return whether the residual of either part is too large for any noise."""
+    """Return whether the residual of fitted or held-out data is too large for noise."""
     for part in (left.fitted, ~left.fitted):
         if part.any():
             noise = left.noise**2 * white[part].mean() * (1.0 + SCATTER * np.sqrt(2.0 / part.sum()))
@@ -206,7 +207,7 @@ def _statistics(law: Law, left: Leftover, scores: Scores, groups: np.ndarray) ->
 def _seen(
     law: Law, left: Leftover, practical: float, known: Sequence[LinearisedResponse]
 ) -> tuple[dict[str, float | None], bool]:
-    """The smallest size of each effect, at the shape that is seen best, and whether any is physical."""
+    """Return the smallest detectable size of each effect, at its best shape, and whether any is physically possible."""
     smallest: dict[str, float | None] = {}
     visible, power = not known, Power(law)
     for response in known:

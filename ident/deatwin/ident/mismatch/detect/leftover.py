@@ -82,7 +82,7 @@ class Leftover:
 
     @property
     def floor(self) -> float:
-        """Mean square that noise and model error account for, SI."""
+        """Return the mean square of noise and model error, SI."""
         return self.noise**2 + self.model_error**2
 
     @property
@@ -173,7 +173,7 @@ def _fitted(problem: DiagnosisProblem, parts: Sequence[Part]) -> np.ndarray:
 
 
 def _held(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:
-    """Readings under the first command of each experiment, held throughout; None if the plant fails."""
+    """Return the readings if each experiment's first command were held throughout; None if the plant fails."""
     pieces = []
     for part in parts:
         records = part.experiment.recordings
@@ -184,7 +184,7 @@ def _held(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:
 
 
 def _alike(values: np.ndarray, parts: Sequence[Part]) -> np.ndarray:
-    """Values of each further reading brought onto the range of the first one, as what is a function of both takes it."""
+    """Scale each further reading to the range of the first one."""
     edges = np.cumsum([0, *(part.size for part in parts)])
     names = np.repeat([part.reading for part in parts], np.diff(edges))
     low, high = float(values[names == ""].min()), float(values[names == ""].max())

@@ -1,16 +1,16 @@
-"""Residuals as they would be if nothing were missing: a parametric bootstrap whose refit is linearised.
+"""Residuals of an adequate plant, drawn by a parametric bootstrap [2]_ with a linearised refit.
 
-A drawn residual is sensor noise and an error of the plant's own equations, less what a refit to its fitted part takes
-up to first order: e* - J J+ e*.
+A drawn residual e* is sensor noise and model error, minus the part that a refit to the fitted data removes to first
+order: e* - J J+ e*.
 
-The noise has the level of the floor and the colour of the residual above the band in which the plant moves: white, or
-autoregressive of the order that Schwarz' criterion chooses, by Whittle's likelihood [1]_.
+The noise has the estimated level, and the colour of the residual above the band in which the plant moves: white, or
+autoregressive with the order chosen by Schwarz' criterion, by Whittle's likelihood [1]_.
 
 The model error is a smooth random function of the simulated reading and of its past: a polynomial of low degree in the
-reading and in the reading passed through a lag, from two samples to a tenth of the record long, the variance of a term
-falling by half with each degree. That is what a refitted reduced plant leaves of a finer one: the static part of the
-error is taken up by the parameters, and what remains is smooth in the motion and remembers it. After the refit its mean
-square is the stated one on average; a single draw may have half or twice as much, as nobody knows it better.
+reading and in the lagged reading, with lags from two samples to a tenth of the record. The variance of a term halves
+with each degree. The difference between a refitted reduced plant and a finer one is of this kind: the parameters absorb
+its static part, and the rest is smooth in the motion and its past. After the refit its mean square is the stated one on
+average; a single draw may have half or twice as much, because it is not known better.
 
 References
 ----------
@@ -30,14 +30,14 @@ from deatwin.ident.mismatch.detect.leftover import Leftover
 
 ORDERS = (0, 1, 2, 3)
 STABLE = 1.0 - 1e-4
-"""Largest partial correlation of the noise: at 1, to which a hyperbolic tangent rounds, it would ring for ever."""
+"""Largest partial correlation of the noise; at 1, to which a hyperbolic tangent rounds, it would never decay."""
 MOVING = 0.995
-"""Share of the simulated readings' power below the frequency from which the residual tells the noise's colour,"""
+"""Share of the simulated readings' power below the frequency above which the noise's colour is estimated;"""
 QUIET_BAND = 0.6
-"""which is at most this share of the Nyquist frequency."""
+"""that frequency is at most this share of the Nyquist frequency."""
 SEGMENT_SAMPLES = 256
 SHORTEST_SAMPLES = 64
-"""A record with fewer sound samples says nothing of the spectrum."""
+"""Smallest number of sound samples from which a spectrum is estimated."""
 DEGREE = 4
 MEMORIES = 6
 """Number of lags of the model error's memory, of which a draw has one."""
@@ -59,7 +59,7 @@ class Refit:
     Attributes
     ----------
     white : ndarray, shape (n,)
-        Variance that white noise of unit variance has after it: less where it was fitted, more where it was not.
+        Variance of unit white noise after the refit: smaller in fitted data, larger in held-out data.
     """
 
     def __init__(self, left: Leftover) -> None:
@@ -143,7 +143,7 @@ class _ModelError:
 
 
 def error_terms(left: Leftover) -> tuple[np.ndarray, np.ndarray]:
-    """Terms whose sum with standard normal weights is a model error before the refit.
+    """Return the basis of the Gaussian prior on the model error, before the refit.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ def error_terms(left: Leftover) -> tuple[np.ndarray, np.ndarray]:
 
 
 def colour(left: Leftover) -> tuple[np.ndarray, float]:
-    """The colour of the noise, as the residual shows it above the band of the motion.
+    """Estimate the colour of the noise from the residual above the band of the motion.
 
     Parameters
     ----------
@@ -223,7 +223,7 @@ def _gain(filtering: np.ndarray, frequency: np.ndarray) -> np.ndarray:
 
 
 def _welch(left: Leftover) -> tuple[np.ndarray, np.ndarray, float]:
-    """Spectrum of the residual at frequencies in cycles a sample, and of how many periodograms it is the mean."""
+    """Return frequencies (cycles per sample), spectrum of the residual, and the number of averaged periodograms."""
     from scipy.signal import welch
 
     longest = max(r.stop - r.start for r in left.records)
@@ -234,7 +234,7 @@ def _welch(left: Leftover) -> tuple[np.ndarray, np.ndarray, float]:
     for r in records:
         frequency, density = welch(left.residual[r], 1.0, nperseg=segment)
         total, weight = total + density * (r.stop - r.start), weight + (r.stop - r.start)
-    # Half-overlapping Hann segments: as many independent ones as the record holds, and neighbouring lines share.
+    # Half-overlapping Hann segments correlate, so the independent ones are counted.
     return frequency[1:-1], total[1:-1] / weight, max(1.0, weight / segment)
 
 

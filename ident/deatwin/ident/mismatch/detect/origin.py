@@ -1,12 +1,11 @@
-"""Does the residual belong to the plant, or did something act on it that no model of the plant can know?
+"""Test whether a residual belongs to the plant or to a disturbance that no model of the plant can predict.
 
-First the forms are taken out that physics of the catalogue may have though they do not come back with the command: slow
-drifts of level and gain, steps of either, what depends on the farthest motion so far, tones. What then is left must be
-as large as a mismatch, else nothing is said. Where commands were repeated, it comes back with them if it is the plant's
-and does not if it is a disturbance's. Without repeats only the weaker question is left whether it can be predicted, in
-parts of the recordings that the predictor has not seen, from the command, from the motion and from what they were:
-neither its value nor its size may be. Of white noise the size may be, as where a sensor's noise grows with the reading:
-no plant leaves what has no memory at all. Between the bounds nothing is decided.
+First, patterns are removed that the catalogue's physics may cause although they do not repeat with the command: slow
+drifts and steps of level and gain, effects of the largest motion so far, and tones. Nothing is concluded if less than a
+mismatch remains. If commands were repeated, the remainder repeats with them if it belongs to the plant. Without repeats
+there is only a weaker test: a disturbance cannot be predicted, in parts that the predictor has not seen, from command,
+motion and their past; neither can its size. White noise is a disturbance even if its size can be predicted, as for
+noise that grows with the reading, because a plant's residual has memory. Between the bounds nothing is decided.
 """
 
 from __future__ import annotations
@@ -25,11 +24,12 @@ from deatwin.ident.mismatch.result import OriginSummary
 from deatwin.ident.soundness import neighbours_deviation
 
 FOREIGN, OWN = 0.3, 0.5
-"""A residual of which certainly less comes back is a disturbance's; of which certainly more, the plant's."""
+"""A residual is a disturbance if certainly less than the first share repeats, the plant's if certainly more than the
+second."""
 UNPREDICTED = 0.1
 """Largest predictable share of a disturbance, if there are no repeats."""
 COSINES = 8
-"""Half periods of the slowest wave over an experiment, up to which a change of level or gain is a drift."""
+"""Number of slow cosines per experiment that count as drift of level or gain."""
 STEPS, TONES = 2, 3
 STEP_TIMES = 60
 FOLDS = 6
@@ -38,9 +38,9 @@ RIDGES = 10.0 ** np.arange(-3, 4)
 PLAYS = (0.05, 0.2)
 """Widths of two play operators, as shares of the range of the motion."""
 BOUND = 2.0
-"""Standard deviations of the jackknife on either side."""
+"""Half width of the bounds, in standard deviations of the jackknife."""
 FEWEST_SECONDS, FEWEST_SAMPLES = 20.0, 200
-"""Of recordings without repeats, from which anything is concluded."""
+"""Smallest duration and number of samples of recordings without repeats from which anything is concluded."""
 
 
 class Origin(Enum):
@@ -127,7 +127,7 @@ def origin_of(left: Leftover, repeats: Repeats | None, practical: float) -> Orig
     if repeats is not None:
         found = repeatability(rest, repeats, left.noise)
         low, share, high = found.low, found.share, found.high
-        # A residual that comes back upside down does come back.
+        # A residual that repeats with the opposite sign repeats.
         foreign, own, by = max(high, -low) < FOREIGN, low > OWN, "repeats"
     else:
         terms = _predictors(left)
@@ -204,7 +204,7 @@ def _farthest(left: Leftover) -> np.ndarray:
 
 
 def _best_step(left: Leftover, rest: np.ndarray, basis: np.ndarray, moves: np.ndarray) -> np.ndarray:
-    """A step of level and one of gain at the time at which they explain most."""
+    """Return a step of level and one of gain at the time at which they explain most."""
     best, gain = np.zeros((rest.size, 2)), 0.0
     for position in np.linspace(0, rest.size, STEP_TIMES + 2)[1:-1].astype(int):
         after = np.zeros(rest.size)
@@ -240,7 +240,7 @@ def _orthonormal(columns: np.ndarray) -> np.ndarray:
 
 
 def _predictors(left: Leftover) -> np.ndarray:
-    """Return signals that a plant could make of the command: motion, its past, rates, their signs, play."""
+    """Return predictors that a plant could form from the command: motion, its past, rates, their signs, backlash."""
     reading, command = left.readings, left.commands
     rate = np.concatenate([np.gradient(reading[r]) if reading[r].size > 1 else 0 * reading[r] for r in left.records])
     drive = np.concatenate([np.gradient(command[r]) if command[r].size > 1 else 0 * command[r] for r in left.records])
@@ -280,10 +280,10 @@ def _play(signal: np.ndarray, width: float) -> np.ndarray:
 
 
 def _predictable(values: np.ndarray, terms: np.ndarray, noise: float) -> tuple[float, float, float]:
-    """Share of the variance beyond the noise that ridge regression predicts in folds that it has not seen, and bounds.
+    """Return the share of the variance beyond noise that ridge regression predicts in unseen folds, and bounds.
 
-    The bounds are from a jackknife over the folds; the upper one is the largest of all penalties, so that nothing
-    passes for unpredictable since the penalty that happened to do best predicts nothing at all.
+    The bounds come from a jackknife over the folds. The upper one is the largest over all penalties, so that a residual
+    does not count as unpredictable because of the choice of the penalty.
     """
     folds = np.minimum(np.arange(values.size) * FOLDS // values.size, FOLDS - 1)
     grams = [terms[folds == k].T @ terms[folds == k] for k in range(FOLDS)]

@@ -1,9 +1,9 @@
-"""The closure test: is what enters at a place a repeatable function of the signals there?
+"""Closure test: is an unknown force at a place a repeatable function of the signals there?
 
-Several places of one input and one output take up a residual equally well, each with a course of its own. At the right
-one that course is a simple function of the signal there and of its past, and the same function in all records. So for
-each place a few of the `features` are chosen on one part of the recordings, by orthogonal matching pursuit through the
-plant's linearised answers to them, beside the base parameters; the residual of the other part judges.
+With one input and one output, forces at several places can explain a residual equally well. At the right place the force
+is a simple function of the signal there and of its past, and the same function in all records. So for each place a few
+`features` are chosen on one part of the recordings, by orthogonal matching pursuit through the plant's linearised
+responses, beside the base parameters. They are judged by the residual of the other part.
 
 References
 ----------
@@ -40,16 +40,16 @@ STEADY = 1e-6
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Regression:
-    """A residual, and what may explain it at one place.
+    """A residual, and regressors at one place.
 
     Parameters
     ----------
     residual : ndarray, shape (n,)
         Measured minus simulated, means of some samples, SI.
     parameters : ndarray, shape (n, n_p)
-        Answers to the base parameters, each of length one.
+        Responses to the base parameters, normalised to length one.
     answers : ndarray, shape (n, n_features)
-        To the features, each of length one.
+        Responses to the features, normalised to length one.
     fold : ndarray of int, shape (n,)
         Number of the stretch.
     readings : int
@@ -124,7 +124,7 @@ def regressions(linears: Sequence[Linear]) -> tuple[Regression, ...]:
 
 
 def closure(regression: Regression) -> Closure:
-    """Learn on one part, judge on the other, and the other way round.
+    """Fit on one part and judge on the other, and vice versa.
 
     Parameters
     ----------
@@ -150,9 +150,9 @@ def closure(regression: Regression) -> Closure:
 
 
 def closure_p_value(regressions_: Sequence[Regression], rng: np.random.Generator) -> float:
-    """Chance that a residual which has nothing to do with the signals would close as well, at whichever place.
+    """Return the probability that a residual independent of the signals is predicted as well, at any place.
 
-    The residual is turned round by random times against signals and parameters, which keeps its own correlation.
+    The residual is shifted cyclically by random times, which preserves its own correlation.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def closure_p_value(regressions_: Sequence[Regression], rng: np.random.Generator
 
 
 def _pursuit(residual: Array, parameters: Array, answers: Array) -> list[int]:
-    """Features in the order in which each takes most from what is left."""
+    """Return the features in the order in which each reduces the residual most."""
     across = tangent_basis(parameters)
     left, new = taken_off(residual, across), taken_off(answers, across)
     lengths = np.linalg.norm(answers, axis=0)
@@ -196,7 +196,7 @@ def _pursuit(residual: Array, parameters: Array, answers: Array) -> list[int]:
 
 
 def _nested_fits(columns: Array, target: Array, count: int) -> list[Array]:
-    """Least squares on all columns but the last `count`, and on one more at a time."""
+    """Return least-squares fits with all but the last `count` columns, then with one more at a time."""
     first = columns.shape[1] - count
     steady = np.vstack([columns, STEADY * np.eye(columns.shape[1])])
     q, r = np.linalg.qr(steady)
@@ -205,7 +205,7 @@ def _nested_fits(columns: Array, target: Array, count: int) -> list[Array]:
 
 
 def _means(values: Array, size: int) -> Array:
-    """Means of so many samples each; those left over at the end are left out."""
+    """Return means of blocks of samples; an incomplete block at the end is dropped."""
     count = values.shape[0] // size
     return np.asarray(values[: count * size].reshape(count, size, *values.shape[1:]).mean(axis=1))
 

@@ -154,9 +154,9 @@ class Places(Described):
 def locate_place(base: Candidate, problem: DiagnosisProblem, rng: np.random.Generator) -> Places:
     """Open one place of the plant after the other.
 
-    Two questions are asked of each. How much likelier are the readings if something wanders there? And is what enters
-    a repeatable function of the signals there? The second ranks the places, since with one input and one output the
-    first is answered alike by several.
+    For each place, two quantities are computed: how much likelier the readings are with a random force there, and
+    whether that force is a repeatable function of the signals there. The second one ranks the places, because with one
+    input and one output several places have the same likelihood.
 
     Parameters
     ----------
@@ -209,8 +209,7 @@ def locate_place(base: Candidate, problem: DiagnosisProblem, rng: np.random.Gene
 
 
 def _openings(plant: Plant) -> tuple[Opening, ...]:
-    """Signals, where the rig declares some besides command and reading; else parameters and states as well. A model that
-    was written elsewhere shows its reading alone."""
+    """Return the declared signals of a rig; without any, its parameters and states; for a foreign model, its reading."""
     if not plant.rig.equations_known:
         return ()
     offered = places(plant)
@@ -226,7 +225,7 @@ def _gains(linears: Sequence[Linear], floor: Floor) -> list[float]:
 
 
 def _as_good(one: Closure, best: Closure) -> bool:
-    """By signed ranks of the differences, which single bursts of the residual do not decide."""
+    """Compare two places by signed ranks, which are robust to single bursts of the residual."""
     from scipy.stats import wilcoxon
 
     worse = one.losses - best.losses

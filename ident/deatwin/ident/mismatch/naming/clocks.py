@@ -1,4 +1,4 @@
-"""Effects that run by one clock: one mechanism that acts at two places looks like two of the catalogue's."""
+"""Effects with one common time constant: one mechanism that acts at two places looks like two effects."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.plant.calibrated import TWO_SIDED_95
 
 DRIFTS = frozenset({"permittivity_drift", "prestretch_relaxation", "sensor_drift"})
-"""They follow the clock by the same law, an exponential."""
+"""Effects that follow the clock by the same law, an exponential."""
 INTERVAL = 2.0 * TWO_SIDED_95
-"""Deviations from one end of a 95 % interval to the other."""
+"""Width of a 95 % interval, in standard deviations."""
 
 
 def of_one_clock(candidate: Candidate) -> tuple[str, ...]:
-    """Two drifts of an explanation whose times are rather one time than two, or none.
+    """Return two drifts of an explanation that probably have one common time constant, or an empty tuple.
 
-    A film that stiffens with age sags less and gains less: a drift of the zero and one of the permittivity, which no two
-    mechanisms would make at one rate. With d for the difference of the logarithms of both times and s for its deviation,
+    A film that stiffens with age sags less and gains less, which looks like a drift of the zero and one of the
+    permittivity; two independent mechanisms would not have equal rates. With d for the difference of the logarithms of both times and s for its deviation,
     their densities are N(0, s²) for one clock, and N(0, 2 r²) for two whose rates have the deviation r beforehand.
 
     Parameters
     ----------
     candidate : Candidate
-        Of any effects.
+        Candidate with any effects.
 
     Returns
     -------
     tuple of str
-        Names of two effects.
+        Names of the two effects.
     """
     fit = candidate.calibration
     times = {name: _time(fit, name) for name in candidate.effects if name in DRIFTS and f"{name}.time" in fit.names}
@@ -45,6 +45,6 @@ def of_one_clock(candidate: Candidate) -> tuple[str, ...]:
 
 
 def _time(fit: Calibration, name: str) -> tuple[float, float]:
-    """Logarithm of an effect's time, and its deviation."""
+    """Return the logarithm of an effect's time constant, and its standard deviation."""
     low, high = np.log(fit.interval(f"{name}.time"))
     return float(np.log(fit.plant.parameters[f"{name}.time"].value)), float(high - low) / INTERVAL

@@ -12,16 +12,16 @@ from deatwin.ident.mismatch.problem import DiagnosisProblem
 
 
 def contribution(problem: DiagnosisProblem, explanation: Calibration, added: Sequence[str]) -> np.ndarray:
-    """Return what added effects do to the readings of the plant that was fitted with them.
+    """Return the contribution of added effects to the readings of the plant fitted with them.
 
     Parameters
     ----------
     problem : DiagnosisProblem
         Recordings.
     explanation : Calibration
-        With the effects, on the fitted part.
+        Fit with the effects.
     added : sequence of str
-        Their names.
+        Names of the effects.
 
     Returns
     -------
@@ -38,7 +38,7 @@ def contribution(problem: DiagnosisProblem, explanation: Calibration, added: Seq
 
 
 def readings_of_fit(parts: Sequence[Part], residuals: np.ndarray) -> np.ndarray:
-    """Return what the plant reads that left these residuals.
+    """Return the simulated readings that belong to residuals.
 
     Parameters
     ----------

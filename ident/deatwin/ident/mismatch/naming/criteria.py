@@ -10,42 +10,42 @@ from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.plant.parameters import Parameter
 
 MOST = 0.5
-"""Share of the mismatch's energy that an explanation takes away: a base plant that is nearly adequate becomes so with
-any effect."""
+"""Share of the mismatch's power that an explanation must remove: a nearly adequate base plant becomes adequate with any
+effect."""
 TRIFLE = 0.05
-"""Share of the mismatch's energy below which a further effect mends what another one does to the plant's own error."""
+"""Share of the mismatch's power below which a further effect may only correct the model error."""
 NEARLY_ALL = 0.9
-"""Share of the explainable power that effects take away whose law alone may be to blame for the rest: the law of a
-mechanism is right to about 30 % of what it contributes at worst, which is 9 % of its power. What takes less imitates, or
-is not alone."""
+"""Share of the explainable power above which the remainder may be an error in the effects' laws. At worst the law of a
+mechanism is right to about 30 % of its contribution, which is 9 % of its power. A set that removes less imitates
+something else, or is incomplete."""
 ACTING = 0.5
-"""Share of the fall of the rms residual, that the effects of an explanation must do by themselves at least; where the
-fit without them has found its minimum it is all, by the triangle inequality."""
+"""Smallest contribution of the effects, as a share of the fall of the rms residual. If the fit without them is at its
+minimum, the share is at least 1, by the triangle inequality."""
 
 SUFFICIENT = ((0.8, 0.95), (1.5, 3.0))
-"""A model error is not known to the digit, and the law of a mechanism not to the last term: an explanation that takes
-away so large a share of the mismatch's energy suffices if it leaves no more than so many times that error; between the
-two shares the limit rises evenly."""
+"""Shares of the mismatch's power that an explanation removes, and how many times the model error it may then leave,
+because neither the model error nor the law of a mechanism is known exactly. The limit is interpolated linearly between
+the two shares."""
 
 
 def gained(candidate: Candidate, less: Candidate) -> float:
-    """Mean square by which a candidate leaves less than one with fewer effects.
+    """Fall of the mean square residual due to some effects.
 
     Parameters
     ----------
     candidate, less : Candidate
-        With and without some effects.
+        With and without these effects.
 
     Returns
     -------
     float
-        Square of the residual's unit; what returns where those effects are taken out.
+        In the square of the residual's unit.
     """
     return float(less.losses.mean() - candidate.losses.mean())
 
 
 def takes_most(candidate: Candidate, base: Candidate) -> bool:
-    """Return whether a candidate takes away most of what is more than noise.
+    """Return whether a candidate removes most of the residual's power beyond noise.
 
     Parameters
     ----------
@@ -60,11 +60,11 @@ def takes_most(candidate: Candidate, base: Candidate) -> bool:
 
 
 def acts(candidate: Candidate, base: Candidate) -> bool:
-    """Return whether it is the effects of a candidate that make its fit better.
+    """Return whether the effects of a candidate, not its refitted parameters, make the fit better.
 
-    A fit with an effect may be better than one without for no merit of the effect: the fit without it had not found
-    its minimum. Then the effect does less by itself than the residual fell; from a minimum it cannot. An interval of
-    its strength would not tell, since a strength may be tied to a time of the effect.
+    If the fit without an effect has not reached its minimum, a fit with the effect may be better although the effect
+    does little. Its contribution is then smaller than the fall of the residual, which is impossible from a minimum. An
+    interval of the strength is no substitute, because a strength may be correlated with a time constant of the effect.
 
     Parameters
     ----------
@@ -80,20 +80,21 @@ def acts(candidate: Candidate, base: Candidate) -> bool:
 
 
 def held_back_by(candidate: Candidate) -> tuple[str, ...]:
-    """Parameters of the plant whose ranges cost an explanation more than the practical size.
+    """Parameters of the plant at a bound that costs an explanation more than the practical size.
 
-    What else is missing bends the plant until its parameters end where no film is. A bound that nothing presses on, as
-    of a parameter that the readings hardly depend on, is none.
+    Further missing physics drives parameters of the plant to physically implausible values. A bound does not count if
+    the fit would hardly improve beyond it.
 
     Parameters
     ----------
     candidate : Candidate
-        Of any effects.
+        Candidate with any effects.
 
     Returns
     -------
     tuple of str
-        Those that the fit would take out of their ranges, if it left so much less then, to first order; else none.
+        Parameters that the fit would take beyond their ranges, if to first order that improved it by more than the
+        practical size; else empty.
     """
     fit, added = candidate.calibration, tuple(f"{name}." for name in candidate.effects)
     ended = {name for name in fit.at_bound if not name.startswith(added)}
@@ -108,26 +109,25 @@ def held_back_by(candidate: Candidate) -> tuple[str, ...]:
 
 
 def _inwards(parameter: Parameter) -> float:
-    """The sign of a change of its coordinate that takes a parameter, which lies at a bound, into its range."""
+    """Return the sign of the change of the coordinate that moves a parameter from its bound into its range."""
     rising = float(np.sign(parameter.scale.slope(parameter.value)))
     return rising if parameter.is_low else -rising
 
 
 def share_explained(after: Excess, before: Excess) -> float:
-    """Share of the explainable energy of a mismatch that was taken away.
+    """Share of the explainable power of a mismatch that was removed.
 
-    No effect can explain the sensor's noise or the plant's own error.
+    Noise and model error cannot be explained by any effect.
 
     Parameters
     ----------
     after, before : Excess
-        What is left with and without effects; the model error is that of the first.
+        Residual with and without effects; the model error is that of `after`.
 
     Returns
     -------
     float
-        1 where no more than noise and model error is left; negative where it is worse than before; 0 where there was
-        nothing to explain.
+        1 if no more than noise and model error is left, negative if the residual grew, 0 if there was nothing to explain.
     """
     error = after.model_error**2
     if before.size**2 <= error:
@@ -136,9 +136,9 @@ def share_explained(after: Excess, before: Excess) -> float:
 
 
 def errs_by_its_law(candidate: Candidate, base: Candidate) -> bool:
-    """Return whether what a candidate leaves of the fitted part may be no more than the error of its effects' laws.
+    """Return whether the fitted residual of a candidate may come from errors in its effects' laws.
 
-    The held-out part says nothing of that: a slow effect whose law is not quite right errs more where it is extrapolated.
+    Held-out data are not considered: a slow effect with a slightly wrong law errs more if it is extrapolated.
 
     Parameters
     ----------
@@ -153,12 +153,12 @@ def errs_by_its_law(candidate: Candidate, base: Candidate) -> bool:
 
 
 def asks(after: Excess, before: Excess) -> bool:
-    """Whether a part of the recordings has anything to explain: something is missing there, with an explanation or not.
+    """Return whether a part of the recordings shows a mismatch, with or without the explanation.
 
     Parameters
     ----------
     after, before : Excess
-        Of the part, with the explanation and without.
+        Residual in this part, with and without the explanation.
 
     Returns
     -------
@@ -168,9 +168,9 @@ def asks(after: Excess, before: Excess) -> bool:
 
 
 def explained(candidate: Candidate, base: Candidate) -> float:
-    """Share of the explainable energy of the mismatch that a candidate takes away, on the part where it takes less.
+    """Smaller of the shares of explainable power that a candidate removes from the fitted and from the held-out data.
 
-    A part on which neither leaves a certain mismatch has nothing to explain, and is passed over.
+    A part without a certain mismatch has nothing to explain, and is left out.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def explained(candidate: Candidate, base: Candidate) -> float:
     Returns
     -------
     float
-        As `share_explained`.
+        See `share_explained`.
     """
     parts = [(candidate.fitted_test, base.fitted_test), (candidate.unseen_test, base.unseen_test)]
     asked = [(after, before) for after, before in parts if asks(after, before)] or parts
@@ -188,7 +188,7 @@ def explained(candidate: Candidate, base: Candidate) -> float:
 
 
 def suffices(candidate: Candidate, base: Candidate) -> bool:
-    """Return whether a candidate explains the recordings as far as anybody knows the plant's own error.
+    """Return whether a candidate is adequate within the uncertainty of the model error.
 
     Parameters
     ----------
@@ -208,7 +208,7 @@ def suffices(candidate: Candidate, base: Candidate) -> bool:
 
 
 def is_near_model_error(left: Excess) -> bool:
-    """Return whether a residual is what a model error may leave that is not known to the digit.
+    """Return whether a residual is within the uncertainty of the model error.
 
     Parameters
     ----------

@@ -9,20 +9,21 @@ from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.refit.fitted import fitted_effect
 
 QUARTER = 0.25
-"""Of a cycle: from where it is steepest to its end a sine leaves the chord by a fifth of its rise, as any drift may."""
+"""Share of a cycle that must be recorded. From its steepest point to its peak a sine departs from the chord by a fifth of
+its rise, as any drift may."""
 
 
 def shows_its_cycles(candidate: Candidate, parts: Sequence[Part]) -> bool:
-    """Return whether some experiment lasts for a quarter of each cycle that the effects of a candidate follow.
+    """Return whether an experiment lasts for a quarter of each cycle of a candidate's effects.
 
-    A smaller part of a cycle, with a period and a phase that are free, is any slow curve.
+    With a free period and phase, a smaller part of a cycle can imitate any slow curve.
 
     Parameters
     ----------
     candidate : Candidate
         Fitted.
     parts : sequence of Part
-        Recordings; a cycle whose course was measured in each of them is seen.
+        Recordings; a cycle that was measured in each of them counts as shown.
 
     Returns
     -------
@@ -36,5 +37,5 @@ def shows_its_cycles(candidate: Candidate, parts: Sequence[Part]) -> bool:
 
 
 def _measured(part: Part) -> set[str]:
-    """Further channels of an experiment: the plant holds their last values where a record has none."""
+    """Return the names of the further channels of an experiment."""
     return {name for record in part.experiment.recordings for name in record.extras}

@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 
 Distances = dict[tuple[object, ...], tuple[tuple[Any, ...], float]]
-"""By the ids of two fits, which the arguments of the distance beside it keep in memory, noise and steps."""
+"""Known distances by the ids of both fits, noise and steps; the arguments are stored, so that the ids stay valid."""
 STRONG = float(np.log(20.0))
-"""An explanation stands alone where no alternative's evidence is within this, in nats (Kass & Raftery 1995: strong)."""
+"""Log evidence ratio, in nats, beyond which an alternative is excluded (Kass & Raftery 1995: strong evidence)."""
 CREDIBLE = 0.95
-"""Together with its alternatives it holds at least so much of the probability: many weak alternatives make one strong doubt."""
+"""Probability that the best explanation and its alternatives must hold together: many weak alternatives count, too."""
 ALTERNATIVE_SHARE = 0.5
-"""An alternative whose distance is not known is also kept while its error differs by less than this share of the model's."""
+"""An alternative of unknown distance is kept if its residual differs by less than this share of the model error."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -233,10 +233,10 @@ def decide(
     good: Callable[[Candidate], bool],
     possible: Callable[[Candidate], bool],
 ) -> Naming:
-    """The best of one stage, and the ones that cannot be ruled out beside it.
+    """Choose the best candidate of one stage, and the alternatives that cannot be excluded.
 
-    The best must explain the recordings by itself, in absolute terms. An alternative need not: what is nearly as likely, or
-    likelier, is not ruled out by a limit that the best keeps by a hair.
+    The best candidate must be adequate. An alternative need not be: a candidate that is nearly as likely, or likelier, is
+    not excluded by a limit that the best one meets by a small margin.
 
     Parameters
     ----------
@@ -272,7 +272,7 @@ def decide(
 
 
 def _probabilities(competing: Sequence[Candidate]) -> dict[tuple[str, ...], float]:
-    """Return the probabilities of explanations that were equally likely before the recordings."""
+    """Return the probabilities of explanations with equal prior probability."""
     if not competing:
         return {}
     first = likeliest(competing)
@@ -282,7 +282,7 @@ def _probabilities(competing: Sequence[Candidate]) -> dict[tuple[str, ...], floa
 def _credible(
     best: Candidate, others: Sequence[Candidate], probabilities: Mapping[tuple[str, ...], float]
 ) -> list[Candidate]:
-    """The likeliest of `others` that are needed beside the best one to hold enough of the probability of all these."""
+    """Return the likeliest of `others` that hold, with the best one, enough of the total probability."""
     weights = np.array([probabilities[c.effects] for c in (best, *others)])
     before = np.cumsum(weights)[:-1]
     return [c for c, held in zip(others, before, strict=True) if held < CREDIBLE * weights.sum()]
@@ -296,10 +296,10 @@ def with_distances(
     distance: Callable[..., float] = separation,
     known: Distances | None = None,
 ) -> Naming:
-    """Also keep as alternatives the explanations that these inputs cannot tell from the best, whoever won.
+    """Add, as alternatives, explanations that these inputs cannot distinguish from the best one.
 
-    What is worse by more than the plant's own error has been distinguished, though it need not have been. So has what is
-    far less likely beforehand: the gain of an amplifier hardly drifts by a tenth.
+    Explanations that are worse by more than the model error are not added, nor are those with a far smaller prior
+    probability: the gain of an amplifier hardly drifts by a tenth.
 
     Parameters
     ----------
@@ -326,7 +326,7 @@ def with_distances(
     known = {} if known is None else known
     others = [c for c in stage if c.effects != best.effects and possible(c)]
     alike = [_apart(c, best) <= _model_error(best) for c in others]
-    # Of what the recordings have distinguished the order of magnitude is enough.
+    # For explanations that are clearly distinguished the order of magnitude is enough.
     tasks = [
         (best.calibration, c.calibration, problem.everything, naming.noise, STEPS if close else 0)
         for c, close in zip(others, alike, strict=True)
@@ -352,9 +352,9 @@ def _key(task: tuple[Any, ...]) -> tuple[object, ...]:
 def with_all_distances(
     naming: Naming, problem: DiagnosisProblem, distance: Callable[..., float] = separation
 ) -> Naming:
-    """Return the same answer, with the distances from its best to those alternatives of which none is known yet.
+    """Add the missing distances from the best candidate to its alternatives.
 
-    Evidence alone may have kept them, or another variant of the rig brought them, or another one led before.
+    They are missing if an alternative was kept for its evidence, comes from another rig variant, or was the best before.
 
     Parameters
     ----------
@@ -384,7 +384,7 @@ def _distance(best: Candidate, other: Candidate, d2: float) -> Distance:
 
 
 def cannot_rule_out(alternative: Candidate, best: Candidate) -> bool:
-    """Return whether the recordings leave an alternative possible whose distance from the best is not known.
+    """Return whether an alternative of unknown distance from the best explanation remains possible.
 
     Parameters
     ----------
@@ -403,14 +403,14 @@ def cannot_rule_out(alternative: Candidate, best: Candidate) -> bool:
 
 
 def is_possible(alternative: Candidate, best: Candidate) -> bool:
-    """Return whether an alternative that reads alike is not far less likely beforehand."""
+    """Return whether the prior probability of an alternative is not far smaller."""
     return best.log_prior - alternative.log_prior < STRONG
 
 
 def _apart(alternative: Candidate, best: Candidate) -> float:
-    """Rms by which an alternative leaves more than the best in one of the experiments, SI; 0 where it does in none.
+    """Return by how much, rms, an alternative leaves more than the best in the experiment that distinguishes them most, SI.
 
-    Over all of them together a short one, made to tell the two apart, would count for little.
+    An average over all experiments would hide a short one that was made to distinguish the two.
     """
     return float(np.sqrt(max(float((alternative.mean_squares - best.mean_squares).max()), 0.0)))
 

@@ -1,6 +1,6 @@
 """Answer of a search: the set of effects that explains the recordings, and its alternatives.
 
-Sets that suffice only as far as anybody knows the plant's own error are left for the end.
+Sets that are adequate only within the uncertainty of the model error are considered last.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from deatwin.ident.mismatch.naming.tried import Names, once
 
 _Decision = Callable[[Search, Sequence[Names]], Naming]
 MOST_NEARLY = 2
-"""More effects at once must explain the recordings to the plant's own error: three can bend to nearly anything."""
+"""Largest set that may leave more than the model error: three effects can imitate almost anything."""
 
 
 def decided(search: Search, stage: Sequence[Names]) -> Naming:
-    """The decision over a stage, among those that explain the recordings.
+    """Decide among the adequate sets of a stage.
 
-    It is led by an alternative that is likelier by far and suffices as far as anybody knows the plant's own error: what is
-    improbable beside it keeps a limit by luck.
+    A nearly adequate alternative becomes the best if it is far likelier: a set that is improbable beside it meets the
+    limit by luck.
 
     Parameters
     ----------
     search : Search
-        With what was tried.
+        Search with the sets tried so far.
     stage : sequence of tuple of str
-        Sets of it that compete.
+        Sets that compete.
 
     Returns
     -------
@@ -51,7 +51,7 @@ def decided(search: Search, stage: Sequence[Names]) -> Naming:
 
 
 def decided_surely(search: Search, stage: Sequence[Names]) -> Naming:
-    """The decision over a stage, or over fewer effects where these suffice, fitted from where the best set is.
+    """Decide among a stage, or among smaller sets if these are adequate when refitted from the best set's values.
 
     Parameters
     ----------
@@ -66,9 +66,9 @@ def decided_surely(search: Search, stage: Sequence[Names]) -> Naming:
 
 
 def of_two(search: Search) -> Naming:
-    """The decision over pairs, whether or not a single effect suffices.
+    """Decide among pairs, even if a single effect is adequate.
 
-    Some may have been tried before, beside that one; what may be in the place of their effects is tried, too.
+    Effects that could replace one of a pair are tried, too.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def of_two(search: Search) -> Naming:
 
 
 def nearly(search: Search) -> Naming:
-    """The decision over the smallest sets that suffice as far as anybody knows the plant's own error, or barely.
+    """Decide among the smallest sets that are adequate within the uncertainty of the model error, or barely.
 
     Parameters
     ----------
@@ -113,9 +113,10 @@ def nearly(search: Search) -> Naming:
 
 
 def settled(search: Search, stage: Sequence[Names]) -> Naming:
-    """The decision over a stage by fits to all recordings, among those that nearly explain the fitted part.
+    """Decide among a stage by fits to all recordings, for sets that nearly explain the fitted data.
 
-    Of the held-out part, too, they take away most. Of two effects none is named where the other one is enough.
+    Such a set must also remove most of the mismatch in the held-out data. A pair is rejected if one of its effects is
+    adequate alone.
 
     Parameters
     ----------
@@ -132,21 +133,22 @@ def settled(search: Search, stage: Sequence[Names]) -> Naming:
 
 
 def on_everything(search: Search, naming: Naming) -> Iterator[Naming]:
-    """A decision with the alternatives that all recordings together bring back, for each order in which it may be verified.
+    """Yield a decision with the alternatives that fits to all recordings restore, in each order of verification.
 
-    And with those that its best one has become, and single effects whose laws may do what two do.
+    Alternatives also include what the best candidate becomes at the limit of its range, and single effects whose law
+    error could do the work of a pair.
 
     Parameters
     ----------
     search : Search
         With what was tried.
     naming : Naming
-        The decision over the fitted part.
+        Decision by the fitted data.
 
     Yields
     ------
     Naming
-        As `shown_first` has it; then, where that is another order, as the evidence has it.
+        First in the order of `shown_first`; then in the order of the evidence, if that differs.
     """
     judged = judged_on_everything(naming, search.problem, search.is_possible)
     shown = shown_first(search, judged)
@@ -155,9 +157,9 @@ def on_everything(search: Search, naming: Naming) -> Iterator[Naming]:
 
 
 def shown_first(search: Search, naming: Naming) -> Naming:
-    """A decision, led by an alternative that suffices where the best has a cycle that was hardly recorded.
+    """Put a nearly adequate alternative first if the recordings show too little of the best candidate's cycle.
 
-    Such a cycle imitates any drift.
+    Such a cycle can imitate any drift.
 
     Parameters
     ----------
@@ -167,7 +169,7 @@ def shown_first(search: Search, naming: Naming) -> Naming:
     Returns
     -------
     Naming
-        Also with the alternatives that its new best one cannot rule out.
+        With all alternatives that cannot be excluded beside the new best candidate.
     """
     everything = search.problem.everything
     if naming.best is None or shows_its_cycles(naming.best, everything):
@@ -185,16 +187,15 @@ def shown_first(search: Search, naming: Naming) -> Naming:
 
 
 def _over_all(search: Search, over: _Decision, stage: Sequence[Names], further: Sequence[Names]) -> Naming:
-    """The decision over a stage and `further` sets."""
+    """Decide among a stage and `further` sets."""
     return over(search, once([*stage, *further]))
 
 
 def _surely(search: Search, decision: Callable[[Sequence[Names]], Naming], over: _Decision) -> Naming:
-    """A decision, or the one over fewer effects than its best has, if one of these explains the recordings by now.
+    """Return a decision, or the decision among smaller sets if one of these explains the recordings.
 
-    A rough fit of one effect alone says little of what another one does beside it: what is decided for is fitted once
-    without each of its effects, and decided on again. It may have come out of more effects, and nothing been tried in
-    the place of each: so what acts as that is, and these further sets are decided on, too.
+    Earlier fits of smaller sets may be rough. So the best set is refitted without each of its effects, and the decision
+    is repeated. Effects that act like one of its own are tried in its place, and the decision is repeated with them.
     """
     further: list[Names] = []
     naming, sure = decision(further), set[Names]()
@@ -213,7 +214,7 @@ def _surely(search: Search, decision: Callable[[Sequence[Names]], Naming], over:
 
 
 def _of_none(search: Search, stage: Sequence[Names]) -> Naming:
-    """No decision over fewer effects: those were refuted."""
+    """Decide for no smaller set, because those were refuted."""
     return search.decision((), lambda candidate: False)
 
 

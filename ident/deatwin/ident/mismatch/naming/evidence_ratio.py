@@ -1,20 +1,21 @@
-r"""Comparison of two explanations by the evidence of the recordings.
+r"""Comparison of two explanations by the evidence in the recordings.
 
-Where explanation k is right, alternative l leaves :math:`\delta = r_l - r_k` more than noise and the plant's own error, whose
-covariance :math:`\Sigma` is that of `deatwin.ident.mismatch.advise.difference`. The sums of squared residuals then
-differ by :math:`S = \|r_l\|^2 - \|r_k\|^2`, which is normal about :math:`\|\delta\|^2` with the variance
-:math:`4\,\delta^T\Sigma\,\delta`; where l is right, about :math:`-\|\delta\|^2`. Neither law need be exact: what the
-right one errs by may be as :math:`\delta` in a share :math:`\rho` of its size, which adds
-:math:`(2\rho\,\|\delta\|^2)^2` to that variance. The logarithm of the ratio of both densities is
+Suppose that explanation k is right. The alternative l then leaves :math:`\delta = r_l - r_k` in addition to noise and
+model error, whose covariance :math:`\Sigma` is given by `deatwin.ident.mismatch.advise.difference`. The difference of
+the sums of squares, :math:`S = \|r_l\|^2 - \|r_k\|^2`, is normal with mean :math:`\|\delta\|^2` and variance
+:math:`4\,\delta^T\Sigma\,\delta`. If l is right, the mean is :math:`-\|\delta\|^2`. The law of the right explanation
+may have an error along :math:`\delta`, of a share :math:`\rho` of its size; this adds
+:math:`(2\rho\,\|\delta\|^2)^2` to the variance. The logarithm of the ratio of both densities is
 
 .. math:: \Lambda = \frac{x}{2\,(1/d^2 + \rho^2)}, \qquad x = S / \|\delta\|^2, \qquad
           d^2 = \frac{\|\delta\|^4}{\delta^T\Sigma\,\delta}
 
-with x between -1 and 1: where it is more, both are wrong, and the lesser error is not the more likely for that.
+with x limited to the range from -1 to 1: beyond it both explanations are wrong, and the one with the smaller error is
+not likelier for that.
 
-Evidence by blocks takes every residual for one that stays the same for a block, as the plant's own error does, and so
-hardly sees what two explanations differ in within one: a delay or a lag. It knows better where they are far apart. Of
-both the larger counts.
+The evidence by blocks assumes that residuals are constant within a block, as the model error is. So it hardly sees
+differences that are faster than a block, such as a delay or a lag, but it is more accurate for large differences. The
+larger of both is used.
 """
 
 from __future__ import annotations
@@ -27,11 +28,11 @@ from deatwin.ident.mismatch.advise.difference import Difference
 from deatwin.ident.mismatch.naming.candidate import Candidate
 
 LAW = 1 / 3
-"""Share of what tells two explanations apart, in which the law of the right one may be wrong."""
+"""Error of the right explanation's law, as a share of the difference between two explanations."""
 
 
 def advantage(one: Candidate, other: Candidate) -> float:
-    """Logarithm of the evidence for one explanation over another one.
+    """Log evidence ratio of two explanations.
 
     Parameters
     ----------
@@ -41,8 +42,8 @@ def advantage(one: Candidate, other: Candidate) -> float:
     Returns
     -------
     float
-        In nats, of both parts of the recordings; minus the same with the two exchanged. A parameter costs as much as
-        in `deatwin.ident.mismatch.losses.evidence`.
+        In nats, for fitted and held-out data together; antisymmetric. The cost of a parameter is that of
+        `deatwin.ident.mismatch.losses.evidence`.
     """
     more = len(other.calibration.names) - len(one.calibration.names)
     cost = more / 2 * float(np.log(one.losses.size)) + one.log_prior - other.log_prior
@@ -51,7 +52,7 @@ def advantage(one: Candidate, other: Candidate) -> float:
 
 
 def likeliest(candidates: Sequence[Candidate]) -> Candidate:
-    """The explanation that the recordings speak for most.
+    """Return the likeliest explanation.
 
     Parameters
     ----------
@@ -61,8 +62,8 @@ def likeliest(candidates: Sequence[Candidate]) -> Candidate:
     Returns
     -------
     Candidate
-        The one with the most evidence by itself, unless another one beats it, or one that beats that. Three that beat
-        each other in turn end the search.
+        The one with the most evidence by itself, or one that beats it, or one that beats that one, and so on. The
+        search ends after as many steps as there are candidates, because three may beat each other in turn.
     """
     best = max(candidates, key=lambda c: c.evidence)
     for _ in candidates:

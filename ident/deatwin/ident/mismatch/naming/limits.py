@@ -1,4 +1,4 @@
-"""Explanations that a fit has driven to where they are another effect: the other one is possible, too."""
+"""Explanations fitted to a limit at which they equal another effect: that effect is possible, too."""
 
 from __future__ import annotations
 
@@ -10,27 +10,26 @@ from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.decide import Naming, normalised
 
 ROUNDING = 1e-9
-"""Tolerance of a bound whose logarithm was taken."""
+"""Relative tolerance of a bound on a logarithmic scale."""
 
 
 def with_limits(naming: Naming, possible: Callable[[Candidate], bool]) -> Naming:
-    """Also keep as an alternative what the best explanation has become at the lower end of its range.
+    """Add, as an alternative, the effect that the best explanation becomes at the lower end of its range.
 
-    Hysteresis over ever smaller distances is dry friction: where the fit ends at the smallest, or is not sure to be
-    away from it (95 %), better residuals speak for details of the contact, not for the one name or the other: they are
-    equally likely.
+    Hysteresis over a vanishing distance is dry friction. If the fit ends at the smallest distance, or its 95 % interval
+    includes it, a smaller residual is due to details of the contact; so both names are equally likely.
 
     Parameters
     ----------
     naming : Naming
-        Decided.
+        Decision so far.
     possible : callable
         Whether a candidate could be an alternative.
 
     Returns
     -------
     Naming
-        With each of those as likely as the best.
+        Each added alternative is as likely as the best.
     """
     if naming.best is None:
         return naming
@@ -42,7 +41,7 @@ def with_limits(naming: Naming, possible: Callable[[Candidate], bool]) -> Naming
 
 
 def _become(candidate: Candidate) -> Iterator[frozenset[str]]:
-    """The sets of effects that a candidate may be, besides its own."""
+    """Yield the sets of effects that a candidate may be, besides its own."""
     fit = candidate.calibration
     for effect in fit.plant.effects:
         for parameter, other in effect.becomes.items():
@@ -51,6 +50,6 @@ def _become(candidate: Candidate) -> Iterator[frozenset[str]]:
 
 
 def _may_be_least(fit: Calibration, name: str) -> bool:
-    """Return whether a parameter has ended at the lower end of its range, or is not sure to be above that."""
+    """Return whether a parameter is at the lower end of its range, or its interval includes that."""
     known = fit.plant.parameters[name]
     return (name in fit.at_bound and known.is_low) or fit.interval(name)[0] <= known.lower * (1.0 + ROUNDING)

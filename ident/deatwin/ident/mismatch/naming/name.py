@@ -1,4 +1,4 @@
-"""Search for missing physics: effects are added to the plant one after another until the mismatch is gone."""
+"""Search for missing physics: add effects to the plant, one after another, until the mismatch is explained."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from deatwin.ident.mismatch.naming.variants import in_variant, with_fewer
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 
 MOST_CAUSES = 3
-"""More effects at once are not distinguished."""
+"""Larger sets of effects cannot be distinguished."""
 _InVariant = tuple[Search, list[Names], Naming]
-"""A search in one variant of the plant, the single effects that were tried there, and the decision over them."""
+"""Search in one rig variant, the single effects tried there, and the decision among them."""
 
 
 def name_causes(
@@ -79,10 +79,10 @@ def explanations(
     finished: Finished | None = None,
     fitted: Fitted | None = None,
 ) -> Iterator[Naming]:
-    """Return what `name_causes` finds, then what else explains the recordings, for those who have refuted it.
+    """Yield the answer of `name_causes`, then a second answer in case verification refutes the first.
 
-    A single effect that suffices ends the search. Where it is refuted, it may have imitated two. Where fewer effects
-    were enough in another variant of the plant, there is the answer with more in the variant before.
+    An adequate single effect ends the search, but it may have imitated two effects; then the second answer is a pair.
+    If fewer effects were adequate in another rig variant, the second answer is the larger set in the first variant.
 
     Parameters
     ----------
@@ -92,8 +92,8 @@ def explanations(
     Yields
     ------
     Naming
-        At most two, each in two orders where an effect leads that was hardly recorded; the last one without a best
-        where nothing else explains the recordings.
+        At most two answers; each is yielded in two orders if its best effect shows too little of its cycle. The last
+        one has no best candidate if nothing else explains the recordings.
     """
 
     def tell(number: int, share: float) -> None:
@@ -130,10 +130,11 @@ def _decided_in_variant(search: Search, alternative: Candidate, stage: Sequence[
 
 
 def _with_more(taken: _InVariant, own: _InVariant, tell: Callable[[int, float], None]) -> tuple[Search, Naming]:
-    """The decision over as few effects as explain the recordings, in the variant that was `taken` or the rig file's `own`.
+    """Return the decision among the smallest explaining sets, in the variant `taken` or in the rig file's `own`.
 
-    A variant that explains one of two effects away has none for the other: so fewer effects in the file's variant come before
-    more in the other one. A single one that suffices in the file's variant only is what that other reading does.
+    A wrong variant may replace one of two effects, but not the other. So a smaller set in the file's own variant is
+    preferred to a larger one in `taken`. A single effect that is adequate in the file's own variant only is rejected,
+    because the other variant does the same.
     """
     ways = [(taken[0], _one_after_another(*taken, tell))]
     if own[0] is not taken[0] and own[0].one_takes_most(own[1]):
@@ -156,9 +157,9 @@ def _with_more(taken: _InVariant, own: _InVariant, tell: Callable[[int, float], 
 def _one_after_another(
     search: Search, stage: list[Names], naming: Naming, tell: Callable[[int, float], None]
 ) -> Iterator[Naming]:
-    """The decision `naming` over single effects, then those over further ones beside them; last what nearly explains.
+    """Yield the decision among single effects (`naming`), among larger sets, and last among nearly adequate sets.
 
-    `tell` is called with the number of effects beside the first and the share of it that is done.
+    `tell` is called with the number of added effects and the share of that stage that is done.
     """
     for number in range(1, MOST_CAUSES):
         yield settled(search, stage) if naming.best is None else naming
@@ -171,12 +172,13 @@ def _one_after_another(
 
 
 def _best_variant(variants: Sequence[_InVariant]) -> _InVariant:
-    """The variant in which one effect suffices with the most evidence, or else leaves clearly less.
+    """Return the rig variant in which the search continues.
 
-    Or else one that by itself leaves hardly more than the first variant does with an effect: another reading of the rig
-    costs less than physics. Or else the first. The rig file's own variant is left for strong evidence only, and for the
-    same effects only where the plant's error could not have made it. What suffices in other variants and cannot be ruled
-    out is an alternative.
+    It is the variant with the likeliest adequate effect. If there is none: the variant in which an effect leaves
+    clearly less; else one that leaves, without effects, hardly more than the first variant does with an effect; else
+    the first. The rig file's own variant is given up only for strong evidence, and for the same effects only if the
+    model error could not have caused the difference. Adequate effects of other variants that cannot be excluded are
+    kept as alternatives.
     """
     sufficing = [(naming.best, k) for k, (_, _, naming) in enumerate(variants) if naming.best is not None]
     if not sufficing:

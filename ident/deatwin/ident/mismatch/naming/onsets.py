@@ -1,4 +1,4 @@
-"""Time of an event, found by a plant that was fitted to the recordings before the event."""
+"""Time of an event, found with a plant that was fitted to the openings of the recordings."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
 
 VANISHING = 1e-6
-"""Share of an effect's squared change below which what the parameters leave of it is rounding."""
+"""Share of an effect's squared response below which the part that parameters cannot imitate is rounding."""
 
 
 def event_leads(
@@ -26,26 +26,25 @@ def event_leads(
 ) -> tuple[Lead, ...]:
     """Return what events could explain, each at the time at which it explains most.
 
-    A fit without an event is biased to meet it halfway: its residual may step elsewhere, or the other way. A plant that
-    was fitted to the openings of the recordings only has mostly not seen it. From there all parameters are refitted to
-    all samples to first order (those on a bound, too: it was a bound for the openings), with the event before each of
-    them in turn.
+    A fit without an event is biased: its residual may jump at another time, or in the other direction. A plant that was
+    fitted to the openings of the recordings has mostly not seen the event. From there all parameters, also those at a
+    bound, are refitted to all samples to first order, with the event before each sample in turn.
 
     Parameters
     ----------
     unbiased : Plant
-        Where the fit of the openings begins.
+        Start of the fit of the openings.
     fit : Calibration
-        Of the same effects on all samples.
+        Fit of the same effects to all samples.
     effects : iterable of Effect
-        Those that are no events, or are in the plant, are passed over.
+        Effects to try; those without an event, or already in the plant, are ignored.
     parts : sequence of Part
         Samples that count.
 
     Returns
     -------
     tuple of Lead
-        None of an event with which the plant cannot be simulated, or that explains nothing beyond what `fit` does.
+        Without events that cannot be simulated or explain nothing beyond `fit`.
     """
     events = [effect for effect in effects if effect.event and effect.name not in fit.plant.effect_names]
     near = approach(unbiased, parts) if events else None
@@ -65,15 +64,15 @@ def event_leads(
 def event_lead(
     known: LinearisedResponse, times: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray, rms: float
 ) -> Lead | None:
-    """An event that is there from a time on, at the one at which it explains most.
+    """Return an event at the time at which it explains most.
 
-    Its change of the readings is taken for that of an event before all samples, but for those before the time: what
-    sets in at once is met, what grows from then on is met roughly.
+    Its response is that of an event before all samples, set to zero before its time. That is exact for a sudden change,
+    and rough for one that grows.
 
     Parameters
     ----------
     known : LinearisedResponse
-        Of the event before all samples.
+        Response to the event before all samples.
     times : ndarray, shape (m,)
         Clock times of the readings, in any order, s.
     residuals : ndarray, shape (m,)
@@ -81,13 +80,13 @@ def event_lead(
     jacobian : ndarray, shape (m, n)
         Derivative of what is simulated.
     rms : float
-        Of what a fit without the event leaves, SI: the share that is explained is told of its square, and counts from
-        that or from what is left to first order without the event, whichever is less.
+        Rms residual of a fit without the event, SI. The explained share refers to its square, and is counted from the
+        smaller of it and the first-order residual without the event.
 
     Returns
     -------
     Lead or None
-        None where no time that the event may have explains anything beyond what the fit does.
+        None if no possible time explains anything beyond the fit.
 
     References
     ----------
@@ -116,25 +115,25 @@ def event_lead(
 
 
 def beginning_at_each(change: np.ndarray, residual: np.ndarray, basis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return what the parameters leave of a change that begins at a sample, for each sample.
+    """Return, for each sample, the part of a change beginning there that parameters cannot imitate.
 
-    Sums over the samples from each one on make it one pass for all.
+    Cumulative sums give all samples in one pass.
 
     Parameters
     ----------
     change : ndarray, shape (m,)
-        Of the readings per unit of strength, had it been there all the time.
+        Change of the readings per unit of strength, present from the first sample.
     residual : ndarray, shape (m,)
-        To be explained.
+        Residual to explain.
     basis : ndarray, shape (m, r)
-        Directions that parameters take up, orthonormal.
+        Orthonormal directions that parameters can imitate.
 
     Returns
     -------
     along : ndarray, shape (m,)
-        Its product with the residual.
+        Product of that part with the residual.
     own : ndarray, shape (m,)
-        Its square; 0 where it is rounding. With a strength s it explains 2 s along - s² own of the squared residual.
+        Square of that part; 0 if it is rounding. With a strength s it explains 2 s along - s² own of the squared residual.
     """
 
     def from_each_on(terms: np.ndarray) -> np.ndarray:
@@ -148,6 +147,6 @@ def beginning_at_each(change: np.ndarray, residual: np.ndarray, basis: np.ndarra
 
 
 def _from(effect: Effect, times: np.ndarray) -> Effect:
-    """The event before all samples."""
+    """Return the event at a time before all samples."""
     at = effect.described(effect.event)
     return replace(effect, **{effect.event: float(np.clip(times.min(), at.lower, at.upper))})

@@ -1,4 +1,4 @@
-"""Pairs of which one effect counts for little: less than the plant's own error, or beside one that suffices."""
+"""Pairs in which one effect counts for little: for less than the model error, or beside an adequate single effect."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from deatwin.ident.mismatch.naming.tried import Names
 from deatwin.ident.mismatch.naming.weigh import Scale
 
 BARELY = 0.5
-"""Share of the model error's power below which a second effect does not count; from 1 on it certainly does."""
+"""Share of the model error's power below which a second effect does not count; above 1 it certainly does."""
 BESIDE, TRIED = 3, 4
-"""The likeliest single effects beside which others are looked for, since a promise to first order says the less the
-farther a fit is from what is right; and the pairs that are tried, of those that promise to be likelier."""
+"""Number of the likeliest single effects beside which second ones are sought, because predictions to first order are
+reliable only near a good fit; and largest number of pairs that are tried."""
 
 
 def barely(search: Search) -> Naming:
-    """The decision over pairs that explain the recordings, though one of the two counts for less than the floor.
+    """Decide among pairs that explain the recordings although one effect removes less than the model error.
 
-    What is left without that one is too much for the plant's own error, and what it takes away too little to be
-    certain of it: the other one alone stays an alternative.
+    Without that effect the residual is too large, but its own share is too small to be certain. So the other effect
+    alone remains an alternative.
 
     Parameters
     ----------
     search : Search
-        With what was tried.
+        Search with the sets tried so far.
 
     Returns
     -------
@@ -39,10 +39,10 @@ def barely(search: Search) -> Naming:
 
 
 def with_a_second(search: Search, naming: Naming) -> Naming:
-    """The decision of a search, or where that is a single effect, one over pairs that are likelier by far.
+    """Return the decision of a search or, if it is a single effect, a decision for a pair that is far likelier.
 
-    What suffices alone may imitate two. So the pairs that promise most beside all single effects that were fitted are
-    tried, and weighed against these, whose laws may err.
+    An adequate single effect may imitate two. So the most promising pairs are fitted and compared with the single
+    effects, whose laws may be inexact.
 
     Parameters
     ----------
@@ -54,8 +54,8 @@ def with_a_second(search: Search, naming: Naming) -> Naming:
     Returns
     -------
     Naming
-        As it was, unless a pair is likelier: that one if it is so by far and explains the recordings, else with it as a
-        alternative.
+        A pair that is far likelier and explains the recordings. If a pair is likelier but not so, the given decision
+        with that pair as an alternative; else the given decision.
     """
     first = naming.best
     if first is None or len(first.effects) > 1:
@@ -65,7 +65,7 @@ def with_a_second(search: Search, naming: Naming) -> Naming:
     search.with_each(_promising(search, scale))
     best = max(odds := _odds(search, scale, first), key=odds.__getitem__, default=None)
     if best is not None and odds[best] > STRONG:
-        search.fit_fewer(best)  # a fit given up, or rough, says little of one alone
+        search.fit_fewer(best)  # earlier fits of single effects may be rough
         search.replacing(best, best)
         odds = _odds(search, scale, first)
     surely = [search.tried[names] for names, value in odds.items() if value > STRONG]
@@ -78,7 +78,7 @@ def with_a_second(search: Search, naming: Naming) -> Naming:
 
 
 def with_doubt(search: Search, naming: Naming) -> Naming:
-    """A decision for a pair, with those of its effects and the likeliest one as alternatives that it is not far likelier than.
+    """Add to a decision for a pair the single effects that are not far less likely than the pair.
 
     Parameters
     ----------
@@ -90,8 +90,8 @@ def with_doubt(search: Search, naming: Naming) -> Naming:
     Returns
     -------
     Naming
-        Each of those as likely as the pair: what their laws miss is known no better. What takes too little alone for its
-        law to be to blame for the rest is none.
+        Each added alternative is as likely as the pair, because the errors of laws are not known better. Single effects
+        that leave more than an error of their law are not added.
     """
     pair = None if naming.best is None else search.tried.get(naming.best.effects)
     if pair is None or len(pair.effects) != 2:
@@ -107,8 +107,8 @@ def with_doubt(search: Search, naming: Naming) -> Naming:
 def _promising(search: Search, scale: Scale) -> dict[Names, list[str]]:
     """Return, for each single effect, the others that make the likeliest pairs with it, to first order.
 
-    A plant that was biased to imitate an effect, as a lag bends the damping, hides what that promises: so the nats count,
-    too, by which the effect alone lets the rig's own parameters be nearer to their nominal values.
+    A biased base fit hides the effect that it imitates, as a biased damping hides a lag. So an effect also gains the
+    nats by which it brings the rig's parameters nearer to their nominal values.
     """
     alone = [c for names, c in search.tried.items() if len(names) == 1 and not c.calibration.given_up]
     weights = {c.effects: scale.weight(c) for c in alone}
@@ -136,16 +136,16 @@ def _promising(search: Search, scale: Scale) -> dict[Names, list[str]]:
 
 
 def _odds(search: Search, scale: Scale, first: Candidate) -> dict[Names, float]:
-    """Log odds of each pair that was fitted over the likeliest of the first effect and its own two.
+    """Return the log odds of each fitted pair over the likeliest of `first` and the pair's own two effects.
 
-    Of these only what takes so much alone that its law may be to blame for the rest.
+    Its own effects count only if each leaves no more than an error of its law may.
     """
     found: dict[Names, float] = {}
     for names, pair in list(search.tried.items()):
         if len(names) != 2 or pair.calibration.given_up:
             continue
         odds = scale.of_two(pair, search.tried[first.effects])
-        if odds > 0.0:  # else it is not the likelier one, whatever its own two are: each of these may take a fit
+        if odds > 0.0:  # otherwise fits of its own two effects, each of which costs time, would change nothing
             alone = [c for c in search.without_one(names) if errs_by_its_law(c, search.tried[()])]
             odds = min([odds, *(scale.of_two(pair, c) for c in alone if c.effects != first.effects)])
         found[names] = odds
@@ -153,9 +153,9 @@ def _odds(search: Search, scale: Scale, first: Candidate) -> dict[Names, float]:
 
 
 def _with_all(search: Search, naming: Naming, first: Candidate, elsewhere: Sequence[Candidate]) -> Naming:
-    """The same decision, with all that was tried since; its `first` one has a better fit by now, if that suffices.
+    """Update a decision with all sets tried since, and with a better fit of `first` if that is adequate.
 
-    Alternatives `elsewhere` are of other variants of the plant, and not in this search.
+    The alternatives `elsewhere` belong to other rig variants, not to this search.
     """
     tried = tuple(search.tried.values())
     now = {id(c.calibration): c for c in tried}
@@ -168,7 +168,7 @@ def _with_all(search: Search, naming: Naming, first: Candidate, elsewhere: Seque
 
 
 def _each_takes(search: Search, names: Names, share: float) -> bool:
-    """Return whether each effect of a set explains a share of the mismatch on both parts."""
+    """Return whether each effect of a set removes a share of the mismatch, in fitted and in held-out data."""
     full, base = search.tried[names], search.tried[()]
     barely_counts = BARELY * search.error_power(names)
     return all(
@@ -182,7 +182,7 @@ def _each_takes(search: Search, names: Names, share: float) -> bool:
 
 
 def _doubted(search: Search, pairs: Sequence[Names]) -> Naming:
-    """The decision over pairs; of the best one, what would do alone, but for less than the floor, stays an alternative."""
+    """Decide among pairs; an effect of the best pair that alone leaves little more remains an alternative."""
     naming = search.decision([search.tried[names] for names in pairs], lambda _: True)
     best = naming.best
     if best is None:

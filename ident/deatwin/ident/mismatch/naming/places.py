@@ -1,4 +1,4 @@
-"""Explanations that differ only in the places at which their effects enter."""
+"""Explanations that differ only in the places at which their effects act."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from deatwin.ident.mismatch.naming.decide import Naming
 
 
 def causes_of(candidate: Candidate) -> tuple[str, ...]:
-    """Names of a candidate's effects, whatever their places."""
+    """Return the names of a candidate's effects, without their places."""
     return tuple(e.cause for e in candidate.calibration.plant.effects if e.name in candidate.effects)
 
 
 def without_places(naming: Naming) -> tuple[Naming, tuple[Candidate, ...]]:
-    """Return the same answer without alternatives that are its best explanation at other places, and these.
+    """Separate the alternatives that are the best explanation at other places.
 
-    Of others with the same causes the first is kept. A plant that does not rest before the first reading is simulated
-    as if a tone began with it. Nobody knows that it did, so that what this shows of its place is left open.
+    Of other alternatives with the same causes the first is kept. If the plant does not rest before the first reading, a
+    tone is simulated as if it began there. That is arbitrary, so the place of the tone is left open.
     """
     if naming.best is None:
         return naming, ()

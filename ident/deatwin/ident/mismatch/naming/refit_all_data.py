@@ -1,4 +1,4 @@
-"""All recordings together have the last word on what lost on the held-out part only."""
+"""Decision by fits to all recordings, for sets that failed on the held-out data only."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from deatwin.ident.mismatch.refit.search import DECIDING
 from deatwin.ident.parallel import run_jobs
 
 TINY = 1e-300
-"""Probability where there is none: thousands of nats may lie between explanations."""
+"""Smallest probability: thousands of nats may lie between explanations."""
 Refit = Callable[[Candidate, Sequence[Part]], Candidate | None]
 
 
@@ -37,40 +37,40 @@ def settled_on_everything(
     possible: Callable[[Candidate], bool],
     refit: Refit | None = None,
 ) -> Naming:
-    """The decision over a stage by fits to all recordings.
+    """Decide among a stage by fits to all recordings.
 
-    A slow effect whose law is not quite the catalogue's errs where it is extrapolated, by more than any limit bears,
-    and a further effect would only mend the extrapolation.
+    If the law of a slow effect differs slightly from the catalogue's, its extrapolation to the held-out data may exceed
+    any limit, and a further effect would only correct the extrapolation.
 
     Parameters
     ----------
     stage : sequence of Candidate
-        Those that compete: all with the same number of effects.
+        Competing candidates, all with the same number of effects.
     tried : sequence of Candidate
-        Everything so far, the base plant first.
+        All candidates tried so far, the base plant first.
     problem : DiagnosisProblem
         Recordings and number of workers.
     hopeful : callable
-        Whether a candidate could be the answer, but for what it leaves of the held-out part.
+        Whether a candidate could be the answer, its held-out residual aside.
     possible : callable
-        Whether it could be an alternative.
+        Whether a candidate could be an alternative.
     refit : callable, optional
-        Fits a candidate to all parts; None of it where there is no fit.
+        Fits a candidate to all parts; returns None if the fit fails.
 
     Returns
     -------
     Naming
-        Without a best one where none leaves little enough of all recordings, or none is hopeful; led by what is
-        likelier by far, if that leaves as little and takes most of the held-out part: else that part would refute it.
-        A single effect that describes the fitted part as well, but is no possible alternative for its extrapolation, is one
-        where all recordings have no strong evidence against it.
+        Without a best candidate if no hopeful candidate is adequate on all recordings. A far likelier candidate comes
+        first if it is adequate too and removes most of the mismatch in the held-out data. A single effect that fits
+        the fitted data equally well, and was excluded only for its extrapolation, is an alternative unless all
+        recordings together are strong evidence against it.
     """
     noise = tried[0].noise
     known = {c.effects: c for c in stage if possible(c)}
     chosen = {c.effects for c in known.values() if hopeful(c)}
     if not chosen:
         return decide(tried, (), noise, hopeful, possible)
-    # Beside a single effect that strays, any second one would mend its tail, or do nothing.
+    # Beside a single effect whose extrapolation fails, a second one would only correct that extrapolation.
     others = [c for c in stage if c.effects not in known and len(c.effects) == 1 and not held_back_by(c)]
     strayed = {c.effects: c for c in others if is_near_model_error(c.fitted_test)}
     competing = [(c, problem.everything) for c in (tried[0], *known.values(), *strayed.values())]
@@ -88,7 +88,7 @@ def settled_on_everything(
     first = likeliest(holding or [naming.best])
     lead = first if advantage(first, naming.best) > STRONG else naming.best
     led, best = naming.with_best(lead), known[lead.effects]
-    # How far apart the two are is known of fits to the fitted part only, which err where they are extrapolated.
+    # The distance of the two is known from fits to the fitted data only, whose extrapolation is inaccurate.
     near = [w for w in answers if w not in (lead, *led.alternatives) and cannot_rule_out(w, lead)]
     back = [
         w
@@ -103,28 +103,28 @@ def settled_on_everything(
 def judged_on_everything(
     naming: Naming, problem: DiagnosisProblem, possible: Callable[[Candidate], bool], refit: Refit | None = None
 ) -> Naming:
-    """Also keep as alternatives the explanations that hold as well as the best when both are fitted to all recordings.
+    """Add alternatives that are as likely as the best explanation if both are fitted to all recordings.
 
-    The held-out part is extrapolated. A slow effect whose law is not quite the catalogue's errs there although it is the
-    right one, since no fit to the beginning of a relaxation knows its end; what describes the beginning worse cannot
-    be the truth for the luck that it had at the end. What loses on the fitted part has lost.
+    The held-out data are extrapolated. If the law of a slow effect differs slightly from the catalogue's, the right
+    effect may fail there, because the beginning of a relaxation does not determine its end. Candidates that lose on the
+    fitted data are not reconsidered.
 
     Parameters
     ----------
     naming : Naming
-        Decided by both parts.
+        Decision by fitted and held-out data.
     problem : DiagnosisProblem
         Recordings and number of workers.
     possible : callable
         Whether a candidate could be an alternative.
     refit : callable, optional
-        As for `settled_on_everything`.
+        See `settled_on_everything`.
 
     Returns
     -------
     Naming
-        With probabilities by the evidence of all recordings, where any alternative was brought back; led by one of those if
-        it is the likelier, leaves no more than noise and model error, and takes most of the held-out part.
+        If alternatives were added: with probabilities by the evidence of all recordings. An added alternative comes
+        first if it is likelier, adequate, and removes most of the mismatch in the held-out data.
     """
     best = naming.best
     if best is None:
@@ -150,7 +150,7 @@ def judged_on_everything(
             w for w in back if w.fitted_test.within_error and _holds(competing[w.effects], naming.candidates[0])
         ]
     first = likeliest(leading or back)
-    # What was not fitted again keeps its odds against the best.
+    # Candidates that were not refitted keep their odds against the best.
     known = _odds(whole.get(best.effects, first), first, leads=True)
     scale = known / max(naming.probabilities[best.effects], TINY)
     odds = {effects: scale * p for effects, p in naming.probabilities.items()}
@@ -161,13 +161,13 @@ def judged_on_everything(
 
 
 def _odds(whole: Candidate, first: Candidate, leads: bool) -> float:
-    """Return the odds of a fit to everything against the `first`; it is at most as likely if it may not lead."""
+    """Return the odds of a fit to all data against the `first`, at most 1 if it may not come first."""
     against = advantage(whole, first)
     return float(np.exp(against if leads else min(against, 0.0)))
 
 
 def _is_as_likely_there(alternative: Candidate, best: Candidate) -> bool:
-    """Return whether the fitted part alone has no strong evidence against an alternative."""
+    """Return whether the fitted data alone are no strong evidence against an alternative."""
     return is_as_likely(_of_the_fitted_part(alternative), _of_the_fitted_part(best))
 
 
@@ -180,7 +180,7 @@ def _of_the_fitted_part(candidate: Candidate) -> Candidate:
 
 
 def fitted_to_all(candidate: Candidate, parts: Sequence[Part]) -> Candidate | None:
-    """A candidate fitted to all parts, of which nothing is unseen; None where there is no fit."""
+    """Fit a candidate to all parts, so that none is held out; return None if the fit fails."""
     fit = descend(candidate.calibration.plant, parts, tolerance=DECIDING)
     if not fit.status.ok:
         return None
@@ -194,9 +194,9 @@ def fitted_to_all(candidate: Candidate, parts: Sequence[Part]) -> Candidate | No
 
 
 def _settles(whole: Candidate, base: Candidate) -> bool:
-    """Whether a fit to everything takes away most of what the base plant leaves, fitted so, and is near the floor.
+    """Return whether a fit to all data is nearly adequate and removes most of what the base plant's fit leaves.
 
-    In a plant within its ranges.
+    All parameters of the plant must be within their ranges.
     """
     most = share_explained(whole.fitted_test, base.fitted_test) > SUFFICIENT[0][0]
     return most and is_near_model_error(whole.fitted_test) and not held_back_by(whole)

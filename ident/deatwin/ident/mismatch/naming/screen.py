@@ -20,24 +20,24 @@ from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Scale
 
 SHAPES = 3
-"""Values of each shape parameter at which an effect is screened,"""
+"""Number of values of each shape parameter at which an effect is screened,"""
 SHAPE_RANGE = (1 / 8, 8.0)
-"""over this range of its typical value."""
+"""and their range, relative to the typical value."""
 LEVELS = (0.5, 0.75, 0.9, 0.98)
 """Quantiles of the readings, or of the voltage, at which an effect with a threshold is screened."""
 EVENT_STEP = 0.04
-"""Share of the record by which the time of an event is moved first, in the search for the best one,"""
+"""First step of the search for the time of an event, as a share of the record,"""
 EVENT_ERROR = 0.004
-"""and how near to it the search comes: a fit begins there, after which the time is searched for once more."""
+"""and its last step. A fit begins there, after which the time is searched once more."""
 WEAKER = (1.0, 0.2, 0.02)
-"""Shares of the typical strength at which the simulation is tried, until the plant can be simulated."""
+"""Shares of the typical strength that are tried until the plant can be simulated."""
 TOO_MUCH = 2.0
-"""An effect that changes the readings by more than so many times what is missing is looked at again, weaker, until it
-is within this ratio of it,"""
+"""An effect that changes the readings by more than this multiple of the residual is simulated again with a smaller
+strength, until it is within this ratio,"""
 LOOKS = 3
-"""so often at most,"""
+"""at most this often,"""
 SEEN = 1e-3
-"""but for no less than this share of the motion: a thousand times what a simulation is accurate to."""
+"""but not below this share of the motion, a thousand times the accuracy of a simulation."""
 TINY = 1e-300
 """Smallest size whose logarithm is taken."""
 
@@ -203,11 +203,11 @@ def response(
 def _of_a_size(
     does: Callable[[float], np.ndarray | None], strength: float, change: np.ndarray, wanted: float
 ) -> np.ndarray:
-    """The change per unit of strength, at one at which its rms is about what is `wanted` if it was more, shape (m,)."""
+    """Return the change per unit of strength, shape (m,), at a strength at which its rms is at most about `wanted`."""
     off, enough = _off(change, wanted), np.log(TOO_MUCH)
     most, nearest = strength, (off, change / strength)
     for _ in range(LOOKS if off > enough else 0):
-        # From what was too little back towards the last that was too much.
+        # If the change is too small, go back towards the last strength at which it was too large.
         most = strength if off > 0.0 else most
         strength = strength * np.exp(-off) if off > 0.0 else np.sqrt(strength * most)
         weaker = does(float(strength))
@@ -221,7 +221,7 @@ def _of_a_size(
 
 
 def _off(change: np.ndarray, wanted: float) -> float:
-    """Logarithm of the ratio of a change's rms to what is `wanted`."""
+    """Return the logarithm of the ratio of a change's rms to the `wanted` one."""
     return float(np.log(max(np.sqrt(np.mean(change**2)), TINY) / max(wanted, TINY)))
 
 
@@ -236,21 +236,21 @@ def _lead(known: LinearisedResponse, residual: np.ndarray, basis: np.ndarray) ->
 
 
 def started(effect: Effect, strength: float) -> tuple[Effect, Effect]:
-    """An effect as a fit from afar should start with it, and as one from nearby should.
+    """Return an effect as the start of a fit from far away, and of a fit from nearby.
 
     Parameters
     ----------
     effect : Effect
-        At a strength at which the plant can be simulated.
+        Effect at a strength at which the plant can be simulated.
     strength : float
-        That promises most.
+        Strength that explains most.
 
     Returns
     -------
     start : Effect
-        With the sign of that, but no other strength than it had.
+        With the sign of `strength` and its own size.
     estimate : Effect
-        With that strength, inside its range.
+        With `strength`, clipped to its range.
     """
     known = effect.described(effect.strength)
     values = (np.copysign(known.value, strength), strength)
@@ -261,7 +261,7 @@ def started(effect: Effect, strength: float) -> tuple[Effect, Effect]:
 
 
 def _of_effect(base: Calibration, effect: Effect, parts: Sequence[Part], fit: Calibration) -> list[LinearisedResponse]:
-    """One for each shape at which the plant can be simulated."""
+    """Return the response for each shape at which the plant can be simulated."""
     without = readings_of_fit(parts, base.residuals)
     times = reading_times(base.plant, parts)
     simulate = partial(response, base.plant, parts, without, missing=fit.rms)
@@ -277,13 +277,13 @@ def _at_its_time(
     times: np.ndarray,
     simulate: Callable[[Effect], LinearisedResponse | None],
 ) -> LinearisedResponse:
-    """The event where it explains most: no fit can move it, since only a sample or two know of its time."""
+    """Return the event at the time at which it explains most; a fit cannot move it, because few samples depend on it."""
     basis, event = tangent_basis(fit.movable), found[0].effect.event
     known = found[0].effect.described(event)
     first, last = known.lower, known.upper
     best = max(found, key=lambda f: _lead(f, fit.residuals, basis).share)
     step, near = (share * float(np.ptp(times)) for share in (EVENT_STEP, EVENT_ERROR))
-    seen = [getattr(best.effect, event)]  # what was seen before explains no more than the best does
+    seen = [getattr(best.effect, event)]
     while step > max(near, fit.plant.rig.sample_time / 2):
         at = getattr(best.effect, event)
         new = [t for t in (at - step, at + step) if first < t < last and np.abs(np.subtract(seen, t)).min() > near / 2]
@@ -295,7 +295,7 @@ def _at_its_time(
 
 
 def shapes_of(effect: Effect, plant: Plant, parts: Sequence[Part]) -> list[Effect]:
-    """The effect over a grid of each shape parameter, inside its range and around its typical value."""
+    """Return the effect on a grid of its shape parameters, within their ranges and around their typical values."""
     grids = []
     for parameter in effect.describe():
         if parameter.name == effect.strength:
@@ -312,7 +312,7 @@ def shapes_of(effect: Effect, plant: Plant, parts: Sequence[Part]) -> list[Effec
 
 
 def _levels(effect: Effect, plant: Plant, parts: Sequence[Part]) -> np.ndarray:
-    """Return what a threshold of an effect is compared with, along the fitted part, SI."""
+    """Return the signal with which an effect's threshold is compared, in the fitted data, SI."""
     if effect.place is not Place.DRIVE:
         return np.abs(np.concatenate([part.measured for part in first_only(parts)]))
     parameters = plant.parameters

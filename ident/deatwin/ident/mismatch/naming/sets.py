@@ -1,4 +1,4 @@
-"""Next sets of a search: a further effect added to a set, or another effect in the place of one."""
+"""Next sets of a search: a further effect is added to a set, or one effect is replaced by another."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect
 
 BESIDE = 6
-"""Effects that are tried beside others."""
+"""Number of effects that are tried beside others."""
 ALONE = 3
-"""Number of effects tried alone that are added to others whatever their score."""
+"""Number of the best single effects that are added to others regardless of their score."""
 
 
 class Search(Tried):
-    """A search in one variant of the plant: what it has tried, and what promises most of all that it has not.
+    """Search in one rig variant: the sets tried so far, and the most promising ones not yet tried.
 
     Parameters
     ----------
     problem : DiagnosisProblem
         Effects and recordings.
     base : Candidate
-        Without further effects.
+        Calibrated plant without further effects.
     known : sequence of LinearisedResponse or None
-        Of all effects in the base plant; None to simulate them once they are asked for.
+        Responses of all effects in the base plant; None to simulate them when they are needed.
     fitted : callable or None
         Called with each fit.
     """
@@ -57,13 +57,13 @@ class Search(Tried):
         self.unscreened = [] if known is None else self._not_in(known)
 
     def in_variant_of(self, base: Candidate) -> Search:
-        """A search in another variant of the plant, `base`, where nothing was tried yet."""
+        """Return an empty search in another rig variant, with the calibrated plant `base`."""
         other = Search(self.problem, base, None, self.fitted)
         other.unscreened = [name for name in self.unscreened if (name,) not in self.tried]
         return other
 
     def known(self) -> Sequence[LinearisedResponse]:
-        """Linearised responses of all effects in the base plant of this variant: those of another variant say little of it."""
+        """Return the linearised responses of all effects in the base plant of this variant."""
         if self._known is None:
             fit = self.tried[()].calibration
             self._known = linearised_responses(self.problem, fit, self.problem.effects, fit)
@@ -75,33 +75,34 @@ class Search(Tried):
         return [e.name for e in self.problem.effects if e.name not in seen]
 
     def with_one_more(self, stage: Sequence[Names], finished: Finished | None = None) -> list[Names]:
-        """Sets of one more effect beside the best of a `stage`, and in its place; none where none helps.
+        """Try sets with one more effect than the best of a `stage`, and sets in which its effects are replaced.
 
-        Of two also those that promise most together. `finished` is called with the share that is done.
+        Also tries the most promising pairs. Returns an empty list if no further effect helps. `finished` is called with
+        the share of the work that is done.
         """
         beside = self._beside_one(stage, finished)
         together = [] if any(len(names) > 1 for names in stage) else self._together()
         return once([*beside, *together])
 
     def _beside_one(self, stage: Sequence[Names], finished: Finished | None) -> list[Names]:
-        """Return the same from one set of a `stage` after another, until a further effect helps.
+        """Try further effects beside one set of a `stage` after another, until one helps.
 
-        Beside what leaves a trifle none could count. But it may only imitate two others: then the best of those that
-        leave more is gone on with, and beside a single one where nothing helps, the next best. Two that do not take
-        most of the mismatch are no beginning of three.
+        Beside a set that leaves almost nothing no effect could count, but such a set may imitate two others; so the
+        search continues from the best set that leaves more, and for single effects also from the next best. A pair is
+        extended only if it removes most of the mismatch.
         """
         found: list[Names] = []
         for before in self._beginnings(stage):
             beside = self.beside(before, finished)
             found += beside
-            finished = None  # nobody knew of a second beginning
+            finished = None  # the share of a second beginning is not known beforehand
             best = self.best_that_counts(beside)
             if best is not None:
                 return found + self.replacing(before, best)
-        return []  # a further effect does not help: another one beside it would not be understood
+        return []
 
     def _together(self) -> list[Names]:
-        """The pairs that promise most together, if one of them counts; and what else may be in the best one's place."""
+        """Try the most promising pairs, and replacements of the best one; return nothing if none of them counts."""
         together = self._new(joint_trials(self))
         best = self.best_that_counts(together)
         if best is None:
@@ -109,9 +110,9 @@ class Search(Tried):
         return together + (self.replacing(best, best) if self.is_best_of_its_size(best) else [])
 
     def _beginnings(self, stage: Sequence[Names]) -> list[Names]:
-        """The sets of a `stage` beside which a further effect is looked for, in their order.
+        """Return the sets of a `stage` beside which further effects are tried, in order.
 
-        A cycle of which the recordings show little imitates any drift: it comes after all others.
+        A cycle that the recordings hardly show can imitate any drift, so it comes last.
         """
         ranked = self.ranked([names for names in stage if not self.leaves_a_trifle(names)])
         ranked.sort(key=lambda names: not shows_its_cycles(self.tried[names], self.problem.everything))
@@ -120,12 +121,12 @@ class Search(Tried):
         return [*ranked[:1], *(names for names in ranked[1:2] if self.takes_most(names))]
 
     def beside(self, names: Names, finished: Finished | None = None) -> list[Names]:
-        """Try each promising effect beside those of `names`; `finished` is called with the share that is done."""
+        """Try each promising effect beside those of `names`; `finished` is called with the share of the work done."""
         self._gone_on.add(names)
         fit = self.tried[names].calibration
         unbiased = unbiased_like(self.problem, fit.plant)
         found = self._leads(names, self.problem.effects)
-        # What did well alone did it with another residual: of this one it promises nothing.
+        # The score of a single effect belongs to another residual, so it promises nothing for this one.
         alone = [replace(lead, share=0.0) for lead in self._good_alone(names)]
         promising = (*alone, *found[:BESIDE]) if names else shortlist(self.problem, unbiased, found)
         chosen = {lead.effect.name: lead for lead in promising}
@@ -135,7 +136,7 @@ class Search(Tried):
         return stage if best is None else once([*stage, *self._siblings(names, best)])
 
     def with_each(self, chosen: Mapping[Names, Collection[str]]) -> list[Names]:
-        """Try some effects beside each of several sets, where that was not done."""
+        """Try the given effects beside each of several sets, unless that was done."""
         trials: list[Trial] = []
         for names, others in chosen.items():
             fit = self.tried[names].calibration
@@ -144,10 +145,9 @@ class Search(Tried):
         return self._new(trials)
 
     def _siblings(self, names: Names, best: Names) -> list[Names]:
-        """Try beside `names` what acts as the rest of the set `best` does, unless that is not the best of its size.
+        """Try, beside `names`, effects that act like the rest of the set `best`, if `best` is the best of its size.
 
-        Once for each fit of that. What is returned are the sets that were not known, or of which a better fit is known
-        by now.
+        Done once for each fit of `best`. Returns the sets with a new or better fit.
         """
         found, fit = self.tried[best].calibration, self.tried[names].calibration
         done = self._replaced.get((best, names)) is found
@@ -167,9 +167,9 @@ class Search(Tried):
         return better
 
     def _open_beside(self, names: Names, best: Names) -> list[Effect]:
-        """Effects that were not tried beside `names`, or have a time or a period and left clearly more than `best`.
+        """Return effects not yet tried beside `names`, and those with an event or period that left clearly more than `best`.
 
-        A time or a period is looked for in a residual, and what began in another one may not have found it.
+        The time of an event or a period is sought in a residual, so a trial that began from another one may have missed it.
         """
         least, floor = self.missing([best]), self.error_power(best)
 
@@ -181,26 +181,25 @@ class Search(Tried):
             return timed and least + floor < CLEARLY_BETTER * (self.missing([tried]) + floor)
 
         rest, full = self.tried[names].calibration.plant, self.tried[best].calibration.plant
-        # What the set has at one place may be at another one, or may be what another effect does at a further place.
+        # An effect of the set may act at another place, or another effect at a further place may do the same.
         others = [effect for effect in self.problem.everywhere if rest.lacks(effect)]
         return [effect for effect in others if effect.name not in full.effect_names and is_open(effect)]
 
     def _new(self, trials: Sequence[Trial], finished: Finished | None = None) -> list[Names]:
-        """Try what was not tried, against the best of the sets of as many effects."""
+        """Try the trials of new sets, against the best known set of the same size."""
         new = [t for t in trials if self.names_of(t) not in self.tried]
         size = len(self.names_of(new[0])) if new else 0
         return self.attempt(new, finished, self.least_rms([names for names in self.tried if len(names) == size]))
 
     def _good_alone(self, names: Names) -> list[Lead]:
-        """Return what explained most by itself: the score is blind to what the plant is still biased to imitate."""
+        """Return the best single effects, because the score misses effects that a biased plant imitates."""
         alone = [single for single in self.tried if len(single) == 1 and single[0] not in names]
         return [self.leads[single[0]] for single in self.ranked(alone)[:ALONE] if single[0] in self.leads]
 
     def replacing(self, before: Names, best: Names) -> list[Names]:
-        """Try the `best` set of a stage with each effect that was there `before` the stage replaced by others.
+        """Try the `best` set of a stage with each of its earlier effects (`before`) replaced by others.
 
-        What comes in the place of one may do better beside others than the rest of the best set: if a better one is
-        found so, its effects are replaced in turn.
+        If that gives a better set, its effects are replaced in turn.
         """
         found = self._in_place_of(before, best)
         evidence = self.tried[best].evidence
@@ -208,7 +207,7 @@ class Search(Tried):
         return found if better is None else found + self._in_place_of(better, better)
 
     def _in_place_of(self, several: Names, full: Names) -> list[Names]:
-        """Try what may be in the place of each of `several` effects of the set `full`, unless that was done."""
+        """Try replacements of each of `several` effects of the set `full`, unless that was done."""
         found: list[Names] = []
         for old, rest in zip(full, each_without_one(full), strict=True):
             if old not in several:
@@ -222,19 +221,19 @@ class Search(Tried):
         return found
 
     def alike(self, full: Names) -> list[Names]:
-        """Try what acts as each of several effects of the set `full` in the place of it, unless that was done."""
+        """Try effects that act like one of the set `full` in its place, unless that was done."""
         rests = [rest for rest in each_without_one(full) if rest and rest in self.tried]
         return once([new for rest in rests for new in self._siblings(rest, full)])
 
     def _leads(self, names: Names, further: Sequence[Effect]) -> tuple[Lead, ...]:
-        """Return what each of some `further` effects could explain of what a candidate leaves."""
+        """Return what each of the `further` effects could explain of a candidate's residual."""
         asked = {effect.name for effect in further}
         events = self.event_leads(names) if any(effect.event for effect in further) else []
         found = most_promising(self._screened(names, further), *events)
         return tuple(lead for lead in found if lead.effect.name in asked)
 
     def _screened(self, names: Names, further: Sequence[Effect]) -> tuple[Lead, ...]:
-        """Return the same as far as the fit itself tells."""
+        """Return the same from the linearised responses, without events."""
         fit, base = self.tried[names].calibration, self.tried[()].calibration
         if not names:
             return leads(self.known(), fit)
@@ -246,7 +245,7 @@ class Search(Tried):
         return leads([*(f for f in self.known() if f.effect.name in others), *again], fit)
 
     def event_leads(self, *several: Names) -> list[tuple[Lead, ...]]:
-        """Return what each event could explain beside each of `several` candidates fitted before it."""
+        """Return what each event could explain beside each of `several` candidates, fitted to the data before the event."""
         fits = {names: self.tried[names].calibration for names in several}
         new = [names for names, fit in fits.items() if names not in self._events or self._events[names][0] is not fit]
         effects, parts = self.problem.effects, self.problem.fitted
@@ -257,26 +256,25 @@ class Search(Tried):
 
 
 FIRST = 3
-"""Number of the most promising untried pairs that are tried."""
+"""Number of untried pairs that are tried because they promise most."""
 
 
 def joint_trials(search: Search) -> list[Trial]:
-    """Trials of the pairs that promise most of all in which one effect was tried alone.
+    """Return trials of the most promising pairs in which one effect was tried alone.
 
-    A step from the best single effect to a second one beside it misses two that work against each other: either alone
-    explains little, and what explains more may imitate both. What a second effect could explain of what each single one
-    leaves, to first order, costs no simulation, but for when an event came.
+    Adding a second effect to the best single one misses two effects that oppose each other: each alone explains little,
+    and a third may imitate both. To first order, the promise of a second effect costs no simulation, except for events.
 
     Parameters
     ----------
     search : Search
-        In which single effects were tried.
+        Search in which single effects were tried.
 
     Returns
     -------
     list of Trial
-        Of pairs that were not tried the most promising, the first one first, as far as they promise nearly as much as
-        the best possible pair that was tried has kept.
+        Untried pairs, the most promising first, that promise nearly as much as the best possible pair tried so far
+        removes.
     """
     given = frozenset(search.problem.nominal.effect_names)
     tried = {frozenset(names) | given for names in search.tried}
@@ -291,11 +289,10 @@ def joint_trials(search: Search) -> list[Trial]:
 
 
 def _of_all(search: Search) -> Iterator[tuple[float, Trial]]:
-    """Each trial with the mean square that it leaves to first order, wherever its parameters had to go for that.
+    """Yield each trial with the mean square that it leaves to first order, at any values of its parameters.
 
-    Many single fits were given up before their minimum, and what their own parameters would still take is not to be
-    had by a second effect. An event is seen from another plant, all of whose parameters may move: what it leaves there
-    counts no more than what its share takes off here.
+    Many single fits were given up before their minimum; what their own parameters would still remove is no merit of a
+    second effect. For an event, which is seen from another plant, the larger of two estimates is used.
     """
     singles = [names for names in search.tried if len(names) == 1]
     for names, events in zip(singles, search.event_leads(*singles), strict=True):

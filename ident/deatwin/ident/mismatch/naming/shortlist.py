@@ -1,4 +1,4 @@
-"""Shortlist: the effects that promise most, by two measures that err in different ways."""
+"""Shortlist of the most promising effects, by two measures with different weaknesses."""
 
 from __future__ import annotations
 
@@ -15,31 +15,30 @@ from deatwin.ident.parallel import run_jobs
 from deatwin.plant.model import Plant
 
 BY_SCORE, BY_OPENING = 6, 4
-"""Number of effects chosen by what they explain to first order, and of others by their place."""
+"""Number of effects chosen by their first-order score, and by a rough fit of the openings."""
 OPENING_SAMPLES, EVALUATIONS = 1500, 6
-"""A rough fit of so few samples, with so few simulations, tells a good beginning from a bad one."""
+"""Number of samples and simulations of a rough fit."""
 
 
 def shortlist(problem: DiagnosisProblem, start: Plant, found: Sequence[Lead]) -> tuple[Lead, ...]:
     """Choose effects to be fitted.
 
-    What an effect explains to first order is blind where the fitted plant was biased far to imitate it, as a lag of
-    the voltage bends the damping. A rough fit of the opening of each experiment sees that, but is blind to what
-    comes late or slowly.
+    The first-order score misses an effect that the fitted plant imitates, as a biased damping imitates a lag of the
+    voltage. A rough fit of the opening of each experiment finds such effects, but misses late and slow ones.
 
     Parameters
     ----------
     problem : DiagnosisProblem
         Recordings.
     start : Plant
-        Not biased: where fits begin.
+        Unbiased plant, at which fits begin.
     found : sequence of Lead
-        All effects, the most promising to first order first.
+        All effects, the best first-order score first.
 
     Returns
     -------
     tuple of Lead
-        The chosen ones.
+        Effects to fit.
     """
     by_score, others = found[:BY_SCORE], found[BY_SCORE:]
     openings = [opening(part, OPENING_SAMPLES) for part in problem.fitted]
@@ -49,6 +48,6 @@ def shortlist(problem: DiagnosisProblem, start: Plant, found: Sequence[Lead]) ->
 
 
 def _opens(start: Plant, parts: Sequence[Part]) -> float:
-    """Rms of what a rough fit leaves; infinite where the plant cannot be simulated."""
+    """Return the rms residual of a rough fit; infinite if the plant cannot be simulated."""
     fit = descend(start, parts, evaluations=EVALUATIONS, tolerance=ROUGH)
     return fit.rms if fit.status.ok else float(np.inf)

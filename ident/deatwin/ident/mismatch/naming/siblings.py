@@ -1,4 +1,4 @@
-"""Effects that act like the one that explains most; they must be tried, whatever they promised."""
+"""Effects that act like the best one; they must be tried, regardless of their score."""
 
 from __future__ import annotations
 
@@ -18,37 +18,37 @@ from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect
 
 ALIKE = 0.25
-"""Share of what an effect does to the readings, that another could do to first order, to be tried as well: they
-correlate by a half. The rest may be what the effect that was found imitates badly."""
+"""An effect is tried if to first order it could do this share of what the found one does: their responses correlate
+by a half. The found effect may imitate the rest badly."""
 LOOKED_AT = 8
-"""So many, the most alike at the strength at which they do as much, are looked at at their own strength,"""
+"""Number of the most similar effects that are simulated at their estimated strength."""
 MOST = 3
-"""and so many are tried at most, besides effects at further places, which no score brought."""
+"""Largest number of similar effects that are tried, besides effects at further places, which have no score."""
 
 
 def siblings(
     problem: DiagnosisProblem, explanation: Calibration, added: Sequence[str], effects: Sequence[Effect]
 ) -> list[Lead]:
-    """Return what could do, to first order, much of what an added effect does to the readings.
+    """Return effects whose response is similar, to first order, to that of an added effect.
 
-    In a small mismatch the noise decides which effects promise most of the residual, and where the plant was biased far
-    to imitate the mismatch, none does. What an effect does to the plant that was fitted with it has neither fault.
+    If the mismatch is small, noise decides which effects have a high score; if the base fit is biased, no effect has
+    one. The response of an effect in the plant that was fitted with it has neither problem.
 
     Parameters
     ----------
     problem : DiagnosisProblem
         Recordings and number of workers.
     explanation : Calibration
-        Of the plant with the added effects, on the fitted part.
+        Fit of the plant with the added effects.
     added : sequence of str
-        Their names.
+        Names of these effects.
     effects : sequence of Effect
-        That could be tried in their place.
+        Effects that could replace them.
 
     Returns
     -------
     list of Lead
-        The most alike first, each with the strength at which it is.
+        The most similar first, each with the strength at which it is.
     """
     bare, does = _bare(problem, explanation), contribution(problem, explanation, added)
     if bare is None or not effects or not np.isfinite(does).all():
@@ -62,16 +62,16 @@ def siblings(
 
 
 def _first(ranked: Sequence[Lead], count: int) -> list[Lead]:
-    """The first so many of effects at their first places, and all at further ones."""
+    """Return the first `count` effects at their usual places, and all effects at further places."""
     others = [lead for lead in ranked if not lead.effect.placed_at][:count]
     return [lead for lead in ranked if lead in others or lead.effect.placed_at]
 
 
 def _bare(problem: DiagnosisProblem, explanation: Calibration) -> Calibration | None:
-    """The plant of an explanation without any added effect, not fitted anew; None where it cannot be simulated.
+    """Return the plant of an explanation without added effects, not refitted; None if it cannot be simulated.
 
-    Others are looked at in that one, though some effects may stay: a plant for each other beside those would be built
-    for a glance.
+    Similar effects are compared in this plant, because a plant with each of them beside the remaining effects would
+    have to be compiled for one simulation.
     """
     plant = explanation.plant.without_effects(
         *(name for name in explanation.plant.effect_names if name not in problem.nominal.effect_names)
@@ -94,7 +94,7 @@ def _bare(problem: DiagnosisProblem, explanation: Calibration) -> Calibration | 
 
 
 def _at_its_strength(problem: DiagnosisProblem, bare: Calibration, lead: Lead, done: Calibration) -> Lead | None:
-    """Return the same at the strength at which it is most alike."""
+    """Return a lead at the strength at which it is most similar."""
     strength = getattr(lead.estimate, lead.estimate.strength)
     readings = simulated(bare.plant.with_effects(lead.estimate), [part.until_last() for part in problem.fitted])
     if strength == 0.0 or readings is None:

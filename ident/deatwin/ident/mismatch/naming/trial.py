@@ -1,4 +1,4 @@
-"""One trial: effects are built into the plant, and the whole is fitted anew and judged."""
+"""One trial: build effects into the plant, refit all parameters, and judge the fit."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ from deatwin.ident.parallel import run_jobs, stream_jobs
 from deatwin.plant.model import Plant
 
 FAILED_SEARCH = 1.02
-"""A fit that leaves more than was promised, by more than this ratio of the rms, has lost its way."""
+"""A fit whose rms residual exceeds the prediction by this ratio has failed to find the minimum."""
 FEW = 4
-"""Simulations that show whether the way from the biased plant leads anywhere."""
+"""Number of simulations that show whether a start from the biased plant is promising."""
 NEAR = 1.1
-"""Fits that are within this ratio of the best rms, or by their linearised minimum were on the way there when they ran
-out of simulations, are carried to the end, besides those that leave hardly anything."""
+"""Fits are completed if their rms residual, or its linearised minimum, is within this ratio of the best; so are fits
+that leave hardly anything."""
 HOPELESS = 1.5
-"""A fit is given up where its linearised minimum is above the rms of another one by this ratio. At the first point of
-a fit to all samples that is mostly within 15 % of where it ends."""
+"""A fit is given up if its linearised minimum exceeds the rms residual of another fit by this ratio. In fits to all
+samples the linearised minimum at the first point is mostly within 15 % of the final value."""
 MOSTLY = 0.5
-"""A fit is not given up that leaves less than this share of the mean square without its last effect."""
+"""A fit is not given up if its mean square is less than this share of that without its last effect."""
 FIRST = 2
-"""Trials that are made before the others, which must come near to the best of them."""
+"""Number of trials that are made first; the others must come near to the best of them."""
 OTHERWISE = (-1.0, 0.1, 1e-3)
-"""Shares of the strength of the new effect with which a fit begins, where it cannot with all of it."""
+"""Shares of the new effect's strength with which a fit begins if it cannot begin with the full strength."""
 Fitted = Callable[[Calibration, np.ndarray | None], None]
 
 
@@ -54,13 +54,13 @@ class Trial:
     Parameters
     ----------
     start : Plant
-        With the effects, and values that were not biased by a fit without them.
+        Plant with the effects, and with values that were not biased by a fit without them.
     biased : Plant
-        With the effects, and the values of the best plant without the last of them: another start.
+        Plant with the effects, and with the values of the best fit without the last of them: a second start.
     without : Calibration
-        That plant's fit, of which this one is a generalisation.
+        Fit without the last effect, a special case of this one.
     share : float
-        Of that fit's squared residual, what the last effect explains to first order; 0 if unknown.
+        Share of that fit's squared residual that the last effect explains to first order; 0 if unknown.
     """
 
     start: Plant
@@ -70,26 +70,26 @@ class Trial:
 
     @property
     def promised(self) -> float:
-        """Rms that the fit should leave at most, SI: to first order; without the effect, where that says nothing."""
+        """Largest rms residual that the fit should leave, SI: the first-order prediction, or that without the effect."""
         return self.without.rms * float(np.sqrt(max(1.0 - self.share, 0.0)))
 
 
 def trials_of(unbiased: Plant, fit: Calibration, chosen: Iterable[Lead]) -> list[Trial]:
-    """Trials of single effects.
+    """Return trials of single effects.
 
     Parameters
     ----------
     unbiased : Plant
-        Without them, not biased by a fit.
+        Plant without the effects, not biased by a fit.
     fit : Calibration
-        Of the plant without them.
+        Fit of the plant without them.
     chosen : iterable of Lead
-        The effects.
+        Effects to try.
 
     Returns
     -------
     list of Trial
-        Each effect built into the unbiased plant, and as it is estimated into the one that the fit biased.
+        Each effect is built into the unbiased plant and, with its estimated strength, into the fitted plant.
     """
     return [
         Trial(
@@ -110,31 +110,31 @@ def run_trials(
     fitted: Fitted | None = None,
     alternative: float = np.inf,
 ) -> list[Candidate]:
-    """Fit and judge each trial, those that promise most first; one that cannot come near another is given up.
+    """Fit and judge each trial, the most promising first; give up fits that cannot come near the best.
 
     Parameters
     ----------
     problem : DiagnosisProblem
         Recordings and number of workers.
     trials : sequence of Trial
-        What to try; the first ones give the others their measure.
+        What to try; the later ones must come near to the best of the first ones.
     noise : float
         Standard deviation of the sensor's noise, SI.
     finished : callable, optional
-        Called with the share that is done.
+        Called with the share of the work that is done.
     fitted : callable, optional
-        Called with each fit as soon as there is one; with its residuals on the held-out part, SI, once they are known.
+        Called with each new fit and None, and again with the fit and its held-out residuals, SI.
     alternative : float
-        Rms of the best fit so far that these compete with, SI.
+        Rms residual of the best competing fit so far, SI.
 
     Returns
     -------
     list of Candidate
-        In the order of the trials, without those whose plant cannot be simulated.
+        In the order of the trials; trials whose plant cannot be simulated are left out.
     """
     fits: list[Calibration] = []
     done = 0
-    first = FIRST if np.isinf(alternative) else len(trials)  # a measure that is known need not be waited for
+    first = FIRST if np.isinf(alternative) else len(trials)
     for group in (trials[:first], trials[first:]):
         tasks = [(problem, trial, HOPELESS * alternative) for trial in group]
         for found in stream_jobs(_tried, tasks, workers=problem.jobs):
@@ -156,21 +156,21 @@ def run_trials(
 def refitted(
     problem: DiagnosisProblem, plants: Sequence[Plant], noise: float, fitted: Fitted | None = None
 ) -> list[Candidate]:
-    """Fit plants from where they are, to the end, and judge them.
+    """Fit plants from their present values, and judge them.
 
     Parameters
     ----------
     problem : DiagnosisProblem
         Recordings and number of workers.
     plants : sequence of Plant
-        With effects, and values from another fit.
+        Plants with effects, and with values from another fit.
     noise, fitted
-        As for `run_trials`.
+        See `run_trials`.
 
     Returns
     -------
     list of Candidate
-        In their order, without those that cannot be simulated.
+        In the order of the plants; those that cannot be simulated are left out.
     """
     return _told(run_jobs(_from_there, [(problem, plant, noise) for plant in plants], workers=problem.jobs), fitted)
 
@@ -184,14 +184,14 @@ def _told(judged: Sequence[Candidate | None], fitted: Fitted | None) -> list[Can
 
 
 def with_fitted(nominal: Plant, fitted: Plant) -> Plant:
-    """The nominal plant with another one's effects and their values.
+    """Return the nominal plant with another plant's effects and their values.
 
     Parameters
     ----------
     nominal : Plant
         Not biased by a fit.
     fitted : Plant
-        Has all effects of the nominal one.
+        Plant that has all effects of the nominal one.
 
     Returns
     -------
@@ -203,14 +203,14 @@ def with_fitted(nominal: Plant, fitted: Plant) -> Plant:
 
 
 def unbiased_like(problem: DiagnosisProblem, fitted: Plant) -> Plant:
-    """The nominal plant in the variant of a fitted one, with its effects and their values: the rest was not biased.
+    """Return the nominal plant in the rig variant of a fitted one, with its effects and their values.
 
     Parameters
     ----------
     problem : DiagnosisProblem
-        With the nominal plant.
+        Holds the nominal plant.
     fitted : Plant
-        Perhaps in another variant.
+        Plant of any rig variant.
 
     Returns
     -------
@@ -220,18 +220,19 @@ def unbiased_like(problem: DiagnosisProblem, fitted: Plant) -> Plant:
 
 
 def _tried(problem: DiagnosisProblem, trial: Trial, hopeless: float) -> Calibration:
-    """From the unbiased plant; where that does not keep what is promised, from the biased one as well.
+    """Fit from the unbiased plant and, if the result is worse than predicted, also from the biased one.
 
-    A plant that was fitted without an effect has been biased to imitate it, and the way back is long; but what the score
-    promises is near it, where a search from afar may end elsewhere. From where all is as without the new effects, but
-    for a little of them, no fit leaves more than without them: from there goes what left more. Where neither can be
-    simulated, from the unbiased plant with the effect the other way or with less of it: a softening spring lets go of the
-    ball, a hardening one or a little of it does not.
+    A fit without an effect is biased to imitate it, and its values are far from the right ones; but the minimum that the
+    score predicts is near it, and a search from far away may end elsewhere. If a fit leaves more than the fit without
+    the new effects, it is repeated from that fit with a little of them. If no start can be simulated, the effect is
+    reversed or reduced: a softening spring may release the ball, a hardening or weaker one does not.
     """
     found = search(trial.start, problem.fitted, hopeless)
     if found.given_up and found.rms**2 < MOSTLY * trial.without.rms**2:
-        found = _better(found, further(found, problem.fitted, **ROUGHLY))  # from afar the linearised minimum errs most
-    # The plant without the effect is a special case of the one with it: a worse fit is a failed search.
+        found = _better(
+            found, further(found, problem.fitted, **ROUGHLY)
+        )  # far from the minimum the linearised one is least accurate
+    # The plant without the effect is a special case, so a worse fit is a failed search.
     if not found.status.ok or found.rms > FAILED_SEARCH * trial.promised:
         again = descend(trial.biased, problem.fitted, evaluations=FEW, tolerance=ROUGH, hopeless=hopeless)
         if again.status is FitStatus.STOPPED and _better(found, again) is again:
@@ -250,36 +251,36 @@ def _tried(problem: DiagnosisProblem, trial: Trial, hopeless: float) -> Calibrat
 
 
 def _from_there(problem: DiagnosisProblem, plant: Plant, noise: float) -> Candidate | None:
-    """A plant fitted from its values; from far away where these cannot be simulated without what else was there."""
+    """Fit a plant from its values, or from other ones if these cannot be simulated without the removed effects."""
     found = roughly(plant, problem.fitted)
     found = found if found.status.ok else search(plant, problem.fitted)
     return _ended(problem, found, noise, True) if found.status.ok else None
 
 
 def _ended(problem: DiagnosisProblem, fit: Calibration, noise: float, to_the_end: bool) -> Candidate | None:
-    """A fit, carried to the end or as it is, and judged."""
+    """Complete a fit, or leave it as it is, and judge it."""
     return judge(problem, _finished(problem, fit) if to_the_end else fit, noise)
 
 
 def _finished(problem: DiagnosisProblem, fit: Calibration) -> Calibration:
-    """The fit carried to the end, with an event that it cannot place where the held-out part has it."""
+    """Complete a fit; an event that it cannot place is placed by the held-out data."""
     placed = at_its_time(fit, problem.fitted, enough=DECIDING)
     return in_its_gap(finish(placed, problem.fitted), problem.fitted, problem.everything)
 
 
 def _better(one: Calibration, other: Calibration) -> Calibration:
-    """The fit that leaves less; the other where one failed."""
+    """Return the fit that leaves less; if one failed, the other."""
     return other if other.status.ok and (not one.status.ok or other.rms < one.rms) else one
 
 
 def _with_little(trial: Trial) -> Plant:
-    """The plant that was fitted without the new effects, with the least of them that `_otherwise` tries."""
-    without = trial.without.plant.with_rig(trial.start.rig)  # to be judged by the same model error
+    """Return the plant fitted without the new effects, with the smallest strength of them that `_otherwise` tries."""
+    without = trial.without.plant.with_rig(trial.start.rig)  # with the same model error
     return with_fitted(without, _stronger(trial, min(OTHERWISE, key=abs)) or trial.start)
 
 
 def _otherwise(trial: Trial) -> Iterator[Plant]:
-    """The plant with other strengths of the effects that are new in it, as far as they are in their ranges."""
+    """Yield the plant with other strengths of its new effects, within their ranges."""
     for share in OTHERWISE:
         moved = _stronger(trial, share)
         if moved is not None:
@@ -287,7 +288,7 @@ def _otherwise(trial: Trial) -> Iterator[Plant]:
 
 
 def _stronger(trial: Trial, share: float) -> Plant | None:
-    """The plant with a share of the strengths of the effects that are new in it; None where none is in its range."""
+    """Return the plant with a share of the strengths of its new effects; None if none is within its range."""
     plant, before = trial.start, trial.without.plant.effect_names
     new = [plant.parameters[f"{e.name}.{e.strength}"] for e in plant.effects if e.name not in before]
     moved = {p.name: share * p.value for p in new if p.lower <= share * p.value <= p.upper}

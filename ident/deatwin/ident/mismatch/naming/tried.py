@@ -1,4 +1,4 @@
-"""Record of a search for missing physics: the sets of effects that were tried, each fitted and judged."""
+"""Record of a search for missing physics: all sets of effects tried, each fitted and judged."""
 
 from __future__ import annotations
 
@@ -18,35 +18,35 @@ from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.plant.model import Plant
 
 CLEARLY_BETTER = 0.8
-"""An alternative variant is gone on with where its best single effect leaves less than this share of the mean square."""
+"""The search continues in another rig variant if this leaves less than this share of the mean square."""
 Finished = Callable[[float], None]
 Names = tuple[str, ...]
 
 
 def each_without_one(names: Names) -> list[Names]:
-    """The sets that are left when each effect of `names` in turn is taken out."""
+    """Return the subsets of `names` without one of its effects."""
     return [tuple(name for name in names if name != old) for old in names]
 
 
 def once(stage: Sequence[Names]) -> list[Names]:
-    """The sets of a `stage` in their order, of which those that were tried again are in it twice."""
+    """Return the sets of a `stage` in order, without duplicates."""
     return list(dict.fromkeys(stage))
 
 
 def _is_better(fit: Calibration, known: Calibration) -> bool:
-    """Return whether a fit is final, so that it need not be repeated."""
+    """Return whether a fit replaces the known one: it was finished, or it leaves less."""
     return known.given_up if known.given_up != fit.given_up else fit.rms < known.rms
 
 
 class Tried:
-    """Everything tried so far; sets of effects are known by their names, a stage is a list of such sets of one size.
+    """All candidates tried so far. A set of effects is a tuple of names; a stage is a list of sets of one size.
 
     Parameters
     ----------
     problem : DiagnosisProblem
         Effects and recordings.
     base : Candidate
-        Without further effects.
+        Calibrated plant without further effects.
     fitted : callable or None
         Called with each fit.
     """
@@ -60,7 +60,7 @@ class Tried:
 
     @property
     def failed(self) -> list[str]:
-        """Effects and sets of effects with which no plant could be simulated, in this variant as far as that is known."""
+        """Return the sets of effects with which this variant of the plant could not be simulated."""
         known = dict.fromkeys((*self.unscreened, *self.lost))
         return [names for names in known if tuple(names.split("+")) not in self.tried]
 
@@ -69,43 +69,43 @@ class Tried:
         return self.tried[()].noise
 
     def best_of(self, stage: Sequence[Names]) -> Names | None:
-        """The set of a `stage` with the most evidence; None of none."""
+        """Return the set of a `stage` with the most evidence; None if the stage is empty."""
         return max(stage, key=lambda names: self.tried[names].evidence, default=None)
 
     def ranked(self, stage: Sequence[Names]) -> list[Names]:
-        """The sets of a `stage`, those with the most evidence first."""
+        """Return the sets of a `stage`, the most evidence first."""
         return sorted(stage, key=lambda names: -self.tried[names].evidence)
 
     def is_best_of_its_size(self, names: Names) -> bool:
-        """Return whether of as many effects none that was tried has more evidence than the set `names`."""
+        """Return whether no tried set of as many effects has more evidence than `names`."""
         return names == self.best_of([other for other in self.tried if len(other) == len(names)])
 
     def best_that_counts(self, stage: Sequence[Names]) -> Names | None:
-        """The set of a `stage` with the most evidence in which each effect counts; None of none."""
-        # In their order, not all at once: to know whether a set counts may take a fit.
+        """Return the set with the most evidence among those of a `stage` in which each effect counts, or None."""
+        # One after another, because testing whether a set counts may take a fit.
         return next((names for names in self.ranked(stage) if self.each_counts(names)), None)
 
     def least_rms(self, stage: Sequence[Names]) -> float:
-        """The least that a fit of a stage leaves, SI."""
+        """Return the smallest rms residual of a `stage`, SI."""
         return min((self.tried[names].calibration.rms for names in stage), default=float(np.inf))
 
     def least(self, stage: Sequence[Names]) -> float:
-        """Mean square that the best of a `stage` leaves."""
+        """Return the smallest mean square residual of a `stage`."""
         return min((float(self.tried[names].losses.mean()) for names in stage), default=float(np.inf))
 
     def missing(self, stage: Sequence[Names]) -> float:
-        """Mean square beyond the noise that the best of a `stage` leaves."""
+        """Return the smallest mean square residual of a `stage` beyond noise."""
         return self._beyond_noise(self.least(stage))
 
     def _beyond_noise(self, mean_square: float) -> float:
         return max(mean_square - self.noise**2, 0.0)
 
     def error_power(self, names: Names) -> float:
-        """Power of the plant's own error, as the set `names` is judged by it."""
+        """Return the power of the model error by which the set `names` is judged."""
         return float(self.tried[names].calibration.plant.rig.model_error ** 2)
 
     def judge_by_the_best(self, stage: Sequence[Names]) -> None:
-        """The base plant was biased to imitate what is missing; the best of a `stage` knows the plant's error better."""
+        """Estimate the model error anew from the best set of a `stage`, because the base fit is biased."""
         best = self.best_of(stage)
         if best is None:
             return
@@ -116,11 +116,11 @@ class Tried:
             self.tried[names] = self.tried[names].with_floor(error)
 
     def takes_most(self, names: Names) -> bool:
-        """Return whether the set `names` takes away most of what is more than noise."""
+        """Return whether the set `names` removes most of the residual's power beyond noise."""
         return takes_most(self.tried[names], self.tried[()])
 
     def one_takes_most(self, stage: Sequence[Names]) -> bool:
-        """Return whether the best of a `stage` takes away most of what is more than noise."""
+        """Return whether the best set of a `stage` removes most of the residual's power beyond noise."""
         best = self.best_of(stage)
         return best is not None and self.takes_most(best)
 
@@ -129,12 +129,12 @@ class Tried:
         return explained(self.tried[names], self.tried[()]) > 1.0 - TRIFLE
 
     def each_counts(self, names: Names) -> bool:
-        """Return whether removing any effect of `names` costs more than the model error and is no trifle."""
+        """Return whether each effect of `names` removes more than the model error and 5 % of the mismatch's power."""
         least = max(self.error_power(names), TRIFLE * self.missing([()]))
         return all(gained(self.tried[names], less) >= least for less in self.without_one(names))
 
     def without_one(self, names: Names) -> Iterator[Candidate]:
-        """The sets without one effect of `names`, those first that are known: each other one takes a fit."""
+        """Yield the candidates without one effect of `names`, the known ones first, because each other one takes a fit."""
         for rest in sorted(each_without_one(names), key=lambda rest: rest not in self.tried):
             if rest not in self.tried and "+".join(rest) not in self.failed:
                 self.fit_some(names, rest)
@@ -142,7 +142,7 @@ class Tried:
                 yield self.tried[rest]
 
     def is_padded(self, names: Names) -> bool:
-        """Return whether what would be an explanation, the effects `names`, has one that adds nothing to it."""
+        """Return whether `names` removes most of the mismatch, but contains an effect that does not count."""
         return len(names) > 1 and self.takes_most(names) and not self.each_counts(names)
 
     def is_own(self, candidate: Candidate) -> bool:
@@ -151,7 +151,7 @@ class Tried:
         return known is not None and known.calibration is candidate.calibration
 
     def is_possible(self, candidate: Candidate) -> bool:
-        """Return whether a candidate takes away most of the mismatch, in a plant within its ranges."""
+        """Return whether a candidate removes most of the mismatch, in a plant within its ranges."""
         return takes_most(candidate, self.tried[()]) and not held_back_by(candidate)
 
     def counts(self, candidate: Candidate) -> bool:
@@ -159,18 +159,18 @@ class Tried:
         return self.is_possible(candidate) and acts(candidate, self.tried[()])
 
     def decision(self, competing: Sequence[Candidate], good: Callable[[Candidate], bool]) -> Naming:
-        """The decision among the `competing` candidates, of which those that are `good` may lead."""
+        """Decide among the `competing` candidates; only `good` ones can be the best."""
         naming = decide(tuple(self.tried.values()), competing, self.noise, good, self.is_possible)
         return self.with_distances(naming, competing)
 
     def settled(self, competing: Sequence[Candidate], hopeful: Callable[[Candidate], bool]) -> Naming:
-        """The decision among the `competing` candidates by fits to all recordings, of which one must be `hopeful`."""
+        """Decide among the `competing` candidates by fits to all recordings; one of them must be `hopeful`."""
         tried = tuple(self.tried.values())
         naming = settled_on_everything(competing, tried, self.problem, hopeful, self.is_possible)
         return self.with_distances(naming, competing)
 
     def with_distances(self, naming: Naming, competing: Sequence[Candidate]) -> Naming:
-        """A decision that also keeps those of the `competing` candidates which these inputs cannot distinguish."""
+        """Add to a decision the `competing` candidates that these inputs cannot distinguish from its best."""
         return with_distances(naming, competing, self.problem, self.is_possible, known=self._distances)
 
     def is_clearly_worse_than(self, alternative: Candidate) -> bool:
@@ -182,10 +182,10 @@ class Tried:
         return self.missing([()]) <= CLEARLY_BETTER * self._beyond_noise(float(alternative.losses.mean()))
 
     def may_be_misread(self, stage: Sequence[Names], naming: Naming, alternative: Candidate) -> bool:
-        """Whether the `alternative` variant of the plant could be what is missing, or what single effects of a `stage` lack.
+        """Return whether the `alternative` variant could explain the mismatch, or what single effects leave of it.
 
-        What is missing beside a wrong variant takes most of the mismatch in this one, or the other variant does by itself.
-        `naming` is the decision over the stage.
+        It could if it fits clearly better by itself, or if a single effect of the `stage` removes most of the mismatch
+        but none is adequate. `naming` is the decision among the stage.
         """
         if self.is_clearly_worse_than(alternative):
             return True
@@ -194,9 +194,9 @@ class Tried:
     def attempt(
         self, trials: Sequence[Trial], finished: Finished | None = None, alternative: float = np.inf
     ) -> list[Names]:
-        """Fit and judge `trials`, which compete with an `alternative` rms; `finished` is called with the share that is done.
+        """Fit and judge `trials` against the rms residual of an `alternative`; return the sets with a new or better fit.
 
-        What is returned are the sets of which no fit was known, or none as good.
+        `finished` is called with the share of the work that is done.
         """
         found = run_trials(self.problem, trials, self.noise, finished, self.fitted, alternative)
         better = self._know(found)
@@ -204,45 +204,45 @@ class Tried:
         return better
 
     def _know(self, found: Sequence[Candidate]) -> list[Names]:
-        """Keep what was `found`, unless a better fit is known; the sets that are kept."""
+        """Keep the candidates `found` unless a better fit is known; return their sets."""
         better = []
         for candidate in found:
             known = self.tried.get(candidate.effects)
             if known is None or _is_better(candidate.calibration, known.calibration):
                 self.tried[candidate.effects] = candidate
                 better.append(candidate.effects)
-        # What a wrong plant leaves at the top of the spectrum is no noise: the best explanation shows the least.
+        # A wrong plant also leaves power at the highest frequencies, so the smallest noise estimate is used.
         noise = min([self.noise, *(noise_seen(c.calibration, self.problem.fitted) for c in found)])
         self.tried = {names: replace(candidate, noise=noise) for names, candidate in self.tried.items()}
         return better
 
     def fit_some(self, full: Names, rest: Names) -> None:
-        """Fit the effects `rest` of the set `full`, from its values and from where nothing was biased."""
+        """Fit the subset `rest` of the set `full`, from its values and from unbiased ones."""
         plant = self.plant_of(full, rest)
         self.attempt(
             [Trial(start=unbiased_like(self.problem, plant), biased=plant, without=self.tried[()].calibration)]
         )
 
     def fit_fewer(self, full: Names) -> list[Names]:
-        """Fit `full` without each of its effects in turn, from its values; the sets that could be fitted.
+        """Fit `full` without each of its effects in turn, from its values; return the sets that could be fitted.
 
-        A fit of fewer effects that was given up or left rough may have been far from its minimum.
+        An earlier fit of such a set may have been given up or left rough, far from its minimum.
         """
         fewer = each_without_one(full)
         self.fit_from(full, fewer)
         return [rest for rest in fewer if rest in self.tried]
 
     def fit_from(self, full: Names, several: Sequence[Names]) -> None:
-        """Fit `several` sets of effects of the set `full` from the values of that."""
+        """Fit `several` subsets of the set `full` from its values."""
         plants = [self.plant_of(full, rest) for rest in several]
-        # What cannot begin from there may from elsewhere: it is not lost yet.
+        # A fit that fails from these values may succeed from others, so it is not recorded as lost.
         self._know(refitted(self.problem, plants, self.noise, self.fitted))
 
     def plant_of(self, full: Names, rest: Names) -> Plant:
-        """The plant of the set `full` with the effects of `rest` only, not fitted anew."""
+        """Return the plant of the set `full` with the effects of `rest` only, not refitted."""
         plant, gone = self.tried[full].calibration.plant, [name for name in full if name not in rest]
         return plant.without_effects(*gone) if gone else plant
 
     def names_of(self, trial: Trial) -> Names:
-        """The set of effects that a `trial` is of."""
+        """Return the set of effects of a `trial`."""
         return tuple(name for name in trial.start.effect_names if name not in self.problem.nominal.effect_names)

@@ -1,4 +1,4 @@
-"""Effects in other variants of the plant: another interpretation of what the rig file leaves open costs less than physics."""
+"""Effects in other rig variants: another interpretation of the rig file costs less than missing physics."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ from deatwin.ident.mismatch.naming.trial import Trial, trials_of, with_fitted
 from deatwin.ident.mismatch.naming.tried import Names, each_without_one
 
 AGAIN = 4
-"""The best single effects of the nominal variant, that are tried in an alternative one."""
+"""Number of the best single effects that are tried in another rig variant."""
 
 
 def in_variant(search: Search, alternative: Candidate, stage: Sequence[Names]) -> tuple[Search, list[Names]]:
-    """A search in an alternative variant of the plant, begun with the best single effects of another one.
+    """Begin a search in another rig variant with the best single effects of this one.
 
-    A variant that leaves clearly less is the likelier one: there all is looked for as it was in the other.
+    If the other variant leaves clearly less, it is the likelier one, and all effects are searched there.
 
     Parameters
     ----------
     search : Search
-        In the nominal variant.
+        Search in the nominal variant.
     alternative : Candidate
-        The alternative variant without effects.
+        Calibrated plant of the other variant, without effects.
     stage : sequence of tuple of str
-        Single effects of that search.
+        Single effects tried in the nominal variant.
 
     Returns
     -------
     tuple of Search and list
-        With the single effects that were tried there.
+        The new search, and the single effects tried there.
     """
     fit, other = alternative.calibration, search.in_variant_of(alternative)
     found = other.beside(()) if search.is_clearly_worse_than(alternative) else []
     unbiased = search.problem.nominal.with_rig(fit.plant.rig)
-    # What an effect promises in another variant nobody knows.
+    # The score of an effect holds for its own variant only.
     again = {n: replace(search.leads[n], share=0.0) for names in search.ranked(stage)[:AGAIN] for n in names}
     new = [lead for name, lead in again.items() if (name,) not in other.tried and name not in other.lost]
     other.leads = again | other.leads
@@ -51,26 +51,26 @@ def in_variant(search: Search, alternative: Candidate, stage: Sequence[Names]) -
 
 
 def with_fewer(search: Search, naming: Naming, variants: Sequence[Candidate]) -> tuple[Search, Naming]:
-    """The search and its answer, or those in another variant that needs one effect less, or has an answer at all.
+    """Return a search and its answer, or those in another rig variant that needs one effect less.
 
-    A reading that is taken a sample early is a delay beside any other effect, too. Where two effects leave too much,
-    they may explain the recordings in a variant that neither shows by itself; of three that do, one may be all that the
-    other variant is. How much a variant leaves without effects says little where there is an answer: this one may be biased to
-    imitate what is missing, and the other not.
+    A reading that is taken one sample early looks like a delay, beside any other effect. So an effect may be replaced
+    by another variant. If there is no answer, the best pair is tried in the other variants, because two effects may
+    explain the recordings only there. What a variant leaves without effects says little if there is an answer, because
+    either base fit may be biased.
 
     Parameters
     ----------
     search : Search
-        With what was tried.
+        Search with the sets tried so far.
     naming : Naming
         Its decision.
     variants : sequence of Candidate
-        Other variants of the plant without effects; where there is no answer, those that leave clearly more are not tried.
+        Other variants of the base plant; without an answer, variants that leave clearly more are not tried.
 
     Returns
     -------
     tuple of Search and Naming
-        Of the variants in which there is an answer, that with the most evidence.
+        Those of the variant whose answer has the most evidence.
     """
     decision = _explained if naming.best is None else _in_its_place
     full, answers = _several(search, naming), []
@@ -79,7 +79,7 @@ def with_fewer(search: Search, naming: Naming, variants: Sequence[Candidate]) ->
         if naming.best is None and leaves_more:
             continue
         other, found = decision(search, full, variant)
-        # What mends a variant that leaves clearly more without effects takes most there: it must be as likely.
+        # In a variant that leaves clearly more without effects, any set removes most; so it must be as likely.
         comes_near = is_as_likely if leaves_more else cannot_rule_out
         if found.best is None or not _explains(found.best, search):
             continue
@@ -89,7 +89,7 @@ def with_fewer(search: Search, naming: Naming, variants: Sequence[Candidate]) ->
 
 
 def _several(search: Search, naming: Naming) -> list[Names]:
-    """Explanations of several effects, the best first; where there is no explanation, the best pair and three."""
+    """Return the explanations of several effects, the best first; without any, the best pair and the best three."""
     if naming.best is None:
         best = [search.best_of([names for names in search.tried if len(names) == number]) for number in (2, 3)]
         return [names for names in best if names is not None]
@@ -98,12 +98,12 @@ def _several(search: Search, naming: Naming) -> list[Names]:
 
 
 def _explains(answer: Candidate, search: Search) -> bool:
-    """Return whether an answer in another variant explains what this variant lacks."""
+    """Return whether an answer in another variant explains the mismatch of this one."""
     return takes_most(answer, search.tried[()]) and suffices(answer, search.tried[()])
 
 
 def _in_its_place(search: Search, full: Sequence[Names], variant: Candidate) -> tuple[Search, Naming]:
-    """The decision in another variant over explanations of several effects that lack one of them."""
+    """Decide in another variant among explanations of several effects without one of them."""
     other = _begun(search, variant)
     trials = {rest: _trial(search, names, variant, rest) for names in full for rest in each_without_one(names)}
     other.judge_by_the_best(other.attempt(list(trials.values()), alternative=search.tried[full[0]].calibration.rms))
@@ -111,9 +111,9 @@ def _in_its_place(search: Search, full: Sequence[Names], variant: Candidate) -> 
 
 
 def _explained(search: Search, full: Sequence[Names], variant: Candidate) -> tuple[Search, Naming]:
-    """The decision in another variant over a pair and each of its effects, or over two of three, where this variant has none.
+    """Decide in another variant among a pair and its effects, then among pairs out of three effects.
 
-    `full` holds the pair first.
+    `full` holds the pair first. Used if this variant has no answer.
     """
     pair, *threes = full
     other, rms = _begun(search, variant), search.tried[pair].calibration.rms
@@ -134,14 +134,14 @@ def _explained(search: Search, full: Sequence[Names], variant: Candidate) -> tup
 
 
 def _begun(search: Search, variant: Candidate) -> Search:
-    """A search in another variant, with the least noise that any plant has shown."""
+    """Begin a search in another variant, with the smaller of both noise estimates."""
     other = search.in_variant_of(replace(variant, noise=min(variant.noise, search.noise)))
     other.leads = dict(search.leads)
     return other
 
 
 def _trial(search: Search, full: Names, variant: Candidate, names: Names) -> Trial:
-    """Some effects of a set that is known in one variant, built into another one with the values that they have there."""
+    """Build effects of a set that is fitted in one variant into another one, with their fitted values."""
     plant, fit = search.plant_of(full, names), variant.calibration
     unbiased = search.problem.nominal.with_rig(fit.plant.rig)
     return Trial(start=with_fitted(unbiased, plant), biased=with_fitted(fit.plant, plant), without=fit)

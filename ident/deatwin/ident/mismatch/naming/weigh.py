@@ -1,15 +1,15 @@
-r"""Comparison of two effects with one of them whose law is not exact, by the likelihood of all readings.
+r"""Comparison of a pair of effects with one of them alone, whose law may be inexact, by the likelihood of all readings.
 
-No law of a mechanism is exact, and a second effect mends what the law of the first one lacks. So the first one alone
-may err along whatever the second one does beside it, as far as laws err: with :math:`\delta` for the difference of what
-the one and the two leave, split into what another law of the first could do and the rest, and :math:`c` for what the
-first one does,
+No law of a mechanism is exact, and a second effect may merely correct the law of the first. So the single effect is
+allowed an error along the response of the second one, as large as errors of laws are. Let :math:`\delta` be the
+difference of the residuals of the single effect and of the pair. It is split into a part that another law of the single
+effect could cause and the rest. Let :math:`c` be the contribution of the single effect. Then
 
 .. math:: y = f_1(\theta) + \sum_{k=1}^2 \lambda_k\,\ell_k\,\frac{\mathrm{rms}(c)}{\mathrm{rms}(\delta_k)}\,\delta_k
           + B \beta + g + e, \qquad \lambda_k \sim N(0, 1)
 
-No other error of its law would serve the first one better, since the directions are those of the two. What is more than
-errors of that size is a second effect. A law may be exact, too: both count half.
+No other error of the law would help the single effect more. A difference larger than such errors is a second effect. An
+exact law and an inexact one have equal prior probability.
 """
 
 from __future__ import annotations
@@ -42,18 +42,18 @@ from deatwin.ident.mismatch.plan.seen import Change, products
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 
 OWN, OTHER = 0.05, 0.015
-"""Deviation of what a law misses along a second effect, as a share of what its own effect does: of what another law of
-its own could do, and of the rest."""
+"""Standard deviations of the law error along a second effect, as shares of the effect's contribution: of the part that
+another law of the same mechanism could cause, and of the rest."""
 LOOPS, LOOSE = frozenset({"coulomb_friction", "hysteresis"}), 0.1
-"""Of these there are as many laws as makers of friction, and no two differ by a filter: either deviation. Measured
-between mechanisms by other laws and the catalogue's (docs/development/evidence.md)."""
+"""Effects whose laws vary more, and not by a filter; for them both deviations have this value. It was measured between
+other laws of these mechanisms and the catalogue's (docs/development/evidence.md)."""
 FAR = 1e-300
-"""Smallest size by which is divided."""
+"""Smallest divisor."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scale:
-    """On which candidates are weighed: the `base` plant, and the sensor's `noise`, SI."""
+    """Evidence of candidates, relative to the `base` plant and with the sensor's `noise`, SI."""
 
     problem: DiagnosisProblem
     base: Candidate
@@ -61,24 +61,24 @@ class Scale:
     _weights: dict[tuple[str, ...], tuple[Calibration, float]] = field(default_factory=dict, init=False, repr=False)
 
     def of_two(self, pair: Candidate, alone: Candidate) -> float:
-        """Log odds of a pair over one effect, whose law is as likely exact as not."""
+        """Return the log odds of a pair over one effect, whose law is as likely exact as not."""
         either = np.logaddexp(self.weight(alone), self._evidence(alone, self._law(pair, alone))) - np.log(2.0)
         return self.weight(pair) - float(either) + self._pair_odds + pair.log_share - alone.log_share
 
     @property
     def _pair_odds(self) -> float:
-        """Log odds of any two effects over any one."""
+        """Return the prior log odds of any two effects over any one."""
         return pair_odds(len({effect.cause for effect in self.problem.everywhere}))
 
     def weight(self, candidate: Candidate) -> float:
-        """Log evidence of a candidate's fit."""
+        """Return the log evidence of a candidate's fit."""
         known = self._weights.get(candidate.effects)
-        if known is None or known[0] is not candidate.calibration:  # fitted anew; each is asked for beside many others
+        if known is None or known[0] is not candidate.calibration:  # refitted since
             known = self._weights[candidate.effects] = (candidate.calibration, self._evidence(candidate))
         return known[1]
 
     def _evidence(self, candidate: Candidate, law: np.ndarray | None = None) -> float:
-        """Log evidence of a candidate's fit, with columns (n, k) in which its law may err."""
+        """Return the log evidence of a candidate's fit, with columns (n, k) along which its law may err."""
         fit = candidate.calibration
         columns, prior = self._columns(candidate)
         if law is not None:
@@ -94,20 +94,20 @@ class Scale:
 
     @cached_property
     def error(self) -> OwnErrors:
-        """The plant's own error in each reading, as the base plant moves."""
+        """Return the model error in each reading, for the motion of the base plant."""
         parts = self.problem.fitted
         readings = readings_of_fit(parts, self.base.calibration.residuals)
         return own_errors(self.problem.nominal.rig, parts, readings, self.noise, self.problem.expected_error)
 
     def _columns(self, candidate: Candidate) -> tuple[np.ndarray, Prior]:
-        """Derivatives and the plant's own error in deviations beforehand, (n, k), and where the fit lies in them."""
+        """Return the columns of parameters and model error, scaled by prior deviations, (n, k), and the fit's prior."""
         fit, effects = candidate.calibration, {effect.name: effect for effect in self.problem.everywhere}
         moves = Problem(plant=fit.plant, parts=(), names=fit.names).smooth()
         parameters = [fit.plant.parameters[name] for name, smooth in zip(fit.names, moves, strict=True) if smooth]
         largest = float(np.quantile(np.abs(self.error.of[0].readings), 0.99))
         known = [coordinate(p, self.problem.nominal, effects, largest) for p in parameters]
         mean, spread = (np.array([getattr(k, name) for k in known]) for name in ("mean", "deviation"))
-        # Deviations of the rig's own parameters, which may be large, have a prior of their own: `log_prior_of_rig`.
+        # Deviations of the rig's own parameters count in `log_prior_of_rig`, since nominal values may be wrong.
         of_effects = [p.name.partition(".")[0] in effects for p in parameters]
         at = np.where(of_effects, [p.scale.to_coordinate(p.value) for p in parameters], mean)
         columns = np.column_stack([fit.jacobian[:, moves] * spread, self.error.columns])
@@ -116,7 +116,7 @@ class Scale:
         return columns, prior
 
     def _law(self, pair: Candidate, alone: Candidate) -> np.ndarray:
-        """Return what the law of one effect may miss along what a pair does beside it, (n, k), as large as expected."""
+        """Return the expected law error of one effect along the response of the second one, (n, k)."""
         does, sizes = alone.contribution, self._missed(alone)
         apart = alone.calibration.residuals - pair.calibration.residuals
         if not np.isfinite(does).all() or not does.any():
@@ -126,8 +126,8 @@ class Scale:
         return structured.known(np.column_stack([own, apart - own]), sizes)
 
     def _missed(self, alone: Candidate) -> tuple[float, float]:
-        """Rms of what the law of one effect may miss, SI: by another law of its own, and else."""
-        # What the plant does without the effect may be no equilibrium: no effect does more than the whole motion.
+        """Return the rms law error of one effect, SI: the part another law could cause, and the rest."""
+        # Without the effect the plant may have no equilibrium; no contribution exceeds the whole motion.
         does = min(_rms(alone.contribution), float(np.std(self.error.readings)))
         own, other = (LOOSE, LOOSE) if alone.effects[0] in LOOPS else (OWN, OTHER)
         return own * does, other * does
@@ -144,9 +144,9 @@ class Scale:
         return 0.5 * float(np.sum(np.square(off)))
 
     def promises(self, alone: Candidate, known: Sequence[LinearisedResponse]) -> dict[str, float]:
-        """Log odds of each further effect beside one that was fitted, to first order, over an error of that one's law.
+        """Return the log odds of each further effect over an error of the fitted one's law, to first order.
 
-        Of the shape that promises most.
+        Each effect has the shape with the largest odds.
         """
         fit, effects = alone.calibration, {effect.name: effect for effect in self.problem.effects}
         own = self._columns(alone)[0][:, : -self.error.columns.shape[1]]
@@ -174,7 +174,7 @@ class Scale:
 
 
 def _gain(along: float, square: float, deviation: float, one_sided: bool) -> float:
-    """Log evidence that a column brings which has these products with the residual and itself, for its deviation."""
+    """Return the log evidence gained by a column, from its products with the residual and with itself."""
     if deviation <= 0.0:
         return 0.0
     width = square + deviation**-2

@@ -33,11 +33,11 @@ from deatwin.plant.rigs.base import Rig
 SAMPLES = 3000
 """Default number of samples of a suggested input: long enough for a tenth of the slow error's time."""
 FEWEST, MOST = 100, 100_000
-"""Samples of an input that is advised: all waveforms of that length are held in memory."""
+"""Smallest and largest number of samples of an advised input; all waveforms are held in memory."""
 LARGE = 1e20
-"""More than is missing of any readings, SI: effects are looked at as strong as they typically are."""
+"""Residual size, SI, that exceeds all changes, so that effects are simulated at their typical strength."""
 TINY = 1e-300
-"""Size that stands for a change that the parameters imitate fully, SI."""
+"""Size of a change that the parameters imitate completely, SI."""
 Progress = Callable[[float, str], None]
 
 
@@ -117,7 +117,7 @@ def plan_experiment(
 
 
 def _wanted(plant: Plant, effects: Sequence[Effect], recorded: Collection[str]) -> tuple[Reading, ...]:
-    """Readings that the rig could have beside those that it states."""
+    """Return readings that the rig could have in addition to its own."""
     stated = {reading.name for reading in plant.rig.further}
     return offered([plant, *(plant.with_effects(effect) for effect in effects)], {*stated, *recorded})
 
@@ -128,7 +128,7 @@ def _told(tell: Progress, number: int, inputs: int, effects: int, name: str, don
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Seen:
-    """Changes of the readings by all shapes under an input, and what readings say about each pair."""
+    """Changes of the readings by effects of all shapes under an input, and their products."""
 
     recording: Recording
     error: OwnErrors
@@ -140,7 +140,7 @@ class _Seen:
 
     @cached_property
     def typical(self) -> dict[str, int]:
-        """Return the number of each effect's shape that is seen neither best nor worst."""
+        """Return the number of each effect's shape with median visibility."""
         squares = np.diag(self.among) * np.array([c.typical for c in self.changes]) ** 2
         numbers: dict[str, list[int]] = {}
         for k, change in enumerate(self.changes):
@@ -148,25 +148,25 @@ class _Seen:
         return {name: sorted(of, key=lambda k: squares[k])[len(of) // 2] for name, of in numbers.items()}
 
     def nearest(self, name: str, among: np.ndarray) -> dict[str, float]:
-        """d² from an effect at its typical strength to each other one, and to none (an empty name)."""
+        """Return d² from an effect at its typical strength to each other one, and to no effect (an empty name)."""
         k = self.typical[name]
         found = {"": float(among[k, k] * self.changes[k].typical ** 2)}
         others = zip(self.typical, distances(self.changes, among, (k,))[0], strict=True)
         return found | {other: float(d2) for other, d2 in others if other != name}
 
     def alike(self, name: str, among: np.ndarray) -> tuple[str, ...]:
-        """Effects that could not be told from one at its typical strength, the most alike first."""
+        """Return the effects that cannot be distinguished from one at its typical strength, the most similar first."""
         near = {other: d2 for other, d2 in self.nearest(name, among).items() if other and d2 < DISTINGUISHED}
         return tuple(sorted(near, key=lambda other: near[other]))
 
     @property
     def confused(self) -> float:
-        """Probability of taking an effect at its typical strength for its nearest alternative, averaged."""
+        """Return the probability of mistaking an effect for its nearest alternative, averaged over the effects."""
         near = [min(self.nearest(name, self.among).values()) for name in self.typical]
         return float(np.mean([confusion(d2) for d2 in near])) if near else 0.5
 
     def practical(self, k: int) -> float:
-        """Strength from which on a change counts in some reading of the rig."""
+        """Return the smallest strength at which a change counts in some reading of the rig."""
         pairs = zip(self.error.of, self.left[k], strict=False)
         return min(practical_size(one.noise, one.rms) / max(float(left), TINY) for one, left in pairs)
 
@@ -216,7 +216,7 @@ def _seen(
 
 
 def _noise(rig: Rig, record: Recording) -> float:
-    """Noise of the sensor, SI; of one that states none the accuracy of the simulation."""
+    """Return the sensor's noise, SI; without a stated noise, the accuracy of the simulation."""
     noise = max(rig.noise, ACCURACY * float(np.std(record.outputs[0])))
     if noise == 0.0:
         raise DataError("the rig states no noise, and this input does not move it: no effect could be judged")
@@ -224,7 +224,7 @@ def _noise(rig: Rig, record: Recording) -> float:
 
 
 def _changes(plant: Plant, effect: Effect, parts: tuple[Part, ...]) -> list[Change]:
-    """Return what an effect does at each of its shapes; an event in the middle of the recording."""
+    """Return the change of the readings for each shape of an effect; events are in the middle of the recording."""
     without = np.concatenate([part.measured for part in parts])  # the nominal plant's own readings
     if effect.event:
         at, clock = effect.described(effect.event), parts[0].timepts
@@ -269,7 +269,7 @@ def _plan(plant: Plant, seen: _Seen, name: str, tried: dict[str, float], effects
 
 
 def _telling(seen: _Seen, rows: Sequence[Foreseen]) -> tuple[TellingReading, ...]:
-    """Return what each possible reading would say about the remaining pairs, the most telling one first."""
+    """Return the possible readings, those that distinguish most of the remaining pairs first."""
     left = [(row.effect, other) for row in rows for other in row.alike]
     first, found = [effect for effect, _ in left], []
     for sensor, among in seen.beside if left else ():
@@ -302,7 +302,7 @@ def _foreseen(seen: _Seen, effect: Effect, size: float, catalogue: int) -> Fores
 def _with_readings(
     plant: Plant, commands: Recording, wanted: Sequence[Reading]
 ) -> tuple[Recording, tuple[Reading, ...], list[SensorOffer]]:
-    """An input with the readings of the nominal plant; all further readings; and those that are only wanted."""
+    """Return an input with the nominal plant's readings, all further readings, and the possible ones among them."""
     rig, silent = plant.rig, np.zeros((1, commands.n_samples))
     record = replace(commands, outputs=silent, output_names=(rig.output_name,), output_units=(rig.output_unit,))
     run = plant.with_rig(replace(rig, further=(*rig.further, *wanted))).simulate(Experiment(recordings=(record,)))
@@ -317,7 +317,7 @@ def _with_readings(
 
 
 def _inputs(plant: Plant, seconds: float, seed: int) -> dict[str, Recording]:
-    """The repertoire, as far as the nominal plant bears it."""
+    """Return the waveforms of the repertoire that the nominal plant bears."""
     rig = plant.rig
     if rig.command_range is None:
         raise DataError(

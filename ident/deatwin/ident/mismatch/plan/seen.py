@@ -1,14 +1,14 @@
 r"""Detectability of effects in readings that were not recorded.
 
-What an effect of unit strength does to the readings, c, is whitened by the plant's fast error and the noise, as G is,
-the derivatives by what may be anything: parameters and the plant's repeatable error, in deviations of their priors.
-What is left of two such changes once these are fitted,
+Let c be the change of the readings by an effect of unit strength. Let G be the derivatives by the nuisance parameters,
+which are the plant's parameters and its repeatable error, in units of their prior deviations. Both are whitened by the
+fast model error and the noise. After a fit of the nuisance parameters, the product of two changes is
 
 .. math:: \langle a, b \rangle = a^T b - a^T G (G^T G + I)^{-1} G^T b
 
-is all that the readings say of them. A strength s has the expected evidence
-:math:`\tfrac12 s^2 \langle c, c \rangle - \tfrac12 \log(1 + s_0^2 \langle c, c \rangle)` over none, with the deviation
-:math:`s_0` beforehand.
+and contains all information in the readings. A strength s has the expected evidence
+:math:`\tfrac12 s^2 \langle c, c \rangle - \tfrac12 \log(1 + s_0^2 \langle c, c \rangle)` over no effect, where
+:math:`s_0` is the prior deviation.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ class Change:
 
 
 def products(error: OwnErrors, derivatives: np.ndarray, changes: Sequence[Change]) -> np.ndarray:
-    """Return what readings say about changes and pairs, (k, k); `derivatives` (n, p) in prior deviations, SI."""
+    """Return the products of changes, (k, k); `derivatives` (n, p) are in prior deviations, SI."""
     rows = np.vstack([derivatives.T, *(change.readings for change in changes)])
     return taken_up(error.products(rows), derivatives.shape[1])
 
 
 def smallest(square: float, deviation: float, catalogue: int) -> float:
-    """Strength whose expected evidence makes it certain against nothing missing; infinite where nothing is seen of it.
+    """Return the smallest strength that is expected to be named; infinite if the effect is invisible.
 
     `square` is the product of its change with itself, `catalogue` the number of effects that share the prior.
     """
@@ -55,10 +55,9 @@ def smallest(square: float, deviation: float, catalogue: int) -> float:
 
 
 def distances(changes: Sequence[Change], among: np.ndarray, numbers: Sequence[int]) -> np.ndarray:
-    """d² from some changes at their typical strengths to the nearest of each effect, (numbers, effects).
+    """Return d² from some changes at their typical strengths to each effect, (numbers, effects).
 
-    What another effect does may be spread over its shapes, as that of a law with several times: the nearest sum of its
-    changes that all act one way counts.
+    Each effect is represented by the nearest sum, with weights of one sign, of its changes for all shapes.
     """
     squares, axes = np.linalg.eigh(among)
     seen = (axes * np.sqrt(np.maximum(squares, 0.0))).T  # columns with the same products

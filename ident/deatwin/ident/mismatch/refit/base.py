@@ -1,4 +1,4 @@
-"""The base plant, given every fair chance: other interpretations of what the rig file leaves open compete."""
+"""Calibration of the base plant, in all interpretations of the rig file."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ if TYPE_CHECKING:
 
 
 OPENS_AS_WELL = 1.2
-"""Largest ratio of rms residuals on the openings of the experiments for a variant to be fitted to all of them; by its
-linear model, where its few simulations did not do."""
+"""A variant is fitted to all data if its rms residual on the openings of the experiments, or the linearised minimum, is
+at most this multiple of the nominal variant's."""
 DECADE = 10.0
-"""Standard error of a parameter, as a factor, from which on the readings do not know its order of magnitude."""
+"""Standard error of a parameter, as a factor, beyond which the readings do not determine its order of magnitude."""
 MORE_STARTS, SPREAD = 2, 0.2
-"""Fits also start from so many other values, off by this much: what data sheets of elastomers are wrong by."""
+"""Number of further starts, and their relative deviation: typical errors of elastomers' data sheets."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -167,7 +167,7 @@ def beside_alternatives(problem: DiagnosisProblem, base: Base) -> Base:
 
 
 def _other_forms(problem: DiagnosisProblem, first: Candidate | None) -> list[Candidate]:
-    """The alternative variants of the rig that could be simulated, and open as well as the file's own, if that can be."""
+    """Return the other rig variants that can be simulated and fit the openings about as well as the file's own."""
     variants = [problem.nominal.with_rig(rig) for rig in problem.nominal.rig.rivals()]
     near = run_jobs(approach, [(variant, problem.fitted) for variant in variants], workers=problem.jobs)
     limit = np.inf if first is None else OPENS_AS_WELL * _opening_rms(first.calibration.plant, problem)
@@ -182,7 +182,7 @@ def _ranked(variants: Iterable[Candidate]) -> tuple[Candidate, ...]:
 
 
 def _fitted_well(problem: DiagnosisProblem, variant: Plant) -> Candidate | None:
-    """A variant fitted from the best of several starts, to the end."""
+    """Fit a variant completely, from the best of several starts."""
     openings = run_jobs(approach, [(start, problem.fitted) for start in _starts(variant)], workers=problem.jobs)
     usable = [fit for fit in openings if fit.status.ok]
     if not usable:
@@ -193,10 +193,7 @@ def _fitted_well(problem: DiagnosisProblem, variant: Plant) -> Candidate | None:
 
 
 def _starts(variant: Plant) -> list[Plant]:
-    """The variant as described, and with all parameters off by typical errors of a data sheet, the same ones always.
-
-    Times of events are none of a data sheet.
-    """
+    """Return the variant as described, and with fixed typical data-sheet errors in all parameters but event times."""
     rng = np.random.default_rng(0)
     free = [variant.parameters[name] for name in variant.parameters.free if name not in variant.event_times]
     starts = [variant]
@@ -207,10 +204,9 @@ def _starts(variant: Plant) -> list[Plant]:
 
 
 def _where_it_acts(near: Calibration, parts: Sequence[Part]) -> Plant:
-    """Move each parameter that the readings hardly depend on, where a fit has ended, to the decade that fits best.
+    """Move each parameter that the readings hardly determine, at the end of a fit, to the best decade.
 
-    A descent has no slope to follow there, as with a damping that is far too small to be seen: it stays, or drifts to a
-    bound.
+    A descent has no slope there, as for a damping that is far too small to matter, so it stays or drifts to a bound.
     """
     errors = dict(zip(near.names, np.sqrt(np.diag(near.covariance)), strict=True))
     known = (near.plant.parameters[name] for name in near.names)
@@ -231,7 +227,7 @@ def _same_form(one: Candidate, other: Candidate) -> bool:
 
 
 def _is_read_alike(one: Rig, other: Rig) -> bool:
-    """Return whether two rigs are read alike; the model error by which they are judged does not count."""
+    """Return whether two rigs are equal apart from their model error."""
     return replace(one, model_error=other.model_error) == other
 
 
@@ -240,7 +236,7 @@ def _judged(problem: DiagnosisProblem, fit: Calibration) -> Candidate | None:
 
 
 def _preferred(usable: Sequence[Candidate]) -> Candidate:
-    """The nominal variant, unless it certainly leaves a mismatch and another one does not: first one that is adequate."""
+    """Return the nominal variant, or an adequate one if the nominal one certainly leaves a mismatch."""
     if not usable[0].mismatch:
         return usable[0]
     sound = [c for c in usable if c.adequate] or [c for c in usable if not c.mismatch]

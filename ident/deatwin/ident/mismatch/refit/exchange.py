@@ -1,4 +1,4 @@
-"""Lags in series that may be exchanged: the readings tell both time constants, and not which is whose."""
+"""Lags in series: the readings determine both time constants, but not which lag has which."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from deatwin.ident.greybox.starts import largest_alike
 from deatwin.plant.effects.base import Place
 
 _IN_SERIES = (Place.DRIVE, Place.SENSOR)
-"""Places at which a lag is passed by the whole signal."""
+"""Places at which the whole signal passes a lag."""
 
 
 def with_exchanged_lags(fit: Calibration, parts: Sequence[Part]) -> Calibration:
-    """Widen the intervals of a fit to hold another one that is as good, with the time constants of two lags exchanged.
+    """Widen the intervals of a fit if exchanging the time constants of two lags gives an equally good fit.
 
-    Its values stand in `Calibration.equals`.
+    The values of that fit are added to `Calibration.equals`.
     """
     limit = largest_alike(fit.residuals, fit.jacobian)
     for lag, own in _pairs(fit):
         (first, second), parameters = fit.interval(lag), fit.plant.parameters
         values = {lag: parameters[own].value, own: parameters[lag].value}
         inside = all(parameters[name].lower <= value <= parameters[name].upper for name, value in values.items())
-        if not inside or first <= values[lag] <= second:  # the interval of two lags that are alike holds both
+        if not inside or first <= values[lag] <= second:  # the interval contains both values already
             continue
         other = descend(fit.plant.with_values(values), parts, hopeless=limit)
         if other.status.ok and other.rms <= limit:
@@ -49,7 +49,7 @@ def exchanged_lags(fit: Calibration) -> Iterator[str]:
 
 
 def _pairs(fit: Calibration) -> Iterator[tuple[str, str]]:
-    """The time constant of each lag among the effects, with each other one of the plant."""
+    """Yield the time constant of each lag among the effects, with each other time constant of the plant."""
     plant = fit.plant
     lags = [f"{e.name}.{e.strength}" for e in plant.effects if e.place in _IN_SERIES]
     times = [n for n in fit.names if plant.parameters[n].unit == "s" and n not in plant.event_times]

@@ -1,4 +1,4 @@
-"""Fits that spend their simulations where they matter: a rough one for every variant, a fine one for the good ones."""
+"""Fits with few simulations: a rough fit for every candidate, a complete one for good candidates."""
 
 from __future__ import annotations
 
@@ -13,33 +13,33 @@ from deatwin.ident.greybox.parts import Part, free_run_residuals, reading_times
 from deatwin.plant.model import Plant
 
 OPENING_SAMPLES = 2000
-"""The first approach uses the opening of each experiment, long enough for the film's fast parameters."""
+"""Samples of each experiment's opening used by a first fit, enough for the film's fast parameters."""
 OPENING_EVALUATIONS = 8
 ROUGH = 3e-3
-"""A variant that leaves a large residual need not be fitted better than to 0.15 % of it,"""
+"""Tolerance of a rough fit: 0.15 % of the residual,"""
 ROUGHLY: Mapping[str, Any] = {"evaluations": 10, "tolerance": ROUGH}
-"""nor with more simulations than these."""
+"""and its largest number of simulations."""
 DECIDING = 1e-3
-"""Relative change of the squared residual that no decision sees: a tenth of a nat in a hundred blocks."""
+"""Relative change of the squared residual that affects no decision: a tenth of a nat in a hundred blocks."""
 SETTLED, EVALUATIONS = 1e-6, 60
-"""Tolerance of a last fit: a tenth of a standard deviation along the flattest direction remains."""
+"""Tolerance and largest number of simulations of a final fit; a tenth of a standard deviation remains."""
 ROUNDS = 4
-"""Fits from where the last one ended."""
+"""Largest number of restarts from the end of a fit."""
 EVENT_STEP = 0.02
-"""Share of the record by which an event is moved first,"""
+"""First step of the search for an event's time, as a share of the record,"""
 FINEST = 1 / 8
-"""and of a sample, from which on it is moved no more: the noise of a jump that is six times as large leaves 0.17 of its
-time, since one sample knows of it, whose reading rises by the jump within a sample."""
+"""and the last step, as a share of a sample. If a jump is six times the noise, its time is known to 0.17 samples,
+because a single sample depends on it."""
 SAME = 1e-6
-"""Share of a sample: an event is not tried again nearer to a time that was tried."""
+"""Times of an event closer than this share of a sample count as equal."""
 AROUND = 4
-"""Samples on either side of a least squared residual, each of which may hide a lesser one: noise roughens it."""
+"""Samples on either side of a minimum that are searched for a lower one, because noise makes the residual rough."""
 PROMISING = 1.3
-"""Mean squared residual against noise and model error, below which a variant is fitted to the end."""
+"""Ratio of the mean squared residual to noise and model error below which a fit is completed."""
 
 
 def approach(start: Plant, parts: Sequence[Part]) -> Calibration:
-    """Fit the opening of each experiment only: cheap, and near enough to go on from.
+    """Fit the opening of each experiment only, as a cheap start for further fits.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def is_promising(rough: Calibration, noise: float) -> bool:
 
 
 def settle(near: Plant, parts: Sequence[Part], noise: float) -> Calibration:
-    """Fit all counted samples: roughly, and to the end where what is left is nearly noise.
+    """Fit all counted samples roughly; complete the fit if the residual is nearly noise.
 
     Parameters
     ----------
@@ -116,10 +116,10 @@ def settle(near: Plant, parts: Sequence[Part], noise: float) -> Calibration:
 
 
 def finish(rough: Calibration, parts: Sequence[Part]) -> Calibration:
-    """Fit to the end what was fitted roughly.
+    """Complete a rough fit.
 
-    In a narrow valley the solver's steps shrink until it calls the fit settled where it is not: it is asked again from
-    there, with steps of full size, until that gains nothing.
+    In a narrow valley the solver's steps shrink until it stops before the minimum. So it is restarted with steps of
+    full size until that gains nothing.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def finish(rough: Calibration, parts: Sequence[Part]) -> Calibration:
     Returns
     -------
     Calibration
-        The rough one where the fit fails.
+        The rough fit if the complete one fails.
     """
     found = rough
     for _ in range(ROUNDS):
@@ -146,7 +146,7 @@ def finish(rough: Calibration, parts: Sequence[Part]) -> Calibration:
 
 
 def further(fit: Calibration, parts: Sequence[Part], **options: Any) -> Calibration:
-    """Go on from where a fit of the same `parts` has ended, whose last simulation need not be made again."""
+    """Continue a fit of the same `parts`, without repeating its last simulation."""
     return descend(fit.plant, parts, response=(fit.residuals, fit.jacobian), **options)
 
 
@@ -173,25 +173,25 @@ def search(start: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Cal
 
 
 def at_its_time(fit: Calibration, parts: Sequence[Part], hopeless: float = np.inf, enough: float = 0.0) -> Calibration:
-    """Move the events in a fitted plant to where they explain most, and fit it anew, roughly.
+    """Move the events of a fitted plant to the times at which they explain most, and refit roughly.
 
-    Only a sample or two know of the time of an event, so no fit moves it; it is searched for.
+    A fit cannot move an event, because only one or two samples depend on its time; so the time is searched.
 
     Parameters
     ----------
     fit : Calibration
-        Of a plant on `parts`.
+        Fit to `parts`.
     parts : sequence of Part
         Samples that count.
     hopeless : float
         As for `calibrate`.
     enough : float
-        Share of the squared residual for which an event is moved no more.
+        Share of the squared residual below which an improvement does not count.
 
     Returns
     -------
     Calibration
-        The same one where the plant has no event or none that moves, or the fit was given up.
+        The given fit if the plant has no event, no event moves, or the fit was given up.
     """
     if fit.given_up:
         return fit
@@ -202,14 +202,14 @@ def at_its_time(fit: Calibration, parts: Sequence[Part], hopeless: float = np.in
 
 
 def in_a_wider_range(fit: Calibration, unbiased: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Calibration:
-    """Fit anew, from just beyond, what ended where only the usual ends and not physics, as long as that gains.
+    """Refit with wider ranges if parameters ended at a usual, not a physical limit, as long as that gains.
 
     Parameters
     ----------
     fit : Calibration
         Of a plant on `parts`.
     unbiased : Plant
-        The same with starting values: at the end of the range the others were biased to do what lay beyond it.
+        The same plant with starting values, because the other fitted parameters are biased by the limit.
     parts : sequence of Part
         Samples that count.
     hopeless : float
@@ -218,7 +218,7 @@ def in_a_wider_range(fit: Calibration, unbiased: Plant, parts: Sequence[Part], h
     Returns
     -------
     Calibration
-        The same one where no parameter ended so, or a wider range gains nothing.
+        The given fit if no parameter ended at such a limit, or a wider range gains nothing.
     """
     ended = {name: fit.plant.parameters[name].beyond for name in fit.at_bound}
     further = {name: value for name, value in ended.items() if value is not None}
@@ -230,9 +230,9 @@ def in_a_wider_range(fit: Calibration, unbiased: Plant, parts: Sequence[Part], h
 
 
 def in_its_gap(fit: Calibration, fitted: Sequence[Part], everything: Sequence[Part]) -> Calibration:
-    """Move events that lie between fitted stretches to where they explain most of all samples.
+    """Place events that lie between fitted stretches by all samples.
 
-    The fit cannot tell where in such a gap an event lies, and hardly depends on it; what was not fitted can.
+    The fitted samples do not determine the time of an event within such a gap; the held-out ones do.
 
     Parameters
     ----------
@@ -262,21 +262,21 @@ def in_its_gap(fit: Calibration, fitted: Sequence[Part], everything: Sequence[Pa
 def gap_around(
     plant: Plant, name: str, fitted: Sequence[Part], everything: Sequence[Part]
 ) -> tuple[float, float] | None:
-    """The fitted readings between which an event lies, if others were not fitted in between.
+    """Return the times of the fitted readings around an event, if held-out readings lie between them.
 
     Parameters
     ----------
     plant : Plant
-        With the event.
+        Plant with the event.
     name : str
-        Of the event's time among the plant's parameters.
+        Name of the parameter that is the event's time.
     fitted, everything : sequence of Part
         As for `in_its_gap`.
 
     Returns
     -------
     tuple of two floats, or None
-        Clock times of the last one before and of the first one after, s.
+        Clock times of the last reading before and the first one after, s.
     """
     times, known = (reading_times(plant, parts) for parts in (fitted, everything))
     at = plant.parameters[name].value
@@ -288,14 +288,14 @@ def gap_around(
 
 
 def refit(found: Calibration, everything: Sequence[Part]) -> Calibration:
-    """After the judgement a plant is fitted to all sound samples, its events at their times.
+    """Fit a plant to all sound samples, after the verdict.
 
     Parameters
     ----------
     found : Calibration
-        Of the fitted part.
+        Fit to the fitted data.
     everything : sequence of Part
-        All that may be fitted.
+        All sound samples.
 
     Returns
     -------
@@ -314,9 +314,9 @@ def _moved(
     within: tuple[float, float] = (-np.inf, np.inf),
     enough: float = 0.0,
 ) -> Plant:
-    """The plant with one event where the squared residual is least, found by steps that are halved.
+    """Move one event to the minimum of the squared residual, with steps that are halved.
 
-    Until a step either way changes that by less than a share which is `enough`.
+    The search ends if a step in either direction changes the residual by a share of less than `enough`.
     """
     times, sample = reading_times(plant, parts), plant.rig.sample_time
     known = plant.parameters[name]
@@ -328,7 +328,7 @@ def _moved(
         offsets = (-step, step) if step > FINEST * sample else around
         places = [best.parameters[name].value + offset for offset in offsets]
         new = [at for at in places if first < at < last and np.abs(np.subtract(seen, at)).min() > SAME * sample]
-        seen += new  # what was seen before leaves no less than the best does
+        seen += new
         tried = [best.with_values({name: at}) for at in new]
         losses = [_squares(other, parts) for other in tried]
         if losses and min(losses) < least:
@@ -348,19 +348,19 @@ def _squares(plant: Plant, parts: Sequence[Part]) -> float:
 
 
 def opening(part: Part, samples: int) -> Part:
-    """The counted samples among the first of an experiment.
+    """Return a part with only the counted samples of its opening.
 
     Parameters
     ----------
     part : Part
-        What counts.
+        Samples that count.
     samples : int
-        How many samples of the experiment open it.
+        Length of the opening.
 
     Returns
     -------
     Part
-        The whole one where none of the first samples counts.
+        The given part if no sample of the opening counts.
     """
     left, masks = samples, []
     for mask in part.masks:

@@ -1,8 +1,8 @@
-"""Is a named effect as strong at the end of what was fitted as at its beginning?
+"""Test whether the strength of a named effect is constant over the fitted data.
 
-The catalogue's mechanisms are what they are all the time: what changes, such as a drift or a creep, changes by its own
-law. An effect whose strength would have to grow from nothing stands for something else: a clock that runs fast looks
-like a delay, which grows. So does one that leaves too much, if all that is wrong with it is that it does not change.
+The strengths of the catalogue's effects are constant; a drift or a creep changes by its own law. An effect whose
+strength would have to grow from zero stands for something else: a clock that runs fast looks like a growing delay. The
+same holds for an effect that leaves too much if a changing strength would correct that.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.plant.datasets import Metadata, variable
 
 WHOLE = 1.0
-"""Change by as much as the effect's own strength: a law that is not quite the catalogue's changes by less."""
+"""Relative change of a strength that refutes an effect; a slightly different law causes a smaller change."""
 STRETCHES = 20
-"""Number of stretches for estimating a deviation: each is longer than most residuals remember."""
+"""Number of stretches from which a standard deviation is estimated; each is longer than most correlation times."""
 SURELY = float(stdtrit(STRETCHES - 1, 0.975))
-"""Deviations from an estimate to the end of its 95 % interval,"""
+"""Half width of a 95 % interval, in standard deviations."""
 BEYOND_DOUBT = 7.0
-"""and more of them than residuals that remember a third of the recordings are likely to make up. A law that is not
-quite the catalogue's is surely off by any number of them, so that this is not enough:"""
+"""Half width, in standard deviations, of an interval that also covers residuals correlated over a third of the
+recordings. A slightly different law may exceed it, so a second condition is needed:"""
 MOST = 0.75
-"""the change must take this share of what the explanation leaves beyond the noise. Of right causes none took more than
-two fifths, of clocks that ran late it was five sixths and more (recordings of which the causes were known)."""
+"""The change must remove this share of the residual's power beyond noise. In recordings with known causes, it removed
+at most two fifths for right causes, and at least five sixths for clocks that ran late."""
 OWN = 0.1
-"""Least share of the change's power in the readings that nothing else in the plant can make: with less, what a law
-lacks, a tenth of what the effect does, is magnified to the whole of it."""
+"""Smallest share of the change's power that no parameter can imitate. With a smaller share, a law error of a tenth of
+the effect would be magnified to the whole effect."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,12 +45,11 @@ class Constancy:
     effect : str
         Canonical name.
     own : float
-        Share of the change's power in the readings that no parameter of the plant can take up, from 0 to 1.
+        Share of the change's power in the readings that no parameter of the plant can imitate, from 0 to 1.
     change, deviation : float or None
-        Relative to the fitted strength, to first order, and its standard deviation; None where `own` is too small to
-        tell.
+        First-order change relative to the fitted strength, and its standard deviation; None if `own` is too small.
     mends : bool
-        Whether the explanation leaves too much, and the change would take most of that.
+        Whether the explanation leaves too much, and the change would remove most of that.
     """
 
     effect: str
@@ -67,9 +66,9 @@ class Constancy:
 
     @property
     def holds(self) -> bool:
-        """Return whether the effect may be what it is called: its strength does not surely change by more than itself.
+        """Return whether the strength does not certainly change by more than itself.
 
-        Nor, beyond all doubt, by anything where that would mend the explanation.
+        If the change would correct the explanation, it must not differ from zero beyond doubt.
         """
         if self.change is None or self.deviation is None:
             return True
@@ -81,19 +80,18 @@ class Constancy:
 def constancies(
     fit: Calibration, parts: Sequence[Part], effects: Sequence[str], too_much: float | None = None
 ) -> tuple[Constancy, ...]:
-    """Let the strength of each effect of a fit change evenly with time, all other parameters being free.
+    """Estimate a linear change with time of the strength of each effect, with all other parameters free.
 
     Parameters
     ----------
     fit : Calibration
-        On `parts`.
+        Fit to `parts`.
     parts : sequence of Part
-        What was fitted.
+        Fitted data.
     effects : sequence of str
-        Names of effects; events, which begin at a time of their own, are passed over, and those whose strength was
-        not fitted.
+        Names of effects; events and effects whose strength was not fitted are ignored.
     too_much : float, optional
-        Rms of what the fit leaves beyond the noise, SI, of an explanation that leaves too much; nothing of others.
+        Rms residual beyond noise, SI, if the explanation leaves too much.
 
     Returns
     -------
@@ -105,7 +103,7 @@ def constancies(
 
 
 def _by_strength(fit: Calibration, effects: Sequence[str]) -> Iterator[tuple[str, np.ndarray]]:
-    """Derivatives of the readings by the relative strength of effects, shape (n,), SI."""
+    """Yield the derivatives of the readings by the relative strength of each effect, shape (n,), SI."""
     strengths = {e.name: f"{e.name}.{e.strength}" for e in fit.plant.effects if not e.event}
     for effect in effects:
         name = strengths.get(effect)
@@ -116,7 +114,7 @@ def _by_strength(fit: Calibration, effects: Sequence[str]) -> Iterator[tuple[str
 
 
 def _running(parts: Sequence[Part]) -> np.ndarray:
-    """Time since the beginning of each experiment, shape (n,): it runs through 2 in the longest, and its mean is 0."""
+    """Return the time within each experiment, shape (n,), scaled to a range of 2 and a mean of 0."""
     since = np.concatenate([part.timepts - part.timepts[0] for part in parts])
     return 2.0 * (since - since.mean()) / max(float(since.max()), np.finfo(float).tiny)
 
@@ -124,7 +122,7 @@ def _running(parts: Sequence[Part]) -> np.ndarray:
 def _constancy(
     effect: str, change: np.ndarray, basis: np.ndarray, fit: Calibration, too_much: float | None
 ) -> Constancy:
-    """By the part of the change that nothing in the `basis` of the other parameters can make."""
+    """Estimate a change from its part outside the `basis` of the other parameters."""
     free, whole = taken_off(change, basis), float(change @ change)
     power = float(free @ free)
     own = min(power / whole, 1.0) if whole > 0.0 else 0.0

@@ -1,8 +1,7 @@
-"""Placebo effects: changes of the readings as large and as smooth as a named effect's, with its physics spoilt.
+"""Placebo effects: changes of the readings as large and as smooth as a named effect's, but with wrong physics.
 
-Whatever explains a mismatch because it is flexible, or slow, or comes with the input, explains it as well when its
-memory runs backwards in time, its strength has the wrong sign, or its phases are drawn anew. What explains it because
-it happened does not.
+An effect may explain a mismatch only because it is flexible, slow or correlated with the input. Then it explains the
+mismatch equally well if its memory runs backwards in time, its strength has the wrong sign, or its phases are random.
 """
 
 from __future__ import annotations
@@ -24,19 +23,19 @@ from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
 
 DISTINCT = 0.5
-"""A sham that would take up more than this share of the true effect is no sham of it: nothing can be learned."""
+"""A placebo effect that would imitate more than this share of the true effect is skipped: it would show nothing."""
 AS_GOOD = 0.8
-"""A sham that gains this share of what the named effect gains is as good as it."""
+"""A placebo effect that gains this share of the named effect's gain is as good."""
 NEARLY_LINEAR = 0.5
-"""Smallest share of the refit's gain that first order must show for changes of the readings to add up."""
+"""Smallest first-order gain, as a share of the refit's gain, for which changes of the readings may be added."""
 DRAWS = 19
-"""Sets of random phases; the best of 19 is the upper 5 % of what phases alone can do."""
+"""Number of sets of random phases; chance alone exceeds the best of 19 in 5 % of all cases."""
 RESOLVED = 1e-6
-"""Directions of the parameters that the readings hardly know are no way out."""
+"""Relative singular value below which a direction of the parameters is ignored."""
 
 
 class PlaceboKind(Enum):
-    """Way in which a placebo effect differs from the effect; the text says it."""
+    """Difference between a placebo effect and the effect; the value is its text."""
 
     BACKWARDS = "backwards in time"
     OPPOSITE = "with the opposite sign"
@@ -52,16 +51,15 @@ class Placebo:
     effect : str
         Canonical name.
     kind : PlaceboKind
-        How it was spoilt.
+        Difference from the effect.
     share : float or None
-        Gain of the sham in squared residual, to first order, relative to that of the effect itself: likewise to first
-        order, but the opposite sign, which cannot gain where the effect does, relative to what the refit gained, and
-        random phases, whose strength is all that a refit could change, relative to the greater of the two. None if it
-        was skipped.
+        First-order fall of the squared residual, relative to the first-order fall due to the effect itself. The
+        opposite sign is compared with the refit's fall instead, and random phases with the larger of the two. None if
+        it was skipped.
     expected : float or None
-        What it would gain if the effect were the truth, relative to that: what the two have in common.
+        The same share if the effect were the truth.
     skipped : str
-        Why nothing can be learned of it; empty if it was judged.
+        Reason why it shows nothing; empty if it was judged.
     """
 
     effect: str
@@ -82,54 +80,54 @@ class Placebo:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Court:
-    """Changes of the readings compete here, after the plant's parameters took up what they can.
+    """Comparison of changes of the readings, after subtracting what the plant's parameters can imitate.
 
     Parameters
     ----------
     jacobian : ndarray, shape (n, p)
-        Of the plant without the effect, columns of length one.
+        Jacobian of the plant without the effect, with columns of unit length.
     fitted : ndarray of bool, shape (n,)
-        Samples that were fitted; the others judge.
+        True for fitted samples, false for held-out ones.
     """
 
     jacobian: np.ndarray
     fitted: np.ndarray
 
     def left(self, change: np.ndarray) -> np.ndarray:
-        """Return what a refit on the fitted part leaves of a change, everywhere, to first order."""
+        """Return the remainder of a change, everywhere, after a first-order refit to the fitted data."""
         solution = np.linalg.lstsq(self.jacobian[self.fitted], change[self.fitted], rcond=RESOLVED)[0]
         return change - self.jacobian @ solution
 
     def gain(self, by: np.ndarray, of: np.ndarray) -> float:
-        """Fall of the unseen mean square of `of` when `by`, both as `left` leaves them, is fitted to it.
+        """Return by how much the held-out mean square of `of` falls if `by` is fitted to it with an amplitude >= 0.
 
-        Its amplitude is not negative: an effect keeps its sign.
+        Both are remainders as returned by `left`.
         """
         energy = float(by[self.fitted] @ by[self.fitted])
         amplitude = max(float(by[self.fitted] @ of[self.fitted]) / energy, 0.0) if energy > 0 else 0.0
         return self.unseen_power(of) - self.unseen_power(of - amplitude * by)
 
     def unseen_power(self, change: np.ndarray) -> float:
-        """Mean square of a change on the held-out part."""
+        """Return the mean square of a change in the held-out data."""
         return float(np.mean(change[~self.fitted] ** 2))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Case:
-    """A named effect, and the mismatch that it is to explain, as the court sees them.
+    """A named effect, and the mismatch that it explains.
 
     Parameters
     ----------
     court : _Court
-        Where it competes.
+        Comparison to which the case belongs.
     name : str
         Canonical name.
     gain : float
-        What the refit with the effect gained, SI.
+        Fall of the held-out mean square due to the refit with the effect, SI.
     residual : ndarray, shape (n,)
-        Without the effect.
+        Residual without the effect.
     named : ndarray, shape (n,)
-        The effect's change of the readings, less what the parameters take up.
+        The effect's change of the readings, minus what the parameters can imitate.
     """
 
     court: _Court
@@ -140,32 +138,32 @@ class _Case:
 
     @cached_property
     def mismatch(self) -> np.ndarray:
-        """The residual less what the parameters take up, shape (n,)."""
+        """Return the residual minus what the parameters can imitate, shape (n,)."""
         return self.court.left(self.residual)
 
     @property
     def gain_beyond(self) -> float:
-        """Return what the refit with the effect gained beyond what the parameters alone would, to first order, SI."""
+        """Return the refit's gain beyond that of the parameters alone, to first order, SI."""
         return self.gain - (self.court.unseen_power(self.residual) - self.court.unseen_power(self.mismatch))
 
     def opposite(self) -> Placebo:
-        """The effect with the wrong sign; relative to the refit, since to first order only one of the two can gain."""
+        """Judge the effect with the wrong sign, relative to the refit: to first order only one of both signs can gain."""
         share = self.court.gain(-self.named, self.mismatch) / self.gain
         return Placebo(effect=self.name, kind=PlaceboKind.OPPOSITE, share=share, expected=0.0)
 
     def backwards(self, change: np.ndarray) -> Placebo:
-        """The effect on commands that run backwards, relative to the effect to first order: both might be refitted."""
+        """Judge the effect with reversed commands, relative to the effect's first-order gain."""
         return self._best(PlaceboKind.BACKWARDS, [change], at_least=0.0)
 
     def random_phases(self, changes: Sequence[np.ndarray]) -> Placebo:
-        """Signals of the effect's spectrum, relative to what the refit gained beyond the parameters alone, too.
+        """Judge signals with the effect's spectrum, relative to the larger of its first-order gain and the refit's.
 
-        They are added to the readings, so that of their strength first order is all there is; of the effect it is not.
+        These signals are added to the readings, so their first-order gain is exact; that of the effect is not.
         """
         return self._best(PlaceboKind.RANDOM_PHASES, changes, at_least=self.gain_beyond)
 
     def _best(self, kind: PlaceboKind, changes: Sequence[np.ndarray], at_least: float) -> Placebo:
-        """The best of several shams, of those that differ from the effect, which gains `at_least` so much, SI."""
+        """Judge the best of several placebo effects that differ from the effect, whose gain is at least `at_least`, SI."""
         own, whole = (self.court.gain(self.named, of) for of in (self.mismatch, self.named))
         if own < NEARLY_LINEAR * self.gain:
             return self.skipped(kind, "the readings are too far from linear in the effect")
@@ -181,12 +179,12 @@ class _Case:
         return Placebo(effect=self.name, kind=kind, share=share, expected=expected)
 
     def skipped(self, kind: PlaceboKind, reason: str) -> Placebo:
-        """Nothing can be learned."""
+        """Return a placebo effect that was skipped for a reason."""
         return Placebo(effect=self.name, kind=kind, skipped=reason)
 
 
 def _none_judged(name: str, reason: str) -> tuple[Placebo, ...]:
-    """No kind of sham has anything to say of an effect."""
+    """Return skipped placebo effects of all kinds."""
     return tuple(Placebo(effect=name, kind=kind, skipped=reason) for kind in PlaceboKind)
 
 
@@ -198,31 +196,31 @@ def placebo_effects(
     everything: Sequence[Part],
     rng: np.random.Generator,
 ) -> tuple[Placebo, ...]:
-    """Let the shams of a named effect compete with it.
+    """Compare a named effect with its placebo effects.
 
-    The plant without the effect is simulated with and without it, on the commands and on the commands backwards. The
-    changes of the readings compete as regressors, each fitted to the fitted part together with the plant's parameters
-    to first order, and are judged on the held-out part. A sham is skipped where it would explain most of the mismatch
-    even if the named effect were the truth: an effect without memory is the same backwards, and a tone of random phase
-    is a tone.
+    The plant fitted without the effect is simulated with and without it, for the commands and for the reversed commands.
+    The changes of the readings are used as regressors. Each is fitted to the fitted data together with the plant's
+    parameters, to first order, and judged on the held-out data. A placebo effect is skipped if it would explain most of
+    the mismatch even if the named effect were the truth: an effect without memory does not change if time is reversed,
+    and a tone with a random phase is still a tone.
 
     Parameters
     ----------
     without : Calibration
-        Of the plant without the effect, on the fitted part.
+        Fit of the plant without the effect.
     effect : Effect
         The named effect with its fitted parameters.
     gain : float
-        By which the mean square on the held-out part falls with it, SI.
+        Fall of the held-out mean square due to the effect, SI.
     fitted, everything : sequence of Part
-        What was fitted, and that together with what judges.
+        Fitted data, and all data.
     rng : numpy.random.Generator
-        Of the random phases.
+        Generator for the random phases.
 
     Returns
     -------
     tuple of Placebo
-        One of each kind; skipped where the effect gains nothing or cannot be simulated in the plant without it.
+        One of each kind; skipped if the effect gains nothing or the plant cannot be simulated with it.
     """
     problem = Problem(plant=without.plant, parts=tuple(everything), names=without.names)
     evaluated, change = problem.evaluate(problem.start()), _change(without.plant, effect, everything)
@@ -248,7 +246,7 @@ def placebo_effects(
 
 
 def backwards(experiment: Experiment) -> Experiment:
-    """The commands of an experiment, the last first.
+    """Return an experiment with reversed commands.
 
     Parameters
     ----------
@@ -258,7 +256,7 @@ def backwards(experiment: Experiment) -> Experiment:
     Returns
     -------
     Experiment
-        It begins at the same time; its first record is the last one, backwards.
+        It begins at the same time; its first record is the reversed last one.
     """
     return Experiment(
         recordings=tuple(
@@ -275,14 +273,14 @@ def backwards(experiment: Experiment) -> Experiment:
 
 
 def phase_randomised(signal: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """A signal of the same mean and spectrum with phases drawn anew.
+    """Return a signal with the same mean and amplitude spectrum, but random phases.
 
     Parameters
     ----------
     signal : ndarray, shape (n,)
-        Any.
+        Any signal.
     rng : numpy.random.Generator
-        Of the phases.
+        Generator for the phases.
 
     Returns
     -------
@@ -322,17 +320,17 @@ def _backwards(part: Part) -> Part:
 
 
 def _counted(changes: Sequence[Sequence[np.ndarray]], parts: Sequence[Part]) -> np.ndarray:
-    """The samples that count, one after another."""
+    """Return the counted samples, concatenated."""
     pairs = zip(changes, parts, strict=True)
     return np.concatenate([y[m] for each, part in pairs for y, m in zip(each, part.masks, strict=True)])
 
 
 def _fitted(fitted: Sequence[Part], everything: Sequence[Part]) -> np.ndarray:
-    """Return which of all samples that count were fitted."""
+    """Return a mask of the fitted samples among all counted ones."""
     pairs = zip(fitted, everything, strict=True)
     return np.concatenate([f[m] for some, whole in pairs for f, m in zip(some.masks, whole.masks, strict=True)])
 
 
 def _forwards(changes: Sequence[Sequence[np.ndarray]]) -> list[list[np.ndarray]]:
-    """Changes of backward experiments on the clock of the forward ones."""
+    """Return the changes of reversed experiments in the original order."""
     return [[y[::-1] for y in reversed(each)] for each in changes]

@@ -1,4 +1,4 @@
-"""The first of several explanations that its verification does not refute."""
+"""Verification of several explanations, one after another, until one passes."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from deatwin.ident.mismatch.verify.verify import verify
 def first_that_stands(
     found: Iterable[Naming], problem: DiagnosisProblem, rng: np.random.Generator, started: Callable[[str], None]
 ) -> tuple[Naming, Verification, bool]:
-    """The first explanation that is not refuted, its verification, and whether it stands; else the first of all.
+    """Return the first explanation that passes verification; if none does, the first one.
 
-    What has been refuted in a variant of the plant is no alternative of the next one there, nor what is left of it where one
-    effect is doubted.
+    An explanation that was refuted in a rig variant is no alternative to the next one there. The same holds for the
+    remainder of an explanation if one of its effects is in doubt.
 
     Parameters
     ----------
@@ -30,13 +30,14 @@ def first_that_stands(
     problem : DiagnosisProblem
         Recordings.
     rng : numpy.random.Generator
-        Of their verification.
+        Generator for the verification.
     started : callable
-        Called with what is being done.
+        Called with a description of the current step.
 
     Returns
     -------
     tuple of Naming, Verification and bool
+        The explanation, its verification, and whether it passed.
     """
     verified: list[tuple[Naming, Verification, bool]] = []
     refuted: list[tuple[Calibration, frozenset[str]]] = []
@@ -62,10 +63,9 @@ def first_that_stands(
 def _without_doubted(
     naming: Naming, verification: Verification, refuted: Collection[frozenset[str]] = ()
 ) -> list[Candidate]:
-    """The explanation without each effect that held-out data do not show for certain.
+    """Return the explanation without each effect that held-out data leave in doubt.
 
-    None where one of them is not known, was refuted, or does not explain most by itself: then there is nothing that
-    stands without it.
+    The list is empty if one of these smaller explanations is unknown, was refuted, or does not explain most by itself.
     """
     if naming.best is None:
         return []

@@ -1,4 +1,4 @@
-"""Does an explanation carry over: to each record with its own waveform, and to small and large amplitudes?"""
+"""Test whether an explanation holds in each record and at small and large amplitudes."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from deatwin.plant.datasets import Metadata, variable
 from deatwin.plant.recording import label
 
 FEWEST_BLOCKS = 6
-"""Blocks of the held-out part that a part of it needs to be judged by itself."""
+"""Smallest number of blocks for which a part of the held-out data is judged by itself."""
 THIRDS = ("lowest amplitudes", "middle amplitudes", "highest amplitudes")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Transfer:
-    """Before and after on one part of the held-out data: one record, or the blocks of like amplitude.
+    """Residuals before and after in one part of the held-out data: one record, or blocks of similar amplitude.
 
     Parameters
     ----------
     part : str
-        Which part.
+        Name of the part.
     before, after : float
         Rms residuals, SI.
     gain_low, gain_high : float
-        95 % bounds of the fall, each one-sided, SI.
+        One-sided 95 % bounds of the fall of the rms, SI.
     floor : float
         Rms of noise and model error together, SI.
     model_error : float
-        Rms of the plant's own error, SI.
+        Rms of the model error, SI.
     """
 
     part: str
@@ -52,7 +52,7 @@ class Transfer:
 
     @property
     def worse(self) -> bool:
-        """Return whether the error certainly grows here, by more than the model error."""
+        """Return whether the residual certainly grows in this part, by more than the model error."""
         grows = self.after**2 - self.before**2
         return self.gain_high < 0.0 and self.after > self.floor and grows > self.model_error**2
 
@@ -65,16 +65,16 @@ def transfers(
     Parameters
     ----------
     base, amended : Candidate
-        Judged on the same samples.
+        Candidates judged on the same samples.
     problem : DiagnosisProblem
         Recordings.
     rng : numpy.random.Generator
-        Of the paired block bootstrap.
+        Generator for the paired block bootstrap.
 
     Returns
     -------
     tuple of Transfer
-        Each record, where there are several of some length, and each third of the blocks by the rms of the command.
+        One for each record, if several are long enough, and one for each third of the blocks by the command's rms.
     """
     error = amended.calibration.plant.rig.model_error
     floor = float(np.hypot(amended.noise, error))
@@ -114,7 +114,7 @@ def _records(base: Candidate, amended: Candidate, problem: DiagnosisProblem) -> 
 
 def _thirds(base: Candidate, amended: Candidate, problem: DiagnosisProblem) -> list[Losses]:
     pairs = [pair for part in problem.unseen for pair in zip(part.experiment.recordings, part.masks, strict=True)]
-    # The same blocks as the losses': the mean square of the command in each.
+    # Mean square of the command in the same blocks as the losses.
     amplitudes = block_losses(np.concatenate([record.inputs[0, mask] for record, mask in pairs]))
     before, after = block_losses(base.unseen), block_losses(amended.unseen)
     thirds = np.array_split(np.argsort(amplitudes, kind="stable"), 3)

@@ -1,8 +1,7 @@
-"""Does the explanation hold, above all on data that no fit has seen?
+"""Test an explanation, mainly on held-out data.
 
-Free runs before and after, on the whole held-out part, on each record and at each third of the amplitudes; each effect
-taken out again; shams of each effect, which must not do as well; and the strength of each over what was
-fitted, which must not change.
+The tests compare free runs before and after, on all held-out data, in each record and at each third of the amplitudes.
+Each effect is removed in turn (ablation) and compared with placebo effects, and its strength must be constant.
 """
 
 from __future__ import annotations
@@ -75,17 +74,17 @@ def verify(
 
 
 def shares_explained(base: Candidate, amended: Candidate, tried: Sequence[Candidate], noise: float) -> dict[str, float]:
-    """Return what share of the mismatch's energy goes with each effect of a candidate.
+    """Return the share of the mismatch's power that each effect of a candidate explains.
 
-    An effect's share is what returns when it alone is taken out (the other effects refitted), relative to the
-    base plant's energy above noise; for a single effect that is what the whole candidate explains.
+    It is the power that returns if the effect is removed and the others are refitted, relative to the base plant's
+    power beyond noise. The share of a single effect is that of the whole candidate.
 
     Parameters
     ----------
     base, amended : Candidate
-        Without effects, and the explanation.
+        Base plant, and the explanation.
     tried : sequence of Candidate
-        Where the reduced candidates are looked up.
+        Known fits of the reduced candidates.
     noise : float
         Standard deviation of the sensor's noise, SI.
 
@@ -106,7 +105,7 @@ def _share(base: Candidate, amended: Candidate, without: Candidate, noise: float
 def _reduced(
     base: Candidate, amended: Candidate, problem: DiagnosisProblem | None, tried: Sequence[Candidate]
 ) -> dict[str, Candidate]:
-    """The explanation without each of its effects, fitted; without those that cannot be had."""
+    """Return the fitted explanation without each of its effects; fits that fail are left out."""
     carried = (c for c in tried if not c.calibration.given_up)
     known = {frozenset(c.effects): c for c in (*carried, base)}
     found = {}
@@ -136,26 +135,23 @@ def _ablation(name: str, base: Candidate, amended: Candidate, without: Candidate
 
 
 def _counts(without: Candidate, amended: Candidate, rng: np.random.Generator) -> bool:
-    """Return whether the error is less for certain over both parts, and on the unseen one by more than the plant's own.
-
-    The power of the held-out part may differ so much by chance: it is no certainty of that part.
-    """
+    """Return whether the residual certainly falls over all data, and in held-out data by more than the model error."""
     over_both = bootstrap_gain(without.losses, amended.losses, rng)
     return over_both > 0.0 and _gained_unseen(without, amended) > amended.calibration.plant.rig.model_error**2
 
 
 def _takes_most_unseen(base: Candidate, amended: Candidate) -> bool:
-    """Return whether most of what is more than noise on the held-out part is gone: chance does not take so much."""
+    """Return whether most of the held-out residual's power beyond noise is removed."""
     return _gained_unseen(base, amended) > MOST * float(np.mean(base.unseen**2) - amended.noise**2)
 
 
 def _gained_unseen(without: Candidate, amended: Candidate) -> float:
-    """Mean square by which the held-out part is better explained, square of the residual's unit."""
+    """Return the fall of the held-out mean square residual."""
     return float(np.mean(without.unseen**2) - np.mean(amended.unseen**2))
 
 
 def _whole(amended: Candidate, problem: DiagnosisProblem) -> Calibration | None:
-    """The fit to all recordings of an explanation that leaves too much; None of others, or where there is none."""
+    """Refit an explanation that leaves too much to all recordings; None for others, or if the fit fails."""
     if amended.adequate or not amended.effects:
         return None
     fit = refit(amended.calibration, problem.everything)
@@ -163,11 +159,11 @@ def _whole(amended: Candidate, problem: DiagnosisProblem) -> Calibration | None:
 
 
 def _constancies(amended: Candidate, problem: DiagnosisProblem, whole: Calibration | None) -> tuple[Constancy, ...]:
-    """Over what was fitted; where the explanation leaves too much, over all recordings if that refutes an effect."""
+    """Test constancy on the fitted data and, if the explanation leaves too much, also on all recordings."""
     fitted = constancies(amended.calibration, problem.fitted, amended.effects)
     if whole is None:
         return fitted
-    # The extrapolation may leave too much where this fit does not; but what is no part of the noise's power is nothing.
+    # Extrapolation may leave too much although this fit does not; the limit is at least a share of the noise's power.
     left = max(whole.rms**2 - amended.noise**2, practical_size(amended.noise, 0.0) ** 2)
     everywhere = constancies(whole, problem.everything, amended.effects, too_much=float(np.sqrt(left)))
     return tuple(e if e.mends and not e.holds else f for f, e in zip(fitted, everywhere, strict=True))
