@@ -131,7 +131,7 @@ def _held_back(findings: Findings) -> Iterator[str]:
 
 
 def _hardly_shown(findings: Findings) -> Iterator[str]:
-    """Name an explanation by a cycle of which the recordings show too little."""
+    """Warn if the best explanation has a cycle of which the recordings show less than a quarter."""
     best = findings.naming.best
     if (
         findings.verdict is Verdict.UNKNOWN

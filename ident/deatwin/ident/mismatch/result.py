@@ -182,9 +182,9 @@ class Ablation:
 
     @property
     def returns(self) -> bool:
-        """Return whether the error comes back for certain, on held-out data too.
+        """Return whether the error certainly returns without the effect, also on held-out data.
 
-        What acts at a few steps only is in so few blocks of the held-out part that these alone can be certain of nothing.
+        An effect that acts at a few steps occurs in too few blocks of held-out data to be certain from these alone.
         """
         return self.gain_low > 0.0 or self.counts
 

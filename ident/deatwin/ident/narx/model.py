@@ -246,7 +246,7 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
         Parameters
         ----------
         purpose : str
-            Analysis that needs one output; the subject of the error's sentence.
+            Name of the analysis that needs one output; the error message begins with it.
 
         Raises
         ------

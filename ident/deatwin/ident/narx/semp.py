@@ -44,10 +44,10 @@ class Semp(CandidateSearch):
     switches them off:
 
     - Simulation errors are compared by a paired t test on the sums over about twenty sections of the records. Only a
-    difference significant at ``level`` counts; of the candidates that simulate as well as the best, the one that lowers
-    the one-step error most is added, provided that it does not worsen the free run. - A term is a candidate only if it
-    lowers the one-step error significantly (F test at ``significance`` divided by the number of candidates); it is
-    pruned when it no longer does and the free run is no worse without it.
+      difference significant at ``level`` counts; of the candidates that simulate as well as the best, the one that
+      lowers the one-step error most is added, provided that it does not worsen the free run.
+    - A term is a candidate only if it lowers the one-step error significantly (F test at ``significance`` divided by
+      the number of candidates); it is pruned when it no longer does and the free run is no worse without it.
 
     Additions end when no candidate is left, at ``max_terms``, or when the SRR is below ``threshold``. Two further
     steps, also not published and switched off by ``max_exchanges=0``, follow. A term is exchanged for a candidate that

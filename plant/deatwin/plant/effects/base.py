@@ -203,7 +203,7 @@ class Effect(ABC):
 
     @property
     def entry(self) -> str | dict[str, Any]:
-        """Return the entry of a model file that identifies the equations, without parameter values."""
+        """Return what a model file stores to identify the effect's equations, without parameter values."""
         return self.name
 
     @property

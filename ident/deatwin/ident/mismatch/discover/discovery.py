@@ -278,7 +278,7 @@ def unit_per(above: str, below: str, degree: int) -> str:
 
 
 def _binned(state: Array, mean: Array, deviation: Array) -> tuple[Array, Array, Array]:
-    """Middle of each bin of the state, mean of what enters there, and half the width of its band."""
+    """Return the mean state of each bin, the mean force that enters there, and the half-width of its band."""
     edges = np.linspace(state.min(), state.max(), BINS + 1)
     rows = np.clip(np.searchsorted(edges, state, side="right") - 1, 0, BINS - 1)
     filled = [rows == k for k in range(BINS) if np.sum(rows == k) >= FEWEST]

@@ -47,8 +47,8 @@ class OwnErrors:
     def columns_after(self, residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
         """Return the columns after a fit, with timing at the size that its residuals show; shape (n, k).
 
-        All fast motion tells when readings are taken. What a fit made of bends and slow errors, its residuals do not
-        tell, so these keep their size. Shapes: `residuals` (n,), `jacobian` (n, p).
+        Any fast motion reveals the time of the readings. Residuals do not reveal how far a fit has absorbed bends and
+        slow errors, so these keep their size. Shapes: `residuals` (n,), `jacobian` (n, p).
         """
         free = beside(jacobian, self.columns)
         variance = float(np.mean(residuals**2))
@@ -58,7 +58,7 @@ class OwnErrors:
         return self.columns * np.where(np.concatenate([one.of_timing for one in self.of]), shown, 1.0)
 
     def likelihood(self, residuals: np.ndarray, columns: np.ndarray) -> list[Reading]:
-        """Each reading as the likelihood takes it; `residuals` (n,) and `columns` (n, m) over all samples."""
+        """Return each reading in the form that the likelihood needs; `residuals` (n,), `columns` (n, m)."""
         return [
             Reading(
                 times=one.times,

@@ -408,7 +408,7 @@ def is_possible(alternative: Candidate, best: Candidate) -> bool:
 
 
 def _apart(alternative: Candidate, best: Candidate) -> float:
-    """Return by how much, rms, an alternative leaves more than the best in the experiment that distinguishes them most, SI.
+    """Return the rms by which an alternative's residual exceeds the best's, in the experiment that separates them most, SI.
 
     An average over all experiments would hide a short one that was made to distinguish the two.
     """

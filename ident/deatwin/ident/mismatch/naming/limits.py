@@ -14,7 +14,7 @@ ROUNDING = 1e-9
 
 
 def with_limits(naming: Naming, possible: Callable[[Candidate], bool]) -> Naming:
-    """Add, as an alternative, the effect that the best explanation becomes at the lower end of its range.
+    """Add, as an alternative, the effect into which the best one turns when a parameter reaches its lower bound.
 
     Hysteresis over a vanishing distance is dry friction. If the fit ends at the smallest distance, or its 95 % interval
     includes it, a smaller residual is due to details of the contact; so both names are equally likely.

@@ -18,7 +18,7 @@ def causes_of(candidate: Candidate) -> tuple[str, ...]:
 def without_places(naming: Naming) -> tuple[Naming, tuple[Candidate, ...]]:
     """Separate the alternatives that are the best explanation at other places.
 
-    Of other alternatives with the same causes the first is kept. If the plant does not rest before the first reading, a
+    Of the remaining alternatives with the same causes, the first one is kept. If the plant does not rest before the first reading, a
     tone is simulated as if it began there. That is arbitrary, so the place of the tone is left open.
     """
     if naming.best is None:

@@ -105,7 +105,7 @@ def judged_on_everything(
 ) -> Naming:
     """Add alternatives that are as likely as the best explanation if both are fitted to all recordings.
 
-    The held-out data are extrapolated. If the law of a slow effect differs slightly from the catalogue's, the right
+    The model extrapolates to the held-out data. If the law of a slow effect differs slightly from the catalogue's, the right
     effect may fail there, because the beginning of a relaxation does not determine its end. Candidates that lose on the
     fitted data are not reconsidered.
 

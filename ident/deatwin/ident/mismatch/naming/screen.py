@@ -117,10 +117,10 @@ def linearised_responses(
 def leads(known: Sequence[LinearisedResponse], fit: Calibration) -> tuple[Lead, ...]:
     """Order effects by what they could explain of a fit's residual.
 
-    Each response is projected off the Jacobian of the fit, since the plant's parameters take up what they can (those
-    on a bound can take up nothing: what is missing has driven them there, and beyond it they would hide it);
-    the residual's share along it is what the effect could explain. The strength starts at its typical size, where the
-    plant can be simulated with it: the fitted plant has absorbed part of the effect.
+    Each response is projected off the Jacobian of the fit, because the plant's parameters imitate what they can.
+    Parameters on a bound imitate nothing: the missing physics has driven them there. The effect could explain the
+    residual's share along the remainder. The strength starts at its typical size, if the plant can be simulated with
+    it, because the fitted plant has already absorbed part of the effect.
 
     Parameters
     ----------
@@ -236,7 +236,7 @@ def _lead(known: LinearisedResponse, residual: np.ndarray, basis: np.ndarray) ->
 
 
 def started(effect: Effect, strength: float) -> tuple[Effect, Effect]:
-    """Return an effect as the start of a fit from far away, and of a fit from nearby.
+    """Return two versions of an effect: the start of a distant fit, and that of a nearby one.
 
     Parameters
     ----------

@@ -260,7 +260,7 @@ FIRST = 3
 
 
 def joint_trials(search: Search) -> list[Trial]:
-    """Return trials of the most promising pairs in which one effect was tried alone.
+    """Return trials of the most promising untried pairs, one effect of which has been tried alone.
 
     Adding a second effect to the best single one misses two effects that oppose each other: each alone explains little,
     and a third may imitate both. To first order, the promise of a second effect costs no simulation, except for events.

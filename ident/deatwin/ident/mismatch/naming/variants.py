@@ -103,7 +103,7 @@ def _explains(answer: Candidate, search: Search) -> bool:
 
 
 def _in_its_place(search: Search, full: Sequence[Names], variant: Candidate) -> tuple[Search, Naming]:
-    """Decide in another variant among explanations of several effects without one of them."""
+    """Drop one effect from each set, refit in another variant, and decide among these."""
     other = _begun(search, variant)
     trials = {rest: _trial(search, names, variant, rest) for names in full for rest in each_without_one(names)}
     other.judge_by_the_best(other.attempt(list(trials.values()), alternative=search.tried[full[0]].calibration.rms))

@@ -140,7 +140,7 @@ class _Seen:
 
     @cached_property
     def typical(self) -> dict[str, int]:
-        """Return the number of each effect's shape with median visibility."""
+        """Return, for each effect, the index of the shape with median visibility."""
         squares = np.diag(self.among) * np.array([c.typical for c in self.changes]) ** 2
         numbers: dict[str, list[int]] = {}
         for k, change in enumerate(self.changes):

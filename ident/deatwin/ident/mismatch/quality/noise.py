@@ -251,8 +251,8 @@ def _at_rest(residual: np.ndarray, command: np.ndarray, sample_time: float) -> l
 def _white(pieces: Sequence[np.ndarray], above: float) -> float:
     """Standard deviation of white noise with the median power density seen above a share of the Nyquist frequency.
 
-    The median over the lines passes by tones, and by what is slow where all lines are asked; that over the segments, by
-    what comes in bursts, as the error of a plant that answers too early to each step.
+    The median over the lines ignores tones and slow errors. The median over the segments ignores bursts, such as the
+    error after each step of a plant that answers too early.
     """
     from scipy.signal import welch
 

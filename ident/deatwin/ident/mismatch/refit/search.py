@@ -151,7 +151,7 @@ def further(fit: Calibration, parts: Sequence[Part], **options: Any) -> Calibrat
 
 
 def search(start: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Calibration:
-    """Fit a plant from far away, roughly.
+    """Fit a plant roughly, from starting values that may be far off.
 
     Parameters
     ----------
