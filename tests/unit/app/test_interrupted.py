@@ -148,14 +148,14 @@ def test_ctrl_c_keeps_the_calibrated_plant(recorded: Path, validate: Callable[[s
 
 
 @pytest.mark.parametrize("interrupt", [by_ctrl_c, by_a_batch_system])
-def test_workers_are_interrupted_without_a_trace(problem: Path, interrupt: Callable[[int], None]) -> None:
+def test_workers_are_interrupted_without_a_trace(bench: Path, interrupt: Callable[[int], None]) -> None:
     folder = interrupt.__name__
     arguments = ["diagnose", "strip_of_mine:strip", "pulls.csv", "--jobs", "2", "--out", folder]
-    status, _, err = interrupted_at_a_terminal(PROGRAM, arguments, problem, "building in effects", interrupt)
+    status, _, err = interrupted_at_a_terminal(PROGRAM, arguments, bench, "building in effects", interrupt)
     assert status == 130
     assert "Traceback" not in err
-    assert {"gate", "base", "detect"} <= {step["step"] for step in kept(problem / folder)["steps"]}
-    assert not (problem / folder / "diagnosis.json").exists()
+    assert {"gate", "base", "detect"} <= {step["step"] for step in kept(bench / folder)["steps"]}
+    assert not (bench / folder / "diagnosis.json").exists()
 
 
 @pytest.fixture

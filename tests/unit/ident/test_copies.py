@@ -38,7 +38,8 @@ def public_estimators() -> dict[str, type]:
     """Those that can be fitted: bases, which other estimators derive from, are left out."""
     exported = [getattr(module, name) for module in map(importlib.import_module, PUBLIC) for name in module.__all__]
     found = {one for one in exported if inspect.isclass(one) and callable(getattr(one, "fit", None))}
-    return {one.__name__: one for one in sorted(found, key=lambda one: one.__name__) if not one.__subclasses__()}
+    bases = {base for one in found for base in one.__mro__[1:]}
+    return {one.__name__: one for one in sorted(found - bases, key=lambda one: one.__name__)}
 
 
 @cache

@@ -59,7 +59,7 @@ class BaseSummary(FittedPlant):
 
     noise: float
     model_error: float
-    alternatives: tuple[FormSummary, ...]
+    rivals: tuple[FormSummary, ...]
 
 
 StepResult = (
@@ -151,7 +151,7 @@ def base_step(problem: DiagnosisProblem, base: Base) -> Step:
         **vars(_fit(problem, fit, chosen.unseen)),
         noise=base.noise / size,
         model_error=fit.plant.rig.model_error / size,
-        alternatives=variants_tried(problem, base)[1:],
+        rivals=variants_tried(problem, base)[1:],
     )
     model = CalibratedPlant(
         plant=with_model_error(fit.plant, problem.stated_error),

@@ -248,7 +248,7 @@ def test_a_doubt_of_one_of_two_effects_ends_as_ambiguous(doubted):
     certain = {cause.effect: cause.probability for cause in doubted.causes}
     assert certain["electrode_rc"] == pytest.approx(0.95)  # of both explanations, a margin left for others
     assert certain["creep"] == pytest.approx(0.95 / 2)
-    assert doubted.alternatives == (("electrode_rc",),)
+    assert doubted.rivals == (("electrode_rc",),)
     assert ", or the same without creep; with the first two" in doubted.sentence
 
 
@@ -260,7 +260,7 @@ def test_a_rival_on_another_form_of_the_rig_has_its_own_distance():
     hidden = rig.with_effects(effect_named("delay")).record(blank, rng)
     found = diagnose(rig, hidden, effects=[effect_named("delay"), effect_named("sensor_lag")])
     assert found.verdict is Verdict.AMBIGUOUS
-    assert found.alternatives == (("sensor_lag",),)
+    assert found.rivals == (("sensor_lag",),)
     assert "sensor_lag explains the recordings on a rig with reading = 'start of hold'" in found.warnings
     (pair,) = found.indistinguishable
     # that of the lag on the rig of the file is above 100: it was distinguished, and is no alternative

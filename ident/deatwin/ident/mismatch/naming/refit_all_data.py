@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from deatwin.ident.greybox.fit import descend
-from deatwin.ident.greybox.parts import Part
+from deatwin.ident.greybox.parts import Part, level_of
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.criteria import (
     MOST,
@@ -190,6 +190,7 @@ def fitted_to_all(candidate: Candidate, parts: Sequence[Part]) -> Candidate | No
         unseen=np.zeros(0),
         sizes=tuple((part.size, 0) for part in parts),
         measured=np.concatenate([part.measured for part in parts]),
+        level=level_of(parts),
     )
 
 

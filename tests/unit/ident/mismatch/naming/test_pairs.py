@@ -248,7 +248,7 @@ def test_after_a_single_effect_comes_what_pairs_explain(explained_alone, monkeyp
     """Those that were tried before, too, and those that only suffice: each effect is left out once more."""
     search, _ = explained_alone
     monkeypatch.setattr(name, "with_a_second", lambda search, naming: naming)
-    for module in ("name", "answers"):
+    for module in ("name", "decisions"):
         over_a_stage = f"deatwin.ident.mismatch.naming.{module}.decided"
         monkeypatch.setattr(over_a_stage, lambda search, stage: asked.append(stage) or nothing)
     monkeypatch.setattr(search, "with_one_more", lambda stage: asked.append(stage) or [])

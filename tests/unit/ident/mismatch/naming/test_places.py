@@ -75,7 +75,7 @@ def test_what_a_linear_plant_reads_the_same_from_two_places_is_one_cause_whose_p
     (cause,) = found.causes
     assert (found.verdict, cause.effect, cause.place) == (Verdict.NAMED, "periodic_disturbance", None)
     assert set(cause.places) == {"reading", "command", "force"}
-    assert found.alternatives == ()
+    assert found.rivals == ()
     assert found.names == ("periodic_disturbance",)
     assert "these recordings cannot decide" in found.sentence
 

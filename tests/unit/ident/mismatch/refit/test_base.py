@@ -32,9 +32,7 @@ def test_a_form_that_ran_out_of_simulations_is_judged_by_its_linear_model(monkey
         "elsewhere": opened("elsewhere", 4.0, 2.5),
         "worse at its end": opened("worse at its end", 2.5, 2.3, FitStatus.SETTLED),
     }
-    nominal = SimpleNamespace(
-        rig=SimpleNamespace(noise=0.1, alternatives=lambda: list(openings)), with_rig=lambda rig: rig
-    )
+    nominal = SimpleNamespace(rig=SimpleNamespace(noise=0.1, rivals=lambda: list(openings)), with_rig=lambda rig: rig)
     # whatever a form is given, the nominal one leaves 2 on the openings: the limit is 2.4
     first = SimpleNamespace(adequate=False, calibration=SimpleNamespace(plant=None), noise=0.1)
     settled: list[str] = []
