@@ -9,7 +9,7 @@ Array = NDArray[np.float64]
 
 
 def bandwidth_Hz(omega: Array, loops: NDArray[np.complex128]) -> Array:
-    """Where abs(L/(1 + L)) first falls below -3 dB, else the last, (n,) Hz. Shapes: `loops` (n, k); `omega` (k,)."""
+    """Return the frequency at which abs(L/(1 + L)) first falls below -3 dB, else the last, (n,) Hz; `loops` (n, k)."""
     closed = np.abs(loops / (1.0 + loops))
     below = closed < np.sqrt(0.5)
     first = np.where(below.any(axis=1), below.argmax(axis=1), omega.size - 1)

@@ -137,7 +137,7 @@ def _real_equilibria(model: NarxModel, inputs: Array) -> Array:
 
 
 def _crossings(model: NarxModel, inputs: Array) -> Array:
-    """Where f(y, ..., y; u) - y changes its sign, increasing, on a grid of twenty outputs in each factor of ten."""
+    """Find the y at which f(y, ..., y; u) - y changes sign, increasing, on a grid of twenty outputs per decade."""
     from scipy.optimize import brentq
 
     def imbalance(y: float) -> float:

@@ -116,7 +116,7 @@ def _rows(orders: Orders, theta: Array, angle: Array, channel: int) -> tuple[Com
 
 
 def _slots(orders: Orders, channel: int) -> tuple[slice, slice, slice]:
-    """Where the coefficients of A, B_i and F_i stand in the parameter vector."""
+    """Return the places of the coefficients of A, B_i and F_i in the parameter vector."""
     ends = np.cumsum((0, *orders.sizes))
     m = len(orders.nb)
     a, b, f = (slice(int(ends[i]), int(ends[i + 1])) for i in (0, 1 + channel, 1 + m + channel))

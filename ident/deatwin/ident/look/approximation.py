@@ -52,12 +52,12 @@ class BestLinearApproximation(Frozen):
     noise : ndarray, shape (n_all,)
         Standard deviation of the output's mean over the periods of one realisation.
     distortion_variance : ndarray, shape (n_all,)
-            Power of the nonlinear distortion. The estimate is unbiased, so it may be negative if there is no distortion;
+        Power of the nonlinear distortion. The estimate is unbiased, so it may be negative if there is no distortion;
         NaN if it cannot be determined.
     distortion_low : ndarray, shape (3,)
         Lower 95 % bounds of the rms over time of the even, the odd and all distortion, output unit; 0 where noise alone
         explains it, NaN where it cannot be determined.
-        realisations : int
+    realisations : int
         Number of different inputs.
     periods : int
         Number of periods that were used, of all realisations.

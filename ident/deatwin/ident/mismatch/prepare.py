@@ -12,7 +12,7 @@ from deatwin.ident.mismatch.locate.track import readings, tracks
 from deatwin.ident.mismatch.model_error import error_in, model_error_of, with_model_error
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.quality.noise import noise_level, noise_levels
-from deatwin.ident.mismatch.quality.quality import DataQuality, split
+from deatwin.ident.mismatch.quality.quality import DataQuality, by_experiment, split
 from deatwin.ident.mismatch.refit.base import Base, calibrate_base
 from deatwin.ident.soundness import noise_of_bends
 from deatwin.plant.effects.base import Alone, Effect
@@ -38,7 +38,7 @@ def prepare(
     plant : Plant
         Nominal plant.
     checked : DataQuality
-        Checked recordings from `gate`.
+        Recordings as `check_quality` returned them.
     effects : sequence of Effect, optional
         Effects that may be missing; by default all that the rig offers, at the sizes of the rig. Effects that it does
         not accept are skipped.
@@ -60,19 +60,19 @@ def prepare(
         If the plant cannot be simulated on the recordings.
     """
     known = plant.rig.effects() if effects is None else _at_sizes_of(plant.rig, _checked(effects))
-    problem = _bench(plant, checked, known, jobs)
+    problem = _problem_of(plant, checked, known, jobs)
     base = calibrate_base(problem)
     noisier = _noisier(base, problem)
     if noisier:
         plant = plant.with_rig(replace(plant.rig, further=noisier))
-        problem = _bench(plant, checked, known, jobs)
+        problem = _problem_of(plant, checked, known, jobs)
         base = calibrate_base(problem)
     levels = _levels(base, problem, checked)
     if levels is not None:
-        problem = _bench(plant, checked, known, jobs, levels=levels)
+        problem = _problem_of(plant, checked, known, jobs, levels=levels)
         base = calibrate_base(problem)
     onset = _late_onset(base, checked)
-    later = problem if onset is None else _bench(plant, checked, known, jobs, onset, levels)
+    later = problem if onset is None else _problem_of(plant, checked, known, jobs, onset, levels)
     if not _same_parts(later, problem):
         problem, base = later, calibrate_base(later)
     error = model_error_of(base.chosen.calibration.plant, problem)
@@ -100,7 +100,7 @@ def _at_sizes_of(rig: Rig, effects: Sequence[Effect]) -> Sequence[Effect]:
     return [rig.sizes.of(effect) if type(effect) in known else effect for effect in effects]
 
 
-def _bench(
+def _problem_of(
     plant: Plant,
     checked: DataQuality,
     effects: Sequence[Effect],
@@ -192,10 +192,7 @@ def _levels(base: Base, problem: DiagnosisProblem, checked: DataQuality) -> Leve
     left = [np.where(m, r.outputs[0] - y, np.nan) for r, y, m in zip(records, simulated, sound, strict=True)]
     commands = [r.inputs[0] for r in records]
     found = noise_levels(left, (simulated, commands), max(problem.nominal.rig.noise, problem.expected_error))
-    if found is None:
-        return None
-    each = iter(found)
-    return tuple(tuple(next(each) for _ in experiment.recordings) for experiment in checked.experiments)
+    return None if found is None else by_experiment(checked, found)
 
 
 def _motion(checked: DataQuality) -> float:

@@ -177,7 +177,7 @@ def fit_relevance(
 
 
 def _settled(data: Statistics, alpha: Array, before: Posterior, now: Posterior, tolerance: float) -> bool:
-    """Whether an update, which ended at relevances alpha, moved parameters and noise by less than the tolerance."""
+    """Return whether an update, which ended at relevances alpha, moved parameters and noise by less than the tolerance."""
     moved = now.mean - before.mean
     distance = now.a / now.b * float(moved @ data.gram @ moved + alpha @ moved**2)  # squared, in standard deviations
     return distance <= tolerance**2 * moved.size and abs(now.b - before.b) <= tolerance * now.b

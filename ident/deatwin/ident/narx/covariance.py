@@ -1,4 +1,4 @@
-"""What makes a matrix the covariance of parameters, its root, and what a linear map makes of it."""
+"""Check a covariance of parameters, take its root, and map it linearly."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an estimator of the parameters of given regressors returns, and the plain one: least squares by QR.
+"""Contract of an estimator of the parameters of given regressors, and the plain one: least squares by QR.
 
 >>> import numpy as np
 >>> rows = np.array([[1.0, 1.0, 1.0, 1.0], [0.0, 1.0, 2.0, 3.0]])
@@ -34,7 +34,7 @@ class Estimate:
 
 
 class Estimator(Protocol):
-    """What estimates the parameters of given regressors."""
+    """Estimator of the parameters of given regressors."""
 
     def __call__(self, rows: Array, target: Array) -> Estimate:
         """Estimate. Shapes: `rows` (n_terms, n_samples); `target` (n_samples,)."""

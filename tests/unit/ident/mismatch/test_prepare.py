@@ -58,7 +58,9 @@ def test_a_base_plant_is_not_calibrated_again_to_the_same_samples(monkeypatch):
     monkeypatch.setattr(module, "replace", lambda thing, **_: thing)
     for later, times in ((part(first), 1), (part(longer), 2), (part(first, first), 2)):
         asked.clear()
-        monkeypatch.setattr(module, "_bench", lambda *given, later=later: part(first) if len(given) == 4 else later)
+        monkeypatch.setattr(
+            module, "_problem_of", lambda *given, later=later: part(first) if len(given) == 4 else later
+        )
         prepare(NOMINAL, None, ())
         assert len(asked) == times
 

@@ -69,7 +69,7 @@ class MovingParts:
 
 
 def correction(models: Sequence[NarxModel | None], timepts: Array, parts: Parts, read: Reading, size: int) -> Complex:
-    """What the motion of the parameters adds to a response, to first order, (n_times, n)."""
+    """Return what moving parameters add to a response, to first order, (n_times, n)."""
     added = np.full((timepts.size, size), np.nan, dtype=np.complex128)
     step = max(_BLOCK // size, 1)
     for first in range(0, timepts.size if timepts.size > 1 else 0, step):

@@ -14,7 +14,7 @@ exact law and an inexact one have equal prior probability.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -40,6 +40,7 @@ from deatwin.ident.mismatch.naming.contribution import readings_of_fit
 from deatwin.ident.mismatch.naming.screen import LinearisedResponse
 from deatwin.ident.mismatch.plan.seen import Change, products
 from deatwin.ident.mismatch.problem import DiagnosisProblem
+from deatwin.plant.parameters import Parameter
 
 OWN, OTHER = 0.05, 0.015
 """Standard deviations of the law error along a second effect, as shares of the effect's contribution: of the part that
@@ -134,14 +135,16 @@ class Scale:
 
     def log_prior_of_rig(self, candidate: Candidate) -> float:
         """Return the log prior of the rig's own parameters relative to their nominal values, which may be wrong."""
-        fit, nominal = candidate.calibration, self.problem.nominal.parameters
-        return sum(nominal_odds(fit.plant.parameters[name], nominal[name]) for name in fit.names if name in nominal)
+        return sum(nominal_odds(fitted, nominal) for fitted, nominal in self._of_the_rig(candidate))
 
     def biased(self, candidate: Candidate) -> float:
         """Return how unlikely the rig's own parameters are beside right nominal values, in nats; missing physics biases them."""
+        return 0.5 * sum(departure(fitted, nominal) ** 2 for fitted, nominal in self._of_the_rig(candidate))
+
+    def _of_the_rig(self, candidate: Candidate) -> Iterator[tuple[Parameter, Parameter]]:
+        """Yield each fitted parameter of the rig's own with its nominal value."""
         fit, nominal = candidate.calibration, self.problem.nominal.parameters
-        off = [departure(fit.plant.parameters[name], nominal[name]) for name in fit.names if name in nominal]
-        return 0.5 * float(np.sum(np.square(off)))
+        return ((fit.plant.parameters[name], nominal[name]) for name in fit.names if name in nominal)
 
     def promises(self, alone: Candidate, known: Sequence[LinearisedResponse]) -> dict[str, float]:
         """Return the log odds of each further effect over an error of the fitted one's law, to first order.

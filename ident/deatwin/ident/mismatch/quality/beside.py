@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from deatwin.ident.mismatch.quality.bursts import noisier
-from deatwin.ident.mismatch.quality.quality import DataQuality, Masks, marked_in_any
+from deatwin.ident.mismatch.quality.quality import DataQuality, Masks, by_experiment, marked_in_any
 from deatwin.ident.mismatch.quality.suspects import held
 from deatwin.ident.soundness import resolution
 from deatwin.plant.model import Plant
@@ -39,16 +38,10 @@ def without_faults(checked: DataQuality, plant: Plant) -> DataQuality:
         noisy = noisier(residuals, commands, max([reading.noise, *(step / np.sqrt(12.0) for step in steps)]))
         for found, masks in ((stuck, still), (bursts, noisy)):
             if any(mask.any() for mask in masks):
-                found[name] = _of_each(checked, masks)
+                found[name] = by_experiment(checked, masks)
     if not stuck and not bursts:
         return checked
     own = stuck.pop("", None)
     return replace(
         checked, bursts=bursts, stuck_further=stuck, stuck=marked_in_any(checked.stuck, own) if own else checked.stuck
     )
-
-
-def _of_each(checked: DataQuality, masks: Sequence[np.ndarray]) -> Masks:
-    """Masks of all records, one after another, for each experiment."""
-    following = iter(masks)
-    return tuple(tuple(next(following) for _ in experiment.recordings) for experiment in checked.experiments)

@@ -57,6 +57,12 @@ def marked_in_any(*kinds: Masks) -> Masks:
     return tuple(tuple(np.any(masks, axis=0) for masks in zip(*one, strict=True)) for one in each)
 
 
+def by_experiment(checked: DataQuality, arrays: Sequence[np.ndarray]) -> tuple[tuple[np.ndarray, ...], ...]:
+    """Group arrays of all recordings, one after another, by their experiments."""
+    following = iter(arrays)
+    return tuple(tuple(next(following) for _ in experiment.recordings) for experiment in checked.experiments)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DataQuality(Described):
     """Recordings with their faulty samples marked and their noise estimated.
@@ -349,7 +355,7 @@ def split(
     Parameters
     ----------
     checked : DataQuality
-        What `gate` returned.
+        Recordings as `check_quality` returned them.
     onset : float, optional
         Clock time at which a mismatch begins, s.
     weights : mapping of str to float, optional

@@ -1,1 +1,1 @@
-"""Does an explanation hold on data that no fit has seen, against shams and in every part?"""
+"""Verification of an explanation on held-out data, by placebo effects and in every part of the recordings."""

@@ -167,10 +167,10 @@ class _Case:
         own, whole = (self.court.gain(self.named, of) for of in (self.mismatch, self.named))
         if own < NEARLY_LINEAR * self.gain:
             return self.skipped(kind, "the readings are too far from linear in the effect")
-        shams, against = [self.court.left(change) for change in changes], max(own, at_least)
+        placebos, against = [self.court.left(change) for change in changes], max(own, at_least)
         pairs = [
-            (self.court.gain(sham, self.mismatch) / against, self.court.gain(sham, self.named) / whole)
-            for sham in shams
+            (self.court.gain(placebo, self.mismatch) / against, self.court.gain(placebo, self.named) / whole)
+            for placebo in placebos
         ]
         distinct = [pair for pair in pairs if pair[1] <= DISTINCT]
         if 2 * len(distinct) <= len(pairs):
