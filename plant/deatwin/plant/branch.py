@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.equations import Equations
+from deatwin.plant.integrator.march import March
 from deatwin.plant.rest import RestState, rest_state, resting
 
 FURTHEST = 0.25
@@ -122,11 +123,16 @@ def _stable(
     stays = np.flatnonzero(_signs(equations, way[:, 1:], told, values) == stable)
     if not stays.size:
         return stays, np.empty(0, dtype=bool)
-    before, after = way[:, np.concatenate([[0], stays[:-1] + 1])], way[:, stays + 1]
-    between = before[:, :, None] + (after - before)[:, :, None] * BETWEEN
-    held = np.repeat(told[:, stays], BETWEEN.size, axis=1)
+    last = np.concatenate([[0], stays[:-1] + 1])
+    before, moves = way[:, last], way[:, stays + 1] - way[:, last]
+    moved = np.max(np.abs(moves) / equations.scale[:, None], axis=0) >= FURTHEST
+    moved |= np.diff(stays, prepend=-1) > 1  # by way of states that are not stable
+    between = before[:, moved, None] + moves[:, moved, None] * BETWEEN
+    held = np.repeat(told[:, stays[moved]], BETWEEN.size, axis=1)
     signs = _signs(equations, between.reshape(len(way), -1), held, values).reshape(-1, BETWEEN.size)
-    return stays, (signs != stable).any(axis=1)
+    crosses = np.zeros(stays.size, dtype=bool)
+    crosses[moved] = (signs != stable).any(axis=1)
+    return stays, crosses
 
 
 @lru_cache(maxsize=256)
@@ -154,18 +160,26 @@ def _ends(
 
 def _signs(equations: Equations, unknowns: np.ndarray, inputs: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Sign of the determinant of the tangent of the equations of rest at each column, shape (m,)."""
-    kept, count = resting(equations), unknowns.shape[1]
-    tangents = np.asarray(_tangent(equations)(unknowns, inputs, values, equations.constants))
-    stacked = tangents.reshape(len(unknowns), count, len(unknowns)).transpose(1, 0, 2)
-    with np.errstate(all="ignore"):  # a state that the film cannot have has no tangent, and is not stable
-        return np.asarray(np.linalg.slogdet(stacked[:, kept[:, None], kept]).sign)
+    kept, together = resting(equations), PIECE if unknowns.shape[1] > 1 else 1
+    march, signs = March(_tangents(equations, together)), np.empty(unknowns.shape[1])
+    w, u, p, c = march.arguments
+    p[:], c[:] = values, equations.constants
+    for begin in range(0, signs.size, together):
+        piece = slice(begin, begin + together)
+        count = signs[piece].size
+        w[:count], u[:count] = unknowns[:, piece].T, inputs[:, piece].T
+        tangents = march.advance()[0].reshape(together, len(unknowns), len(unknowns))[:count]
+        with np.errstate(all="ignore"):  # a state that the film cannot have has no tangent, and is not stable
+            signs[piece] = np.linalg.slogdet(tangents[:, kept[:, None], kept]).sign
+    return signs
 
 
 @lru_cache(maxsize=64)
-def _tangent(equations: Equations) -> ca.Function:
-    """``(w, u, p, c) ->`` derivative of the equations of rest by the unknowns."""
+def _tangents(equations: Equations, together: int) -> ca.Function:
+    """``(w, u, p, c) ->`` derivatives of the equations of rest by the unknowns, at several samples side by side."""
     n_x = len(equations.states)
     w, u = ca.SX.sym("w", equations.scale.size), ca.SX.sym("u", equations.held_inputs(0.0).size)
     p, c = ca.SX.sym("p", len(equations.parameters.free)), ca.SX.sym("c", equations.constants.size)
     residual = equations.rest(w[:n_x, :], w[n_x:, :], u, p, c)
-    return ca.Function("tangent_of_rest", [w, u, p, c], [ca.densify(ca.jacobian(residual, w))])
+    tangent = ca.Function("tangent_of_rest", [w, u, p, c], [ca.densify(ca.jacobian(residual, w))])
+    return tangent.map("tangents_of_rest", "serial", together, [2, 3], [])
