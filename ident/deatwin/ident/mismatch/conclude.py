@@ -42,17 +42,7 @@ physics (long recordings, seed 2006) two were wrong, where evidence alone said o
 
 
 def conclude(findings: Findings) -> Diagnosis:
-    """Write the diagnosis.
-
-    Parameters
-    ----------
-    findings : Findings
-        Of all steps.
-
-    Returns
-    -------
-    Diagnosis
-    """
+    """Write the diagnosis from the findings of all steps."""
     rig, base, answer = findings.final.plant.rig, findings.base, findings.answer
     unit, size = findings.unit
     model = CalibratedPlant(

@@ -17,18 +17,7 @@ Told = Mapping[str, tuple[str, ...]]
 
 
 def samples(experiments: Any) -> Variables:
-    """Coordinates of all samples of several experiments, one after another.
-
-    Parameters
-    ----------
-    experiments : sequence of Experiment
-        In their order.
-
-    Returns
-    -------
-    mapping of str to tuple
-        ``time`` in s, and the numbers of ``experiment`` and ``record`` from 0 on; as `dataset` takes them.
-    """
+    """Return the coordinates of all samples for `dataset`: time in s, numbers of experiment and record, from 0."""
     records = [record for one in experiments for record in one.recordings]
     owners = [number for number, one in enumerate(experiments) for _ in one.recordings]
     within = [number for one in experiments for number in range(len(one.recordings))]
@@ -64,22 +53,7 @@ def places(located: LocationSummary | None, amplitude: str) -> Variables:
 
 
 def table(dimension: str, rows: Iterable[Mapping[str, Any]], told: Told) -> Variables:
-    """A table as `columns` has it, each column with what it means beside its unit.
-
-    Parameters
-    ----------
-    dimension : str
-        Along which the rows stand.
-    rows : iterable of mapping
-        Flat.
-    told : mapping of str to tuple of str
-        Unit and meaning of a column, or its unit alone; columns that are not in it have neither.
-
-    Returns
-    -------
-    mapping of str to tuple
-        As `dataset` takes them.
-    """
+    """Return a table as `columns` has it, each column with the unit and the meaning that `told` gives it."""
     units = {key: about[0] for key, about in told.items()}
     meanings = {f"{dimension}_{key}": about[1:] for key, about in told.items()}
     return {name: (*entry, *meanings.get(name, ())) for name, entry in columns(dimension, rows, units).items()}

@@ -192,10 +192,7 @@ def diagnose(
 def _among_variants(
     problem: DiagnosisProblem, base: Base, seen: Detection, rng: np.random.Generator
 ) -> tuple[Base, Detection]:
-    """The base plant beside all its alternative variants, in the one to go on with, and what is seen there.
-
-    A mismatch was `seen` in the variant chosen.
-    """
+    """Try all variants of the base plant, whose chosen one has a mismatch (`seen`); return the one to continue with."""
     filed = _as_filed(problem, beside_alternatives(problem, base), seen, rng)
     return _in_a_variant_that_lacks_nothing(problem, *filed, rng)
 
@@ -203,11 +200,11 @@ def _among_variants(
 def _as_filed(
     problem: DiagnosisProblem, base: Base, seen: Detection, rng: np.random.Generator
 ) -> tuple[Base, Detection]:
-    """The base plant in the rig file's own variant, and what is seen there; `seen` was a mismatch in the variant chosen.
+    """Return the base plant in the rig file's own variant, and what is detected there.
 
-    What is missing may be all that another reading of the file did, and badly: it is looked for from the file's on. And
-    if nothing is missing there, nothing is: another reading is no better for leaving something. Only where the plain
-    test of the calibration is certain that something is, and detection is not, the other one stays.
+    The chosen variant has a mismatch (`seen`). Another variant may have absorbed, badly, all that is missing, so the
+    search starts from the file's own; if nothing is missing there, nothing is. The chosen variant stays only if the
+    plain test of the calibration is certain that something is missing in the file's own, and detection is not.
     """
     filed = base.as_filed(problem.nominal.rig)
     if filed is base:
@@ -220,10 +217,10 @@ def _as_filed(
 def _in_a_variant_that_lacks_nothing(
     problem: DiagnosisProblem, base: Base, seen: Detection, rng: np.random.Generator
 ) -> tuple[Base, Detection]:
-    """The base plant in an alternative variant in which nothing is missing, where something was `seen` to be in the chosen one.
+    """Return the base plant in an alternative variant that lacks nothing, if a mismatch was `seen` in the chosen one.
 
-    A mismatch that is too small for the calibration to be certain of it does not make it take another variant; but what
-    another reading of the rig file does is no missing physics, however small it is.
+    The calibration does not change the variant for a mismatch of which it is not certain; but what another variant
+    explains is no missing physics, however small it is.
     """
     if not seen.mismatch:
         return base, seen

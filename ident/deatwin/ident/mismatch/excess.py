@@ -17,22 +17,12 @@ BEYOND_DOUBT = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class Excess:
-    """Test whether a residual is larger than noise and model error.
+    """Test whether a residual is larger than noise and model error."""
 
-    Parameters
-    ----------
-    rms : float
-        Of the residual, SI.
-    noise, model_error : float
-        Rms of sensor noise and of the plant's own error, SI.
-    p_value : float
-        Of the hypothesis that noise and model error account for the residual.
-    """
-
-    rms: float
-    noise: float
-    model_error: float
-    p_value: float
+    rms: float  # of the residual, SI
+    noise: float  # rms, SI
+    model_error: float  # rms, SI
+    p_value: float  # of the hypothesis that noise and model error account for the residual
 
     @property
     def size(self) -> float:
@@ -51,45 +41,19 @@ class Excess:
 
     @property
     def mismatch(self) -> bool:
-        """Return whether physics is missing: the excess is significant, or too large to doubt.
-
-        A mismatch in bursts varies so much that no test of its mean is significant.
-        """
+        """Return whether physics is missing: the excess is significant, or too large to doubt."""
+        # A mismatch in bursts varies so much that no test of its mean is significant.
         return self.p_value < SIGNIFICANCE or self.size > BEYOND_DOUBT * self.practical
 
 
 def practical_size(noise: float, model_error: float) -> float:
-    """Return the smallest rms excess that counts.
-
-    Parameters
-    ----------
-    noise, model_error : float
-        Rms of sensor noise and of the plant's own error, SI.
-
-    Returns
-    -------
-    float
-        SI.
-    """
+    """Return the smallest rms excess that counts, from the rms of noise and of model error; all SI."""
     return max(model_error, float(np.sqrt(PRACTICAL_SHARE)) * noise)
 
 
 def excess_of(residuals: np.ndarray, noise: float, model_error: float) -> Excess:
-    """Test whether a residual exceeds noise and model error.
-
-    The threshold includes the practical size, because with many samples any model error is significant against noise alone.
-
-    Parameters
-    ----------
-    residuals : ndarray, shape (n,)
-        Measured minus simulated, in order, SI.
-    noise, model_error : float
-        Rms of sensor noise and of the plant's own error, SI.
-
-    Returns
-    -------
-    Excess
-    """
+    """Test whether a residual, (n,), measured minus simulated in order, exceeds noise and model error; all SI."""
+    # With many samples any model error is significant against noise alone, so the practical size counts, too.
     floor = noise**2 + practical_size(noise, model_error) ** 2
     return Excess(
         rms=float(np.sqrt(np.mean(residuals**2))),

@@ -45,51 +45,23 @@ class Readings:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stretch:
-    """One record with what was measured and simulated, in the unit that is reported.
+    """One record with what was measured and simulated, in the unit that is reported."""
 
-    Parameters
-    ----------
-    experiment : int
-        Counted from 1.
-    clock : ndarray, shape (n,)
-        Times on the experiment's own clock, s.
-    axis : ndarray, shape (n,)
-        Times at which it is drawn, s.
-    command, measured, base : ndarray, shape (n,)
-        Command in its own unit; readings.
-    amended : ndarray, shape (n,), or None
-        Readings of the amended plant, where there is one.
-    unseen : ndarray of bool, shape (n,)
-        Samples that no fit saw.
-    sample_time : float
-        s.
-    """
-
-    experiment: int
-    clock: np.ndarray
-    axis: np.ndarray
-    command: np.ndarray
-    measured: np.ndarray
-    base: np.ndarray
-    amended: np.ndarray | None
-    unseen: np.ndarray
+    experiment: int  # counted from 1
+    clock: np.ndarray  # (n,), times on the experiment's own clock, s
+    axis: np.ndarray  # (n,), times at which it is drawn, s
+    command: np.ndarray  # (n,), in its own unit
+    measured: np.ndarray  # (n,)
+    base: np.ndarray  # (n,)
+    amended: np.ndarray | None  # (n,), None if there is no amended plant
+    unseen: np.ndarray  # (n,), bool, samples that no fit saw
     sample_time: float
 
 
 def laid_out(readings: Readings, size: float) -> tuple[Stretch, ...]:
-    """Lay out recordings beside simulations.
+    """Lay out records beside simulations; several experiments are drawn one after another.
 
-    Parameters
-    ----------
-    readings : Readings
-        Of a diagnosis.
-    size : float
-        Of the unit in which readings are reported, SI.
-
-    Returns
-    -------
-    tuple of Stretch
-        One for each record. One experiment keeps its clock; several are drawn one after another.
+    `size` is that of the unit in which readings are reported, SI.
     """
     many = len(readings.experiments) > 1
     space = SPACE * sum(e.end - e.start for e in readings.experiments)
@@ -117,34 +89,13 @@ def laid_out(readings: Readings, size: float) -> tuple[Stretch, ...]:
 
 
 def stretches_of_true(flags: np.ndarray) -> list[tuple[int, int]]:
-    """Runs of true samples.
-
-    Parameters
-    ----------
-    flags : ndarray of bool, shape (n,)
-        Any.
-
-    Returns
-    -------
-    list of tuple of int
-        First and last-plus-one sample of each run.
-    """
+    """Return the first and the last-plus-one sample of each run of true flags, (n,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def draw_residuals(readings: Readings, unit: str, axes: Axes) -> None:
-    """Draw what the calibrated and the amended plant leave of the readings; the held-out part is shaded.
-
-    Parameters
-    ----------
-    readings : Readings
-        Of a diagnosis.
-    unit : str
-        In which readings are reported.
-    axes : matplotlib Axes
-        Where to draw.
-    """
+    """Draw what the calibrated and the amended plant leave of the readings, in `unit`; the held-out part is shaded."""
     first = True
     for each in laid_out(readings, reported_size(unit, readings.experiments[0].recordings[0].output_units[0])):
         hide = "" if first else "_"

@@ -128,19 +128,7 @@ class Unexplained:
 
 @dataclass(frozen=True, kw_only=True)
 class ReadingLocation:
-    """Location of the mismatch in a further reading, SI.
-
-    Parameters
-    ----------
-    reading : str
-        Name of the signal.
-    time : tuple of Window
-        When.
-    frequency : tuple of Band
-        At which frequencies.
-    region : tuple of Region
-        In which range of the operating signals.
-    """
+    """Location of the mismatch in a further reading, SI."""
 
     reading: str
     time: tuple[Window, ...]

@@ -14,44 +14,17 @@ RESAMPLES = 2000
 
 
 def block_losses(residuals: np.ndarray) -> np.ndarray:
-    """Mean square of a residual in consecutive blocks.
-
-    Parameters
-    ----------
-    residuals : ndarray, shape (n,)
-        In order.
-
-    Returns
-    -------
-    ndarray, shape (b,)
-        Squares of the residual's unit; at least eight blocks where there are as many samples.
-    """
+    """Return the mean squares, (b,), of a residual, (n,), in consecutive blocks, eight at least if samples suffice."""
     size = max(1, min(BLOCK_SAMPLES, residuals.size // 8))
     count = residuals.size // size
     return (residuals[: count * size] ** 2).reshape(count, size).mean(axis=1)
 
 
 def exceeds(losses: np.ndarray, floor: float) -> float:
-    """Test that the mean loss is no larger than a floor.
-
-    Parameters
-    ----------
-    losses : ndarray, shape (b,)
-        Block losses.
-    floor : float
-        What noise and model error account for, in the same unit.
-
-    Returns
-    -------
-    float
-        One-sided p-value of a mean of correlated blocks: its variance is Newey and West's with the cube root of b lags,
-        whose scatter leaves Student's law with as many degrees of freedom as Bartlett's window has.
-
-    References
-    ----------
-    Newey & West, Econometrica 55 (1987) 703, doi:10.2307/1913610; degrees of freedom, at frequency 0 half of
-    3 b over the width: Priestley, Spectral Analysis and Time Series (1981), 6.2.4.
-    """
+    """Return the one-sided p-value of a mean of correlated block losses, (b,), that is no larger than a floor."""
+    # The variance is Newey and West's (Econometrica 55 (1987) 703, doi:10.2307/1913610) with the cube root of b lags.
+    # Its scatter leaves Student's law with as many degrees of freedom as Bartlett's window has at frequency 0: half of
+    # 3 b over the width (Priestley, Spectral Analysis and Time Series (1981), 6.2.4).
     centred = losses - losses.mean()
     lags = round(losses.size ** (1 / 3))
     variance = np.mean(centred**2)
@@ -62,49 +35,15 @@ def exceeds(losses: np.ndarray, floor: float) -> float:
 
 
 def evidence(losses: np.ndarray, parameters: int) -> float:
-    """Logarithm of the evidence for a model, by Schwarz' approximation with one observation a block.
-
-    Parameters
-    ----------
-    losses : ndarray, shape (b,)
-        Block losses of the model.
-    parameters : int
-        Number of its fitted parameters.
-
-    Returns
-    -------
-    float
-        In nats; only differences mean anything.
-
-    References
-    ----------
-    Schwarz, Ann. Statist. 6 (1978) 461, doi:10.1214/aos/1176344136.
-    """
+    """Return a model's log evidence by Schwarz' approximation, one observation a block, in nats; differences count."""
+    # Schwarz, Ann. Statist. 6 (1978) 461, doi:10.1214/aos/1176344136.
     return float(-losses.size / 2 * np.log(losses.mean()) - parameters / 2 * np.log(losses.size))
 
 
 def bootstrap_gain(before: np.ndarray, after: np.ndarray, rng: np.random.Generator) -> float:
-    """Lower 95 % bound of how much the rms error falls, by a paired moving-block bootstrap.
-
-    Runs of as many neighbouring losses as the square root of their number are drawn together, since a slow
-    residual ties neighbours.
-
-    Parameters
-    ----------
-    before, after : ndarray, shape (b,)
-        Block losses of two models on the same samples.
-    rng : numpy.random.Generator
-        Source of the resampling.
-
-    Returns
-    -------
-    float
-        In the residual's unit.
-
-    References
-    ----------
-    Politis & Romano (1992), circular block-resampling.
-    """
+    """Return the lower 95 % bound of how much the rms error falls, from block losses before and after, (b,) each."""
+    # A paired circular block bootstrap (Politis & Romano 1992). As many neighbouring losses as the square root of their
+    # number are drawn together, since a slow residual ties neighbours.
     count = before.size
     run = max(1, round(np.sqrt(count)))
     starts = rng.integers(0, count, size=(RESAMPLES, -(-count // run)))

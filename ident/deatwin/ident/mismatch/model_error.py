@@ -23,24 +23,10 @@ which its equations no longer hold; that must not excuse a mismatch. Of 150 clea
 
 
 def model_error_of(plant: Plant, problem: DiagnosisProblem) -> float:
-    """Return the model error of a calibrated plant on the recordings of a diagnosis.
-
-    It combines two independent errors: the expected one, because no rig is exactly as described, and the difference
-    from the plant's finer equations. Effects have the same equations in both and are left out.
-
-    Parameters
-    ----------
-    plant : Plant
-        Calibrated.
-    problem : DiagnosisProblem
-        Recordings, and the error expected of a motion of their size.
-
-    Returns
-    -------
-    float
-        Rms, SI; the expected one where the rig has no finer equations, or they say nothing of any recording; at most
-        half as much again, so none where none is expected.
-    """
+    """Return the model error of a calibrated plant on the recordings of a diagnosis, rms, SI."""
+    # Two independent errors add up: the expected one, because no rig is exactly as described, and the difference from
+    # the plant's finer equations, if the rig has any. Effects have the same equations in both and are left out. The sum
+    # is at most half as large again as the expected error, so 0 if none is expected.
     bare = plant.without_effects()
     if not isinstance(bare.rig, Refinable):
         return problem.expected_error
@@ -64,35 +50,12 @@ def error_in(rig: Rig, reading: Reading, records: Sequence[Recording]) -> float 
 
 
 def with_model_error(plant: Plant, error: float) -> Plant:
-    """Return the same plant on a rig with another model error.
-
-    Parameters
-    ----------
-    plant : Plant
-        Any.
-    error : float
-        Rms, SI.
-
-    Returns
-    -------
-    Plant
-    """
+    """Return the same plant on a rig with another model error, rms, SI."""
     return plant.with_rig(replace(plant.rig, model_error=error))
 
 
 def differences(rigs: Sequence[Rig]) -> tuple[dict[str, Any], ...]:
-    """Return what rigs state differently, their model errors aside: those are found, not stated.
-
-    Parameters
-    ----------
-    rigs : sequence of Rig
-        Forms of one rig.
-
-    Returns
-    -------
-    tuple of dict
-        For each rig the fields in which they are not all equal, as `Rig.to_dict` has them.
-    """
+    """Return the fields in which variants of a rig differ, for each variant; found model errors are left out."""
     stated = [replace(rig, model_error=rigs[0].model_error).to_dict() for rig in rigs]
     names = [name for name, value in stated[0].items() if any(other[name] != value for other in stated)]
     return tuple({name: each[name] for name in names} for each in stated)

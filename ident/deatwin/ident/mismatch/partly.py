@@ -35,19 +35,7 @@ EVERYWHERE = 0.9
 def acting(naming: Naming, problem: DiagnosisProblem, rng: np.random.Generator) -> tuple[Naming, Verification] | None:
     """Return the effects that certainly act although they do not explain all of a mismatch, and their verification.
 
-    Parameters
-    ----------
-    naming : Naming
-        All candidates; its best one, if any, was refuted.
-    problem : DiagnosisProblem
-        Recordings.
-    rng : numpy.random.Generator
-        Generator for the verification.
-
-    Returns
-    -------
-    tuple of Naming and Verification, or None
-        None if no effect certainly acts: a strength may be 0, or two drifts with one time constant may be one mechanism.
+    None if no effect certainly acts: a strength may be 0, or two drifts with one time constant may be one mechanism.
     """
     if naming.best is not None and of_one_clock(naming.best):
         return None
@@ -61,20 +49,8 @@ def acting(naming: Naming, problem: DiagnosisProblem, rng: np.random.Generator) 
 
 
 def explains_all(best: Candidate, base: Candidate, whole: Calibration | None) -> bool:
-    """Return whether an explanation leaves no more than noise, model error and errors of its laws.
-
-    Parameters
-    ----------
-    best, base : Candidate
-        With and without effects.
-    whole : Calibration or None
-        Fit of the explanation to all recordings, if known.
-
-    Returns
-    -------
-    bool
-        False if something else is missing.
-    """
+    """Return whether an explanation leaves no more than noise, model error and errors of its laws."""
+    # The fit to all recordings, if known, counts instead of that to the fitted part.
     error = best.fitted_test.model_error
     residuals = (best.calibration if whole is None else whole).residuals
     left, before = (excess_of(r, best.noise, error) for r in (residuals, base.residuals))
@@ -91,15 +67,7 @@ def is_known(candidate: Candidate) -> bool:
 def led_by_what_acts(naming: Naming) -> Naming | None:
     """Return the smallest set that removes nearly all of a mismatch, or the effects it shares with equally likely sets.
 
-    Parameters
-    ----------
-    naming : Naming
-        All candidates.
-
-    Returns
-    -------
-    Naming or None
-        Without alternatives; None if no set removes so much, or equally likely sets have no effect in common.
+    It has no alternatives; None if no set removes so much, or equally likely sets have no effect in common.
     """
     base, tried = naming.base, naming.candidates
     known = {c.effects: c for c in tried}
@@ -138,22 +106,7 @@ def _leads(candidate: Candidate, base: Candidate, known: dict[tuple[str, ...], C
 
 
 def unexplained(answer: Candidate, base: Candidate, left: Location, seconds: float) -> Unexplained:
-    """Return the remainder of a mismatch, and where most of it is.
-
-    Parameters
-    ----------
-    answer, base : Candidate
-        With and without the causes.
-    left : Location
-        Location of the remainder.
-    seconds : float
-        How long the recordings are together, s.
-
-    Returns
-    -------
-    Unexplained
-        Amplitudes in the unit that is reported.
-    """
+    """Return the remainder of a mismatch in the reported unit, and where most of it is; `seconds` is the total time."""
     found, size = left.summary, left.unit[1]
     before, after = (_beyond(float(c.losses.mean()), answer.noise) for c in (base, answer))
     windows = [w for w in found.time if w.to_s - w.from_s < EVERYWHERE * seconds]

@@ -147,11 +147,9 @@ def _same_parts(one: DiagnosisProblem, other: DiagnosisProblem) -> bool:
 
 
 def _weights(rig: Rig, checked: DataQuality) -> dict[str, float]:
-    """Weight of each further reading that was recorded: neither its noise nor its model error exceeds the first one's.
-
-    One floor then holds for all residuals. It is exact where the two have the same ratio in each reading, and too high
-    for the smaller one elsewhere, which costs power and no false alarm.
-    """
+    """Return weights of recorded further readings, so that no noise or model error exceeds that of the first one."""
+    # One floor then holds for all residuals. It is exact where the two have the same ratio in each reading, and too
+    # high for the smaller one elsewhere, which costs power and no false alarm.
     weights = {}
     for reading in rig.further:
         error = error_in(rig, reading, [r for e in checked.experiments for r in e.recordings])

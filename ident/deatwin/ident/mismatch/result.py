@@ -182,10 +182,8 @@ class Ablation:
 
     @property
     def returns(self) -> bool:
-        """Return whether the error certainly returns without the effect, also on held-out data.
-
-        An effect that acts at a few steps occurs in too few blocks of held-out data to be certain from these alone.
-        """
+        """Return whether the error certainly returns without the effect, also on held-out data."""
+        # An effect that acts at a few steps occurs in too few blocks of held-out data to be certain from these alone.
         return self.gain_low > 0.0 or self.counts
 
 

@@ -35,37 +35,12 @@ COUNTED = {2: "Two", 3: "Three"}
 
 
 def number(value: float, digits: int = 3) -> str:
-    """A number as the sentence shows it: rounded to significant digits, never with an exponent.
-
-    Parameters
-    ----------
-    value : float
-        Any.
-    digits : int
-        Significant digits.
-
-    Returns
-    -------
-    str
-
-    Examples
-    --------
-    >>> number(55.812), number(0.0029), number(1234.5), number(2.0, 2)
-    ('55.8', '0.0029', '1230', '2.0')
-    """
+    """Write a number as the sentence shows it: rounded to significant digits, never with an exponent."""
     return np.format_float_positional(value, precision=digits, unique=False, fractional=False).rstrip(".")
 
 
 def risk(share: float) -> str:
-    """A predicted probability of a wrong explanation as the sentence shows it, in per cent without the sign.
-
-    Two significant digits, or the bound if the share, from 0 to 1, is less than a thousandth.
-
-    Examples
-    --------
-    >>> risk(0.3014), risk(0.001), risk(1e-269)
-    ('30', '0.10', 'below 0.1')
-    """
+    """Write a predicted risk in per cent, without the sign, to two digits, or as a bound below a thousandth."""
     return number(100 * share, 2) if share >= LEAST_RISK else f"below {100 * LEAST_RISK:g}"
 
 

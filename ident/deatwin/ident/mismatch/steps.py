@@ -110,17 +110,7 @@ FreeFormSummary
 
 
 def quality_step(checked: DataQuality) -> Step:
-    """The state of the recordings.
-
-    Parameters
-    ----------
-    checked : DataQuality
-        Recordings with the samples at fault.
-
-    Returns
-    -------
-    Step
-    """
+    """Return the state of the recordings."""
     result = GateSummary(
         soundness=checked.soundness.name.lower(),
         findings=tuple(checked.findings),
@@ -131,20 +121,7 @@ def quality_step(checked: DataQuality) -> Step:
 
 
 def base_step(problem: DiagnosisProblem, base: Base) -> Step:
-    """The calibrated base plant.
-
-    Parameters
-    ----------
-    problem : DiagnosisProblem
-        With the nominal plant.
-    base : Base
-        The form that was chosen, and its alternatives.
-
-    Returns
-    -------
-    Step
-        With the plant; what it leaves of the held-out part is its model error.
-    """
+    """Return the calibrated base plant; what it leaves of the held-out part is its model error."""
     chosen, size = base.chosen, _size(problem)
     fit = chosen.calibration
     result = BaseSummary(
@@ -165,59 +142,19 @@ def base_step(problem: DiagnosisProblem, base: Base) -> Step:
 
 
 def variants_tried(problem: DiagnosisProblem, base: Base) -> tuple[FormSummary, ...]:
-    """Return how each form of the base plant interprets the rig file, and what error remains.
-
-    Parameters
-    ----------
-    problem : DiagnosisProblem
-        With the nominal plant.
-    base : Base
-        The form that was chosen, and its alternatives.
-
-    Returns
-    -------
-    tuple of FormSummary
-        The one chosen first.
-    """
+    """Return how each form of the base plant interprets the rig file, the chosen one first, and what error remains."""
     return tuple(_remainder(problem, form) for form in (base.chosen, *base.alternatives))
 
 
 def fit_step(problem: DiagnosisProblem, fit: Calibration, unseen: np.ndarray | None) -> Step:
-    """A plant that was fitted with further effects.
-
-    Parameters
-    ----------
-    problem : DiagnosisProblem
-        With the nominal plant.
-    fit : Calibration
-        On the fitted part.
-    unseen : ndarray, shape (n,), or None
-        Residuals on the held-out part, SI; None before it was judged there, when it may yet be fitted further.
-
-    Returns
-    -------
-    Step
-    """
+    """Return a fit with further effects; `unseen`, (n,), are its held-out residuals, SI, None before it was judged."""
     result = _fit(problem, fit, unseen)
     form = [f"{name} = {value!r}" for name, value in result.form.items()]
     return Step(name="fit", subject=", ".join(["+".join(result.effects), *form]), result=result)
 
 
 def found_step(name: str, found: _Found[StepResult] | None) -> Step | None:
-    """Return what a step found, as ``diagnosis.json`` would hold it.
-
-    Parameters
-    ----------
-    name : str
-        Of the step.
-    found : Detection, Location, Verification, Advice, Discovery or None
-        Its result.
-
-    Returns
-    -------
-    Step or None
-        None where the step had nothing to find.
-    """
+    """Return what a step found, as ``diagnosis.json`` would hold it; None if it had nothing to find."""
     return None if found is None else Step(name=name, result=found.summary)
 
 

@@ -201,10 +201,8 @@ def _shortest(load: _Load) -> _Input | None:
 
 
 def _least_confusing(load: _Load) -> _Input | None:
-    """Return the input of the greatest length that leaves the least confusion; None if none is worth its time.
-
-    Inputs are preselected at half of that length, which shows slow differences well enough.
-    """
+    """Return the input of the greatest length that leaves the least confusion; None if none is worth its time."""
+    # Half of that length shows slow differences well enough to preselect inputs.
     rough = {name: _confused(nearest) for name, nearest in _first_orders(load.question, LONGEST // 2).items()}
     promising = (_judged(load, name, LONGEST) for name in sorted(rough, key=lambda name: rough[name]))
     best = min(islice(filter(None, promising), TRIED), key=lambda one: _confused(one.nearest), default=None)

@@ -32,56 +32,20 @@ in directions that hardly change them."""
 
 
 def confusion(squared: float) -> float:
-    r"""Probability that the wrong one of two explanations fits a recording better, :math:`\Phi(-d/2)`.
-
-    Parameters
-    ----------
-    squared : float
-        d².
-
-    Returns
-    -------
-    float
-        From 0.5 for explanations that predict the same down to 0.
-
-    Examples
-    --------
-    >>> round(confusion(16.0), 3)
-    0.023
-    """
+    """Return the probability Φ(-d/2) that the wrong one of two explanations fits better, from d²: 0.5 if both agree."""
     return float(ndtr(-np.sqrt(squared) / 2))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Memory:
-    """Information of recordings against a refit of the alternative, to first order about its fitted parameters.
+    """Information of recordings against a refit of the alternative, to first order about its fitted parameters."""
 
-    Parameters
-    ----------
-    known : Difference
-        Difference of truth and alternative on those recordings, with the fitted parameters.
-    jacobian : ndarray, shape (n, n_p)
-        Derivative of the alternative's readings by its fitted coordinates, SI.
-    """
-
-    known: Difference
-    jacobian: np.ndarray
+    known: Difference  # of truth and alternative on those recordings, with the fitted parameters
+    jacobian: np.ndarray  # (n, n_p), of the alternative's readings by its fitted coordinates, SI
 
     @classmethod
     def of(cls, truth: Calibration, alternative: Calibration, parts: Sequence[Part]) -> Memory:
-        """Compute it from the fits of both to the same recordings, without simulations.
-
-        Parameters
-        ----------
-        truth, alternative : Calibration
-            On the same parts.
-        parts : sequence of Part
-            To which they were fitted.
-
-        Returns
-        -------
-        Memory
-        """
+        """Compute it without simulations from the fits of both explanations to the same `parts`."""
         readings = np.concatenate([part.measured for part in parts]) - truth.residuals * level_of(parts)
         left = alternative.residuals - truth.residuals
         known = Difference.between(truth.plant, alternative.plant, readings, left, parts)
@@ -93,43 +57,15 @@ class Memory:
         return replace(self.known, left=self.known.left - self.jacobian @ _step(self.jacobian, self.known.left))
 
     def beside(self, other: Memory) -> Memory:
-        """This memory and that of other recordings.
-
-        Parameters
-        ----------
-        other : Memory
-            Of the same two explanations.
-
-        Returns
-        -------
-        Memory
-        """
+        """Return this memory joined with that of other recordings of the same two explanations."""
         return Memory(known=self.known.beside(other.known), jacobian=np.vstack([self.jacobian, other.jacobian]))
 
 
 def separation(one: Calibration, other: Calibration, parts: Sequence[Part], noise: float, steps: int = STEPS) -> float:
-    """Return d² between two fitted explanations, the smaller one of both directions.
+    """Return d² between two fitted explanations, the smaller of both directions; `noise` is in SI.
 
-    Parameters
-    ----------
-    one, other : Calibration
-        The explanations.
-    parts : sequence of Part
-        Inputs, and the samples that count.
-    noise : float
-        Standard deviation of the sensor's noise, SI.
-    steps : int
-        Largest number of steps with simulations; with 0 the distance is that to first order.
-
-    Returns
-    -------
-    float
-        If one explanation contains the other and can imitate it exactly, d² of the other direction.
-
-    Raises
-    ------
-    SimulationError
-        If the inputs are such that the plant of an explanation fails.
+    If one explanation contains the other and can imitate it exactly, only the other direction counts. With 0 `steps`,
+    d² is that to first order. Raise SimulationError if the plant of an explanation fails under the inputs.
     """
     pairs = directions(one, other)
     return min(distance_squared(truth.plant, alternative, parts, noise, steps=steps) for truth, alternative in pairs)
@@ -144,32 +80,10 @@ def distance_squared(
     memory: Memory | None = None,
     steps: int = STEPS,
 ) -> float:
-    """Return d² from a plant to an explanation that is refitted to it.
+    """Return d² from a plant to an explanation that is refitted to it; infinite if that cannot be simulated.
 
-    Parameters
-    ----------
-    truth : Plant
-        Plant with the true values.
-    alternative : Calibration
-        The explanation, and the start of its refit.
-    parts : sequence of Part
-        Inputs, and the samples that count; readings are not used.
-    noise : float
-        Standard deviation of the sensor's noise, SI.
-    memory : Memory, optional
-        Earlier recordings, which the refit must keep explaining and which count, too.
-    steps : int
-        With simulations, at most; with none the distance is that to first order.
-
-    Returns
-    -------
-    float
-        Infinite if the alternative cannot be simulated.
-
-    Raises
-    ------
-    SimulationError
-        If the truth cannot be simulated.
+    The refit must keep explaining the recordings in `memory`, and these count, too; readings of `parts` are not used.
+    With 0 `steps`, d² is that to first order; `noise` is in SI. Raise SimulationError if the truth cannot be simulated.
     """
     found = difference(truth, alternative, parts, memory=memory, steps=steps)
     return float(np.inf) if found is None else found.squared_distance(noise)
@@ -186,33 +100,10 @@ def difference(
 ) -> Difference | None:
     """Return the part of a plant's readings that an alternative cannot imitate after a refit of all its parameters.
 
-    To first order the refit is a projection off the alternative's Jacobian. That is inaccurate for large differences, so
-    some steps with simulations come first.
-
-    Parameters
-    ----------
-    truth : Plant
-        With the values to be imitated.
-    alternative : Calibration
-        The explanation, and where its refit starts.
-    parts : sequence of Part
-        Inputs, and the samples that count; readings are not used.
-    memory : Memory, optional
-        Earlier recordings, which the refit must keep explaining; they are put behind `parts` in the result.
-    steps : int
-        With simulations, at most; with none the projection alone is the result.
-    response : tuple of ndarray, optional
-        What `Problem.evaluate` gives of the alternative on these parts where its refit starts, if that is known.
-
-    Returns
-    -------
-    Difference or None
-        None where the alternative cannot be simulated.
-
-    Raises
-    ------
-    SimulationError
-        If the truth cannot be simulated.
+    To first order the refit is a projection off the alternative's Jacobian. That is inaccurate for large differences,
+    so up to `steps` steps with simulations come first. Readings of `parts` are not used; those of `memory` follow them
+    in the result; `response` is `Problem.evaluate` at the refit's start, if known. None if the alternative cannot be
+    simulated; raise SimulationError if the truth cannot.
     """
     readings = simulated(truth, parts)
     if readings is None:
@@ -233,29 +124,15 @@ def difference(
 
 
 def directions(one: Calibration, other: Calibration) -> list[tuple[Calibration, Calibration]]:
-    """Return truth and alternative in each order that is informative.
-
-    Parameters
-    ----------
-    one, other : Calibration
-        Two explanations.
-
-    Returns
-    -------
-    list of tuple
-        Only one order if in the other one the alternative contains the truth.
-    """
+    """Return truth and alternative in each order, but for one in which the alternative contains the truth."""
     return [(t, r) for t, r in ((one, other), (other, one)) if not _contains(r.plant, t.plant)]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Imitation(Problem):
-    """Least-squares fit of an alternative to readings without noise and, to first order, to earlier recordings.
+    """Least-squares fit of an alternative to readings without noise and, to first order, to earlier recordings."""
 
-    `beyond` is the truth's readings minus those of the recordings.
-    """
-
-    beyond: np.ndarray
+    beyond: np.ndarray  # (n,), the truth's readings minus those of the recordings, over the noise's level
     memory: Memory | None
 
     def evaluate(self, coordinates: np.ndarray) -> Response | None:

@@ -14,22 +14,12 @@ WORDS = {"film_voltage": "the voltage on the film", THERMOMETER: "the temperatur
 
 @dataclass(frozen=True, kw_only=True)
 class SensorOffer:
-    """A reading that the rig could have.
+    """A reading that the rig could have."""
 
-    Parameters
-    ----------
-    reading, unit : str
-        Name of the signal, and its SI unit.
-    noise : float
-        Standard deviation of its noise, SI.
-    noise_source : str
-        Where that is known from.
-    """
-
-    reading: str
-    unit: str
-    noise: float
-    noise_source: str
+    reading: str  # name of the signal
+    unit: str  # SI
+    noise: float  # standard deviation, SI
+    noise_source: str  # where `noise` is known from
 
     @property
     def words(self) -> str:

@@ -34,53 +34,20 @@ PROBE = 100
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Question:
-    """Question which of several explanations is right.
-
-    Parameters
-    ----------
-    problem : DiagnosisProblem
-        Rig and recordings.
-    fits : tuple of Calibration
-        The explanations, fitted to the fitted data, the best first.
-    noise : float
-        Standard deviation of the sensor's noise, SI.
-    shifts : tuple of tuple of ndarray
-        For each explanation, coordinates of posterior plants minus the fitted ones; the first is zero.
-    pairs : tuple of pairs of int
-        Numbers of the truth and of the alternative.
-    memories : tuple of Memory
-        For each pair, the information in the existing recordings.
-    seed : int
-        Seed of random waveforms; a longer waveform continues a shorter one.
-    """
+    """The question which of several explanations is right."""
 
     problem: DiagnosisProblem
-    fits: tuple[Calibration, ...]
-    noise: float
+    fits: tuple[Calibration, ...]  # to the fitted data, the best first
+    noise: float  # standard deviation of the sensor's noise, SI
+    # for each fit, coordinates of posterior plants minus its own; the first is 0
     shifts: tuple[tuple[np.ndarray, ...], ...]
-    pairs: tuple[tuple[int, int], ...]
-    memories: tuple[Memory, ...]
-    seed: int
+    pairs: tuple[tuple[int, int], ...]  # numbers of the truth and of the alternative
+    memories: tuple[Memory, ...]  # for each pair, the information in the existing recordings
+    seed: int  # of random waveforms; a longer waveform continues a shorter one
 
     @classmethod
     def of(cls, problem: DiagnosisProblem, fits: Sequence[Calibration], noise: float, rng: np.random.Generator) -> Self:
-        """Draw plants from the posteriors and pair the explanations.
-
-        Parameters
-        ----------
-        problem : DiagnosisProblem
-            Rig and recordings.
-        fits : sequence of Calibration
-            The explanations, at least two.
-        noise : float
-            Standard deviation of the sensor's noise, SI.
-        rng : numpy.random.Generator
-            Source of the draws.
-
-        Returns
-        -------
-        Question
-        """
+        """Draw plants from the posteriors of two explanations or more, and pair the explanations; `noise` is in SI."""
         number = {id(fit): k for k, fit in enumerate(fits)}
         couples = [(one, other) for k, one in enumerate(fits) for other in fits[k + 1 :]]
         pairs = tuple(
@@ -109,17 +76,7 @@ class Question:
         return np.array([memory.refitted.squared_distance(self.noise) for memory in self.memories])
 
     def before_told(self, known: Mapping[frozenset[int], float]) -> np.ndarray:
-        """Return `before`, with smaller distances where refits with simulations gave them.
-
-        Parameters
-        ----------
-        known : mapping of frozenset of int to float
-            d² of pairs of explanations, by number.
-
-        Returns
-        -------
-        ndarray, shape (n_fits,)
-        """
+        """Return `before`, (n_fits,), with smaller distances where refits gave these: `known`, d² of pairs."""
         told = np.array([known.get(frozenset(pair), np.inf) for pair in self.pairs])
         return self._nearest(np.minimum(self._before, told))
 
@@ -139,35 +96,15 @@ class Question:
         return tuple(_moved(fit, x) for fit, shifts in zip(self.fits, self.shifts, strict=True) for x in shifts)
 
     def with_mass(self, mass: float) -> Question:
-        """Return the question under another load than that of the existing recordings.
-
-        Parameters
-        ----------
-        mass : float
-            kg.
-
-        Returns
-        -------
-        Question
-        """
+        """Return the question under another load than that of the existing recordings; `mass` is in kg."""
         return replace(self, fits=tuple(replace(f, plant=f.plant.with_values({"mass": mass})) for f in self.fits))
 
     def commands(self, name: str, count: int) -> np.ndarray | None:
-        """Return a waveform within the limits.
+        """Return a waveform, (count,), within the limits; None if they do not allow it.
 
-        Parameters
-        ----------
-        name : str
-            Of the repertoire.
-        count : int
-            Samples.
-
-        Returns
-        -------
-        ndarray, shape (count,), or None
-            Usually over the whole working range. If that moved the plant so far that the larger model error would hide
-            the mismatch of the existing recordings, the range is reduced to that of these recordings, near the command
-            farthest from rest. None if the limits do not allow this waveform.
+        It usually covers the whole working range. If that moved the plant so far that the larger model error would hide
+        the mismatch of the existing recordings, the range is reduced to that of these recordings, near the command
+        farthest from rest.
         """
         limits, share = self.limits, 1.0
         made = None if limits is None else self._made(name, count, limits)
@@ -205,18 +142,10 @@ class Question:
         return practical_size(self.noise, self.problem.nominal.rig.model_error)
 
     def recording(self, commands: np.ndarray) -> Recording:
-        """Return commands as the record of a separate experiment, without readings.
+        """Return commands, (n,), as the record of a separate experiment, without readings.
 
-        Parameters
-        ----------
-        commands : ndarray, shape (n,)
-            In their unit.
-
-        Returns
-        -------
-        Recording
-            Its clock starts at zero or, if an explanation contains an event, after the existing recordings, because an
-            event is not undone.
+        Its clock starts at zero or, if an explanation contains an event, after the existing recordings: no event is
+        undone.
         """
         events = any(effect.event for fit in self.fits for effect in fit.plant.effects)
         start = max(part.experiment.end for part in self.problem.everything) if events else 0.0
@@ -233,17 +162,7 @@ class Question:
         )
 
     def parts(self, commands: np.ndarray) -> list[Part]:
-        """Wrap commands as parts of a fit, with readings of zero.
-
-        Parameters
-        ----------
-        commands : ndarray, shape (n,)
-            In their unit.
-
-        Returns
-        -------
-        list of Part
-        """
+        """Wrap commands, (n,), as parts of a fit, with readings of zero."""
         rig, silent = self.problem.nominal.rig, np.zeros((1, commands.size))
         record = replace(
             self.recording(commands), outputs=silent, output_names=(rig.output_name,), output_units=(rig.output_unit,)
@@ -251,32 +170,14 @@ class Question:
         return [Part.whole(Experiment(recordings=(record,)))]
 
     def is_safe(self, commands: np.ndarray) -> bool:
-        """Return whether all plants of all posteriors bear an input.
-
-        Parameters
-        ----------
-        commands : ndarray, shape (n,)
-            In their unit.
-
-        Returns
-        -------
-        bool
-        """
+        """Return whether all plants of all posteriors bear the commands, (n,)."""
         rest = self.problem.nominal.rig.start.rest_command
         return all(bears(plant, commands, rest) for plant in self.posterior)
 
     def first_order(self, commands: np.ndarray) -> np.ndarray:
-        """Return d² after recordings of an input, without refits by simulations.
+        """Return first-order d², (n_fits,), to the nearest explanation after recordings of `commands`, (n,).
 
-        Parameters
-        ----------
-        commands : ndarray, shape (n,)
-            In their unit.
-
-        Returns
-        -------
-        ndarray, shape (n_fits,)
-            From each explanation to the nearest one; 0 if one cannot be simulated.
+        An explanation that cannot be simulated has a distance of 0.
         """
         return self._nearest(self._distances(commands))
 
@@ -308,24 +209,10 @@ class Question:
         return fitting.evaluate(fitting.start())
 
     def refitted(self, commands: np.ndarray, draw: int = 0) -> np.ndarray:
-        """Return d² after recordings of an input, with each alternative refitted to the truth.
+        """Return d², (n_fits,), to the nearest explanation, with each alternative refitted to the truth's response.
 
-        Parameters
-        ----------
-        commands : ndarray, shape (n,)
-            In their unit.
-        draw : int
-            Number of the posterior plant that is the truth; 0 for the fitted one.
-
-        Returns
-        -------
-        ndarray, shape (n_fits,)
-            From each explanation to the nearest one; infinite if no alternative can be simulated.
-
-        Raises
-        ------
-        SimulationError
-            If a truth cannot be simulated.
+        The truth under `commands`, (n,), is the posterior plant number `draw`, 0 for the fitted one. Infinite if no
+        alternative can be simulated; raise SimulationError if a truth cannot.
         """
         parts, responses = self.parts(commands), self._responses(commands)
         distances = np.full(len(self.pairs), np.inf)

@@ -42,38 +42,18 @@ PROBE = 250
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """The commands that an input may use, in their unit.
-
-    Parameters
-    ----------
-    lowest, highest : float
-        Bounds.
-    bottom, top : float
-        Ends of the range in which the plant works: one of them rest where the drive can give another polarity that
-        recordings did not use.
-    rest : float
-        Command at rest.
-    """
+    """The commands that an input may use, in their unit."""
 
     lowest: float
     highest: float
+    # `bottom` and `top` are the ends of the range in which the plant works: one of them is rest if the drive can give
+    # another polarity that recordings did not use.
     bottom: float
     top: float
-    rest: float
+    rest: float  # command at rest
 
     def at(self, share: float | np.ndarray) -> np.ndarray:
-        """Commands at shares of the working range.
-
-        Parameters
-        ----------
-        share : float or ndarray
-            0 at the bottom and 1 at the top; the reverse where the plant works below rest alone, so that 0 is always
-            the end that is near to rest.
-
-        Returns
-        -------
-        ndarray
-        """
+        """Return commands at shares of the working range; 0 is its bottom or, if all of it is below rest, its top."""
         begin, end = (self.top, self.bottom) if self.top <= self.rest else (self.bottom, self.top)
         return np.asarray(begin + (end - begin) * np.asarray(share))
 
@@ -84,17 +64,7 @@ class Limits:
         return min(*sides, self.highest - self.rest, self.rest - self.lowest)
 
     def scaled(self, share: float) -> Limits:
-        """Return the same with all distances from rest lessened, as far as the drive goes.
-
-        Parameters
-        ----------
-        share : float
-            Factor, at most 1.
-
-        Returns
-        -------
-        Limits
-        """
+        """Return the same with all distances from rest reduced to a `share`, at most 1, as far as the drive goes."""
         ends = self.rest + share * (np.array([self.lowest, self.highest]) - self.rest)
         lowest, highest = np.clip(ends, self.lowest, self.highest).tolist()  # where rest is not between them
         bottom, top = np.clip([self.bottom, self.top], lowest, highest).tolist()
@@ -106,36 +76,13 @@ Maker = Callable[[Limits, float, float, np.random.Generator], np.ndarray]
 
 
 def used_range(parts: Sequence[Part]) -> tuple[float, float]:
-    """The lowest and the highest command of recordings.
-
-    Parameters
-    ----------
-    parts : sequence of Part
-        Recordings.
-
-    Returns
-    -------
-    tuple of float
-        In their unit.
-    """
+    """Return the lowest and the highest command of recordings."""
     inputs = [record.inputs[0] for part in parts for record in part.experiment.recordings]
     return min(float(u.min()) for u in inputs), max(float(u.max()) for u in inputs)
 
 
 def limits_of(plant: Plant, parts: Sequence[Part]) -> Limits:
-    """Return what a rig's drive may give; where it does not say, what recordings have used, and rest, where all begin.
-
-    Parameters
-    ----------
-    plant : Plant
-        On the rig.
-    parts : sequence of Part
-        Recordings; there may be none where the drive says it.
-
-    Returns
-    -------
-    Limits
-    """
+    """Return what a rig's drive may give; where the rig does not say, the range of the recordings, extended to rest."""
     least, most = plant.rig.command_range if plant.rig.command_range and not parts else used_range(parts)
     rest = plant.rig.start.rest_command
     lowest, highest = plant.rig.command_range or (min(rest, least), max(rest, most))
@@ -146,20 +93,7 @@ def limits_of(plant: Plant, parts: Sequence[Part]) -> Limits:
 
 
 def safe_limits(plants: Sequence[Plant], limits: Limits) -> Limits | None:
-    """Lower a range until all plants bear its ends, each held, with some headroom.
-
-    Parameters
-    ----------
-    plants : sequence of Plant
-        All that the plant on the problem may be.
-    limits : Limits
-        The drive's.
-
-    Returns
-    -------
-    Limits or None
-        None where they do not even bear a small part of it.
-    """
+    """Lower a range until all plants bear its held ends with headroom; None if they bear not even a small part."""
     share = 1.0
     while share >= LOWEST:
         tried = limits.scaled(share)
@@ -171,22 +105,9 @@ def safe_limits(plants: Sequence[Plant], limits: Limits) -> Limits | None:
 
 
 def bears(plant: Plant, commands: np.ndarray, rest: float, headroom: float = HEADROOM) -> bool:
-    """Return whether a plant follows an input with headroom: no pull-in, no breakdown, no loss of tension.
+    """Return whether a plant follows `headroom` times the commands, (n,), counted from rest, without failing.
 
-    Parameters
-    ----------
-    plant : Plant
-        With its values.
-    commands : ndarray, shape (n,)
-        In their unit.
-    rest : float
-        Command at rest, from which the headroom counts.
-    headroom : float
-        How many times as much as the input it must bear.
-
-    Returns
-    -------
-    bool
+    Failing means pull-in, breakdown or loss of tension.
     """
     more = rest + headroom * (commands - rest)
     record = Recording.from_arrays(more, np.zeros_like(more), plant.rig.sample_time)
@@ -196,26 +117,7 @@ def bears(plant: Plant, commands: np.ndarray, rest: float, headroom: float = HEA
 def waveform(
     name: str, limits: Limits, seconds: float, sample_time: float, rng: np.random.Generator
 ) -> np.ndarray | None:
-    """Commands of a waveform of the repertoire.
-
-    Parameters
-    ----------
-    name : str
-        One of `REPERTOIRE`.
-    limits : Limits
-        That they keep to.
-    seconds : float
-        Length.
-    sample_time : float
-        s.
-    rng : numpy.random.Generator
-        Source of what is random in them.
-
-    Returns
-    -------
-    ndarray, shape (n,), or None
-        In their unit; None where the limits do not allow this waveform.
-    """
+    """Return commands, (n,), of one waveform of `REPERTOIRE`; None if the limits do not allow it."""
     if limits.top <= limits.bottom or (name in BIPOLAR and not limits.lowest < limits.rest < limits.highest):
         return None
     made = REPERTOIRE[name](limits, seconds, sample_time, rng)

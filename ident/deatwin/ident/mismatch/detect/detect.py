@@ -73,21 +73,7 @@ def detect(base: Candidate, problem: DiagnosisProblem, rng: np.random.Generator)
 
 
 def detect_in(left: Leftover, rng: np.random.Generator, *, draws: int = DRAWS) -> Detection:
-    """Test a residual.
-
-    Parameters
-    ----------
-    left : Leftover
-        The residual, its signals and its Jacobian.
-    rng : numpy.random.Generator
-        Source of the bootstrap's draws.
-    draws : int
-        Of the bootstrap.
-
-    Returns
-    -------
-    Detection
-    """
+    """Test a residual with a bootstrap of so many `draws`."""
     law = Law(left, rng, draws)
     scores = law.battery(left.residual[None])
     groups = law.groups(scores)[0]

@@ -38,36 +38,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Curves:
-    """Curves of a detection that are drawn.
+    """Curves of a detection that are drawn."""
 
-    Parameters
-    ----------
-    frequency, spectrum : ndarray, shape (f,)
-        Spectrum of the residual over frequencies in Hz, SI squared over Hz.
-    noise : float
-        Density of white noise of the floor's level, SI squared over Hz.
-    lines, cumulated, expected : ndarray, shape (l,)
-        Cumulative periodogram, and its mean if nothing is missing, over frequencies in Hz.
-    distance : float
-        Half width of its 99 % band.
-    regressors : tuple of str
-        What the residual is correlated with.
-    correlations : ndarray, shape (r,)
-        Each in standard deviations of chance.
-    bound : float
-        Half width of the 99 % band of all of them together.
-    """
-
-    frequency: np.ndarray
-    spectrum: np.ndarray
-    noise: float
-    lines: np.ndarray
-    cumulated: np.ndarray
-    expected: np.ndarray
-    distance: float
-    regressors: tuple[str, ...]
-    correlations: np.ndarray
-    bound: float
+    frequency: np.ndarray  # (f,), Hz
+    spectrum: np.ndarray  # (f,), of the residual, SI squared over Hz
+    noise: float  # density of white noise of the floor's level, SI squared over Hz
+    lines: np.ndarray  # (l,), frequencies of the periodogram, Hz
+    cumulated: np.ndarray  # (l,), cumulative periodogram
+    expected: np.ndarray  # (l,), its mean if nothing is missing
+    distance: float  # half width of its 99 % band
+    regressors: tuple[str, ...]  # what the residual is correlated with
+    correlations: np.ndarray  # (r,), each in standard deviations of chance
+    bound: float  # half width of the 99 % band of all correlations together
 
 
 def _detectable(found: Detection) -> Variables:
@@ -248,21 +230,7 @@ class Detection(Described):
 
 
 def counts(p_value: float, size: float, practical: float, certain: bool) -> bool:
-    """Return whether an excess is beyond chance and large enough, or too large for any doubt.
-
-    Parameters
-    ----------
-    p_value : float
-        Of all statistics together.
-    size, practical : float
-        Rms of the excess, and from which it counts, SI.
-    certain : bool
-        Whether the size alone leaves no doubt.
-
-    Returns
-    -------
-    bool
-    """
+    """Return whether an excess is beyond chance and of `practical` size, or `certain` by its size alone."""
     return (p_value < LEVEL and size >= practical) or certain
 
 

@@ -21,55 +21,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Leftover:
-    """A free-run residual over all sound samples, recordings one after another, and how the refit bears on it.
+    """Free-run residual over all sound samples, recordings one after another, with its refit's Jacobian and signals."""
 
-    Parameters
-    ----------
-    residual : ndarray, shape (n,)
-        Measured minus simulated, over the noise's level, SI.
-    fitted : ndarray of bool, shape (n,)
-        Samples that the fit saw.
-    jacobian : ndarray, shape (n, p)
-        Derivative of the readings by the fitted coordinates, SI.
-    commands : ndarray, shape (n,)
-        In the command's unit.
-    readings : ndarray, shape (n,)
-        Simulated, SI.
-    moved : ndarray, shape (n,)
-        Simulated readings less those under each experiment's first command held throughout, SI: what the recorded
-        commands have moved.
-    timepts : ndarray, shape (n,)
-        Clock times, s.
-    record : ndarray of int, shape (n,)
-        Number of the recording.
-    experiment : ndarray of int, shape (n,)
-        Number of the experiment.
-    sample_time : float
-        s.
-    noise, model_error : float
-        Rms of sensor noise and of the plant's own error after a calibration, SI.
-    sheet : float
-        The sensor's noise as the data sheet has it, SI; 0 where it is silent.
-    output_unit : str
-        SI unit of the readings.
-    first : int, optional
-        Number of samples of the first reading, which stand before those of the others; all by default.
-    """
-
-    residual: np.ndarray
-    fitted: np.ndarray
-    jacobian: np.ndarray
-    commands: np.ndarray
-    readings: np.ndarray
-    moved: np.ndarray
-    timepts: np.ndarray
-    record: np.ndarray
-    experiment: np.ndarray
+    residual: np.ndarray  # (n,), measured minus simulated, over the noise's level, SI
+    fitted: np.ndarray  # (n,), bool, samples that the fit saw
+    jacobian: np.ndarray  # (n, p), derivative of the readings by the fitted coordinates, SI
+    commands: np.ndarray  # (n,), in the command's unit
+    readings: np.ndarray  # (n,), simulated, SI
+    moved: np.ndarray  # (n,), simulated readings minus those under each experiment's first command held throughout, SI
+    timepts: np.ndarray  # (n,), clock times, s
+    record: np.ndarray  # (n,), number of the recording
+    experiment: np.ndarray  # (n,), number of the experiment
     sample_time: float
-    noise: float
-    model_error: float
-    sheet: float = 0.0
+    noise: float  # rms of sensor noise, SI
+    model_error: float  # rms of the plant's own error after a calibration, SI
+    sheet: float = 0.0  # noise that the sensor's data sheet states, SI; 0 if none
     output_unit: str = "m"
+    # Number of samples of the first reading, which come before those of the others; None for all
     first: int | None = None
 
     def __post_init__(self) -> None:
@@ -101,34 +69,14 @@ class Leftover:
         return replace(self, **own)
 
     def with_residual(self, residual: np.ndarray) -> Leftover:
-        """Return the same recordings with another residual.
-
-        Parameters
-        ----------
-        residual : ndarray, shape (n,)
-            SI.
-
-        Returns
-        -------
-        Leftover
-        """
+        """Return the same recordings with another residual, (n,), SI."""
         return replace(self, residual=residual)
 
 
 def leftover_of(base: Candidate, problem: DiagnosisProblem) -> Leftover:
-    """Residual, Jacobian and signals of a calibrated plant on all that is on the problem.
+    """Return residual, Jacobian and signals of a plant, calibrated on the fitted part, on all recordings.
 
-    Parameters
-    ----------
-    base : Candidate
-        Calibrated on the fitted part.
-    problem : DiagnosisProblem
-        Recordings.
-
-    Returns
-    -------
-    Leftover
-        A parameter on a bound of its range cannot be moved by a refit, so its column is left out.
+    No refit can move a parameter on a bound of its range, so its column is left out.
     """
     fit = base.calibration
     fitting = Problem(plant=fit.plant, parts=problem.everything, names=fit.names)

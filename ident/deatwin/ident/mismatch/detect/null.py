@@ -49,17 +49,9 @@ BURN_IN = 200
 
 
 class Refit:
-    """Residual after a linearised refit to the fitted part.
+    """Linearised refit of residuals to the fitted part.
 
-    Parameters
-    ----------
-    left : Leftover
-        Its Jacobian and fitted part count.
-
-    Attributes
-    ----------
-    white : ndarray, shape (n,)
-        Variance of unit white noise after the refit: smaller in fitted data, larger in held-out data.
+    `white`, (n,), is the variance of unit white noise after it: smaller in fitted data, larger in held-out data.
     """
 
     def __init__(self, left: Leftover) -> None:
@@ -73,39 +65,12 @@ class Refit:
         self.white = np.where(left.fitted, 1.0 - leverage, 1.0 + leverage)
 
     def __call__(self, residuals: np.ndarray) -> np.ndarray:
-        """Residuals after the refit.
-
-        Parameters
-        ----------
-        residuals : ndarray, shape (b, n)
-            Before it, SI.
-
-        Returns
-        -------
-        ndarray, shape (b, n)
-        """
+        """Return residuals after the refit. Shapes: (b, n) both."""
         return residuals - (residuals[:, self._fitted] @ self._inverse.T) @ self._jacobian.T
 
 
 def null_residuals(left: Leftover, refit: Refit, rng: np.random.Generator, draws: int) -> Iterator[np.ndarray]:
-    """Draw residuals under which nothing is missing.
-
-    Parameters
-    ----------
-    left : Leftover
-        Recordings, noise and model error.
-    refit : Refit
-        To the same recordings.
-    rng : numpy.random.Generator
-        Source of the draws.
-    draws : int
-        How many.
-
-    Yields
-    ------
-    ndarray, shape (b, n)
-        Some at a time, SI.
-    """
+    """Yield blocks, (b, n), of residuals under which nothing is missing, SI, until so many `draws` are made."""
     from scipy.signal import lfilter
 
     n = left.residual.size
@@ -145,17 +110,7 @@ class _ModelError:
 def error_terms(left: Leftover) -> tuple[np.ndarray, np.ndarray]:
     """Return the basis of the Gaussian prior on the model error, before the refit.
 
-    Parameters
-    ----------
-    left : Leftover
-        Simulated readings.
-
-    Returns
-    -------
-    terms : ndarray, shape (n, k)
-        Without scale.
-    memory : ndarray of int, shape (k,)
-        Number of the lag that a term needs, from 1; 0 for a static one.
+    Shapes: terms (n, k), without scale; the number of each term's lag (k,), from 1, or 0 if the term is static.
     """
     reading = _standardised(left.readings)
     longest = max(r.stop - r.start for r in left.records)
@@ -171,19 +126,9 @@ def error_terms(left: Leftover) -> tuple[np.ndarray, np.ndarray]:
 
 
 def colour(left: Leftover) -> tuple[np.ndarray, float]:
-    """Estimate the colour of the noise from the residual above the band of the motion.
+    """Estimate the colour of the noise, an autoregression, from the residual above the band of the motion.
 
-    Parameters
-    ----------
-    left : Leftover
-        Residual and simulated readings.
-
-    Returns
-    -------
-    filtering : ndarray, shape (p + 1,)
-        Coefficients 1, a_1, ... of the autoregression.
-    deviation : float
-        Of the driving white noise, for a noise of unit variance.
+    Returns its coefficients 1, a_1, ..., (p + 1,), and the deviation of the driving noise for a noise of unit variance.
     """
     frequency, density, averages = _welch(left)
     if not density.all():

@@ -53,42 +53,18 @@ class Origin(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class OriginEvidence:
-    """Evidence for the plant or for a disturbance.
-
-    Parameters
-    ----------
-    origin : Origin
-        The conclusion.
-    by : str
-        "repeats", "prediction", or "nothing" where neither was possible.
-    share : float
-        Of what is neither noise nor one of the forms: how much comes back, or can be predicted.
-    low, high : float
-        The share less and plus two standard deviations.
-    left : float
-        Rms of what is neither noise nor one of the forms, SI.
-    """
+    """Evidence for the plant or for a disturbance."""
 
     origin: Origin
-    by: str
-    share: float
-    low: float
-    high: float
-    left: float
+    by: str  # "repeats", "prediction", or "nothing" if neither was possible
+    share: float  # part that comes back, or can be predicted, of what is neither noise nor one of the forms
+    low: float  # `share` minus two standard deviations
+    high: float  # `share` plus two standard deviations
+    left: float  # rms of what is neither noise nor one of the forms, SI
 
     @classmethod
     def none(cls, left: float) -> OriginEvidence:
-        """Return what is said where nothing can be.
-
-        Parameters
-        ----------
-        left : float
-            Rms of the residual beyond the noise, SI.
-
-        Returns
-        -------
-        OriginEvidence
-        """
+        """Return undecided evidence; `left` is the rms of the residual beyond the noise, SI."""
         return cls(origin=Origin.UNDECIDED, by="nothing", share=0.0, low=0.0, high=1.0, left=left)
 
     def summary(self, size: float) -> OriginSummary:
@@ -104,21 +80,7 @@ class OriginEvidence:
 
 
 def origin_of(left: Leftover, repeats: Repeats | None, practical: float) -> OriginEvidence:
-    """Tell a residual of the plant from a disturbance.
-
-    Parameters
-    ----------
-    left : Leftover
-        With the residual in question.
-    repeats : Repeats or None
-        Of its commands.
-    practical : float
-        Rms that counts as a mismatch, SI.
-
-    Returns
-    -------
-    OriginEvidence
-    """
+    """Decide whether a residual comes from the plant or a disturbance; `practical` is the rms that counts, SI."""
     rest = without_forms(left)
     size = float(np.sqrt(max(np.mean(rest**2) - left.noise**2, 0.0)))
     noise, samples = _is_noise(left), left.residual.size
@@ -153,18 +115,7 @@ def _is_noise(left: Leftover) -> bool:
 
 
 def without_forms(left: Leftover) -> np.ndarray:
-    """The residual less drifts of level and gain, steps of either, effects of the farthest motion, and tones.
-
-    Parameters
-    ----------
-    left : Leftover
-        With the residual.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        SI.
-    """
+    """Return the residual, (n,), less drifts and steps of level and gain, effects of the farthest motion, and tones."""
     moves = left.readings - left.readings.mean()
     moves = moves / max(float(moves.std()), 1e-300)
     slow, farthest = _slow(left), _farthest(left)
@@ -280,7 +231,7 @@ def _play(signal: np.ndarray, width: float) -> np.ndarray:
 
 
 def _predictable(values: np.ndarray, terms: np.ndarray, noise: float) -> tuple[float, float, float]:
-    """Return the share of the variance beyond noise that ridge regression predicts in unseen folds, and bounds.
+    """Return the share of the variance beyond noise that ridge regression predicts in unseen folds, between bounds.
 
     The bounds come from a jackknife over the folds. The upper one is the largest over all penalties, so that a residual
     does not count as unpredictable because of the choice of the penalty.

@@ -12,13 +12,7 @@ FACTOR, STEPS, HALVINGS = 1.5, 40, 6
 
 
 class Power:
-    """Detection of an effect by its size and its correlations on the fitted part; the rest can only add to it.
-
-    Parameters
-    ----------
-    law : Law
-        Of residuals under which nothing is missing.
-    """
+    """Detection of an effect by its size and its correlations on the fitted part; the rest can only add to it."""
 
     def __init__(self, law: Law) -> None:
         self._law = law
@@ -30,19 +24,10 @@ class Power:
         self._along = law.kept @ law.battery.regressors
 
     def smallest(self, change: np.ndarray, practical: float) -> float | None:
-        """Strength at which an effect is detected nine times in ten.
+        """Return the strength at which an effect is detected nine times in ten; None if the refit takes up all of it.
 
-        Parameters
-        ----------
-        change : ndarray, shape (m,)
-            Of the fitted part's residual after the refit, for unit strength, SI.
-        practical : float
-            Rms that counts, SI.
-
-        Returns
-        -------
-        float or None
-            None where the refit takes up all of it.
+        `change`, (m,), is that of the fitted part's residual after the refit for unit strength; `practical` the rms
+        that counts; both in SI.
         """
         power = float(np.mean(change**2))
         if power == 0.0:

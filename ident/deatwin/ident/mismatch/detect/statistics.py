@@ -25,50 +25,22 @@ GROUPS = ("variance ratio", "cumulative periodogram", "correlation with the comm
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scores:
-    """All statistics of some residuals, before they are standardised.
+    """All statistics of some residuals, before they are standardised."""
 
-    Parameters
-    ----------
-    linear : ndarray, shape (b, r)
-        Correlation of each residual with each regressor, times the square root of the number of samples.
-    squared : ndarray, shape (b, r)
-        The same of its square.
-    ratios : ndarray, shape (b, 1 or 2)
-        Logarithm of the mean square over the floor, of the fitted and of the held-out part.
-    spectra : ndarray, shape (b, f)
-        Cumulated periodograms, from 0 to 1.
-    """
-
-    linear: np.ndarray
-    squared: np.ndarray
-    ratios: np.ndarray
-    spectra: np.ndarray
+    linear: np.ndarray  # (b, r), correlation of residual and regressor times the square root of the number of samples
+    squared: np.ndarray  # (b, r), the same for the residual's square
+    ratios: np.ndarray  # (b, 1 or 2), log of the mean square over the floor, of the fitted and of the held-out part
+    spectra: np.ndarray  # (b, f), cumulated periodograms, from 0 to 1
 
     @classmethod
     def stacked(cls, pieces: Sequence[Scores]) -> Scores:
-        """Scores of several sets of residuals as one.
-
-        Parameters
-        ----------
-        pieces : sequence of Scores
-            By the same battery.
-
-        Returns
-        -------
-        Scores
-        """
+        """Join scores of several sets of residuals by the same battery."""
         names = ("linear", "squared", "ratios", "spectra")
         return cls(**{name: np.concatenate([getattr(p, name) for p in pieces]) for name in names})
 
 
 class Battery:
-    """The statistics of residuals on given recordings.
-
-    Parameters
-    ----------
-    left : Leftover
-        Its signals count, not its residual.
-    """
+    """The statistics of residuals on given recordings, of which the signals count, not the residual."""
 
     def __init__(self, left: Leftover) -> None:
         self.left = left
@@ -79,17 +51,7 @@ class Battery:
         self.lines = next_fast_len(left.residual.size, real=True)
 
     def __call__(self, residuals: np.ndarray) -> Scores:
-        """All statistics.
-
-        Parameters
-        ----------
-        residuals : ndarray, shape (b, n)
-            SI.
-
-        Returns
-        -------
-        Scores
-        """
+        """Return all statistics of residuals, (b, n), SI."""
         squares = residuals**2
         power = squares.mean(axis=1, keepdims=True)
         scatter = np.sqrt(np.maximum((squares**2).mean(axis=1, keepdims=True) - power**2, 1e-300))

@@ -35,22 +35,10 @@ POSITION, RATE = "displacement", "velocity"
 
 
 def signals_along(plant: Plant, part: Part, position: str) -> dict[str, Array]:
-    """The signals of which there are functions, along a plant's free run, as means over each sample.
+    """Return the signals of which there are functions, along a plant's free run: means over each sample, (n,), SI.
 
-    Parameters
-    ----------
-    plant : Plant
-        That can be simulated on the part.
-    part : Part
-        Recordings.
-    position : str
-        The signal that moves: a watched one, or else the reading is taken.
-
-    Returns
-    -------
-    dict of str to ndarray, each of shape (n,)
-        SI, from rest to the last sample that counts. The velocity, where the plant watches one, is the change of the
-        position over the sample: motion between the ends of samples counts.
+    They run from rest to the last sample that counts. A watched velocity is the change of `position` over the sample,
+    so motion between the ends of samples counts; `position` is a watched signal, or else the reading is taken.
     """
     timeline, rest = plant.timeline(part.experiment), plant.rig.start.rest_command
     n = 1 + max(int(r[m].max()) for r, m in zip(timeline.readings, part.masks, strict=True) if m.any())
@@ -76,19 +64,10 @@ def signals_along(plant: Plant, part: Part, position: str) -> dict[str, Array]:
 
 
 def dictionary(along: Sequence[Signals], position: str) -> tuple[Primitive, ...]:
-    """Functions of state, input and time, with and without memory.
+    """Return functions of state, input and time, with and without memory, the simpler first.
 
-    Parameters
-    ----------
-    along : sequence of mapping of str to ndarray, each of shape (n,)
-        For each part the signals from rest on, SI, as `signals_along` gives them: their rms are the scales.
-    position : str
-        The one that moves.
-
-    Returns
-    -------
-    tuple of Primitive
-        The simpler first; none of signals that do not move.
+    `along` has for each part the signals of `signals_along`, (n,), whose rms are the scales; signals that stand still
+    are left out. `position` is the one that moves.
     """
     h = max(float(np.diff(signals["time"][:2]).sum()) for signals in along)
     first, last = (max(seconds, samples * h) for seconds, samples in (SHORTEST, LONGEST))
@@ -118,21 +97,9 @@ def _rms(pieces: Sequence[Array]) -> float:
 
 
 def evaluated(terms: Sequence[Primitive], signals: Signals, sample_time: float) -> Array:
-    """Values of functions along one part.
+    """Return values of k functions along one part, (n, k); `signals`, (n,), from rest on, are in SI.
 
-    Parameters
-    ----------
-    terms : sequence of Primitive
-        k of them.
-    signals : mapping of str to ndarray, each of shape (n,)
-        From rest on, SI.
-    sample_time : float
-        s.
-
-    Returns
-    -------
-    ndarray, shape (n, k)
-        Memories, which start at rest, by implicit Euler steps with one Newton update each.
+    Memories start at rest and follow implicit Euler steps with one Newton update each.
     """
     names = tuple(dict.fromkeys(term.variable for term in terms))
     sampled, memory = ca.SX.sym("s", len(names)), ca.SX.sym("m", len(terms))

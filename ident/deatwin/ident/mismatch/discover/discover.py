@@ -280,10 +280,8 @@ def _kept(fit: _Fit, base: Candidate, problem: DiagnosisProblem, rng: np.random.
 
 
 def _left_without(fit: _Fit, base: Candidate, problem: DiagnosisProblem) -> Array:
-    """Residuals of the held-out part without the form, of the plant fitted again from where it is beside it.
-
-    Beside a form the plant's own parameters may come to where they are better off without it, too.
-    """
+    """Return residuals of the held-out part without the form, of the plant refitted from its values beside the form."""
+    # Beside a form the plant's parameters may come to values that are better without it, too.
     plant = fit.calibration.plant.without_effects(fit.form.name)
     again = descend(plant, problem.fitted, evaluations=EVALUATIONS, tolerance=TOLERANCE)
     unseen = free_run_residuals(again.plant, problem.unseen) if again.status.ok else None

@@ -58,27 +58,13 @@ VARIABLES = {"command_rate": "rate of the command"}
 
 @dataclass(frozen=True, kw_only=True)
 class FoundTerm:
-    """One term of a free form.
+    """One term of a free form."""
 
-    Parameters
-    ----------
-    term : Primitive
-        The function, its shape as fitted.
-    coefficient : float
-        By which it is multiplied once the scale of its variable is taken out, in `unit`.
-    unit : str
-        SI.
-    shape : tuple of str, float and str, or None
-        Name, SI value and unit of what gives it its shape, where it has that.
-    inclusion : float
-        Share of the resampled records that chose it, or one that can hardly be told from it.
-    """
-
-    term: Primitive
-    coefficient: float
-    unit: str
-    shape: tuple[str, float, str] | None
-    inclusion: float
+    term: Primitive  # with its shape as fitted
+    coefficient: float  # factor once the scale of the variable is taken out, in `unit`
+    unit: str  # SI
+    shape: tuple[str, float, str] | None  # name, SI value and unit of the shape parameter, if any
+    inclusion: float  # share of the resampled records that chose it, or one that can hardly be distinguished from it
 
     @property
     def variable(self) -> str:
@@ -238,19 +224,7 @@ def _row(term: FoundTerm) -> dict[str, Any]:
 
 
 def unit_of(variable: str, plant: Plant) -> str:
-    """Unit of a signal of which a free form has functions.
-
-    Parameters
-    ----------
-    variable : str
-        As a `Primitive` names it.
-    plant : Plant
-        Whose signal it is.
-
-    Returns
-    -------
-    str
-    """
+    """Return the unit of a plant's signal, `variable`, of which a free form has functions."""
     rig = plant.rig
     rates = {"command_rate": f"{rig.input_unit}/s", RATE: f"{rig.output_unit}/s"}
     known = {"command": rig.input_unit, "time": "s", **rates}
@@ -258,20 +232,7 @@ def unit_of(variable: str, plant: Plant) -> str:
 
 
 def unit_per(above: str, below: str, degree: int) -> str:
-    """A unit over a power of another.
-
-    Parameters
-    ----------
-    above, below : str
-        As ``"N"`` and ``"m/s"``.
-    degree : int
-        As 2.
-
-    Returns
-    -------
-    str
-        As ``"N s2/m2"``.
-    """
+    """Return a unit over a power of another: "N s2/m2" for "N", "m/s" and 2."""
     power = "" if degree == 1 else str(degree)
     length, _, time = below.partition("/")
     return f"{above} {time}{power}/{length}{power}" if time else f"{above}/{length}{power}"

@@ -32,46 +32,19 @@ FALSE_DISCOVERIES = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class Stable:
-    """A term that is chosen again and again.
-
-    Parameters
-    ----------
-    column : int
-        Its number.
-    inclusion : float
-        Share of the resampled records in which it, or one that can hardly be told from it, was chosen.
-    """
+    """A term that is chosen again and again."""
 
     column: int
-    inclusion: float
+    inclusion: float  # share of the resampled records that chose it, or one that can hardly be distinguished from it
 
 
 def stable_terms(columns: Array, target: Array, nuisances: Array, rng: np.random.Generator) -> tuple[Stable, ...]:
-    """Choose a few columns that make up a target.
+    """Choose at most four columns, (n, k), that make up a target, (n,), the one chosen most often first.
 
-    Runs of neighbouring blocks of samples are drawn with replacement, and each record made so chooses its own columns.
-    What is chosen in nine of ten is kept, if it gains more evidence than chance gives: of the terms that gain as
-    much, at most one in ten may come from a target that was shifted against the columns.
-
-    Parameters
-    ----------
-    columns : ndarray, shape (n, k)
-        Functions along the samples, any unit.
-    target : ndarray, shape (n,)
-        In order.
-    nuisances : ndarray, shape (n, m)
-        What may be in the target besides, in any amount.
-    rng : numpy.random.Generator
-        Source of resampling and shifts.
-
-    Returns
-    -------
-    tuple of Stable
-        At most four, those chosen most often first.
-
-    References
-    ----------
-    Meinshausen & Bühlmann, "Stability selection", J. R. Stat. Soc. B 72 (2010) 417.
+    Blocks of neighbouring samples are drawn with replacement, and each record made so chooses its own columns. Columns
+    chosen in nine of ten are kept if they gain more evidence than chance: at most one in ten may come from a target
+    shifted against the columns. `nuisances`, (n, m), may be in the target in any amount. Source: Meinshausen &
+    Bühlmann, "Stability selection", J. R. Stat. Soc. B 72 (2010) 417.
     """
     basis = tangent_basis(nuisances)
     own = taken_off(columns, basis)

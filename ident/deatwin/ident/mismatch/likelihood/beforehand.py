@@ -37,19 +37,19 @@ LEAST_ERROR = 0.05
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OwnError:
-    """The error of a plant with these `readings` (n,), SI, at `times` (n,), s, in the experiments `records` (n,).
+    """The error of a plant, divided by the noise's relative level, as residuals are.
 
-    All of it is divided by the relative `level` (n,) of the noise, as residuals are. What does not repeat is stationary
-    after that: the plant errs fast where it moves most, and there the noise is largest that varies with its motion.
+    What does not repeat is stationary after that: the plant errs fast where it moves most, and there motion-dependent
+    noise is largest.
     """
 
-    readings: np.ndarray
-    times: np.ndarray
-    records: np.ndarray
+    readings: np.ndarray  # (n,), SI
+    times: np.ndarray  # (n,), s
+    records: np.ndarray  # (n,), numbers of the experiments
     sample_time: float
     noise: float  # SI
-    stated: float  # Rms that the rig states, SI
-    level: np.ndarray | float = 1.0
+    stated: float  # rms that the rig states, SI
+    level: np.ndarray | float = 1.0  # (n,)
 
     @property
     def rms(self) -> float:
@@ -117,10 +117,8 @@ class Coordinate:
 
 
 def coordinate(parameter: Parameter, nominal: Plant, effects: Mapping[str, Effect], reading: float) -> Coordinate:
-    """Return what is known of a plant's parameter, or one of an effect by its name; the largest `reading` is in SI.
-
-    Of one that only another variant of the plant has, its value is known as well as any.
-    """
+    """Return what is known of a parameter of a plant or, by its name, of an effect; `reading` is the largest, SI."""
+    # The value of a parameter that only another variant of the plant has is known as well as any.
     if parameter.name in nominal.parameters:
         known = nominal.parameters[parameter.name]
         return Coordinate(mean=known.scale.to_coordinate(known.value), deviation=deviation(known))

@@ -26,15 +26,11 @@ LOG_2PI = float(np.log(2.0 * np.pi))
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Weighed:
-    """A fit at one ratio of error and noise: log evidence and coordinates as functions of the noise.
+    """A fit at one ratio of error and noise: log evidence and coordinates as functions of the noise."""
 
-    `products` (m + 1, m + 1) are those of the whitened residual and columns for unit noise, `logs` the sum of the log
-    variances of the innovations, `count` their number.
-    """
-
-    products: np.ndarray
-    logs: float
-    count: int
+    products: np.ndarray  # (m + 1, m + 1), of the whitened residual and columns, for unit noise
+    logs: float  # sum of the log variances of the innovations
+    count: int  # number of the innovations
     prior: Prior
 
     @cached_property
@@ -79,10 +75,10 @@ class Weighed:
 
 
 def log_above(mean: np.ndarray, cov: np.ndarray, above: np.ndarray) -> np.ndarray:
-    """Log probability that normal variables (g, q) all lie above (q,): one after the other, each limit taken in.
+    """Return the log probability, (g,), that normal variables, mean (g, q), all lie above limits, (q,).
 
-    Exact for one variable or independent ones; else each is taken for normal again once it was cut (Mendell & Elston
-    1974, doi:10.2307/2529617).
+    Limits are taken in one after the other: exact for one variable or independent ones; else each variable is taken for
+    normal again once it was cut (Mendell & Elston 1974, doi:10.2307/2529617).
     """
     mean, cov, total = mean.copy(), cov.copy(), np.zeros(len(mean))
     edges = (mean - above) / np.sqrt(np.diagonal(cov, axis1=1, axis2=2))

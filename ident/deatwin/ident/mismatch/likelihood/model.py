@@ -86,13 +86,10 @@ class Reading:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prior:
-    """Standard normal coordinates, shape (m,): where the fit lies in them, and above which value each is allowed.
+    """Standard normal coordinates, (m,)."""
 
-    An amplitude that cannot be negative is allowed above 0, which is half a normal; -inf allows everything.
-    """
-
-    fitted: np.ndarray
-    above: np.ndarray
+    fitted: np.ndarray  # where the fit lies in them
+    above: np.ndarray  # lower bounds: 0 for an amplitude that cannot be negative, which is half a normal; -inf for none
 
     @classmethod
     def of(cls, *blocks: tuple[int, np.ndarray | None], one_sided: Sequence[int] = ()) -> Self:

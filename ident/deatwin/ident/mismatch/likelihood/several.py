@@ -45,10 +45,10 @@ class OwnErrors:
         return found
 
     def columns_after(self, residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
-        """Return the columns after a fit, with timing at the size that its residuals show; shape (n, k).
+        """Return the columns after a fit, (n, k), with timing at the size that its residuals show.
 
         Any fast motion reveals the time of the readings. Residuals do not reveal how far a fit has absorbed bends and
-        slow errors, so these keep their size. Shapes: `residuals` (n,), `jacobian` (n, p).
+        slow errors, so these keep their size. Shapes: `residuals` (n,); `jacobian` (n, p).
         """
         free = beside(jacobian, self.columns)
         variance = float(np.mean(residuals**2))
@@ -88,9 +88,9 @@ class OwnErrors:
 
 
 def own_errors(rig: Rig, parts: Sequence[Part], readings: np.ndarray, noise: float, stated: float) -> OwnErrors:
-    """The errors of a plant that reads `readings` (n,) on parts; the first reading has this `noise` and `stated` error.
+    """Return the errors of a plant that reads `readings`, (n,); the first reading has this `noise` and `stated` error.
 
-    A further reading has the noise that the rig states, and the rig's share of how it varies as its error.
+    A further reading has the noise that the rig states and, as its error, at least the rig's share of its variation.
     """
     whole = np.repeat(np.arange(len(parts)), [part.size for part in parts])
     times, level = np.concatenate([part.timepts for part in parts]), level_of(parts)

@@ -56,12 +56,10 @@ def slow(times: np.ndarray, rms: float, constant: float, count: int) -> np.ndarr
 
 
 def law(contribution: np.ndarray, times: np.ndarray, level: np.ndarray | float = 1.0) -> np.ndarray:
-    """Return what another law of the same mechanism may do that does this (n,), as an orthonormal basis (n, k).
+    """Return an orthonormal basis, (n, k), of what another law of the mechanism behind a contribution, (n,), may do.
 
-    Both are over the noise's relative `level` (n,).
-
-    A law that bends (powers of the contribution, and its size), changes with time, or acts with other times: what
-    first-order filters make of it, from one sample to the whole recording.
+    A law may bend (powers of the contribution, and its size), change with time, or act with other times (first-order
+    filters, from one sample to the whole recording). Both arrays are over the noise's relative `level`, (n,).
     """
     from scipy.signal import lfilter
 

@@ -40,46 +40,22 @@ STEADY = 1e-6
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Regression:
-    """A residual, and regressors at one place.
+    """A residual, and regressors at one place."""
 
-    Parameters
-    ----------
-    residual : ndarray, shape (n,)
-        Measured minus simulated, means of some samples, SI.
-    parameters : ndarray, shape (n, n_p)
-        Responses to the base parameters, normalised to length one.
-    answers : ndarray, shape (n, n_features)
-        Responses to the features, normalised to length one.
-    fold : ndarray of int, shape (n,)
-        Number of the stretch.
-    readings : int
-        Samples in a mean.
-    """
-
-    residual: Array
-    parameters: Array
-    answers: Array
-    fold: NDArray[np.int_]
-    readings: int
+    residual: Array  # (n,), measured minus simulated, means of some samples, SI
+    parameters: Array  # (n, n_p), responses to the base parameters, of length one
+    answers: Array  # (n, n_features), responses to the features, of length one
+    fold: NDArray[np.int_]  # (n,), number of the stretch
+    readings: int  # samples in a mean
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Closure:
-    """Share of the residual that a function of the signals at a place predicts on other data.
+    """Share of the residual that a function of the signals at a place predicts on other data."""
 
-    Parameters
-    ----------
-    losses : ndarray, shape (n,)
-        Squared errors of the prediction, SI.
-    closed : ndarray, shape (n,)
-        The same without any function, of the base parameters alone.
-    count : int
-        Features of the function.
-    """
-
-    losses: Array
-    closed: Array
-    count: int
+    losses: Array  # (n,), squared errors of the prediction, SI
+    closed: Array  # (n,), the same for the base parameters alone
+    count: int  # number of features of the function
 
     @property
     def explained(self) -> float:
@@ -88,18 +64,7 @@ class Closure:
 
 
 def regressions(linears: Sequence[Linear]) -> tuple[Regression, ...]:
-    """The regression of each place.
-
-    Parameters
-    ----------
-    linears : sequence of Linear
-        The plant along the recordings.
-
-    Returns
-    -------
-    tuple of Regression
-        One for each opening of the linearisation.
-    """
+    """Return one regression for each opening of the linearised plant along the recordings."""
     size = -(-sum(int(linear.counted.sum()) for linear in linears) // STEPS)
     residual = np.concatenate([_means(linear.residual[linear.counted], size) for linear in linears])
     parameters = np.concatenate([_means(linear.parameter_response()[linear.counted], size) for linear in linears])
@@ -124,18 +89,7 @@ def regressions(linears: Sequence[Linear]) -> tuple[Regression, ...]:
 
 
 def closure(regression: Regression) -> Closure:
-    """Fit on one part and judge on the other, and vice versa.
-
-    Parameters
-    ----------
-    regression : Regression
-        Of a place.
-
-    Returns
-    -------
-    Closure
-        With the number of features that predicts best.
-    """
+    """Fit on each half of the folds and judge on the other, with the number of features that predicts best."""
     losses = np.empty((MOST_FEATURES + 1, regression.residual.size))
     for odd in (0, 1):
         learn = regression.fold % 2 == odd
@@ -150,21 +104,10 @@ def closure(regression: Regression) -> Closure:
 
 
 def closure_p_value(regressions_: Sequence[Regression], rng: np.random.Generator) -> float:
-    """Return the probability that a residual independent of the signals is predicted as well, at any place.
+    """Return the probability, at least 1/(1 + 99), that a residual independent of the signals is predicted as well.
 
-    The residual is shifted cyclically by random times, which preserves its own correlation.
-
-    Parameters
-    ----------
-    regressions_ : sequence of Regression
-        Of all places.
-    rng : numpy.random.Generator
-        Draws the times.
-
-    Returns
-    -------
-    float
-        Of at least 1/(1 + 99).
+    It is that of the best of all places. The residual is shifted cyclically by random times, which keeps its
+    correlation.
     """
     observed = max(closure(regression).explained for regression in regressions_)
     n = regressions_[0].residual.size

@@ -8,21 +8,9 @@ FALSE_DISCOVERIES = 0.05
 
 
 def discoveries(p_values: np.ndarray) -> np.ndarray:
-    """Return which hypotheses Benjamini and Hochberg's step-up procedure rejects.
+    """Return which hypotheses, (n,), are rejected so that 5 % of the rejections are expected to be false.
 
-    Parameters
-    ----------
-    p_values : ndarray, shape (n,)
-        Of the hypotheses.
-
-    Returns
-    -------
-    ndarray of bool, shape (n,)
-        True where one is rejected; of those, 5 % are expected to be false.
-
-    References
-    ----------
-    Benjamini & Hochberg, J. R. Stat. Soc. B 57 (1995) 289, doi:10.1111/j.2517-6161.1995.tb02031.x.
+    Source: Benjamini & Hochberg, J. R. Stat. Soc. B 57 (1995) 289, doi:10.1111/j.2517-6161.1995.tb02031.x.
     """
     order = np.argsort(p_values)
     limits = FALSE_DISCOVERIES * np.arange(1, p_values.size + 1) / p_values.size

@@ -22,23 +22,11 @@ STEEP = (0.1, 0.5)
 
 
 def features(linear: Linear, opening: Opening) -> Array:
-    """Courses of which what enters at a place may be a combination.
+    """Return courses, (n, n_features), without unit, that may combine to what enters at a place.
 
-    What enters at the drive can know the command only, with its past; what enters elsewhere, the motion with its past,
-    as the reading shows it: polynomials and hinges of that signal, low passes of it and of its square, and their
-    squares, play operators (rate-independent memory), friction and drag of its rate; and the clock.
-
-    Parameters
-    ----------
-    linear : Linear
-        The plant along a record.
-    opening : Opening
-        Where something enters.
-
-    Returns
-    -------
-    ndarray, shape (n, n_features)
-        Numbers without unit; of the free run.
+    What enters at the drive can know only the command and its past; what enters elsewhere, the motion and its past, as
+    the reading shows it: polynomials and hinges of that signal, low passes of it and of its square, and their squares,
+    play operators (rate-independent memory), friction and drag of its rate; and the clock.
     """
     values = linear.states[signal_at(linear, opening)]
     signal = values / max(float(np.abs(values).max()), 1e-300)

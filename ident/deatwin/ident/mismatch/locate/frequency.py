@@ -28,21 +28,12 @@ LOUD = 2.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bands(Described):
-    """The bands of frequency that hold the mismatch; it is iterated over them.
+    """The bands of frequency that hold the mismatch; it iterates over them."""
 
-    Parameters
-    ----------
-    bands : tuple of Band
-        In order of frequency.
-    frequency : ndarray, shape (n,)
-        Of the lines of the residual's spectrum, Hz.
-    ratio : ndarray, shape (n,)
-        Power of each line over that of the sensor's noise.
-    """
-
-    bands: tuple[Band, ...] = field(metadata=table_along("band"))
+    bands: tuple[Band, ...] = field(metadata=table_along("band"))  # in order of frequency
+    # (n,), lines of the residual's spectrum.
     frequency: np.ndarray = field(metadata=coordinate("frequency", unit="Hz"))
-    ratio: np.ndarray = field(metadata=variable("frequency", about="power over that of the sensor's noise"))
+    ratio: np.ndarray = field(metadata=variable("frequency", about="power over that of the sensor's noise"))  # (n,)
 
     def __iter__(self) -> Iterator[Band]:
         return iter(self.bands)
@@ -51,17 +42,7 @@ class Bands(Described):
         return len(self.bands)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the residual's spectrum over the noise's, the bands shaded.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Where to; new ones by default.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
+        """Draw the residual's spectrum over the noise's, the bands shaded."""
         ax = axes_or_new(ax)
         ax.plot(self.frequency[1:], 10 * np.log10(np.maximum(self.ratio[1:], 1e-3)), color="C0", linewidth=0.8)
         ax.axhline(0.0, color="0.4", linewidth=0.8, linestyle="--", label="sensor noise")
@@ -76,28 +57,12 @@ class Bands(Described):
 
 
 def locate_frequency(tracks: Sequence[Track], noise: float) -> Bands:
-    """Bands in which the residual's spectrum lies above white sensor noise.
+    """Return bands in which the residual's spectrum lies above white sensor noise; `noise` is in SI.
 
-    Welch's estimate over segments of twenty seconds, longer ones where samples are slow, averaged over records; each line is tested against the
-    chi-squared law of an averaged periodogram, with the false-discovery rate held at 5 % over all lines, and must
-    have at least twice the power of the noise.
-
-    Parameters
-    ----------
-    tracks : sequence of Track
-        One for each record.
-    noise : float
-        Standard deviation of the sensor's noise, SI.
-
-    Returns
-    -------
-    Bands
-        Neighbouring lines joined; in order of frequency.
-
-    References
-    ----------
-    Welch, IEEE Trans. Audio Electroacoust. 15 (1967) 70, doi:10.1109/TAU.1967.1161901; Benjamini & Hochberg,
-    J. R. Stat. Soc. B 57 (1995) 289, doi:10.1111/j.2517-6161.1995.tb02031.x.
+    Welch's estimate over segments of twenty seconds, longer ones where samples are slow, is averaged over records. Each
+    line is tested against the chi-squared law of an averaged periodogram, with the false-discovery rate held at 5 %
+    over all lines, and must have at least twice the power of the noise; neighbouring lines are joined. Source: Welch,
+    IEEE Trans. Audio Electroacoust. 15 (1967) 70, doi:10.1109/TAU.1967.1161901.
     """
     from scipy.signal import welch
 

@@ -42,36 +42,14 @@ SETTLING = 3
 
 @dataclass(frozen=True, kw_only=True)
 class Lines(Described):
-    """The residual under a periodic input, by groups of lines.
-
-    Parameters
-    ----------
-    period_s : float
-        Of the input, s.
-    periods : int
-        That were compared.
-    groups : tuple of LineGroup
-        Those that have lines.
-    """
+    """The residual under a periodic input, by groups of lines."""
 
     period_s: float = field(metadata=variable(name="period", unit="s", about="period of the input"))
     periods: int = field(metadata=variable(about="periods that were compared"))
-    groups: tuple[LineGroup, ...] = field(metadata=table_along("group"))
+    groups: tuple[LineGroup, ...] = field(metadata=table_along("group"))  # those that have lines
 
     def plot(self, ax: Axes | None = None, *, unit: Unit = SI) -> Axes:
-        """Draw the rms of each group.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Where to; new ones by default.
-        unit : tuple of str and float
-            Name of the residual's unit, and its SI size.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
+        """Draw the rms of each group; `unit` is a name and its SI size."""
         ax = axes_or_new(ax)
         name, size = unit
         bars = ax.bar([g.kind for g in self.groups], [g.rms / size for g in self.groups], color="C0")
@@ -83,20 +61,8 @@ class Lines(Described):
 
 
 def locate_lines(tracks: Sequence[Track], noise: float) -> Lines | None:
-    """Sort the residual under a periodic input by lines of its spectrum.
-
-    Parameters
-    ----------
-    tracks : sequence of Track
-        One for each record; the first signal of each is the command. The longest periodic one counts.
-    noise : float
-        Standard deviation of the sensor's noise, SI.
-
-    Returns
-    -------
-    Lines or None
-        None where no record holds two periods of its command.
-    """
+    """Sort the residual under the longest periodic command by lines; None if no record holds two periods."""
+    # The first signal of each track is the command.
     for track in sorted(tracks, key=lambda t: -t.residual.size):
         command = next(iter(track.signals.values()), np.empty(0))
         period = _period(command)

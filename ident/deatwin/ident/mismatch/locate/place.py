@@ -37,35 +37,19 @@ REPEATABLE = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class OpenedPlace:
-    """Result of allowing an unknown force at one place.
-
-    Parameters
-    ----------
-    place, signal : str
-        Where something may enter.
-    gain : float
-        Log likelihood with a wandering quantity there, against none.
-    p_value : float
-        Of that gain (it is at the bound of its range), corrected for the number of places.
-    explained : float
-        Share of the residual's mean square, beyond what base parameters take up, that a function of the signals there
-        predicts where it was not learned; negative where the function is not repeatable.
-    score : float
-        The same as a share of what is not sensor noise, 0 to 1.
-    among_best : bool
-        Whether the recordings do not tell this place from the best one.
-    """
+    """Result of allowing an unknown force at one place."""
 
     place: str
     signal: str
     gain: float = field(
         metadata=variable(unit="nat", about="log likelihood with a wandering quantity there, against none")
     )
-    p_value: float
+    p_value: float  # of the gain, which is at the bound of its range; corrected for the number of places
+    # Beyond what base parameters take up, where it was not learned; negative if the function is not repeatable
     explained: float = field(
         metadata=variable(about="share of the residual's mean square that the signals there predict")
     )
-    score: float = field(metadata=variable(about="the same as a share of what is not sensor noise"))
+    score: float = field(metadata=variable(about="the same as a share of what is not sensor noise"))  # from 0 to 1
     among_best: bool = field(metadata=variable(about="True if the recordings cannot distinguish it from the best one"))
 
     @property
@@ -84,17 +68,11 @@ class OpenedPlace:
 
 @dataclass(frozen=True, kw_only=True)
 class Places(Described):
-    """Places by how well something that enters there explains the mismatch.
+    """Places by how well something that enters there explains the mismatch."""
 
-    Parameters
-    ----------
-    opened : tuple of OpenedPlace
-        All that were opened, the best first; none of a model that was written elsewhere, which shows its reading alone.
-    closure_p_value : float
-        Chance that a residual which has nothing to do with the signals would close as well at any place.
-    """
-
+    # The best first; none for a model that was written elsewhere, which shows only its reading
     opened: tuple[OpenedPlace, ...] = field(metadata=table_along("opened"))
+    # Chance that a residual independent of the signals closes as well at any place
     closure_p_value: float = field(metadata=attribute())
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
@@ -121,17 +99,7 @@ class Places(Described):
         return tuple(best.values())
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the score of each signal, those that cannot be told from the best one filled.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Where to; new ones by default.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
+        """Draw the score of each signal, those that cannot be distinguished from the best one filled."""
         ax = axes_or_new(ax)
         names = [f"{o.place}: {o.signal.replace('_', ' ')}" for o in self.opened]
         best = [o.among_best and self.repeatable for o in self.opened]
@@ -152,33 +120,12 @@ class Places(Described):
 
 
 def locate_place(base: Candidate, problem: DiagnosisProblem, rng: np.random.Generator) -> Places:
-    """Open one place of the plant after the other.
+    """Open one place of the plant after the other, with a random force there.
 
-    For each place, two quantities are computed: how much likelier the readings are with a random force there, and
-    whether that force is a repeatable function of the signals there. The second one ranks the places, because with one
-    input and one output several places have the same likelihood.
-
-    Parameters
-    ----------
-    base : Candidate
-        The calibrated base plant.
-    problem : DiagnosisProblem
-        Recordings.
-    rng : numpy.random.Generator
-        Of the test of repeatability.
-
-    Returns
-    -------
-    Places
-
-    Raises
-    ------
-    SimulationError
-        If the plant cannot be simulated on the recordings.
-
-    References
-    ----------
-    Self & Liang, J. Am. Stat. Assoc. 82 (1987) 605-610 (law of a likelihood ratio at a bound).
+    The readings' gain in likelihood is tested at each place, but with one input and one output several places have the
+    same likelihood. So places are ranked by how far the force is a repeatable function of the signals there. Source of
+    the gain's law at a bound: Self & Liang, J. Am. Stat. Assoc. 82 (1987) 605-610. Raise SimulationError if the plant
+    cannot be simulated on the recordings.
     """
     plant = base.calibration.plant
     linears = without_repeats(linearise(plant, problem.everything, _openings(plant)))

@@ -32,51 +32,25 @@ RATE = "_rate"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bin:
-    """Mean residual in one bin of a signal.
-
-    Parameters
-    ----------
-    signal : str
-        Name of the signal.
-    number : int
-        Of the bin.
-    low, high : float
-        Ends of the bin, in the signal's unit.
-    mean, deviation : float
-        Of the residual, and the standard error of its mean, in the report's unit.
-    count : int
-        Samples.
-    p_value : float
-        Of a mean of zero.
-    """
+    """Mean residual in one bin of a signal."""
 
     signal: str
     number: int
-    low: float
+    low: float  # like `high`, in the unit of the signal
     high: float
     mean: float = field(metadata=variable(unit=attrgetter("unit"), about="mean residual"))
     deviation: float = field(metadata=variable(unit=attrgetter("unit"), about="standard error of the mean"))
     count: int = field(metadata=variable(unit="samples"))
-    p_value: float
+    p_value: float  # of a mean of zero
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Regions(Described):
-    """The ranges of the operating signals that hold the mismatch; it is iterated over them.
+    """The ranges of the operating signals that hold the mismatch; it iterates over them."""
 
-    Parameters
-    ----------
-    regions : tuple of Region
-        The largest mean residual first.
-    bins : tuple of Bin
-        All that were tested, signal by signal.
-    unit : str
-        Of the residual, as axes show it.
-    """
-
-    regions: tuple[Region, ...] = field(metadata=table_along("region"))
-    bins: tuple[Bin, ...] = field(metadata=table_along("bin"))
-    unit: str = ""
+    regions: tuple[Region, ...] = field(metadata=table_along("region"))  # the largest mean residual first
+    bins: tuple[Bin, ...] = field(metadata=table_along("bin"))  # all that were tested, signal by signal
+    unit: str = ""  # of the residual, as axes show it
 
     def __iter__(self) -> Iterator[Region]:
         return iter(self.regions)
@@ -85,17 +59,7 @@ class Regions(Described):
         return len(self.regions)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the mean residual over each signal, from its lowest to its highest value, with two standard errors.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Where to; new ones by default.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
+        """Draw the mean residual over each signal, from its lowest to its highest value, with two standard errors."""
         ax = axes_or_new(ax)
         for name in dict.fromkeys(one.signal for one in self.bins):
             bins = [one for one in self.bins if one.signal == name]
@@ -120,22 +84,11 @@ class Regions(Described):
 
 
 def locate_region(tracks: Sequence[Track], unit: float) -> Regions:
-    """Ranges of the operating signals in which the residual's mean is not zero.
+    """Return ranges of the operating signals in which the residual's mean is not zero, the largest mean first.
 
-    Each signal is cut into bins of equal counts; the mean over a bin is tested with one independent value a
-    second, and the false-discovery rate is held at 5 % over all bins of all signals.
-
-    Parameters
-    ----------
-    tracks : sequence of Track
-        One for each record.
-    unit : float
-        SI size of the unit in which `mean_residual` is given.
-
-    Returns
-    -------
-    Regions
-        Neighbouring bins whose means have one sign joined; the largest mean first.
+    Each signal is cut into bins of equal counts; their means are tested with one independent value a second and a
+    false-discovery rate of 5 % over all bins of all signals. Neighbours of one sign are joined. `unit` is the SI size
+    of the unit of `mean_residual`.
     """
     residual = np.concatenate([t.residual for t in tracks]) / unit
     # Clocks of several experiments overlap: seconds of different records are different seconds.

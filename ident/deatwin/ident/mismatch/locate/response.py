@@ -56,24 +56,13 @@ TERMS = generate_terms(1, (0, 1), 3, rule=AtMost(output=1))
 def locate_response(
     recordings: Sequence[Recording], readings: Sequence[Array], model_error: float
 ) -> tuple[ResponseDifference, ...] | None:
-    """Find where the response of the recordings is not that of the plant.
+    """Find where the response of the recordings is not that of the plant, by order, then by band.
 
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        Of which the first input and the first output count; those much shorter than the longest are left out.
-    readings : sequence of ndarray, each of shape (n,)
-        The calibrated plant's free-run readings under the same inputs, SI.
-    model_error : float
-        Rms of the plant's own error, SI: an order that differs by no more than that in the readings does not count,
-        the error being spread over frequencies as the input is.
-
-    Returns
-    -------
-    tuple of ResponseDifference, or None
-        By order, then by band; empty where no difference can be shown, None where the recordings are too short or too
-        poor for a test.
+    The plant's free-run readings, (n,) each, and the rms `model_error` are in SI. Empty if no difference can be shown;
+    None if the recordings are too short or too poor for a test.
     """
+    # The first input and the first output count. A difference of an order counts only beyond the model error, which is
+    # spread over frequencies as the input is.
     longest = max(reading.size for reading in readings)
     pairs = [(r, y) for r, y in zip(recordings, readings, strict=True) if y.size >= SHORTEST * longest]
     if not any(np.ptp(y) > 0.0 for _, y in pairs):
@@ -94,19 +83,7 @@ def locate_response(
 
 
 def draw_response(found: Sequence[ResponseDifference], ax: Axes | None = None) -> Axes:
-    """Draw by how much each order differs in each band, with how likely chance would do as much.
-
-    Parameters
-    ----------
-    found : sequence of ResponseDifference
-        What `locate_response` found.
-    ax : matplotlib Axes, optional
-        Where to draw; new axes otherwise.
-
-    Returns
-    -------
-    matplotlib Axes
-    """
+    """Draw by how much each order differs in each band, with how likely chance would do as much."""
     axes = axes_or_new(ax)
     names = [f"$H_{d.order}$, {d.from_Hz:.2g} to {d.to_Hz:.2g} Hz" for d in found]
     bars = axes.barh(names, [100 * d.size for d in found], color="C0")

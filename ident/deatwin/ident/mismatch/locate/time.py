@@ -38,21 +38,11 @@ def _along(name: str) -> Callable[[Times], np.ndarray]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Times(Described):
-    """The stretches of the clock that hold the mismatch; it is iterated over them.
+    """The stretches of the clock that hold the mismatch; it iterates over them."""
 
-    Parameters
-    ----------
-    windows : tuple of Window
-        In order of time.
-    period_s : float or None
-        At which the mismatch comes back, s; None where it does not.
-    tracks : tuple of Track
-        The residuals, to be drawn.
-    """
-
-    windows: tuple[Window, ...] = field(metadata=table_along("window"))
-    period_s: float | None = field(metadata=attribute())
-    tracks: tuple[Track, ...]
+    windows: tuple[Window, ...] = field(metadata=table_along("window"))  # in order of time
+    period_s: float | None = field(metadata=attribute())  # at which the mismatch comes back, s; None if it does not
+    tracks: tuple[Track, ...]  # the residuals, to be drawn
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
         "residual": variable("sample", of=_along("residual"), about="measured minus simulated, SI"),
@@ -70,19 +60,7 @@ class Times(Described):
         return len(self.windows)
 
     def plot(self, ax: Axes | None = None, *, unit: Unit = SI) -> Axes:
-        """Draw the residuals over the clock, the windows shaded by their scores.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Where to; new ones by default.
-        unit : tuple of str and float
-            Name of the residual's unit, and its SI size.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
+        """Draw the residuals over the clock, the windows shaded by their scores; `unit` is a name and its SI size."""
         ax = axes_or_new(ax)
         name, size = unit
         for track in self.tracks:
@@ -97,30 +75,15 @@ class Times(Described):
 
 
 def locate_time(tracks: Sequence[Track], floor: float) -> Times:
-    """Stretches of time that hold the mismatch, cut where the residual's level or size changes.
+    """Return stretches of time that hold the mismatch, cut where the residual's level or size changes.
 
-    The residual is taken in windows of two seconds, and of ten samples at least; dynamic programming cuts the sequence of their means and
-    log-powers into pieces of constant level, with a penalty of twice the logarithm of the number of windows for
-    each level (Schwarz), raised until at most five pieces are left in a record: a residual that varies all the
-    time has no onset. Pieces whose mean square exceeds the floor are reported.
-
-    Parameters
-    ----------
-    tracks : sequence of Track
-        One for each record.
-    floor : float
-        Mean square that noise and model error account for, SI.
-
-    Returns
-    -------
-    Times
-        Windows in order of time, whose scores add up to one; a trend within one is tested by whole seconds.
-
-    References
-    ----------
-    Killick, Fearnhead & Eckley, J. Am. Stat. Assoc. 107 (2012) 1590, doi:10.1080/01621459.2012.737745 (optimal
-    partitioning, eq. 3).
+    They exceed `floor`, the mean square that noise and model error account for, SI; their scores add up to one.
     """
+    # Windows of two seconds, and of ten samples at least, are cut by dynamic programming into pieces of constant mean
+    # and log-power (Killick, Fearnhead & Eckley, J. Am. Stat. Assoc. 107 (2012) 1590, doi:10.1080/01621459.2012.737745,
+    # eq. 3). The penalty for each level is twice the logarithm of the number of windows (Schwarz), raised until at most
+    # five pieces are left in a record: a residual that varies all the time has no onset. A trend within a piece is
+    # tested by whole seconds.
     pieces: list[tuple[float, float, float, float]] = []
     for track in tracks:
         n = track.residual.size

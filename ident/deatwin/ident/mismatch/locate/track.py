@@ -22,23 +22,11 @@ SI: Unit = ("SI", 1.0)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Track:
-    """The residual of one record and the signals that may go with it.
+    """The residual of one record and the signals that may go with it."""
 
-    Parameters
-    ----------
-    timepts : ndarray, shape (n,)
-        On the running clock, s.
-    residual : ndarray, shape (n,)
-        Measured minus simulated, SI.
-    signals : mapping of str to ndarray, each of shape (n,)
-        Operating signals, in the units in which they are reported.
-    sample_time : float
-        s.
-    """
-
-    timepts: np.ndarray
-    residual: np.ndarray
-    signals: Mapping[str, np.ndarray]
+    timepts: np.ndarray  # (n,), on the running clock, s
+    residual: np.ndarray  # (n,), measured minus simulated, SI
+    signals: Mapping[str, np.ndarray]  # operating signals, (n,) each, in the units in which they are reported
     sample_time: float
 
 
@@ -69,22 +57,7 @@ def readings(plant: Plant, experiments: Sequence[Experiment], reading: str = "")
 
 
 def tracks(plant: Plant, experiments: Sequence[Experiment], reading: str = "") -> tuple[Track, ...]:
-    """Residual and operating signals of each record.
-
-    Parameters
-    ----------
-    plant : Plant
-        Calibrated.
-    experiments : sequence of Experiment
-        Recordings.
-    reading : str
-        Whose residual; the first reading's if empty.
-
-    Returns
-    -------
-    tuple of Track
-        Signals: the command, the simulated first reading in the unit in which amplitudes are reported, and its rate.
-    """
+    """Return residual and operating signals of each record; an empty `reading` stands for the first one."""
     rig = plant.rig
     size = amplitude_unit(rig.output_unit)[1]
     row = row_of(plant.rig, reading)

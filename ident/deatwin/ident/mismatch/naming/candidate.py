@@ -140,22 +140,7 @@ class Candidate:
 
 
 def judge(problem: DiagnosisProblem, calibration: Calibration, noise: float) -> Candidate | None:
-    """Free-run residuals of a fitted plant on the held-out part.
-
-    Parameters
-    ----------
-    problem : DiagnosisProblem
-        Recordings.
-    calibration : Calibration
-        The fit.
-    noise : float
-        Standard deviation of the sensor's noise, SI.
-
-    Returns
-    -------
-    Candidate or None
-        None if the plant cannot be simulated there.
-    """
+    """Simulate a fitted plant on the held-out part; return it with its residuals, or None if it cannot be simulated."""
     residuals = free_run_residuals(calibration.plant, problem.unseen)
     if residuals is None:
         return None
@@ -175,20 +160,7 @@ def judge(problem: DiagnosisProblem, calibration: Calibration, noise: float) -> 
 
 
 def noise_seen(fit: Calibration, parts: Sequence[Part]) -> float:
-    """The sensor's noise as the residuals of a fit show it.
-
-    Parameters
-    ----------
-    fit : Calibration
-        On `parts`.
-    parts : sequence of Part
-        What was fitted.
-
-    Returns
-    -------
-    float
-        Standard deviation of that of the first reading, SI; never below the data sheet's, nor below that of the steps of the readings.
-    """
+    """Return the first reading's noise as a fit shows it, SI, but no less than its data sheet or its steps make."""
     parts = first_only(parts)
     sizes = [int(mask.sum()) for part in parts for mask in part.masks if mask.any()]
     residuals, commands = (

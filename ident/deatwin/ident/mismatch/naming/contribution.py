@@ -12,22 +12,9 @@ from deatwin.ident.mismatch.problem import DiagnosisProblem
 
 
 def contribution(problem: DiagnosisProblem, explanation: Calibration, added: Sequence[str]) -> np.ndarray:
-    """Return the contribution of added effects to the readings of the plant fitted with them.
+    """Return readings with the added effects minus those without, (m,), over the noise's level, no parameter changed.
 
-    Parameters
-    ----------
-    problem : DiagnosisProblem
-        Recordings.
-    explanation : Calibration
-        Fit with the effects.
-    added : sequence of str
-        Names of the effects.
-
-    Returns
-    -------
-    ndarray, shape (m,)
-        Readings with the effects less those without, over the noise's level, no parameter changed, SI; infinite where
-        the plant fails without them.
+    In SI; infinite if the plant fails without the effects.
     """
     if not added:
         return np.zeros_like(explanation.residuals)
@@ -38,18 +25,5 @@ def contribution(problem: DiagnosisProblem, explanation: Calibration, added: Seq
 
 
 def readings_of_fit(parts: Sequence[Part], residuals: np.ndarray) -> np.ndarray:
-    """Return the simulated readings that belong to residuals.
-
-    Parameters
-    ----------
-    parts : sequence of Part
-        Of recordings.
-    residuals : ndarray, shape (n,)
-        Over all of them and over the noise's level, SI.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        SI.
-    """
+    """Return the simulated readings that belong to residuals over the noise's level. Shapes: (n,) both, SI."""
     return np.concatenate([part.measured for part in parts]) - residuals * level_of(parts)

@@ -29,73 +29,29 @@ the two shares."""
 
 
 def gained(candidate: Candidate, less: Candidate) -> float:
-    """Fall of the mean square residual due to some effects.
-
-    Parameters
-    ----------
-    candidate, less : Candidate
-        With and without these effects.
-
-    Returns
-    -------
-    float
-        In the square of the residual's unit.
-    """
+    """Return the fall of the mean square residual from `less`, which lacks some effects, to `candidate`."""
     return float(less.losses.mean() - candidate.losses.mean())
 
 
 def takes_most(candidate: Candidate, base: Candidate) -> bool:
-    """Return whether a candidate removes most of the residual's power beyond noise.
-
-    Parameters
-    ----------
-    candidate, base : Candidate
-        With and without effects.
-
-    Returns
-    -------
-    bool
-    """
+    """Return whether a candidate removes most of the residual's power beyond noise."""
     return gained(candidate, base) > MOST * float(base.losses.mean() - base.noise**2)
 
 
 def acts(candidate: Candidate, base: Candidate) -> bool:
-    """Return whether the effects of a candidate, not its refitted parameters, make the fit better.
-
-    If the fit without an effect has not reached its minimum, a fit with the effect may be better although the effect
-    does little. Its contribution is then smaller than the fall of the residual, which is impossible from a minimum. An
-    interval of the strength is no substitute, because a strength may be correlated with a time constant of the effect.
-
-    Parameters
-    ----------
-    candidate, base : Candidate
-        With and without effects.
-
-    Returns
-    -------
-    bool
-    """
+    """Return whether the effects of a candidate, not its refitted parameters, make the fit better."""
+    # If the fit without an effect has not reached its minimum, a fit with the effect may be better although the effect
+    # does little. Its contribution is then smaller than the fall of the residual, which is impossible from a minimum.
+    # An interval of the strength is no substitute, because a strength may be correlated with a time constant of the
+    # effect.
     fell = base.fitted_test.rms - candidate.fitted_test.rms
     return float(np.sqrt(np.mean(candidate.contribution**2))) > ACTING * fell
 
 
 def held_back_by(candidate: Candidate) -> tuple[str, ...]:
-    """Parameters of the plant at a bound that costs an explanation more than the practical size.
-
-    Further missing physics drives parameters of the plant to physically implausible values. A bound does not count if
-    the fit would hardly improve beyond it.
-
-    Parameters
-    ----------
-    candidate : Candidate
-        Candidate with any effects.
-
-    Returns
-    -------
-    tuple of str
-        Parameters that the fit would take beyond their ranges, if to first order that improved it by more than the
-        practical size; else empty.
-    """
+    """Return plant parameters at a bound that, to first order, costs an explanation more than the practical size."""
+    # Further missing physics drives parameters of the plant to physically implausible values. A bound does not count if
+    # the fit would hardly improve beyond it.
     fit, added = candidate.calibration, tuple(f"{name}." for name in candidate.effects)
     ended = {name for name in fit.at_bound if not name.startswith(added)}
     if not ended:
@@ -115,19 +71,10 @@ def _inwards(parameter: Parameter) -> float:
 
 
 def share_explained(after: Excess, before: Excess) -> float:
-    """Share of the explainable power of a mismatch that was removed.
+    """Return the share of a mismatch's power, beyond noise and model error, that was removed.
 
-    Noise and model error cannot be explained by any effect.
-
-    Parameters
-    ----------
-    after, before : Excess
-        Residual with and without effects; the model error is that of `after`.
-
-    Returns
-    -------
-    float
-        1 if no more than noise and model error is left, negative if the residual grew, 0 if there was nothing to explain.
+    It is negative if the residual grew, 0 if there was nothing to explain, and 1 if no more than noise and model error
+    is left.
     """
     error = after.model_error**2
     if before.size**2 <= error:
@@ -136,69 +83,26 @@ def share_explained(after: Excess, before: Excess) -> float:
 
 
 def errs_by_its_law(candidate: Candidate, base: Candidate) -> bool:
-    """Return whether the fitted residual of a candidate may come from errors in its effects' laws.
-
-    Held-out data are not considered: a slow effect with a slightly wrong law errs more if it is extrapolated.
-
-    Parameters
-    ----------
-    candidate, base : Candidate
-        With and without effects.
-
-    Returns
-    -------
-    bool
-    """
+    """Return whether the fitted residual of a candidate may come from errors in its effects' laws."""
+    # Held-out data are not considered: a slow effect with a slightly wrong law errs more if it is extrapolated.
     return share_explained(candidate.fitted_test, base.fitted_test) >= NEARLY_ALL
 
 
 def asks(after: Excess, before: Excess) -> bool:
-    """Return whether a part of the recordings shows a mismatch, with or without the explanation.
-
-    Parameters
-    ----------
-    after, before : Excess
-        Residual in this part, with and without the explanation.
-
-    Returns
-    -------
-    bool
-    """
+    """Return whether a part of the recordings shows a mismatch, with or without the explanation."""
     return before.mismatch or after.mismatch
 
 
 def explained(candidate: Candidate, base: Candidate) -> float:
-    """Smaller of the shares of explainable power that a candidate removes from the fitted and from the held-out data.
-
-    A part without a certain mismatch has nothing to explain, and is left out.
-
-    Parameters
-    ----------
-    candidate, base : Candidate
-        With and without effects.
-
-    Returns
-    -------
-    float
-        See `share_explained`.
-    """
+    """Return the smaller of the shares that a candidate explains of the fitted and of the held-out data."""
+    # A part without a certain mismatch has nothing to explain, and is left out.
     parts = [(candidate.fitted_test, base.fitted_test), (candidate.unseen_test, base.unseen_test)]
     asked = [(after, before) for after, before in parts if asks(after, before)] or parts
     return min(share_explained(after, before) for after, before in asked)
 
 
 def suffices(candidate: Candidate, base: Candidate) -> bool:
-    """Return whether a candidate is adequate within the uncertainty of the model error.
-
-    Parameters
-    ----------
-    candidate, base : Candidate
-        With and without effects.
-
-    Returns
-    -------
-    bool
-    """
+    """Return whether a candidate is adequate within the uncertainty of the model error."""
     if candidate.adequate:
         return True
     error = candidate.fitted_test.model_error
@@ -208,15 +112,5 @@ def suffices(candidate: Candidate, base: Candidate) -> bool:
 
 
 def is_near_model_error(left: Excess) -> bool:
-    """Return whether a residual is within the uncertainty of the model error.
-
-    Parameters
-    ----------
-    left : Excess
-        Of a fit.
-
-    Returns
-    -------
-    bool
-    """
+    """Return whether a residual is within the uncertainty of the model error."""
     return left.within_error or left.size < SUFFICIENT[1][0] * left.model_error

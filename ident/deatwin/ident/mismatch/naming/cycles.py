@@ -14,21 +14,9 @@ its rise, as any drift may."""
 
 
 def shows_its_cycles(candidate: Candidate, parts: Sequence[Part]) -> bool:
-    """Return whether an experiment lasts for a quarter of each cycle of a candidate's effects.
-
-    With a free period and phase, a smaller part of a cycle can imitate any slow curve.
-
-    Parameters
-    ----------
-    candidate : Candidate
-        Fitted.
-    parts : sequence of Part
-        Recordings; a cycle that was measured in each of them counts as shown.
-
-    Returns
-    -------
-    bool
-    """
+    """Return whether an experiment lasts for a quarter of each cycle of a candidate's effects."""
+    # With a free period and phase, a smaller part of a cycle can imitate any slow curve. A cycle that was measured in
+    # each of the recordings counts as shown.
     measured = set[str].intersection(*(_measured(part) for part in parts))
     lasts = max(float(part.timepts[-1] - part.timepts[0]) for part in parts)
     plant = candidate.calibration.plant

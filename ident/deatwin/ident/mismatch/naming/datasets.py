@@ -21,10 +21,8 @@ def base_tables(base: Forms) -> Variables:
 
 
 def naming_tables(naming: Explanations) -> Variables:
-    """All explanations that were tried, the base plant first, with their residuals; SI.
-
-    Each has its probability where it competed with the best one; distances d² are those from the best one.
-    """
+    """Return all explanations that were tried, the base plant first, with their residuals, SI."""
+    # Those that competed with the best one have a probability; distances d² are those from the best one.
     told = [*naming.candidates, *([] if naming.best is None else [naming.best]), *naming.alternatives]
     candidates = list(dict.fromkeys(told))
     probability = [naming.probabilities.get(c.effects, np.nan) for c in candidates]

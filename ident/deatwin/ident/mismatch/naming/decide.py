@@ -195,34 +195,13 @@ class Naming(Described):
 
 
 def normalised(weights: Mapping[tuple[str, ...], float]) -> dict[tuple[str, ...], float]:
-    """Probabilities of explanations.
-
-    Parameters
-    ----------
-    weights : mapping of tuple of str to float
-        In proportion to them.
-
-    Returns
-    -------
-    dict of tuple of str to float
-        They add up to one.
-    """
+    """Return weights of explanations as probabilities, which add up to one."""
     whole = sum(weights.values())
     return {effects: weight / whole for effects, weight in weights.items()}
 
 
 def nothing_tried(base: Candidate) -> Naming:
-    """The naming of recordings that need none.
-
-    Parameters
-    ----------
-    base : Candidate
-        The calibrated plant without further effects.
-
-    Returns
-    -------
-    Naming
-    """
+    """Return the naming of recordings that need none."""
     return Naming(candidates=(base,), best=None, alternatives=(), probabilities={}, noise=base.noise)
 
 
@@ -233,28 +212,9 @@ def decide(
     good: Callable[[Candidate], bool],
     possible: Callable[[Candidate], bool],
 ) -> Naming:
-    """Choose the best candidate of one stage, and the alternatives that cannot be excluded.
-
-    The best candidate must be adequate. An alternative need not be: a candidate that is nearly as likely, or likelier, is
-    not excluded by a limit that the best one meets by a small margin.
-
-    Parameters
-    ----------
-    tried : sequence of Candidate
-        Everything so far, the base plant first.
-    stage : sequence of Candidate
-        Those that compete: all with the same number of effects.
-    noise : float
-        Standard deviation of the sensor's noise, SI.
-    good : callable
-        Whether a candidate explains the recordings.
-    possible : callable
-        Whether it could be an alternative.
-
-    Returns
-    -------
-    Naming
-    """
+    """Choose the best `good` candidate of a stage, and the `possible` alternatives that cannot be excluded."""
+    # The best candidate must be adequate. An alternative need not be: a candidate that is nearly as likely, or
+    # likelier, is not excluded by a limit that the best one meets by a small margin.
     if not stage:
         return Naming(candidates=tuple(tried), best=None, alternatives=(), probabilities={}, noise=noise)
     probabilities = _probabilities(stage)
@@ -296,30 +256,12 @@ def with_distances(
     distance: Callable[..., float] = separation,
     known: Distances | None = None,
 ) -> Naming:
-    """Add, as alternatives, explanations that these inputs cannot distinguish from the best one.
+    """Add, as alternatives, `possible` explanations that these inputs cannot distinguish from the best one.
 
-    Explanations that are worse by more than the model error are not added, nor are those with a far smaller prior
-    probability: the gain of an amplifier hardly drifts by a tenth.
-
-    Parameters
-    ----------
-    naming : Naming
-        Decided over `stage`.
-    stage : sequence of Candidate
-        Those that competed.
-    problem : DiagnosisProblem
-        Recordings.
-    possible : callable
-        Whether a candidate could be an alternative.
-    distance : callable
-        Gives d² between two fits, as `separation`.
-    known : dict, optional
-        Of distances, to which the new ones are added: decisions come back to the same fits.
-
-    Returns
-    -------
-    Naming
+    New distances d² are added to `known`, because decisions come back to the same fits.
     """
+    # Explanations that are worse by more than the model error are not added, nor are those with a far smaller prior
+    # probability: the gain of an amplifier hardly drifts by a tenth.
     best = naming.best
     if best is None:
         return naming
@@ -352,23 +294,9 @@ def _key(task: tuple[Any, ...]) -> tuple[object, ...]:
 def with_all_distances(
     naming: Naming, problem: DiagnosisProblem, distance: Callable[..., float] = separation
 ) -> Naming:
-    """Add the missing distances from the best candidate to its alternatives.
-
-    They are missing if an alternative was kept for its evidence, comes from another rig variant, or was the best before.
-
-    Parameters
-    ----------
-    naming : Naming
-        An answer with alternatives.
-    problem : DiagnosisProblem
-        Recordings.
-    distance : callable
-        Gives d² between two fits, as `separation`.
-
-    Returns
-    -------
-    Naming
-    """
+    """Add the missing distances from the best candidate to its alternatives."""
+    # They are missing if an alternative was kept for its evidence, comes from another rig variant, or was the best
+    # before.
     best, known = naming.best, {d.effects[1] for d in naming.distances}
     if best is None:
         return naming
@@ -384,19 +312,7 @@ def _distance(best: Candidate, other: Candidate, d2: float) -> Distance:
 
 
 def cannot_rule_out(alternative: Candidate, best: Candidate) -> bool:
-    """Return whether an alternative of unknown distance from the best explanation remains possible.
-
-    Parameters
-    ----------
-    alternative, best : Candidate
-        Both explain the recordings.
-
-    Returns
-    -------
-    bool
-        True if the evidence for the best is not strong, or if the two differ by less than the plant's own error and the
-        alternative is not far less likely beforehand.
-    """
+    """Return whether an alternative of unknown distance from the best explanation remains possible."""
     if is_as_likely(alternative, best):
         return True
     return is_possible(alternative, best) and _apart(alternative, best) < ALTERNATIVE_SHARE * _model_error(best)
@@ -408,10 +324,8 @@ def is_possible(alternative: Candidate, best: Candidate) -> bool:
 
 
 def _apart(alternative: Candidate, best: Candidate) -> float:
-    """Return the rms by which an alternative's residual exceeds the best's, in the experiment that separates them most, SI.
-
-    An average over all experiments would hide a short one that was made to distinguish the two.
-    """
+    """Return by how much an alternative's rms residual exceeds the best's, SI, where they differ most."""
+    # An average over all experiments would hide a short one that was made to distinguish the two.
     return float(np.sqrt(max(float((alternative.mean_squares - best.mean_squares).max()), 0.0)))
 
 
@@ -420,15 +334,5 @@ def _model_error(best: Candidate) -> float:
 
 
 def is_as_likely(alternative: Candidate, best: Candidate) -> bool:
-    """Return whether the evidence for the best over an alternative is not strong.
-
-    Parameters
-    ----------
-    alternative, best : Candidate
-        Both fitted to the same recordings.
-
-    Returns
-    -------
-    bool
-    """
+    """Return whether the evidence for the best over an alternative is not strong."""
     return advantage(best, alternative) < STRONG

@@ -26,22 +26,9 @@ MOST_NEARLY = 2
 
 
 def decided(search: Search, stage: Sequence[Names]) -> Naming:
-    """Decide among the adequate sets of a stage.
-
-    A nearly adequate alternative becomes the best if it is far likelier: a set that is improbable beside it meets the
-    limit by luck.
-
-    Parameters
-    ----------
-    search : Search
-        Search with the sets tried so far.
-    stage : sequence of tuple of str
-        Sets that compete.
-
-    Returns
-    -------
-    Naming
-    """
+    """Decide among the adequate sets of a stage."""
+    # A nearly adequate alternative becomes the best if it is far likelier: a set that is improbable beside it meets the
+    # limit by luck.
     naming = _among(search, stage, lambda c: c.adequate and search.counts(c))
     if naming.best is None or len(naming.best.effects) > MOST_NEARLY:
         return naming
@@ -51,34 +38,13 @@ def decided(search: Search, stage: Sequence[Names]) -> Naming:
 
 
 def decided_surely(search: Search, stage: Sequence[Names]) -> Naming:
-    """Decide among a stage, or among smaller sets if these are adequate when refitted from the best set's values.
-
-    Parameters
-    ----------
-    search, stage
-        As for `decided`.
-
-    Returns
-    -------
-    Naming
-    """
+    """Decide among a stage, or among smaller sets if these are adequate when refitted from the best set's values."""
     return _surely(search, partial(_over_all, search, decided, stage), decided)
 
 
 def of_two(search: Search) -> Naming:
-    """Decide among pairs, even if a single effect is adequate.
-
-    Effects that could replace one of a pair are tried, too.
-
-    Parameters
-    ----------
-    search : Search
-        With what was tried.
-
-    Returns
-    -------
-    Naming
-    """
+    """Decide among pairs, even if a single effect is adequate."""
+    # Effects that could replace one of a pair are tried, too.
     search.with_one_more([names for names in search.tried if len(names) == 1])
     best = search.best_that_counts(_possible_pairs(search))
     if best is not None:
@@ -87,17 +53,7 @@ def of_two(search: Search) -> Naming:
 
 
 def nearly(search: Search) -> Naming:
-    """Decide among the smallest sets that are adequate within the uncertainty of the model error, or barely.
-
-    Parameters
-    ----------
-    search : Search
-        With what was tried.
-
-    Returns
-    -------
-    Naming
-    """
+    """Decide among the smallest sets that are adequate within the uncertainty of the model error, or barely."""
     alone = _sufficing(search, [names for names in search.tried if len(names) == 1])
     if alone.best is not None:
         return alone
@@ -113,43 +69,18 @@ def nearly(search: Search) -> Naming:
 
 
 def settled(search: Search, stage: Sequence[Names]) -> Naming:
-    """Decide among a stage by fits to all recordings, for sets that nearly explain the fitted data.
-
-    Such a set must also remove most of the mismatch in the held-out data. A pair is rejected if one of its effects is
-    adequate alone.
-
-    Parameters
-    ----------
-    search, stage
-        As for `decided`.
-
-    Returns
-    -------
-    Naming
-    """
+    """Decide among a stage by fits to all recordings, for sets that nearly explain the fitted data."""
+    # Such a set must also remove most of the mismatch in the held-out data. A pair is rejected if one of its effects is
+    # adequate alone.
     if all(len(names) == 1 for names in stage):
         return _settled(search, stage)
     return _surely(search, partial(_over_all, search, _settled, stage), _enough)
 
 
 def on_everything(search: Search, naming: Naming) -> Iterator[Naming]:
-    """Yield a decision with the alternatives that fits to all recordings restore, in each order of verification.
-
-    Alternatives also include what the best candidate becomes at the limit of its range, and single effects whose law
-    error could do the work of a pair.
-
-    Parameters
-    ----------
-    search : Search
-        With what was tried.
-    naming : Naming
-        Decision by the fitted data.
-
-    Yields
-    ------
-    Naming
-        First in the order of `shown_first`; then in the order of the evidence, if that differs.
-    """
+    """Yield a decision with the alternatives that fits to all recordings restore, in each order of verification."""
+    # Alternatives also include what the best candidate becomes at the limit of its range, and single effects whose law
+    # error could do the work of a pair.
     judged = judged_on_everything(naming, search.problem, search.is_possible)
     shown = shown_first(search, judged)
     for answer in (judged,) if shown is judged else (shown, judged):
@@ -157,20 +88,8 @@ def on_everything(search: Search, naming: Naming) -> Iterator[Naming]:
 
 
 def shown_first(search: Search, naming: Naming) -> Naming:
-    """Put a nearly adequate alternative first if the recordings show too little of the best candidate's cycle.
-
-    Such a cycle can imitate any drift.
-
-    Parameters
-    ----------
-    search, naming
-        As for `on_everything`.
-
-    Returns
-    -------
-    Naming
-        With all alternatives that cannot be excluded beside the new best candidate.
-    """
+    """Put a nearly adequate alternative first if the recordings show too little of the best candidate's cycle."""
+    # Such a cycle can imitate any drift.
     everything = search.problem.everything
     if naming.best is None or shows_its_cycles(naming.best, everything):
         return naming
@@ -192,11 +111,10 @@ def _over_all(search: Search, over: _Decision, stage: Sequence[Names], further: 
 
 
 def _surely(search: Search, decision: Callable[[Sequence[Names]], Naming], over: _Decision) -> Naming:
-    """Return a decision, or the decision among smaller sets if one of these explains the recordings.
-
-    Earlier fits of smaller sets may be rough. So the best set is refitted without each of its effects, and the decision
-    is repeated. Effects that act like one of its own are tried in its place, and the decision is repeated with them.
-    """
+    """Return a decision, or the decision among smaller sets if one of these explains the recordings."""
+    # Earlier fits of smaller sets may be rough. So the best set is refitted without each of its effects, and the
+    # decision is repeated. Effects that act like one of its own are tried in its place, and the decision is repeated
+    # with them.
     further: list[Names] = []
     naming, sure = decision(further), set[Names]()
     while naming.best is not None and naming.best.effects not in sure:

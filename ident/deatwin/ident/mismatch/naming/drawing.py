@@ -50,19 +50,7 @@ class _Level:
 
 
 def draw_base(base: Forms, ax: Axes | None = None) -> Axes:
-    """Draw what each variant of the base plant leaves.
-
-    Parameters
-    ----------
-    base : Forms
-        What is drawn.
-    ax : matplotlib Axes, optional
-        Where to draw; new axes otherwise.
-
-    Returns
-    -------
-    matplotlib Axes
-    """
+    """Draw what each variant of the base plant leaves."""
     chosen = base.chosen
     rig = chosen.calibration.plant.rig
     floor = _Level(name="noise and model error", size=float(np.hypot(base.noise, rig.model_error)), style="--")
@@ -75,19 +63,7 @@ def draw_base(base: Forms, ax: Axes | None = None) -> Axes:
 
 
 def draw_naming(naming: Explanations, ax: Axes | None = None) -> Axes:
-    """Draw what each candidate leaves.
-
-    Parameters
-    ----------
-    naming : Explanations
-        What is drawn.
-    ax : matplotlib Axes, optional
-        Where to draw; new axes otherwise.
-
-    Returns
-    -------
-    matplotlib Axes
-    """
+    """Draw what each candidate leaves."""
     rows = [row_of(candidate, naming) for candidate in _shown(naming)]
     return _draw(rows, [_noise(naming.noise)], _conclusion(naming, len(rows) - 1), ax)
 

@@ -32,19 +32,8 @@ LAW = 1 / 3
 
 
 def advantage(one: Candidate, other: Candidate) -> float:
-    """Log evidence ratio of two explanations.
-
-    Parameters
-    ----------
-    one, other : Candidate
-        Both fitted to the same recordings.
-
-    Returns
-    -------
-    float
-        In nats, for fitted and held-out data together; antisymmetric. The cost of a parameter is that of
-        `deatwin.ident.mismatch.losses.evidence`.
-    """
+    """Return the log evidence ratio of two explanations, nats, for fitted and held-out data together; antisymmetric."""
+    # The cost of a parameter is that of `deatwin.ident.mismatch.losses.evidence`.
     more = len(other.calibration.names) - len(one.calibration.names)
     cost = more / 2 * float(np.log(one.losses.size)) + one.log_prior - other.log_prior
     by_blocks, by_shape = one.evidence - other.evidence - cost, _by_shape(one, other)
@@ -52,19 +41,8 @@ def advantage(one: Candidate, other: Candidate) -> float:
 
 
 def likeliest(candidates: Sequence[Candidate]) -> Candidate:
-    """Return the likeliest explanation.
-
-    Parameters
-    ----------
-    candidates : sequence of Candidate
-        At least one, all fitted to the same recordings.
-
-    Returns
-    -------
-    Candidate
-        The one with the most evidence by itself, or one that beats it, or one that beats that one, and so on. The
-        search ends after as many steps as there are candidates, because three may beat each other in turn.
-    """
+    """Return the candidate with the most evidence by itself, or one that beats it, or one that beats that one."""
+    # Three may beat each other in turn, so the search ends after as many steps as there are candidates.
     best = max(candidates, key=lambda c: c.evidence)
     for _ in candidates:
         over = {id(c): advantage(c, best) for c in candidates if c is not best}

@@ -14,23 +14,9 @@ ROUNDING = 1e-9
 
 
 def with_limits(naming: Naming, possible: Callable[[Candidate], bool]) -> Naming:
-    """Add, as an alternative, the effect into which the best one turns when a parameter reaches its lower bound.
-
-    Hysteresis over a vanishing distance is dry friction. If the fit ends at the smallest distance, or its 95 % interval
-    includes it, a smaller residual is due to details of the contact; so both names are equally likely.
-
-    Parameters
-    ----------
-    naming : Naming
-        Decision so far.
-    possible : callable
-        Whether a candidate could be an alternative.
-
-    Returns
-    -------
-    Naming
-        Each added alternative is as likely as the best.
-    """
+    """Add, as an alternative, the effect into which the best one turns when a parameter reaches its lower bound."""
+    # Hysteresis over a vanishing distance is dry friction. If the fit ends at the smallest distance, or its 95 %
+    # interval includes it, a smaller residual is due to details of the contact; so both names are equally likely.
     if naming.best is None:
         return naming
     meant = list(_become(naming.best))

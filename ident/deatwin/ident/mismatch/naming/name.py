@@ -81,20 +81,11 @@ def explanations(
 ) -> Iterator[Naming]:
     """Yield the answer of `name_causes`, then a second answer in case verification refutes the first.
 
-    An adequate single effect ends the search, but it may have imitated two effects; then the second answer is a pair.
-    If fewer effects were adequate in another rig variant, the second answer is the larger set in the first variant.
-
-    Parameters
-    ----------
-    problem, base, known, alternatives, finished, fitted
-        As for `name_causes`.
-
-    Yields
-    ------
-    Naming
-        At most two answers; each is yielded in two orders if its best effect shows too little of its cycle. The last
-        one has no best candidate if nothing else explains the recordings.
+    Each is yielded in two orders if its best effect shows too little of its cycle. The last one has no best candidate
+    if nothing else explains the recordings.
     """
+    # An adequate single effect ends the search, but it may have imitated two effects; then the second answer is a pair.
+    # If fewer effects were adequate in another rig variant, the second answer is the larger set in the first variant.
 
     def tell(number: int, share: float) -> None:
         if finished is not None:
@@ -130,12 +121,10 @@ def _decided_in_variant(search: Search, alternative: Candidate, stage: Sequence[
 
 
 def _with_more(taken: _InVariant, own: _InVariant, tell: Callable[[int, float], None]) -> tuple[Search, Naming]:
-    """Return the decision among the smallest explaining sets, in the variant `taken` or in the rig file's `own`.
-
-    A wrong variant may replace one of two effects, but not the other. So a smaller set in the file's own variant is
-    preferred to a larger one in `taken`. A single effect that is adequate in the file's own variant only is rejected,
-    because the other variant does the same.
-    """
+    """Return the decision among the smallest explaining sets, in the variant `taken` or in the rig file's `own`."""
+    # A wrong variant may replace one of two effects, but not the other. So a smaller set in the file's own variant is
+    # preferred to a larger one in `taken`. A single effect that is adequate in the file's own variant only is rejected,
+    # because the other variant does the same.
     ways = [(taken[0], _one_after_another(*taken, tell))]
     if own[0] is not taken[0] and own[0].one_takes_most(own[1]):
         ways.append((own[0], _one_after_another(*own, lambda number, share: None)))
@@ -157,10 +146,8 @@ def _with_more(taken: _InVariant, own: _InVariant, tell: Callable[[int, float], 
 def _one_after_another(
     search: Search, stage: list[Names], naming: Naming, tell: Callable[[int, float], None]
 ) -> Iterator[Naming]:
-    """Yield the decision among single effects (`naming`), among larger sets, and last among nearly adequate sets.
-
-    `tell` is called with the number of added effects and the share of that stage that is done.
-    """
+    """Yield the decision among single effects (`naming`), among larger sets, and last among nearly adequate sets."""
+    # `tell` takes the number of added effects and the share of that stage that is done.
     for number in range(1, MOST_CAUSES):
         yield settled(search, stage) if naming.best is None else naming
         stage = search.with_one_more(stage, partial(tell, number))
@@ -172,14 +159,12 @@ def _one_after_another(
 
 
 def _best_variant(variants: Sequence[_InVariant]) -> _InVariant:
-    """Return the rig variant in which the search continues.
-
-    It is the variant with the likeliest adequate effect. If there is none: the variant in which an effect leaves
-    clearly less; else one that leaves, without effects, hardly more than the first variant does with an effect; else
-    the first. The rig file's own variant is given up only for strong evidence, and for the same effects only if the
-    model error could not have caused the difference. Adequate effects of other variants that cannot be excluded are
-    kept as alternatives.
-    """
+    """Return the rig variant in which the search continues."""
+    # It is the variant with the likeliest adequate effect. If there is none: the variant in which an effect leaves
+    # clearly less; else one that leaves, without effects, hardly more than the first variant does with an effect; else
+    # the first. The rig file's own variant is given up only for strong evidence, and for the same effects only if the
+    # model error could not have caused the difference. Adequate effects of other variants that cannot be excluded are
+    # kept as alternatives.
     sufficing = [(naming.best, k) for k, (_, _, naming) in enumerate(variants) if naming.best is not None]
     if not sufficing:
         least = [search.least(stage) for search, stage, _ in variants]

@@ -24,28 +24,10 @@ VANISHING = 1e-6
 def event_leads(
     unbiased: Plant, fit: Calibration, effects: Iterable[Effect], parts: Sequence[Part]
 ) -> tuple[Lead, ...]:
-    """Return what events could explain, each at the time at which it explains most.
-
-    A fit without an event is biased: its residual may jump at another time, or in the other direction. A plant that was
-    fitted to the openings of the recordings has mostly not seen the event. From there all parameters, also those at a
-    bound, are refitted to all samples to first order, with the event before each sample in turn.
-
-    Parameters
-    ----------
-    unbiased : Plant
-        Start of the fit of the openings.
-    fit : Calibration
-        Fit of the same effects to all samples.
-    effects : iterable of Effect
-        Effects to try; those without an event, or already in the plant, are ignored.
-    parts : sequence of Part
-        Samples that count.
-
-    Returns
-    -------
-    tuple of Lead
-        Without events that cannot be simulated or explain nothing beyond `fit`.
-    """
+    """Return the events that explain something beyond a fit, each at the time at which it explains most."""
+    # A fit without an event is biased: its residual may jump at another time, or in the other direction. A plant that
+    # was fitted to the openings of the recordings has mostly not seen the event. From there all parameters, also those
+    # at a bound, are refitted to all samples to first order, with the event before each sample in turn.
     events = [effect for effect in effects if effect.event and effect.name not in fit.plant.effect_names]
     near = approach(unbiased, parts) if events else None
     if near is None or not near.status.ok:
@@ -64,34 +46,15 @@ def event_leads(
 def event_lead(
     known: LinearisedResponse, times: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray, rms: float
 ) -> Lead | None:
-    """Return an event at the time at which it explains most.
+    """Return an event at the time at which it explains most; None if it explains nothing beyond the fit at any time.
 
-    Its response is that of an event before all samples, set to zero before its time. That is exact for a sudden change,
-    and rough for one that grows.
-
-    Parameters
-    ----------
-    known : LinearisedResponse
-        Response to the event before all samples.
-    times : ndarray, shape (m,)
-        Clock times of the readings, in any order, s.
-    residuals : ndarray, shape (m,)
-        Measured minus simulated without the event, SI.
-    jacobian : ndarray, shape (m, n)
-        Derivative of what is simulated.
-    rms : float
-        Rms residual of a fit without the event, SI. The explained share refers to its square, and is counted from the
-        smaller of it and the first-order residual without the event.
-
-    Returns
-    -------
-    Lead or None
-        None if no possible time explains anything beyond the fit.
-
-    References
-    ----------
-    Andrews, Econometrica 61 (1993) 821, doi:10.2307/2951764: the score test over all times of a change.
+    `known` is the response to the event before all samples; `rms`, SI, is that of a fit without the event. Shapes:
+    `times` (m,), in any order, s; `residuals` (m,), without the event, SI; `jacobian` (m, n).
     """
+    # The response is set to zero before the event's time, which is exact for a sudden change, and rough for one that
+    # grows: the score test over all times of a change (Andrews, Econometrica 61 (1993) 821, doi:10.2307/2951764). The
+    # explained share refers to the square of `rms`, and is counted from the smaller of it and the first-order residual
+    # without the event.
     strength, event = (known.effect.described(name) for name in (known.effect.strength, known.effect.event))
     order = np.argsort(times, kind="stable")
     clock, basis = times[order], tangent_basis(jacobian)
@@ -117,23 +80,9 @@ def event_lead(
 def beginning_at_each(change: np.ndarray, residual: np.ndarray, basis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return, for each sample, the part of a change beginning there that parameters cannot imitate.
 
-    Cumulative sums give all samples in one pass.
-
-    Parameters
-    ----------
-    change : ndarray, shape (m,)
-        Change of the readings per unit of strength, present from the first sample.
-    residual : ndarray, shape (m,)
-        Residual to explain.
-    basis : ndarray, shape (m, r)
-        Orthonormal directions that parameters can imitate.
-
-    Returns
-    -------
-    along : ndarray, shape (m,)
-        Product of that part with the residual.
-    own : ndarray, shape (m,)
-        Square of that part; 0 if it is rounding. With a strength s it explains 2 s along - s² own of the squared residual.
+    Shapes: `change`, `residual` (m,); orthonormal `basis` (m, r); returns (m,) each: `along`, the product of that part
+    with the residual, and `own`, its square, 0 if it is rounding. A strength s explains 2 s along - s² own of the
+    squared residual.
     """
 
     def from_each_on(terms: np.ndarray) -> np.ndarray:

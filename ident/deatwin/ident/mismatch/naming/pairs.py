@@ -20,20 +20,9 @@ reliable only near a good fit; and largest number of pairs that are tried."""
 
 
 def barely(search: Search) -> Naming:
-    """Decide among pairs that explain the recordings although one effect removes less than the model error.
-
-    Without that effect the residual is too large, but its own share is too small to be certain. So the other effect
-    alone remains an alternative.
-
-    Parameters
-    ----------
-    search : Search
-        Search with the sets tried so far.
-
-    Returns
-    -------
-    Naming
-    """
+    """Decide among pairs that explain the recordings although one effect removes less than the model error."""
+    # Without that effect the residual is too large, but its own share is too small to be certain. So the other effect
+    # alone remains an alternative.
     pairs = [names for names, c in search.tried.items() if len(names) == 2 and c.adequate and search.counts(c)]
     return _doubted(search, [names for names in pairs if _each_takes(search, names, TRIFLE)])
 
@@ -41,22 +30,10 @@ def barely(search: Search) -> Naming:
 def with_a_second(search: Search, naming: Naming) -> Naming:
     """Return the decision of a search or, if it is a single effect, a decision for a pair that is far likelier.
 
-    An adequate single effect may imitate two. So the most promising pairs are fitted and compared with the single
-    effects, whose laws may be inexact.
-
-    Parameters
-    ----------
-    search : Search
-        With what was tried.
-    naming : Naming
-        Its decision.
-
-    Returns
-    -------
-    Naming
-        A pair that is far likelier and explains the recordings. If a pair is likelier but not so, the given decision
-        with that pair as an alternative; else the given decision.
+    Otherwise the best of the pairs that are likelier than the single effect becomes an alternative.
     """
+    # An adequate single effect may imitate two. So the most promising pairs are fitted and compared with the single
+    # effects, whose laws may be inexact.
     first = naming.best
     if first is None or len(first.effects) > 1:
         return naming
@@ -78,21 +55,9 @@ def with_a_second(search: Search, naming: Naming) -> Naming:
 
 
 def with_doubt(search: Search, naming: Naming) -> Naming:
-    """Add to a decision for a pair the single effects that are not far less likely than the pair.
-
-    Parameters
-    ----------
-    search : Search
-        With what was tried.
-    naming : Naming
-        Its decision.
-
-    Returns
-    -------
-    Naming
-        Each added alternative is as likely as the pair, because the errors of laws are not known better. Single effects
-        that leave more than an error of their law are not added.
-    """
+    """Add to a decision for a pair the single effects that are not far less likely than the pair."""
+    # Each is as likely as the pair, because the errors of laws are not known better. Single effects that leave more
+    # than an error of their law are not added.
     pair = None if naming.best is None else search.tried.get(naming.best.effects)
     if pair is None or len(pair.effects) != 2:
         return naming
@@ -105,11 +70,9 @@ def with_doubt(search: Search, naming: Naming) -> Naming:
 
 
 def _promising(search: Search, scale: Scale) -> dict[Names, list[str]]:
-    """Return, for each single effect, the others that make the likeliest pairs with it, to first order.
-
-    A biased base fit hides the effect that it imitates, as a biased damping hides a lag. So an effect also gains the
-    nats by which it brings the rig's parameters nearer to their nominal values.
-    """
+    """Return, for each single effect, the others that make the likeliest pairs with it, to first order."""
+    # A biased base fit hides the effect that it imitates, as a biased damping hides a lag. So an effect also gains the
+    # nats by which it brings the rig's parameters nearer to their nominal values.
     alone = [c for names, c in search.tried.items() if len(names) == 1 and not c.calibration.given_up]
     weights = {c.effects: scale.weight(c) for c in alone}
     highest, tried = max(weights.values(), default=0.0), {frozenset(names) for names in search.tried}
@@ -136,10 +99,8 @@ def _promising(search: Search, scale: Scale) -> dict[Names, list[str]]:
 
 
 def _odds(search: Search, scale: Scale, first: Candidate) -> dict[Names, float]:
-    """Return the log odds of each fitted pair over the likeliest of `first` and the pair's own two effects.
-
-    Its own effects count only if each leaves no more than an error of its law may.
-    """
+    """Return the log odds of each fitted pair over the likeliest of `first` and the pair's own two effects."""
+    # Its own effects count only if each leaves no more than an error of its law may.
     found: dict[Names, float] = {}
     for names, pair in list(search.tried.items()):
         if len(names) != 2 or pair.calibration.given_up:
@@ -153,10 +114,8 @@ def _odds(search: Search, scale: Scale, first: Candidate) -> dict[Names, float]:
 
 
 def _with_all(search: Search, naming: Naming, first: Candidate, elsewhere: Sequence[Candidate]) -> Naming:
-    """Update a decision with all sets tried since, and with a better fit of `first` if that is adequate.
-
-    The alternatives `elsewhere` belong to other rig variants, not to this search.
-    """
+    """Update a decision with all sets tried since, and with a better fit of `first` if that is adequate."""
+    # The alternatives `elsewhere` belong to other rig variants, not to this search.
     tried = tuple(search.tried.values())
     now = {id(c.calibration): c for c in tried}
     alternatives = tuple(

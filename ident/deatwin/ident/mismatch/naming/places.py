@@ -16,11 +16,9 @@ def causes_of(candidate: Candidate) -> tuple[str, ...]:
 
 
 def without_places(naming: Naming) -> tuple[Naming, tuple[Candidate, ...]]:
-    """Separate the alternatives that are the best explanation at other places.
-
-    Of the remaining alternatives with the same causes, the first one is kept. If the plant does not rest before the first reading, a
-    tone is simulated as if it began there. That is arbitrary, so the place of the tone is left open.
-    """
+    """Separate the alternatives that are the best explanation at other places."""
+    # Of the remaining alternatives with the same causes, the first one is kept. If the plant does not rest before the
+    # first reading, a tone is simulated as if it began there. That is arbitrary, so the place of the tone is left open.
     if naming.best is None:
         return naming, ()
     best, rig = naming.best, naming.base.calibration.plant.rig

@@ -37,34 +37,16 @@ def settled_on_everything(
     possible: Callable[[Candidate], bool],
     refit: Refit | None = None,
 ) -> Naming:
-    """Decide among a stage by fits to all recordings.
+    """Decide among a stage by fits to all recordings; without a best candidate if no `hopeful` one is adequate there.
 
-    If the law of a slow effect differs slightly from the catalogue's, its extrapolation to the held-out data may exceed
-    any limit, and a further effect would only correct the extrapolation.
-
-    Parameters
-    ----------
-    stage : sequence of Candidate
-        Competing candidates, all with the same number of effects.
-    tried : sequence of Candidate
-        All candidates tried so far, the base plant first.
-    problem : DiagnosisProblem
-        Recordings and number of workers.
-    hopeful : callable
-        Whether a candidate could be the answer, its held-out residual aside.
-    possible : callable
-        Whether a candidate could be an alternative.
-    refit : callable, optional
-        Fits a candidate to all parts; returns None if the fit fails.
-
-    Returns
-    -------
-    Naming
-        Without a best candidate if no hopeful candidate is adequate on all recordings. A far likelier candidate comes
-        first if it is adequate too and removes most of the mismatch in the held-out data. A single effect that fits
-        the fitted data equally well, and was excluded only for its extrapolation, is an alternative unless all
-        recordings together are strong evidence against it.
+    `hopeful` tells whether a candidate could be the answer, its held-out residual aside; `refit` returns None if a fit
+    fails.
     """
+    # If the law of a slow effect differs slightly from the catalogue's, its extrapolation to the held-out data may
+    # exceed any limit, and a further effect would only correct the extrapolation. A far likelier candidate comes first
+    # if it is adequate too and removes most of the mismatch in the held-out data. A single effect that fits the fitted
+    # data equally well, and was excluded only for its extrapolation, is an alternative unless all recordings together
+    # are strong evidence against it.
     noise = tried[0].noise
     known = {c.effects: c for c in stage if possible(c)}
     chosen = {c.effects for c in known.values() if hopeful(c)}
@@ -103,29 +85,11 @@ def settled_on_everything(
 def judged_on_everything(
     naming: Naming, problem: DiagnosisProblem, possible: Callable[[Candidate], bool], refit: Refit | None = None
 ) -> Naming:
-    """Add alternatives that are as likely as the best explanation if both are fitted to all recordings.
-
-    The model extrapolates to the held-out data. If the law of a slow effect differs slightly from the catalogue's, the right
-    effect may fail there, because the beginning of a relaxation does not determine its end. Candidates that lose on the
-    fitted data are not reconsidered.
-
-    Parameters
-    ----------
-    naming : Naming
-        Decision by fitted and held-out data.
-    problem : DiagnosisProblem
-        Recordings and number of workers.
-    possible : callable
-        Whether a candidate could be an alternative.
-    refit : callable, optional
-        See `settled_on_everything`.
-
-    Returns
-    -------
-    Naming
-        If alternatives were added: with probabilities by the evidence of all recordings. An added alternative comes
-        first if it is likelier, adequate, and removes most of the mismatch in the held-out data.
-    """
+    """Add alternatives that are as likely as the best explanation if both are fitted to all recordings."""
+    # If the law of a slow effect differs slightly from the catalogue's, the right effect may fail in the held-out data,
+    # because the beginning of a relaxation does not determine its end. Candidates that lose on the fitted data are not
+    # reconsidered. An added alternative comes first if it is likelier by the evidence of all recordings, adequate, and
+    # removes most of the mismatch in the held-out data.
     best = naming.best
     if best is None:
         return naming
@@ -195,10 +159,7 @@ def fitted_to_all(candidate: Candidate, parts: Sequence[Part]) -> Candidate | No
 
 
 def _settles(whole: Candidate, base: Candidate) -> bool:
-    """Return whether a fit to all data is nearly adequate and removes most of what the base plant's fit leaves.
-
-    All parameters of the plant must be within their ranges.
-    """
+    """Return whether a fit to all data is nearly adequate, held by no bound, and removes most of the mismatch."""
     most = share_explained(whole.fitted_test, base.fitted_test) > SUFFICIENT[0][0]
     return most and is_near_model_error(whole.fitted_test) and not held_back_by(whole)
 

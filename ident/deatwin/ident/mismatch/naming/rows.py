@@ -44,21 +44,11 @@ class Explanations(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """One candidate: its name and its role among the others.
+    """One candidate: its name and its role among the others."""
 
-    Parameters
-    ----------
-    name : str
-        As a person says it.
-    candidate : Candidate
-        With its residuals.
-    role : str
-        As ``"best explanation"``.
-    """
-
-    name: str
+    name: str  # as a person says it
     candidate: Candidate
-    role: str
+    role: str  # such as "best explanation"
 
     @property
     def sizes(self) -> tuple[float, float]:
@@ -67,17 +57,7 @@ class Row:
 
 
 def variant_rows(base: Forms) -> list[Row]:
-    """The variants of the base plant, the chosen one first, each by what it states differently.
-
-    Parameters
-    ----------
-    base : Forms
-        With its alternatives.
-
-    Returns
-    -------
-    list of Row
-    """
+    """Return the variants of the base plant, the chosen one first, each by what it states differently."""
     variants = (base.chosen, *base.alternatives)
     told = differences([c.calibration.plant.rig for c in variants])
     return [
@@ -87,19 +67,7 @@ def variant_rows(base: Forms) -> list[Row]:
 
 
 def row_of(candidate: Candidate, naming: Explanations) -> Row:
-    """A candidate by its effects, and by the variant of the rig where that is another one.
-
-    Parameters
-    ----------
-    candidate : Candidate
-        One of the naming.
-    naming : Explanations
-        Among whose candidates it has its role.
-
-    Returns
-    -------
-    Row
-    """
+    """Return a candidate by its effects, and by the variant of the rig where that is another one."""
     name = in_words(candidate) or "base plant"
     # Candidates of another search stand on another variant of the rig.
     stated, own = differences([c.calibration.plant.rig for c in (naming.base, candidate)])
@@ -109,18 +77,7 @@ def row_of(candidate: Candidate, naming: Explanations) -> Row:
 
 
 def in_words(candidate: Candidate) -> str:
-    """The effects of a candidate as a person says them.
-
-    Parameters
-    ----------
-    candidate : Candidate
-        With or without effects.
-
-    Returns
-    -------
-    str
-        As ``"creep + sensor lag"``; empty without effects.
-    """
+    """Return the effects of a candidate as a person says them: "creep + sensor lag"."""
     return " + ".join(name.replace("_", " ") for name in candidate.effects)
 
 

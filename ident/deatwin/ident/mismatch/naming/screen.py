@@ -62,23 +62,12 @@ class LinearisedResponse:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Lead:
-    """An effect as a fit should start with it.
+    """An effect as a fit should start with it."""
 
-    Parameters
-    ----------
-    effect : Effect
-        With the shape and the sign that promise most, at its typical strength or one that can be simulated.
-    share : float
-        Of the squared residual, what it could explain to first order.
-    estimate : Effect
-        With the strength at which it does.
-    left : float
-        Of an effect that is seen in another plant than that of the fit, the mean square that is left there, SI; else 0.
-    """
-
-    effect: Effect
-    share: float
-    estimate: Effect
+    effect: Effect  # with the most promising shape and sign, at its typical strength or one that can be simulated
+    share: float  # of the squared residual that it could explain to first order
+    estimate: Effect  # with the strength at which it does
+    # Mean square left, SI, in another plant than that of the fit, if the effect is seen there; else 0
     left: float = 0.0
 
 
@@ -115,45 +104,18 @@ def linearised_responses(
 
 
 def leads(known: Sequence[LinearisedResponse], fit: Calibration) -> tuple[Lead, ...]:
-    """Order effects by what they could explain of a fit's residual.
-
-    Each response is projected off the Jacobian of the fit, because the plant's parameters imitate what they can.
-    Parameters on a bound imitate nothing: the missing physics has driven them there. The effect could explain the
-    residual's share along the remainder. The strength starts at its typical size, if the plant can be simulated with
-    it, because the fitted plant has already absorbed part of the effect.
-
-    Parameters
-    ----------
-    known : sequence of LinearisedResponse
-        Of all shapes.
-    fit : Calibration
-        Whose residual is to be explained.
-
-    Returns
-    -------
-    tuple of Lead
-        One for each effect, the most promising first.
-
-    References
-    ----------
-    Rao's score test, Proc. Camb. Phil. Soc. 44 (1948) 50, doi:10.1017/S0305004100023987.
-    """
+    """Order effects by what they could explain of a fit's residual, one lead for each, the most promising first."""
+    # Each response is projected off the Jacobian of the fit, because the plant's parameters imitate what they can.
+    # Parameters on a bound imitate nothing: the missing physics has driven them there. The effect could explain the
+    # residual's share along the remainder (Rao's score test, Proc. Camb. Phil. Soc. 44 (1948) 50,
+    # doi:10.1017/S0305004100023987). The strength starts at its typical size, if the plant can be simulated with it,
+    # because the fitted plant has already absorbed part of the effect.
     basis = tangent_basis(fit.movable)
     return most_promising(_lead(response, fit.residuals, basis) for response in known)
 
 
 def most_promising(*several: Iterable[Lead]) -> tuple[Lead, ...]:
-    """Return the most promising lead of each effect, in the order of their shares.
-
-    Parameters
-    ----------
-    *several : iterable of Lead
-        Of the same fit.
-
-    Returns
-    -------
-    tuple of Lead
-    """
+    """Return the most promising lead of each effect, in the order of their shares."""
     best: dict[str, Lead] = {}
     for lead in itertools.chain(*several):
         if lead.effect.name not in best or lead.share > best[lead.effect.name].share:
@@ -166,23 +128,8 @@ def response(
 ) -> LinearisedResponse | None:
     """Return what an effect does at its typical strength, or a weaker one; None if the plant can be simulated at none.
 
-    Parameters
-    ----------
-    plant : Plant
-        Without the effect.
-    parts : sequence of Part
-        Samples that count.
-    without : ndarray, shape (m,)
-        What that plant reads there, SI.
-    effect : Effect
-        With its shape.
-    missing : float
-        Rms of what is to be explained, noise included, SI: the change is that of an effect which does about as much, or
-        its typical one where that does less.
-
-    Returns
-    -------
-    LinearisedResponse or None
+    `without`, (m,), is what the plant reads without the effect, SI. The effect does about as much as is `missing`, rms
+    with noise, SI, or as at its typical strength if that is less.
     """
 
     def does(strength: float) -> np.ndarray | None:
@@ -236,22 +183,7 @@ def _lead(known: LinearisedResponse, residual: np.ndarray, basis: np.ndarray) ->
 
 
 def started(effect: Effect, strength: float) -> tuple[Effect, Effect]:
-    """Return two versions of an effect: the start of a distant fit, and that of a nearby one.
-
-    Parameters
-    ----------
-    effect : Effect
-        Effect at a strength at which the plant can be simulated.
-    strength : float
-        Strength that explains most.
-
-    Returns
-    -------
-    start : Effect
-        With the sign of `strength` and its own size.
-    estimate : Effect
-        With `strength`, clipped to its range.
-    """
+    """Return an effect as the start of a distant fit, with its own size, and of a nearby one, with a `strength`."""
     known = effect.described(effect.strength)
     values = (np.copysign(known.value, strength), strength)
     start, estimate = (

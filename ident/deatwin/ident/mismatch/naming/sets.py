@@ -27,19 +27,9 @@ ALONE = 3
 
 
 class Search(Tried):
-    """Search in one rig variant: the sets tried so far, and the most promising ones not yet tried.
+    """Search in one rig variant: the sets tried so far, and the most promising ones not yet tried."""
 
-    Parameters
-    ----------
-    problem : DiagnosisProblem
-        Effects and recordings.
-    base : Candidate
-        Calibrated plant without further effects.
-    known : sequence of LinearisedResponse or None
-        Responses of all effects in the base plant; None to simulate them when they are needed.
-    fitted : callable or None
-        Called with each fit.
-    """
+    # The `known` responses are those of all effects in the base plant; None to simulate them when they are needed.
 
     def __init__(
         self,
@@ -75,22 +65,17 @@ class Search(Tried):
         return [e.name for e in self.problem.effects if e.name not in seen]
 
     def with_one_more(self, stage: Sequence[Names], finished: Finished | None = None) -> list[Names]:
-        """Try sets with one more effect than the best of a `stage`, and sets in which its effects are replaced.
-
-        Also tries the most promising pairs. Returns an empty list if no further effect helps. `finished` is called with
-        the share of the work that is done.
-        """
+        """Try sets with one more effect than the best of a `stage`, with its effects replaced, and the best pairs."""
+        # The list is empty if no further effect helps.
         beside = self._beside_one(stage, finished)
         together = [] if any(len(names) > 1 for names in stage) else self._together()
         return once([*beside, *together])
 
     def _beside_one(self, stage: Sequence[Names], finished: Finished | None) -> list[Names]:
-        """Try further effects beside one set of a `stage` after another, until one helps.
-
-        Beside a set that leaves almost nothing no effect could count, but such a set may imitate two others; so the
-        search continues from the best set that leaves more, and for single effects also from the next best. A pair is
-        extended only if it removes most of the mismatch.
-        """
+        """Try further effects beside one set of a `stage` after another, until one helps."""
+        # Beside a set that leaves almost nothing no effect could count, but such a set may imitate two others; so the
+        # search continues from the best set that leaves more, and for single effects also from the next best. A pair is
+        # extended only if it removes most of the mismatch.
         found: list[Names] = []
         for before in self._beginnings(stage):
             beside = self.beside(before, finished)
@@ -110,10 +95,8 @@ class Search(Tried):
         return together + (self.replacing(best, best) if self.is_best_of_its_size(best) else [])
 
     def _beginnings(self, stage: Sequence[Names]) -> list[Names]:
-        """Return the sets of a `stage` beside which further effects are tried, in order.
-
-        A cycle that the recordings hardly show can imitate any drift, so it comes last.
-        """
+        """Return the sets of a `stage` beside which further effects are tried, in order."""
+        # A cycle that the recordings hardly show can imitate any drift, so it comes last.
         ranked = self.ranked([names for names in stage if not self.leaves_a_trifle(names)])
         ranked.sort(key=lambda names: not shows_its_cycles(self.tried[names], self.problem.everything))
         if any(len(names) > 1 for names in ranked):
@@ -145,10 +128,8 @@ class Search(Tried):
         return self._new(trials)
 
     def _siblings(self, names: Names, best: Names) -> list[Names]:
-        """Try, beside `names`, effects that act like the rest of the set `best`, if `best` is the best of its size.
-
-        Done once for each fit of `best`. Returns the sets with a new or better fit.
-        """
+        """Try, beside `names`, effects that act like the rest of `best`; return the sets with a new or better fit."""
+        # Done once for each fit of `best`, and only if it is the best of its size.
         found, fit = self.tried[best].calibration, self.tried[names].calibration
         done = self._replaced.get((best, names)) is found
         if done or not self.takes_most(best) or not self.is_best_of_its_size(best):
@@ -167,10 +148,9 @@ class Search(Tried):
         return better
 
     def _open_beside(self, names: Names, best: Names) -> list[Effect]:
-        """Return effects not yet tried beside `names`, and those with an event or period that left clearly more than `best`.
-
-        The time of an event or a period is sought in a residual, so a trial that began from another one may have missed it.
-        """
+        """Return effects untried beside `names`, and timed ones that left clearly more there than `best`."""
+        # The time of an event or a period is sought in a residual, so a trial that began from another one may have
+        # missed it.
         least, floor = self.missing([best]), self.error_power(best)
 
         def is_open(effect: Effect) -> bool:
@@ -197,10 +177,8 @@ class Search(Tried):
         return [self.leads[single[0]] for single in self.ranked(alone)[:ALONE] if single[0] in self.leads]
 
     def replacing(self, before: Names, best: Names) -> list[Names]:
-        """Try the `best` set of a stage with each of its earlier effects (`before`) replaced by others.
-
-        If that gives a better set, its effects are replaced in turn.
-        """
+        """Try the `best` set of a stage with each of its earlier effects (`before`) replaced by others."""
+        # If that gives a better set, its effects are replaced in turn.
         found = self._in_place_of(before, best)
         evidence = self.tried[best].evidence
         better = self.best_that_counts([names for names in found if self.tried[names].evidence > evidence])
@@ -260,22 +238,10 @@ FIRST = 3
 
 
 def joint_trials(search: Search) -> list[Trial]:
-    """Return trials of the most promising untried pairs, one effect of which has been tried alone.
-
-    Adding a second effect to the best single one misses two effects that oppose each other: each alone explains little,
-    and a third may imitate both. To first order, the promise of a second effect costs no simulation, except for events.
-
-    Parameters
-    ----------
-    search : Search
-        Search in which single effects were tried.
-
-    Returns
-    -------
-    list of Trial
-        Untried pairs, the most promising first, that promise nearly as much as the best possible pair tried so far
-        removes.
-    """
+    """Return trials of the most promising untried pairs, one effect of which has been tried alone."""
+    # Adding a second effect to the best single one misses two effects that oppose each other: each alone explains
+    # little, and a third may imitate both. To first order, the promise of a second effect costs no simulation, except
+    # for events. A pair must promise nearly as much as the best possible pair tried so far removes.
     given = frozenset(search.problem.nominal.effect_names)
     tried = {frozenset(names) | given for names in search.tried}
     kept = [names for names, c in search.tried.items() if len(names) == 2 and search.is_possible(c)]
@@ -289,11 +255,9 @@ def joint_trials(search: Search) -> list[Trial]:
 
 
 def _of_all(search: Search) -> Iterator[tuple[float, Trial]]:
-    """Yield each trial with the mean square that it leaves to first order, at any values of its parameters.
-
-    Many single fits were given up before their minimum; what their own parameters would still remove is no merit of a
-    second effect. For an event, which is seen from another plant, the larger of two estimates is used.
-    """
+    """Yield each trial with the mean square that it leaves to first order, at any values of its parameters."""
+    # Many single fits were given up before their minimum; what their own parameters would still remove is no merit of a
+    # second effect. For an event, which is seen from another plant, the larger of two estimates is used.
     singles = [names for names in search.tried if len(names) == 1]
     for names, events in zip(singles, search.event_leads(*singles), strict=True):
         fit = search.tried[names].calibration

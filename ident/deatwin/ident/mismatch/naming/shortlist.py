@@ -21,25 +21,10 @@ OPENING_SAMPLES, EVALUATIONS = 1500, 6
 
 
 def shortlist(problem: DiagnosisProblem, start: Plant, found: Sequence[Lead]) -> tuple[Lead, ...]:
-    """Choose effects to be fitted.
-
-    The first-order score misses an effect that the fitted plant imitates, as a biased damping imitates a lag of the
-    voltage. A rough fit of the opening of each experiment finds such effects, but misses late and slow ones.
-
-    Parameters
-    ----------
-    problem : DiagnosisProblem
-        Recordings.
-    start : Plant
-        Unbiased plant, at which fits begin.
-    found : sequence of Lead
-        All effects, the best first-order score first.
-
-    Returns
-    -------
-    tuple of Lead
-        Effects to fit.
-    """
+    """Choose effects to be fitted from all leads, of which the best first-order score comes first."""
+    # The score misses an effect that the fitted plant imitates, as a biased damping imitates a lag of the voltage. A
+    # rough fit of the opening of each experiment, from an unbiased start, finds such effects, but misses late and slow
+    # ones.
     by_score, others = found[:BY_SCORE], found[BY_SCORE:]
     openings = [opening(part, OPENING_SAMPLES) for part in problem.fitted]
     sizes = run_jobs(_opens, [(start.with_effects(lead.effect), openings) for lead in others], workers=problem.jobs)

@@ -29,27 +29,9 @@ MOST = 3
 def siblings(
     problem: DiagnosisProblem, explanation: Calibration, added: Sequence[str], effects: Sequence[Effect]
 ) -> list[Lead]:
-    """Return effects whose response is similar, to first order, to that of an added effect.
-
-    If the mismatch is small, noise decides which effects have a high score; if the base fit is biased, no effect has
-    one. The response of an effect in the plant that was fitted with it has neither problem.
-
-    Parameters
-    ----------
-    problem : DiagnosisProblem
-        Recordings and number of workers.
-    explanation : Calibration
-        Fit of the plant with the added effects.
-    added : sequence of str
-        Names of these effects.
-    effects : sequence of Effect
-        Effects that could replace them.
-
-    Returns
-    -------
-    list of Lead
-        The most similar first, each with the strength at which it is.
-    """
+    """Return effects whose response is similar, to first order, to that of an added effect, the most similar first."""
+    # If the mismatch is small, noise decides which effects have a high score; if the base fit is biased, no effect has
+    # one. The response of an effect in the plant that was fitted with it has neither problem.
     bare, does = _bare(problem, explanation), contribution(problem, explanation, added)
     if bare is None or not effects or not np.isfinite(does).all():
         return []
@@ -68,11 +50,9 @@ def _first(ranked: Sequence[Lead], count: int) -> list[Lead]:
 
 
 def _bare(problem: DiagnosisProblem, explanation: Calibration) -> Calibration | None:
-    """Return the plant of an explanation without added effects, not refitted; None if it cannot be simulated.
-
-    Similar effects are compared in this plant, because a plant with each of them beside the remaining effects would
-    have to be compiled for one simulation.
-    """
+    """Return the plant of an explanation without added effects, not refitted; None if it cannot be simulated."""
+    # Similar effects are compared in this plant, because a plant with each of them beside the remaining effects would
+    # have to be compiled for one simulation.
     plant = explanation.plant.without_effects(
         *(name for name in explanation.plant.effect_names if name not in problem.nominal.effect_names)
     )

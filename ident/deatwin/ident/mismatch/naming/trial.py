@@ -49,24 +49,12 @@ Fitted = Callable[[Calibration, np.ndarray | None], None]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trial:
-    """Start of the fit of a set of effects.
+    """Start of the fit of a set of effects."""
 
-    Parameters
-    ----------
-    start : Plant
-        Plant with the effects, and with values that were not biased by a fit without them.
-    biased : Plant
-        Plant with the effects, and with the values of the best fit without the last of them: a second start.
-    without : Calibration
-        Fit without the last effect, a special case of this one.
-    share : float
-        Share of that fit's squared residual that the last effect explains to first order; 0 if unknown.
-    """
-
-    start: Plant
-    biased: Plant
-    without: Calibration
-    share: float = 0.0
+    start: Plant  # with the effects, and with values that were not biased by a fit without them
+    biased: Plant  # a second start, with the values of the best fit without the last effect
+    without: Calibration  # fit without the last effect, a special case of this one
+    share: float = 0.0  # of that fit's squared residual that the last effect explains to first order; 0 if unknown
 
     @property
     def promised(self) -> float:
@@ -75,22 +63,7 @@ class Trial:
 
 
 def trials_of(unbiased: Plant, fit: Calibration, chosen: Iterable[Lead]) -> list[Trial]:
-    """Return trials of single effects.
-
-    Parameters
-    ----------
-    unbiased : Plant
-        Plant without the effects, not biased by a fit.
-    fit : Calibration
-        Fit of the plant without them.
-    chosen : iterable of Lead
-        Effects to try.
-
-    Returns
-    -------
-    list of Trial
-        Each effect is built into the unbiased plant and, with its estimated strength, into the fitted plant.
-    """
+    """Return trials of single effects in the unbiased plant and, at their estimated strengths, in the fitted plant."""
     return [
         Trial(
             start=unbiased.with_effects(lead.effect),
@@ -112,25 +85,9 @@ def run_trials(
 ) -> list[Candidate]:
     """Fit and judge each trial, the most promising first; give up fits that cannot come near the best.
 
-    Parameters
-    ----------
-    problem : DiagnosisProblem
-        Recordings and number of workers.
-    trials : sequence of Trial
-        What to try; the later ones must come near to the best of the first ones.
-    noise : float
-        Standard deviation of the sensor's noise, SI.
-    finished : callable, optional
-        Called with the share of the work that is done.
-    fitted : callable, optional
-        Called with each new fit and None, and again with the fit and its held-out residuals, SI.
-    alternative : float
-        Rms residual of the best competing fit so far, SI.
-
-    Returns
-    -------
-    list of Candidate
-        In the order of the trials; trials whose plant cannot be simulated are left out.
+    Trials whose plant cannot be simulated are left out. `finished` is called with the share that is done; `fitted` with
+    each new fit and None, and again with the fit and its held-out residuals, SI. `alternative` is the rms residual of
+    the best competing fit so far, SI.
     """
     fits: list[Calibration] = []
     done = 0
@@ -156,22 +113,7 @@ def run_trials(
 def refitted(
     problem: DiagnosisProblem, plants: Sequence[Plant], noise: float, fitted: Fitted | None = None
 ) -> list[Candidate]:
-    """Fit plants from their present values, and judge them.
-
-    Parameters
-    ----------
-    problem : DiagnosisProblem
-        Recordings and number of workers.
-    plants : sequence of Plant
-        Plants with effects, and with values from another fit.
-    noise, fitted
-        See `run_trials`.
-
-    Returns
-    -------
-    list of Candidate
-        In the order of the plants; those that cannot be simulated are left out.
-    """
+    """Fit plants from their present values, and judge them; those that cannot be simulated are left out."""
     return _told(run_jobs(_from_there, [(problem, plant, noise) for plant in plants], workers=problem.jobs), fitted)
 
 
@@ -184,49 +126,23 @@ def _told(judged: Sequence[Candidate | None], fitted: Fitted | None) -> list[Can
 
 
 def with_fitted(nominal: Plant, fitted: Plant) -> Plant:
-    """Return the nominal plant with another plant's effects and their values.
-
-    Parameters
-    ----------
-    nominal : Plant
-        Not biased by a fit.
-    fitted : Plant
-        Plant that has all effects of the nominal one.
-
-    Returns
-    -------
-    Plant
-    """
+    """Return the nominal plant with another plant's effects and their values."""
     added = [effect for effect in fitted.effects if effect.name not in nominal.effect_names]
     own = {p.name: fitted.parameters[p.name].value for effect in added for p in effect.parameters}
     return nominal.with_effects(*added).with_values(own)
 
 
 def unbiased_like(problem: DiagnosisProblem, fitted: Plant) -> Plant:
-    """Return the nominal plant in the rig variant of a fitted one, with its effects and their values.
-
-    Parameters
-    ----------
-    problem : DiagnosisProblem
-        Holds the nominal plant.
-    fitted : Plant
-        Plant of any rig variant.
-
-    Returns
-    -------
-    Plant
-    """
+    """Return the nominal plant in the rig variant of a fitted one, with its effects and their values."""
     return with_fitted(problem.nominal.with_rig(fitted.rig), fitted)
 
 
 def _tried(problem: DiagnosisProblem, trial: Trial, hopeless: float) -> Calibration:
-    """Fit from the unbiased plant and, if the result is worse than predicted, also from the biased one.
-
-    A fit without an effect is biased to imitate it, and its values are far from the right ones; but the minimum that the
-    score predicts is near it, and a search from far away may end elsewhere. If a fit leaves more than the fit without
-    the new effects, it is repeated from that fit with a little of them. If no start can be simulated, the effect is
-    reversed or reduced: a softening spring may release the ball, a hardening or weaker one does not.
-    """
+    """Fit from the unbiased plant and, if the result is worse than predicted, also from the biased one."""
+    # A fit without an effect is biased to imitate it, and its values are far from the right ones; but the minimum that
+    # the score predicts is near it, and a search from far away may end elsewhere. If a fit leaves more than the fit
+    # without the new effects, it is repeated from that fit with a little of them. If no start can be simulated, the
+    # effect is reversed or reduced: a softening spring may release the ball, a hardening or weaker one does not.
     found = search(trial.start, problem.fitted, hopeless)
     if found.given_up and found.rms**2 < MOSTLY * trial.without.rms**2:
         found = _better(

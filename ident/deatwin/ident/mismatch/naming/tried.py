@@ -39,17 +39,7 @@ def _is_better(fit: Calibration, known: Calibration) -> bool:
 
 
 class Tried:
-    """All candidates tried so far. A set of effects is a tuple of names; a stage is a list of sets of one size.
-
-    Parameters
-    ----------
-    problem : DiagnosisProblem
-        Effects and recordings.
-    base : Candidate
-        Calibrated plant without further effects.
-    fitted : callable or None
-        Called with each fit.
-    """
+    """All candidates tried so far. A set of effects is a tuple of names; a stage is a list of sets of one size."""
 
     def __init__(self, problem: DiagnosisProblem, base: Candidate, fitted: Fitted | None = None) -> None:
         self.problem, self.fitted = problem, fitted
@@ -182,11 +172,7 @@ class Tried:
         return self.missing([()]) <= CLEARLY_BETTER * self._beyond_noise(float(alternative.losses.mean()))
 
     def may_be_misread(self, stage: Sequence[Names], naming: Naming, alternative: Candidate) -> bool:
-        """Return whether the `alternative` variant could explain the mismatch, or what single effects leave of it.
-
-        It could if it fits clearly better by itself, or if a single effect of the `stage` removes most of the mismatch
-        but none is adequate. `naming` is the decision among the stage.
-        """
+        """Return whether the `alternative` variant could explain the mismatch, or what single effects leave of it."""
         if self.is_clearly_worse_than(alternative):
             return True
         return naming.best is None and self.one_takes_most(stage)
@@ -194,10 +180,7 @@ class Tried:
     def attempt(
         self, trials: Sequence[Trial], finished: Finished | None = None, alternative: float = np.inf
     ) -> list[Names]:
-        """Fit and judge `trials` against the rms residual of an `alternative`; return the sets with a new or better fit.
-
-        `finished` is called with the share of the work that is done.
-        """
+        """Fit and judge `trials` against the rms residual of an `alternative`; return sets with a new or better fit."""
         found = run_trials(self.problem, trials, self.noise, finished, self.fitted, alternative)
         better = self._know(found)
         self.lost += ["+".join(names) for names in map(self.names_of, trials) if names not in self.tried]
@@ -224,10 +207,8 @@ class Tried:
         )
 
     def fit_fewer(self, full: Names) -> list[Names]:
-        """Fit `full` without each of its effects in turn, from its values; return the sets that could be fitted.
-
-        An earlier fit of such a set may have been given up or left rough, far from its minimum.
-        """
+        """Fit `full` without each of its effects in turn, from its values; return the sets that could be fitted."""
+        # An earlier fit of such a set may have been given up or left rough, far from its minimum.
         fewer = each_without_one(full)
         self.fit_from(full, fewer)
         return [rest for rest in fewer if rest in self.tried]

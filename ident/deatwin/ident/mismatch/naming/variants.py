@@ -18,24 +18,8 @@ AGAIN = 4
 
 
 def in_variant(search: Search, alternative: Candidate, stage: Sequence[Names]) -> tuple[Search, list[Names]]:
-    """Begin a search in another rig variant with the best single effects of this one.
-
-    If the other variant leaves clearly less, it is the likelier one, and all effects are searched there.
-
-    Parameters
-    ----------
-    search : Search
-        Search in the nominal variant.
-    alternative : Candidate
-        Calibrated plant of the other variant, without effects.
-    stage : sequence of tuple of str
-        Single effects tried in the nominal variant.
-
-    Returns
-    -------
-    tuple of Search and list
-        The new search, and the single effects tried there.
-    """
+    """Begin a search in another rig variant with the best single effects of this one; return it and those effects."""
+    # If the other variant leaves clearly less, it is the likelier one, and all effects are searched there.
     fit, other = alternative.calibration, search.in_variant_of(alternative)
     found = other.beside(()) if search.is_clearly_worse_than(alternative) else []
     unbiased = search.problem.nominal.with_rig(fit.plant.rig)
@@ -51,27 +35,11 @@ def in_variant(search: Search, alternative: Candidate, stage: Sequence[Names]) -
 
 
 def with_fewer(search: Search, naming: Naming, variants: Sequence[Candidate]) -> tuple[Search, Naming]:
-    """Return a search and its answer, or those in another rig variant that needs one effect less.
-
-    A reading that is taken one sample early looks like a delay, beside any other effect. So an effect may be replaced
-    by another variant. If there is no answer, the best pair is tried in the other variants, because two effects may
-    explain the recordings only there. What a variant leaves without effects says little if there is an answer, because
-    either base fit may be biased.
-
-    Parameters
-    ----------
-    search : Search
-        Search with the sets tried so far.
-    naming : Naming
-        Its decision.
-    variants : sequence of Candidate
-        Other variants of the base plant; without an answer, variants that leave clearly more are not tried.
-
-    Returns
-    -------
-    tuple of Search and Naming
-        Those of the variant whose answer has the most evidence.
-    """
+    """Return a search and its answer, or those in another rig variant that needs one effect less."""
+    # A reading that is taken one sample early looks like a delay, beside any other effect. So an effect may be replaced
+    # by another variant. If there is no answer, the best pair is tried in the other variants, because two effects may
+    # explain the recordings only there. What a variant leaves without effects says little if there is an answer,
+    # because either base fit may be biased.
     decision = _explained if naming.best is None else _in_its_place
     full, answers = _several(search, naming), []
     for variant in variants if full else ():
@@ -111,10 +79,8 @@ def _in_its_place(search: Search, full: Sequence[Names], variant: Candidate) -> 
 
 
 def _explained(search: Search, full: Sequence[Names], variant: Candidate) -> tuple[Search, Naming]:
-    """Decide in another variant among a pair and its effects, then among pairs out of three effects.
-
-    `full` holds the pair first. Used if this variant has no answer.
-    """
+    """Decide in another variant among a pair and its effects, then among pairs out of three effects."""
+    # `full` holds the pair first. Used if this variant has no answer.
     pair, *threes = full
     other, rms = _begun(search, variant), search.tried[pair].calibration.rms
     singles = other.attempt([_trial(search, pair, variant, rest) for rest in each_without_one(pair)], alternative=rms)

@@ -55,10 +55,8 @@ def smallest(square: float, deviation: float, catalogue: int) -> float:
 
 
 def distances(changes: Sequence[Change], among: np.ndarray, numbers: Sequence[int]) -> np.ndarray:
-    """Return d² from some changes at their typical strengths to each effect, (numbers, effects).
-
-    Each effect is represented by the nearest sum, with weights of one sign, of its changes for all shapes.
-    """
+    """Return d² from some changes at their typical strengths to each effect, (numbers, effects)."""
+    # Each effect is represented by the nearest sum, with weights of one sign, of its changes for all shapes.
     squares, axes = np.linalg.eigh(among)
     seen = (axes * np.sqrt(np.maximum(squares, 0.0))).T  # columns with the same products
     names = list(dict.fromkeys(change.effect for change in changes))

@@ -14,10 +14,7 @@ from deatwin.plant.model import Plant
 
 
 def without_faults(checked: DataQuality, plant: Plant) -> DataQuality:
-    """The recordings with the faults of each reading marked, which stand out beside a calibrated plant.
-
-    The same object where there are none.
-    """
+    """Return recordings, the same if they are sound, with faults marked that stand out beside a calibrated plant."""
     outputs = [plant.simulate(experiment).require().outputs for experiment in checked.experiments]
     commands = [record.inputs[0] for experiment in checked.experiments for record in experiment.recordings]
     stuck: dict[str, Masks] = {}

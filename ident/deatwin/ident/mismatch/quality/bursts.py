@@ -37,10 +37,9 @@ BEND = 35.0 / 18.0
 
 
 def noisier(residuals: Sequence[np.ndarray], commands: Sequence[np.ndarray], floor: float) -> list[np.ndarray]:
-    """Samples at which residuals are much noisier than elsewhere, and white, and are not so under commands as brisk.
+    """Return samples of residuals that are white and much noisier than elsewhere, though not under commands as brisk.
 
-    `residuals` one array (n,) for each record, nan where unknown; `commands` likewise; `floor` noise below which none
-    counts.
+    Shapes: `residuals`, nan where unknown, and `commands` (n,) for each record. Noise below `floor` does not count.
     """
     windows = [_windows(residual) for residual in residuals]
     powers = [np.sort(bends, axis=1)[:, :-LONE].mean(axis=1) for bends, _ in windows]
@@ -88,7 +87,7 @@ def _is_uneven(lines: np.ndarray) -> bool:
 def _is_white(values: np.ndarray, variance: float, others: np.ndarray, hiding: float) -> bool:
     """Return whether a stretch is white noise of a variance, and louder than the others, where these do not hide it.
 
-    `others` (WINDOW // 2 + 1,) are their mean power densities, of which those from `hiding` on hide it.
+    `others`, (WINDOW // 2 + 1,), are their mean power densities, of which those from `hiding` on hide it.
     """
     frequency, densities = np.fft.rfftfreq(values.size), _densities(values)
     usual = np.interp(frequency, np.fft.rfftfreq(WINDOW), others)

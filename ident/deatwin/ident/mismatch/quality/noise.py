@@ -58,21 +58,11 @@ class NoiseSource(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class NoiseFloor:
-    """The sensor's noise, and what each source says of it.
+    """The sensor's noise, and what each source says of it."""
 
-    Parameters
-    ----------
-    level : float
-        Standard deviation, SI.
-    source : NoiseSource
-        Which source was believed.
-    estimates : dict of NoiseSource to float
-        What each available source says, SI.
-    """
-
-    level: float
-    source: NoiseSource
-    estimates: dict[NoiseSource, float]
+    level: float  # standard deviation, SI
+    source: NoiseSource  # the one that was believed
+    estimates: dict[NoiseSource, float]  # what each available source says, SI
 
     @property
     def sentence(self) -> str:
@@ -87,31 +77,15 @@ def noise_level(
     commands: Sequence[np.ndarray] = (),
     repeats: Repeats | None = None,
 ) -> NoiseFloor:
-    """Ask every source for the sensor's noise; the one that says least is the best.
+    """Return the sensor's noise by its data sheet (`sheet`, SI; 0 if none) unless all other sources say clearly more.
 
-    Differences between repeats of a command are free of whatever the plant lacks; readings at rest are free of what it
-    lacks in motion; the top of the residual's spectrum is free of what it lacks at low frequencies. Each can only say
-    too much: repeats where a disturbance comes in, rests where it is there too, the spectrum where fast motion is
-    missing. The data sheet is believed unless all of them say clearly more: what a sensor does in a rig is seldom less.
-    Without a data sheet (0) the best one is believed.
-
-    Parameters
-    ----------
-    residuals : sequence of ndarray, shape (n_r,) each
-        Of a calibrated plant, one for each record, SI.
-    sample_time : float
-        s.
-    sheet : float
-        What the data sheet says, SI; 0 where it is silent.
-    commands : sequence of ndarray, shape (n_r,) each
-        For rests; none are looked for without.
-    repeats : Repeats, optional
-        Over the same samples.
-
-    Returns
-    -------
-    NoiseFloor
+    Without a data sheet the source that says least is believed. Shapes: `residuals` of a calibrated plant, SI, and
+    `commands` (n_r,) each.
     """
+    # Differences between repeats of a command are free of whatever the plant lacks; readings at rest are free of what
+    # it lacks in motion; the top of the residual's spectrum is free of what it lacks at low frequencies. Each can only
+    # say too much: repeats where a disturbance comes in, rests where it is there too, the spectrum where fast motion is
+    # missing. What a sensor does in a rig is seldom less than its data sheet says.
     found: dict[NoiseSource, float] = {}
     if repeats is not None and repeats.first.size >= FEWEST:
         together = np.concatenate(residuals)
@@ -133,34 +107,18 @@ def noise_level(
 def noise_levels(
     residuals: Sequence[np.ndarray], signals: Sequence[Sequence[np.ndarray]], least: float
 ) -> tuple[np.ndarray, ...] | None:
-    r"""Estimate how the level of white noise varies with one of some signals.
+    """Estimate how the level of white noise varies with one of some signals; None if it does not, or is not white.
 
-    The distance d of each residual from the cubic through its neighbours is that of the noise, whatever smooth motion the
-    plant lacks. The logarithm of its square is the logarithm of the noise's variance plus an error of known mean and
-    variance [1]_ that single large values hardly move. Its regression on a signal runs straight from knot to knot, by a
-    random walk beforehand; the error of neighbours is tied, :math:`\mathrm{cov} = 2 \arcsin^2 \rho`, and so counts as
-    that of fewer independent values. Constant noise is kept unless it is 20 times less likely, and where weights for the levels
-    would not change the noise's power by the share to which it is known.
-
-    Parameters
-    ----------
-    residuals : sequence of ndarray, shape (n_r,) each
-        One for each record, SI; nan where unknown.
-    signals : sequence of sequences of ndarray, shape (n_r,) each
-        With which it may vary, each over all records.
-    least : float
-        Level below which it does not matter, SI.
-
-    Returns
-    -------
-    tuple of ndarray, shape (n_r,) each, or None
-        Level of the noise, relative to the root of the harmonic mean of its variance; None where it is the same
-        everywhere, or is not white.
-
-    References
-    ----------
-    .. [1] Harvey, Econometrica 44 (1976) 461, doi:10.2307/1913974.
+    Shapes: `residuals` (n_r,) each, SI, nan where unknown; `signals` likewise, each over all records; returns (n_r,)
+    each, relative to the root of the harmonic mean of the variance. Levels below `least`, SI, do not matter.
     """
+    # The distance of each residual from the cubic through its neighbours is that of the noise, whatever smooth motion
+    # the plant lacks. The logarithm of its square is the logarithm of the noise's variance plus an error of known mean
+    # and variance (Harvey, Econometrica 44 (1976) 461, doi:10.2307/1913974) that single large values hardly move. Its
+    # regression on a signal runs straight from knot to knot, by a random walk beforehand; the error of neighbours is
+    # tied, cov = 2 arcsin² ρ, and so counts as that of fewer independent values. Constant noise is kept unless it is 20
+    # times less likely, and where weights for the levels would not change the noise's power by the share to which it is
+    # known.
     bends = np.concatenate([_bends(residual) for residual in residuals])
     known = np.flatnonzero(np.isfinite(bends) & (bends != 0.0))  # of readings in steps, some lie on a line
     if known.size < FEWEST:
@@ -223,19 +181,7 @@ def _is_white(bends: np.ndarray, some: np.ndarray) -> bool:
 
 
 def rests(command: np.ndarray, sample_time: float) -> np.ndarray:
-    """Samples at which a command has stood still for four seconds.
-
-    Parameters
-    ----------
-    command : ndarray, shape (n,)
-        In its unit.
-    sample_time : float
-        s.
-
-    Returns
-    -------
-    ndarray of bool, shape (n,)
-    """
+    """Return a mask, (n,), of samples at which a command, (n,), has stood still for four seconds."""
     resting = np.zeros(command.size, dtype=bool)
     still = np.abs(np.diff(command, prepend=command[0])) <= REST_SHARE * np.ptp(command)
     for run in runs(still):
@@ -249,11 +195,9 @@ def _at_rest(residual: np.ndarray, command: np.ndarray, sample_time: float) -> l
 
 
 def _white(pieces: Sequence[np.ndarray], above: float) -> float:
-    """Standard deviation of white noise with the median power density seen above a share of the Nyquist frequency.
-
-    The median over the lines ignores tones and slow errors. The median over the segments ignores bursts, such as the
-    error after each step of a plant that answers too early.
-    """
+    """Return the deviation of white noise with the median power density seen above a share of the Nyquist frequency."""
+    # The median over the lines ignores tones and slow errors. The median over the segments ignores bursts, such as the
+    # error after each step of a plant that answers too early.
     from scipy.signal import welch
 
     powers, weights = [], []

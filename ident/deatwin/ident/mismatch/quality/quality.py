@@ -347,28 +347,14 @@ def split(
     weights: Mapping[str, float] = MappingProxyType({}),
     levels: Sequence[tuple[np.ndarray, ...]] | None = None,
 ) -> tuple[tuple[Part, ...], tuple[Part, ...], tuple[Part, ...]]:
-    """The fitted part, the held-out part, and both together.
+    """Return the fitted part, the held-out part and both together of each experiment, then of each further reading.
 
-    The last 30 % of the sound samples of each record are unseen. Where the mismatch begins inside such a part, the
-    last 30 % of what follows its onset are, so that the fit can see it too.
-
-    Parameters
-    ----------
-    checked : DataQuality
-        Recordings as `check_quality` returned them.
-    onset : float, optional
-        Clock time at which a mismatch begins, s.
-    weights : mapping of str to float, optional
-        Weight of each further reading, by its name.
-    levels : sequence of tuple of ndarray, optional
-        Relative level of the first reading's noise, for each experiment as `Part` has it.
-
-    Returns
-    -------
-    fitted, unseen, everything : tuple of Part
-        One part for each experiment that has sound samples to be fitted; behind these one for each further reading of
-        an experiment that has some on both sides of the cut.
+    A mismatch begins at `onset`, s; `weights` are those of further readings, and `levels` those of the first reading's
+    noise as `Part` has them. An experiment needs sound samples to be fitted, its further reading some on both sides of
+    the cut.
     """
+    # The last 30 % of the sound samples of each record are held out. Where the mismatch begins inside such a part, the
+    # last 30 % of what follows its onset are, so that the fit can see it too.
     fitted, unseen, everything, further = [], [], [], []
     for number, (experiment, sound) in enumerate(zip(checked.experiments, checked.usable, strict=True)):
         cuts = [_cut(record, mask, onset) for record, mask in zip(experiment.recordings, sound, strict=True)]

@@ -32,69 +32,31 @@ BOUND = 2.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Repeats:
-    """Pairs of samples at the same place of the same command.
+    """Pairs of samples at the same place of the same command."""
 
-    Parameters
-    ----------
-    first, second : ndarray of int, shape (m,)
-        Positions among all samples, recordings one after another.
-    run : ndarray of int, shape (m,)
-        Number of the stretch that a pair belongs to.
-    """
-
-    first: np.ndarray
-    second: np.ndarray
-    run: np.ndarray
+    first: np.ndarray  # (m,), positions among all samples, recordings one after another
+    second: np.ndarray  # (m,), likewise
+    run: np.ndarray  # (m,), number of the stretch that a pair belongs to
 
 
 @dataclass(frozen=True, kw_only=True)
 class Repeatability:
-    """Similarity of a residual between repeats of the command.
+    """Similarity of a residual between repeats of the command."""
 
-    Parameters
-    ----------
-    pairs : int
-        Samples that were compared.
-    correlation : float
-        Between the residual and its repeat, each less its mean over the stretch.
-    share : float
-        Covariance of the residual with its repeat over the variance that is not sensor noise: 1 if all that the plant
-        lacks comes back, 0 if none does.
-    low, high : float
-        The share less and plus two standard deviations.
-    within : float
-        Variance of a single residual about what is repeatable, squares of the residual's unit.
-    explainable : float
-        One less `within` over the residual's variance: the largest share that any deterministic model can explain.
-    """
-
-    pairs: int
-    correlation: float
+    pairs: int  # samples that were compared
+    correlation: float  # between the residual and its repeat, each less its mean over the stretch
+    # Covariance with the repeat over variance beyond noise: 1 if all that the plant lacks comes back, 0 if none does
     share: float
-    low: float
-    high: float
-    within: float
-    explainable: float
+    low: float  # `share` minus two standard deviations
+    high: float  # `share` plus two standard deviations
+    within: float  # variance of a single residual about what is repeatable, squares of the residual's unit
+    explainable: float  # 1 - `within` over the residual's variance: the largest share for any deterministic model
 
 
 def find_repeats(commands: Sequence[np.ndarray], sample_time: float) -> Repeats | None:
-    """Find where the same command was given again, within a recording or in another one.
-
-    Two seconds of command must be the same; each stretch is paired with its next return, and its first second is
-    left out, since the plant still shows what came before.
-
-    Parameters
-    ----------
-    commands : sequence of ndarray, shape (n_r,) each
-        Of each recording.
-    sample_time : float
-        s.
-
-    Returns
-    -------
-    Repeats or None
-        None if less than four seconds come back.
-    """
+    """Find where the same command was given again, in any recording, (n_r,) each; None if for less than 4 s."""
+    # Two seconds of command must be the same; each stretch is paired with its next return, and its first second is left
+    # out, since the plant still shows what came before.
     settling = samples_in(SETTLING_SECONDS, sample_time)
     width = max(2 * settling, round(WINDOW_SECONDS / sample_time))
     values = np.concatenate(commands)
@@ -151,22 +113,8 @@ def _pairs(first: np.ndarray, second: np.ndarray, width: int, settling: int, sam
 
 
 def repeatability(residual: np.ndarray, repeats: Repeats, noise: float) -> Repeatability:
-    """Compare a residual with itself where the command comes back.
-
-    Parameters
-    ----------
-    residual : ndarray, shape (n,)
-        Over all samples in which `repeats` counts.
-    repeats : Repeats
-        What `find_repeats` found.
-    noise : float
-        Standard deviation of the sensor's noise, in the residual's unit.
-
-    Returns
-    -------
-    Repeatability
-        The bounds are from a jackknife over twenty blocks of pairs.
-    """
+    """Compare a residual, (n,), with itself where the command comes back; `noise` is in the residual's unit."""
+    # The bounds are from a jackknife over twenty blocks of pairs.
     one, other = (_less_means(residual[k], repeats.run) for k in (repeats.first, repeats.second))
     blocks = np.minimum(np.arange(one.size) * BLOCKS // one.size, BLOCKS - 1)
     products = np.bincount(blocks, weights=one * other)

@@ -55,12 +55,11 @@ LOST_SAMPLES = 3
 
 
 def stuck(record: Recording) -> np.ndarray:
-    """Runs of one and the same reading of a `record` while the command moves, longer than a second or up to a leap.
-
-    Those up to a leap are longer than chance makes them. Readings in coarse steps stay the same over slow commands, too,
-    but then go on by a step or two. And dry friction holds a plant, whose reading stands still without any noise if it is
-    a counter's, until the command is large enough; or, if it sticks and slips, stands as often, and leaps as far, elsewhere.
-    """
+    """Return runs of one and the same reading while the command moves, longer than a second or up to a leap."""
+    # Those up to a leap are longer than chance makes them. Readings in coarse steps stay the same over slow commands,
+    # too, but then go on by a step or two. And dry friction holds a plant, whose reading stands still without any noise
+    # if it is a counter's, until the command is large enough; or, if it sticks and slips, stands as often, and leaps as
+    # far, elsewhere.
     reading, command = record.outputs[0], record.inputs[0]
     usual = reading[~spikes(reading)]
     ends, near = (usual.max(), usual.min()), NEAR_STEPS * resolution(usual)
@@ -95,17 +94,15 @@ def _longest_by_chance(equal: np.ndarray) -> float:
 
 
 def _is_likely(ways: np.ndarray, number: int) -> bool:
-    """Return whether a reading stands so long on the command's way by chance, if each bit of way may make it go on, as the
-    other ways on which it stood say.
-    """
+    """Return whether chance makes a reading stand so long on the command's way, by the other ways on which it stood."""
+    # Each bit of the command's way may make it go on.
     others = np.delete(ways, number)
     return bool(others.size and ways[number] < -np.log(BY_CHANCE) * others.mean())
 
 
 def _slips(reading: np.ndarray, command: np.ndarray, sample_time: float, run: tuple[int, int]) -> bool:
-    """Return whether a `run` of one `reading` under a command without leaps ends in a step as others: one of ten or more is
-    half as large where the command changed no faster.
-    """
+    """Return whether a `run` of one `reading` under a command without leaps ends in a step as others."""
+    # One other step in ten or more is at least half as large where the command changed no faster.
     first, last = run
     speed = np.abs(np.diff(command, prepend=command[0]))
     if last == reading.size or speed[first + 1 : last + 1].max() > MOVES * np.ptp(command):
@@ -120,11 +117,9 @@ def _slips(reading: np.ndarray, command: np.ndarray, sample_time: float, run: tu
 def _may_be_held(
     reading: np.ndarray, command: np.ndarray, sample_time: float, run: tuple[int, int], near: float
 ) -> bool:
-    """Return whether friction may hold the plant in a `run` of one `reading`, from its first sample to before its last.
-
-    It lets go where the command leaps, or never did; and under commands as those of the run, which are too small for
-    it, it holds the plant at other times as well, within `near`, once that has had a second to come to rest.
-    """
+    """Return whether friction may hold the plant in a `run`, first and last-plus-one sample, of one `reading`."""
+    # It lets go where the command leaps, or never did; and under commands as those of the run, which are too small for
+    # it, it holds the plant at other times as well, within `near`, once that has had a second to come to rest.
     first, last = run
     delay, settling = max(3, round(LETS_GO / sample_time)), samples_in(STUCK_SECONDS, sample_time)
     step = np.abs(np.diff(command[max(last - delay - 1, 0) : last + 1]))
@@ -144,13 +139,10 @@ def _may_be_held(
 def held(
     reading: np.ndarray, simulated: np.ndarray, command: np.ndarray, sample_time: float, noise: float
 ) -> np.ndarray:
-    """Runs in which a `reading` is but noise while the plant moves.
-
-    A converter that holds its last value still has its noise. It comes back within a sample, to where the plant is by
-    then, or never. A leap that is larger than any motion within a sample, of plant and reading, is no motion. One that is
-    not may be: what the plant did in the last second may come late then, or friction have held it. Arrays of shape (n,);
-    `simulated` is the calibrated plant's reading; `reading` is nan where unknown.
-    """
+    """Return runs in which a `reading`, nan where unknown, is but noise while the plant moves. Shapes: (n,) all."""
+    # A converter that holds its last value still has its noise. It comes back within a sample, to where the plant is by
+    # then, or never. A leap that is larger than any motion within a sample, of plant and reading, is no motion. One
+    # that is not may be: what the plant did in the last second may come late then, or friction have held it.
     mask, known = np.zeros(reading.size, dtype=bool), np.flatnonzero(np.isfinite(reading))
     shortest = samples_in(STUCK_SECONDS, sample_time)
     if known.size < shortest:
@@ -181,10 +173,8 @@ def held(
 
 
 def lost(record: Recording) -> np.ndarray:
-    """Runs of one and the same reading of a `record`, far from those before and after: the sensor had no film to see.
-
-    No film leaps away and back by itself, each time within a sample, and stands still in between.
-    """
+    """Return runs of one and the same reading, far from those before and after: the sensor had no film to see."""
+    # No film leaps away and back by itself, each time within a sample, and stands still in between.
     reading = record.outputs[0]
     mask, still = np.zeros(reading.size, dtype=bool), quiet(record)
     far = SPIKE_DEVIATIONS * _typical(np.abs(neighbours_deviation(reading)), reading)
@@ -217,10 +207,7 @@ def _bends(signal: np.ndarray) -> np.ndarray:
 
 
 def _isolated(far: np.ndarray, bend: np.ndarray, typical: float) -> np.ndarray:
-    """The values `far` off with others as usual on both sides, and not in a burst of noise or at its edge.
-
-    `bend` is that of the signal without them, shape (n,).
-    """
+    """Return which values `far` off, (n,), have usual ones on both sides; `bend`, (n,), leaves the values out."""
     alone, squares = far.copy(), bend**2 / typical**2
     for place in np.flatnonzero(far):
         sides = squares[max(place - SIDE, 0) : place], squares[place + 1 : place + 1 + SIDE]
@@ -229,10 +216,8 @@ def _isolated(far: np.ndarray, bend: np.ndarray, typical: float) -> np.ndarray:
 
 
 def _usual_share(squares: np.ndarray) -> float:
-    """Share of values, by their `squares`, that are normal with a deviation of 1, where the others have a larger one.
-
-    Share and larger deviation have their largest likelihood, by expectation and maximisation.
-    """
+    """Return the share of values, by their `squares`, that are normal with deviation 1, if others have a larger one."""
+    # Share and larger deviation have their largest likelihood, by expectation and maximisation.
     share, larger = 0.5, max(float(squares.mean()), TWICE**2)
     for _ in range(ROUNDS):
         odds = (1 / share - 1) / np.sqrt(larger) * np.exp((1 - 1 / larger) * np.minimum(squares, FURTHEST) / 2)
@@ -260,10 +245,8 @@ def jumps(signal: np.ndarray) -> np.ndarray:
 
 
 def _typical(deviation: np.ndarray, signal: np.ndarray) -> float:
-    """Standard deviation of normal values with the median absolute deviation seen; half a step of coarse readings.
-
-    Where the readings stand still they say nothing of it.
-    """
+    """Return the deviation of normal values with the median absolute deviation seen; half a step of coarse readings."""
+    # Where the readings stand still they say nothing of it.
     moves = np.ones(deviation.size, dtype=bool)
     for still in runs(deviation <= STILL * np.ptp(signal)):
         moves[still] = still.size < STILL_SAMPLES

@@ -145,20 +145,7 @@ def calibrate_base(problem: DiagnosisProblem) -> Base:
 
 
 def beside_alternatives(problem: DiagnosisProblem, base: Base) -> Base:
-    """The base plant with its alternative variants, where none was asked because the first one was good enough.
-
-    Parameters
-    ----------
-    problem : DiagnosisProblem
-        Plant and recordings.
-    base : Base
-        In which something is missing all the same.
-
-    Returns
-    -------
-    Base
-        The same one chosen, and judged by the same noise.
-    """
+    """Return the base plant with its alternative variants, judged by the same noise, if none was asked before."""
     if base.alternatives:
         return base
     others = [variant for variant in _other_forms(problem, base.chosen) if not _same_form(variant, base.chosen)]
@@ -204,10 +191,8 @@ def _starts(variant: Plant) -> list[Plant]:
 
 
 def _where_it_acts(near: Calibration, parts: Sequence[Part]) -> Plant:
-    """Move each parameter that the readings hardly determine, at the end of a fit, to the best decade.
-
-    A descent has no slope there, as for a damping that is far too small to matter, so it stays or drifts to a bound.
-    """
+    """Move each parameter that the readings hardly determine, at the end of a fit, to the best decade."""
+    # A descent has no slope there, as for a damping that is far too small to matter, so it stays or drifts to a bound.
     errors = dict(zip(near.names, np.sqrt(np.diag(near.covariance)), strict=True))
     known = (near.plant.parameters[name] for name in near.names)
     openings = [opening(part, OPENING_SAMPLES) for part in parts]

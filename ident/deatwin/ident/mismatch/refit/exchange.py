@@ -15,10 +15,7 @@ _IN_SERIES = (Place.DRIVE, Place.SENSOR)
 
 
 def with_exchanged_lags(fit: Calibration, parts: Sequence[Part]) -> Calibration:
-    """Widen the intervals of a fit if exchanging the time constants of two lags gives an equally good fit.
-
-    The values of that fit are added to `Calibration.equals`.
-    """
+    """Widen the intervals of a fit if exchanging the time constants of two lags fits as well; `equals` has that fit."""
     limit = largest_alike(fit.residuals, fit.jacobian)
     for lag, own in _pairs(fit):
         (first, second), parameters = fit.interval(lag), fit.plant.parameters

@@ -11,20 +11,7 @@ from deatwin.plant.model import Plant
 
 
 def fitted_parameters(nominal: Plant, fit: Calibration) -> dict[str, FittedParameter]:
-    """Each fitted parameter with its interval, and where it came from.
-
-    Parameters
-    ----------
-    nominal : Plant
-        Before the calibration.
-    fit : Calibration
-        Of the same plant, perhaps in another variant.
-
-    Returns
-    -------
-    dict of str to FittedParameter
-        By name, in the order of the fit.
-    """
+    """Return each fitted parameter with its interval and its nominal value, by name, in the order of the fit."""
     found = {}
     for name in fit.names:
         parameter, (low, high) = fit.plant.parameters[name], fit.interval(name)
@@ -42,18 +29,6 @@ def fitted_parameters(nominal: Plant, fit: Calibration) -> dict[str, FittedParam
 
 
 def fitted_effect(plant: Plant, name: str) -> Effect:
-    """One of a plant's effects, with the values that it has in the plant.
-
-    Parameters
-    ----------
-    plant : Plant
-        Calibrated.
-    name : str
-        Canonical name of the effect.
-
-    Returns
-    -------
-    Effect
-    """
+    """Return one of a plant's effects with the values that it has in the plant."""
     effect = next(e for e in plant.effects if e.name == name)
     return replace(effect, **{p.name: plant.parameters[f"{name}.{p.name}"].value for p in effect.describe()})

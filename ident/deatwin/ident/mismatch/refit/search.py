@@ -39,100 +39,31 @@ PROMISING = 1.3
 
 
 def approach(start: Plant, parts: Sequence[Part]) -> Calibration:
-    """Fit the opening of each experiment only, as a cheap start for further fits.
-
-    Parameters
-    ----------
-    start : Plant
-        With starting values.
-    parts : sequence of Part
-        Samples that count.
-
-    Returns
-    -------
-    Calibration
-        On the openings of `parts`.
-    """
+    """Fit the opening of each experiment only, as a cheap start for further fits."""
     openings = [opening(part, OPENING_SAMPLES) for part in parts]
     return descend(start, openings, evaluations=OPENING_EVALUATIONS, tolerance=ROUGH)
 
 
 def roughly(near: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Calibration:
-    """Fit all counted samples roughly.
-
-    Parameters
-    ----------
-    near : Plant
-        With values from `approach`.
-    parts : sequence of Part
-        Samples that count.
-    hopeless : float
-        As for `calibrate`.
-
-    Returns
-    -------
-    Calibration
-        On all of `parts`.
-    """
+    """Fit all counted samples roughly, from the values of `approach`; `hopeless` as for `calibrate`."""
     return descend(near, parts, **ROUGHLY, hopeless=hopeless)
 
 
 def is_promising(rough: Calibration, noise: float) -> bool:
-    """Return whether a rough fit leaves little more than noise and model error.
-
-    Parameters
-    ----------
-    rough : Calibration
-        On all samples that count.
-    noise : float
-        Standard deviation of the sensor's noise, SI.
-
-    Returns
-    -------
-    bool
-    """
+    """Return whether a rough fit leaves little more than noise, SI, and model error."""
     return bool(rough.rms**2 < PROMISING * (noise**2 + rough.plant.rig.model_error**2))
 
 
 def settle(near: Plant, parts: Sequence[Part], noise: float) -> Calibration:
-    """Fit all counted samples roughly; complete the fit if the residual is nearly noise.
-
-    Parameters
-    ----------
-    near : Plant
-        With values from `approach`.
-    parts : sequence of Part
-        Samples that count.
-    noise : float
-        Standard deviation of the sensor's noise, SI.
-
-    Returns
-    -------
-    Calibration
-        On all of `parts`.
-    """
+    """Fit all counted samples roughly; complete the fit if the residual is nearly noise."""
     rough = roughly(near, parts)
     return finish(rough, parts) if rough.status.ok and is_promising(rough, noise) else rough
 
 
 def finish(rough: Calibration, parts: Sequence[Part]) -> Calibration:
-    """Complete a rough fit.
-
-    In a narrow valley the solver's steps shrink until it stops before the minimum. So it is restarted with steps of
-    full size until that gains nothing.
-
-    Parameters
-    ----------
-    rough : Calibration
-        On `parts`.
-    parts : sequence of Part
-        Samples that count.
-
-    Returns
-    -------
-    Calibration
-        The rough fit if the complete one fails.
-    """
+    """Complete a rough fit; return it as it is if that fails."""
+    # In a narrow valley the solver's steps shrink until it stops before the minimum. So it is restarted with steps of
+    # full size until that gains nothing.
     found = rough
     for _ in range(ROUNDS):
         again = further(found, parts, tolerance=DECIDING)
@@ -151,48 +82,19 @@ def further(fit: Calibration, parts: Sequence[Part], **options: Any) -> Calibrat
 
 
 def search(start: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Calibration:
-    """Fit a plant roughly, from starting values that may be far off.
-
-    Parameters
-    ----------
-    start : Plant
-        With starting values.
-    parts : sequence of Part
-        Samples that count.
-    hopeless : float
-        As for `calibrate`.
-
-    Returns
-    -------
-    Calibration
-        On all of `parts`.
-    """
+    """Fit a plant roughly, from starting values that may be far off; `hopeless` as for `calibrate`."""
     near = approach(start, parts)
     found = roughly(near.plant, parts, hopeless)
     return found if found.status.ok or not near.status.ok else roughly(start, parts, hopeless)
 
 
 def at_its_time(fit: Calibration, parts: Sequence[Part], hopeless: float = np.inf, enough: float = 0.0) -> Calibration:
-    """Move the events of a fitted plant to the times at which they explain most, and refit roughly.
+    """Move the events of a fitted plant to the times at which they explain most, and refit roughly if one moves.
 
-    A fit cannot move an event, because only one or two samples depend on its time; so the time is searched.
-
-    Parameters
-    ----------
-    fit : Calibration
-        Fit to `parts`.
-    parts : sequence of Part
-        Samples that count.
-    hopeless : float
-        As for `calibrate`.
-    enough : float
-        Share of the squared residual below which an improvement does not count.
-
-    Returns
-    -------
-    Calibration
-        The given fit if the plant has no event, no event moves, or the fit was given up.
+    An improvement by less than the share `enough` of the squared residual does not count; `hopeless` as for
+    `calibrate`.
     """
+    # A fit cannot move an event, because only one or two samples depend on its time; so the time is searched.
     if fit.given_up:
         return fit
     plant = fit.plant
@@ -202,24 +104,8 @@ def at_its_time(fit: Calibration, parts: Sequence[Part], hopeless: float = np.in
 
 
 def in_a_wider_range(fit: Calibration, unbiased: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Calibration:
-    """Refit with wider ranges if parameters ended at a usual, not a physical limit, as long as that gains.
-
-    Parameters
-    ----------
-    fit : Calibration
-        Of a plant on `parts`.
-    unbiased : Plant
-        The same plant with starting values, because the other fitted parameters are biased by the limit.
-    parts : sequence of Part
-        Samples that count.
-    hopeless : float
-        As for `calibrate`.
-
-    Returns
-    -------
-    Calibration
-        The given fit if no parameter ended at such a limit, or a wider range gains nothing.
-    """
+    """Refit with wider ranges if parameters ended at a usual, not a physical limit, as long as that gains."""
+    # The limit biases the other fitted parameters, so the search begins at the `unbiased` plant.
     ended = {name: fit.plant.parameters[name].beyond for name in fit.at_bound}
     further = {name: value for name, value in ended.items() if value is not None}
     if not further:
@@ -230,25 +116,8 @@ def in_a_wider_range(fit: Calibration, unbiased: Plant, parts: Sequence[Part], h
 
 
 def in_its_gap(fit: Calibration, fitted: Sequence[Part], everything: Sequence[Part]) -> Calibration:
-    """Place events that lie between fitted stretches by all samples.
-
-    The fitted samples do not determine the time of an event within such a gap; the held-out ones do.
-
-    Parameters
-    ----------
-    fit : Calibration
-        Of a plant on `fitted`.
-    fitted : sequence of Part
-        Samples that were fitted.
-    everything : sequence of Part
-        Those and the others.
-
-    Returns
-    -------
-    Calibration
-        Fitted once more from there; the same one where the plant has no such event, it stays where it is, or there is
-        no fit.
-    """
+    """Place events that lie between fitted stretches by all samples, and refit; return the same fit if none moves."""
+    # The fitted samples do not determine the time of an event within such a gap; the held-out ones do.
     plant = fit.plant
     for name in plant.event_times:
         if (gap := gap_around(plant, name, fitted, everything)) is not None:
@@ -262,22 +131,7 @@ def in_its_gap(fit: Calibration, fitted: Sequence[Part], everything: Sequence[Pa
 def gap_around(
     plant: Plant, name: str, fitted: Sequence[Part], everything: Sequence[Part]
 ) -> tuple[float, float] | None:
-    """Return the times of the fitted readings around an event, if held-out readings lie between them.
-
-    Parameters
-    ----------
-    plant : Plant
-        Plant with the event.
-    name : str
-        Name of the parameter that is the event's time.
-    fitted, everything : sequence of Part
-        As for `in_its_gap`.
-
-    Returns
-    -------
-    tuple of two floats, or None
-        Clock times of the last reading before and the first one after, s.
-    """
+    """Return the clock times of the fitted readings around an event, s, if held-out readings lie between them."""
     times, known = (reading_times(plant, parts) for parts in (fitted, everything))
     at = plant.parameters[name].value
     before, after = times[times < at], times[times >= at]
@@ -288,20 +142,7 @@ def gap_around(
 
 
 def refit(found: Calibration, everything: Sequence[Part]) -> Calibration:
-    """Fit a plant to all sound samples, after the verdict.
-
-    Parameters
-    ----------
-    found : Calibration
-        Fit to the fitted data.
-    everything : sequence of Part
-        All sound samples.
-
-    Returns
-    -------
-    Calibration
-        On `everything`; `found` where there is no such fit.
-    """
+    """Fit a plant to all sound samples, after the verdict; return the given fit if that fails."""
     placed = at_its_time(found, everything)
     final = descend(placed.plant, everything, evaluations=EVALUATIONS, tolerance=SETTLED)
     return final if final.status.ok else found
@@ -314,10 +155,8 @@ def _moved(
     within: tuple[float, float] = (-np.inf, np.inf),
     enough: float = 0.0,
 ) -> Plant:
-    """Move one event to the minimum of the squared residual, with steps that are halved.
-
-    The search ends if a step in either direction changes the residual by a share of less than `enough`.
-    """
+    """Move one event to the minimum of the squared residual, with steps that are halved."""
+    # The search ends if a step in either direction changes the residual by a share of less than `enough`.
     times, sample = reading_times(plant, parts), plant.rig.sample_time
     known = plant.parameters[name]
     first, last = max(times.min(), known.lower, within[0]), min(times.max(), known.upper, within[1])
@@ -348,20 +187,7 @@ def _squares(plant: Plant, parts: Sequence[Part]) -> float:
 
 
 def opening(part: Part, samples: int) -> Part:
-    """Return a part with only the counted samples of its opening.
-
-    Parameters
-    ----------
-    part : Part
-        Samples that count.
-    samples : int
-        Length of the opening.
-
-    Returns
-    -------
-    Part
-        The given part if no sample of the opening counts.
-    """
+    """Return a part with only the counted samples of its opening; the given part if there are none."""
     left, masks = samples, []
     for mask in part.masks:
         masks.append(mask & (np.arange(mask.size) < left))

@@ -38,27 +38,16 @@ the effect would be magnified to the whole effect."""
 
 @dataclass(frozen=True, kw_only=True)
 class Constancy:
-    """Change of the strength of one effect from the beginning to the end of the fitted data.
-
-    Parameters
-    ----------
-    effect : str
-        Canonical name.
-    own : float
-        Share of the change's power in the readings that no parameter of the plant can imitate, from 0 to 1.
-    change, deviation : float or None
-        First-order change relative to the fitted strength, and its standard deviation; None if `own` is too small.
-    mends : bool
-        Whether the explanation leaves too much, and the change would remove most of that.
-    """
+    """Change of the strength of one effect from the beginning to the end of the fitted data."""
 
     effect: str
-    own: float = field(metadata=variable(about="share of its power that nothing else can make"))
+    own: float = field(metadata=variable(about="share of its power that nothing else can make"))  # from 0 to 1
+    # To first order; None if `own` is too small
     change: float | None = field(
         default=None, metadata=variable(about="relative change of the strength over the recordings")
     )
     deviation: float | None = field(default=None, metadata=variable(about="its standard deviation"))
-    mends: bool = False
+    mends: bool = False  # the explanation leaves too much, and the change would remove most of that
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
         "holds": variable(),
@@ -66,10 +55,8 @@ class Constancy:
 
     @property
     def holds(self) -> bool:
-        """Return whether the strength does not certainly change by more than itself.
-
-        If the change would correct the explanation, it must not differ from zero beyond doubt.
-        """
+        """Return whether the strength does not certainly change by more than itself."""
+        # If the change would correct the explanation, it must not differ from zero beyond doubt.
         if self.change is None or self.deviation is None:
             return True
         if self.mends and abs(self.change) > BEYOND_DOUBT * self.deviation:
@@ -82,21 +69,8 @@ def constancies(
 ) -> tuple[Constancy, ...]:
     """Estimate a linear change with time of the strength of each effect, with all other parameters free.
 
-    Parameters
-    ----------
-    fit : Calibration
-        Fit to `parts`.
-    parts : sequence of Part
-        Fitted data.
-    effects : sequence of str
-        Names of effects; events and effects whose strength was not fitted are ignored.
-    too_much : float, optional
-        Rms residual beyond noise, SI, if the explanation leaves too much.
-
-    Returns
-    -------
-    tuple of Constancy
-        In the order of the effects.
+    Events and effects whose strength was not fitted are ignored. `too_much` is the rms residual beyond noise, SI, of an
+    explanation that leaves too much.
     """
     basis, running = tangent_basis(fit.jacobian), _running(parts)
     return tuple(_constancy(name, by * running, basis, fit, too_much) for name, by in _by_strength(fit, effects))

@@ -44,29 +44,15 @@ class PlaceboKind(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Placebo:
-    """Gain of a placebo effect beside that of the effect, on the held-out data.
-
-    Parameters
-    ----------
-    effect : str
-        Canonical name.
-    kind : PlaceboKind
-        Difference from the effect.
-    share : float or None
-        First-order fall of the squared residual, relative to the first-order fall due to the effect itself. The
-        opposite sign is compared with the refit's fall instead, and random phases with the larger of the two. None if
-        it was skipped.
-    expected : float or None
-        The same share if the effect were the truth.
-    skipped : str
-        Reason why it shows nothing; empty if it was judged.
-    """
+    """Gain of a placebo effect beside that of the effect, on the held-out data."""
 
     effect: str
-    kind: PlaceboKind
+    kind: PlaceboKind  # how it differs from the effect
+    # To first order, both; the opposite sign is compared with the refit's gain instead, random phases with the larger
+    # one; None if skipped
     share: float | None = field(default=None, metadata=variable(about="gain relative to that of the effect"))
     expected: float | None = field(default=None, metadata=variable(about="the same were the effect the truth"))
-    skipped: str = ""
+    skipped: str = ""  # reason why it shows nothing; empty if it was judged
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
         "rejected": variable(),
@@ -80,18 +66,10 @@ class Placebo:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Court:
-    """Comparison of changes of the readings, after subtracting what the plant's parameters can imitate.
+    """Comparison of changes of the readings, after subtracting what the plant's parameters can imitate."""
 
-    Parameters
-    ----------
-    jacobian : ndarray, shape (n, p)
-        Jacobian of the plant without the effect, with columns of unit length.
-    fitted : ndarray of bool, shape (n,)
-        True for fitted samples, false for held-out ones.
-    """
-
-    jacobian: np.ndarray
-    fitted: np.ndarray
+    jacobian: np.ndarray  # (n, p), of the plant without the effect, columns of unit length
+    fitted: np.ndarray  # (n,), bool, False for held-out samples
 
     def left(self, change: np.ndarray) -> np.ndarray:
         """Return the remainder of a change, everywhere, after a first-order refit to the fitted data."""
@@ -99,10 +77,8 @@ class _Court:
         return change - self.jacobian @ solution
 
     def gain(self, by: np.ndarray, of: np.ndarray) -> float:
-        """Return by how much the held-out mean square of `of` falls if `by` is fitted to it with an amplitude >= 0.
-
-        Both are remainders as returned by `left`.
-        """
+        """Return by how much the held-out mean square of `of` falls if `by` is fitted to it with an amplitude >= 0."""
+        # Both are remainders as returned by `left`.
         energy = float(by[self.fitted] @ by[self.fitted])
         amplitude = max(float(by[self.fitted] @ of[self.fitted]) / energy, 0.0) if energy > 0 else 0.0
         return self.unseen_power(of) - self.unseen_power(of - amplitude * by)
@@ -114,27 +90,13 @@ class _Court:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Case:
-    """A named effect, and the mismatch that it explains.
-
-    Parameters
-    ----------
-    court : _Court
-        Comparison to which the case belongs.
-    name : str
-        Canonical name.
-    gain : float
-        Fall of the held-out mean square due to the refit with the effect, SI.
-    residual : ndarray, shape (n,)
-        Residual without the effect.
-    named : ndarray, shape (n,)
-        The effect's change of the readings, minus what the parameters can imitate.
-    """
+    """A named effect, and the mismatch that it explains."""
 
     court: _Court
     name: str
-    gain: float
-    residual: np.ndarray
-    named: np.ndarray
+    gain: float  # fall of the held-out mean square due to the refit with the effect, SI
+    residual: np.ndarray  # (n,), without the effect
+    named: np.ndarray  # (n,), the effect's change of the readings, minus what the parameters can imitate
 
     @cached_property
     def mismatch(self) -> np.ndarray:
@@ -156,10 +118,8 @@ class _Case:
         return self._best(PlaceboKind.BACKWARDS, [change], at_least=0.0)
 
     def random_phases(self, changes: Sequence[np.ndarray]) -> Placebo:
-        """Judge signals with the effect's spectrum, relative to the larger of its first-order gain and the refit's.
-
-        These signals are added to the readings, so their first-order gain is exact; that of the effect is not.
-        """
+        """Judge signals with the effect's spectrum, relative to the larger of its first-order gain and the refit's."""
+        # These signals are added to the readings, so their first-order gain is exact; that of the effect is not.
         return self._best(PlaceboKind.RANDOM_PHASES, changes, at_least=self.gain_beyond)
 
     def _best(self, kind: PlaceboKind, changes: Sequence[np.ndarray], at_least: float) -> Placebo:
@@ -196,32 +156,12 @@ def placebo_effects(
     everything: Sequence[Part],
     rng: np.random.Generator,
 ) -> tuple[Placebo, ...]:
-    """Compare a named effect with its placebo effects.
-
-    The plant fitted without the effect is simulated with and without it, for the commands and for the reversed commands.
-    The changes of the readings are used as regressors. Each is fitted to the fitted data together with the plant's
-    parameters, to first order, and judged on the held-out data. A placebo effect is skipped if it would explain most of
-    the mismatch even if the named effect were the truth: an effect without memory does not change if time is reversed,
-    and a tone with a random phase is still a tone.
-
-    Parameters
-    ----------
-    without : Calibration
-        Fit of the plant without the effect.
-    effect : Effect
-        The named effect with its fitted parameters.
-    gain : float
-        Fall of the held-out mean square due to the effect, SI.
-    fitted, everything : sequence of Part
-        Fitted data, and all data.
-    rng : numpy.random.Generator
-        Generator for the random phases.
-
-    Returns
-    -------
-    tuple of Placebo
-        One of each kind; skipped if the effect gains nothing or the plant cannot be simulated with it.
-    """
+    """Compare a named effect with placebo effects of each kind; `gain` is the held-out mean square's fall by it, SI."""
+    # The plant fitted without the effect is simulated with and without it, for the commands and for the reversed
+    # commands. The changes of the readings are used as regressors. Each is fitted to the fitted data together with the
+    # plant's parameters, to first order, and judged on the held-out data. A placebo effect is skipped if it would
+    # explain most of the mismatch even if the named effect were the truth: an effect without memory does not change if
+    # time is reversed, and a tone with a random phase is still a tone.
     problem = Problem(plant=without.plant, parts=tuple(everything), names=without.names)
     evaluated, change = problem.evaluate(problem.start()), _change(without.plant, effect, everything)
     if evaluated is None or change is None:
@@ -246,18 +186,7 @@ def placebo_effects(
 
 
 def backwards(experiment: Experiment) -> Experiment:
-    """Return an experiment with reversed commands.
-
-    Parameters
-    ----------
-    experiment : Experiment
-        Recordings on one clock.
-
-    Returns
-    -------
-    Experiment
-        It begins at the same time; its first record is the reversed last one.
-    """
+    """Return an experiment with reversed commands, which begins at the same time."""
     return Experiment(
         recordings=tuple(
             replace(
@@ -273,23 +202,8 @@ def backwards(experiment: Experiment) -> Experiment:
 
 
 def phase_randomised(signal: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return a signal with the same mean and amplitude spectrum, but random phases.
-
-    Parameters
-    ----------
-    signal : ndarray, shape (n,)
-        Any signal.
-    rng : numpy.random.Generator
-        Generator for the phases.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-
-    References
-    ----------
-    Theiler et al., Physica D 58 (1992) 77, doi:10.1016/0167-2789(92)90102-S.
-    """
+    """Return a signal, (n,), with the same mean and amplitude spectrum, but random phases."""
+    # Theiler et al., Physica D 58 (1992) 77, doi:10.1016/0167-2789(92)90102-S.
     spectrum = np.fft.rfft(signal)
     phases = rng.uniform(0, 2 * np.pi, spectrum.size)
     phases[0] = 0.0

@@ -18,27 +18,13 @@ from deatwin.ident.mismatch.verify.verify import verify
 def first_that_stands(
     found: Iterable[Naming], problem: DiagnosisProblem, rng: np.random.Generator, started: Callable[[str], None]
 ) -> tuple[Naming, Verification, bool]:
-    """Return the first explanation that passes verification; if none does, the first one.
+    """Return the first explanation that passes verification, else the first one; its verification; whether it passed.
 
-    An explanation that was refuted in a rig variant is no alternative to the next one there. The same holds for the
-    remainder of an explanation if one of its effects is in doubt.
-
-    Parameters
-    ----------
-    found : iterable of Naming
-        Explanations, the likeliest first; the last one may have none.
-    problem : DiagnosisProblem
-        Recordings.
-    rng : numpy.random.Generator
-        Generator for the verification.
-    started : callable
-        Called with a description of the current step.
-
-    Returns
-    -------
-    tuple of Naming, Verification and bool
-        The explanation, its verification, and whether it passed.
+    The likeliest of `found` comes first; the last one may have none. `started` is called with a description of each
+    step.
     """
+    # An explanation that was refuted in a rig variant is no alternative to the next one there. The same holds for the
+    # remainder of an explanation if one of its effects is in doubt.
     verified: list[tuple[Naming, Verification, bool]] = []
     refuted: list[tuple[Calibration, frozenset[str]]] = []
     for naming in found:
@@ -63,10 +49,8 @@ def first_that_stands(
 def _without_doubted(
     naming: Naming, verification: Verification, refuted: Collection[frozenset[str]] = ()
 ) -> list[Candidate]:
-    """Return the explanation without each effect that held-out data leave in doubt.
-
-    The list is empty if one of these smaller explanations is unknown, was refuted, or does not explain most by itself.
-    """
+    """Return the explanation without each effect in doubt; empty if one of these does not explain most by itself."""
+    # It is also empty if one of these smaller explanations is unknown or was refuted.
     if naming.best is None:
         return []
     known = {frozenset(c.effects): c for c in naming.candidates if not c.calibration.given_up}

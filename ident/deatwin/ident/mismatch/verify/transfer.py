@@ -22,25 +22,12 @@ THIRDS = ("lowest amplitudes", "middle amplitudes", "highest amplitudes")
 
 @dataclass(frozen=True, kw_only=True)
 class Transfer:
-    """Residuals before and after in one part of the held-out data: one record, or blocks of similar amplitude.
-
-    Parameters
-    ----------
-    part : str
-        Name of the part.
-    before, after : float
-        Rms residuals, SI.
-    gain_low, gain_high : float
-        One-sided 95 % bounds of the fall of the rms, SI.
-    floor : float
-        Rms of noise and model error together, SI.
-    model_error : float
-        Rms of the model error, SI.
-    """
+    """Residuals before and after in one part of the held-out data: one record, or blocks of similar amplitude."""
 
     part: str
     before: float = field(metadata=variable(unit=attrgetter("output_unit"), about="rms residual"))
     after: float = field(metadata=variable(unit=attrgetter("output_unit"), about="rms residual"))
+    # One-sided bounds.
     gain_low: float = field(metadata=variable(unit=attrgetter("output_unit"), about="lower 95 % bound of the fall"))
     gain_high: float = field(metadata=variable(unit=attrgetter("output_unit"), about="upper 95 % bound of the fall"))
     floor: float = field(metadata=variable(unit=attrgetter("output_unit"), about="rms of noise and model error"))
@@ -60,22 +47,7 @@ class Transfer:
 def transfers(
     base: Candidate, amended: Candidate, problem: DiagnosisProblem, rng: np.random.Generator
 ) -> tuple[Transfer, ...]:
-    """Compare two candidates on each part of the held-out data.
-
-    Parameters
-    ----------
-    base, amended : Candidate
-        Candidates judged on the same samples.
-    problem : DiagnosisProblem
-        Recordings.
-    rng : numpy.random.Generator
-        Generator for the paired block bootstrap.
-
-    Returns
-    -------
-    tuple of Transfer
-        One for each record, if several are long enough, and one for each third of the blocks by the command's rms.
-    """
+    """Compare two candidates on each record, if several are long, and on each third of blocks by the command's rms."""
     error = amended.calibration.plant.rig.model_error
     floor = float(np.hypot(amended.noise, error))
     parts = [*_records(base, amended, problem), *_thirds(base, amended, problem)]

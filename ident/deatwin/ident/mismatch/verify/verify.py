@@ -74,25 +74,9 @@ def verify(
 
 
 def shares_explained(base: Candidate, amended: Candidate, tried: Sequence[Candidate], noise: float) -> dict[str, float]:
-    """Return the share of the mismatch's power that each effect of a candidate explains.
-
-    It is the power that returns if the effect is removed and the others are refitted, relative to the base plant's
-    power beyond noise. The share of a single effect is that of the whole candidate.
-
-    Parameters
-    ----------
-    base, amended : Candidate
-        Base plant, and the explanation.
-    tried : sequence of Candidate
-        Known fits of the reduced candidates.
-    noise : float
-        Standard deviation of the sensor's noise, SI.
-
-    Returns
-    -------
-    dict of str to float
-        From 0 to 1.
-    """
+    """Return the share, from 0 to 1, of the mismatch's power that each effect of a candidate explains."""
+    # It is the power that returns if the effect is removed and the others are refitted, relative to the base plant's
+    # power beyond noise. The share of a single effect is that of the whole candidate.
     found = _reduced(base, amended, None, tried)
     return {name: _share(base, amended, found.get(name, base), noise) for name in amended.effects}
 
