@@ -272,10 +272,8 @@ def _fit_summary(findings: Findings) -> FitSummary:
 
 
 def _location(findings: Findings) -> LocationSummary | None:
-    """Return the location of the mismatch, with places ranked by their best single effect.
-
-    If no effect was tried at a place, its score is the share that an unknown process there explains.
-    """
+    """Return the location of the mismatch, with places ranked by their best single effect."""
+    # If no effect was tried at a place, its score is the share that an unknown process there explains.
     if findings.location is None:
         return None
     located = findings.location.summary

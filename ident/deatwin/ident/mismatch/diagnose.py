@@ -200,12 +200,10 @@ def _among_variants(
 def _as_filed(
     problem: DiagnosisProblem, base: Base, seen: Detection, rng: np.random.Generator
 ) -> tuple[Base, Detection]:
-    """Return the base plant in the rig file's own variant, and what is detected there.
-
-    The chosen variant has a mismatch (`seen`). Another variant may have absorbed, badly, all that is missing, so the
-    search starts from the file's own; if nothing is missing there, nothing is. The chosen variant stays only if the
-    plain test of the calibration is certain that something is missing in the file's own, and detection is not.
-    """
+    """Return the base plant in the rig file's own variant, and what is detected there."""
+    # The chosen variant has a mismatch (`seen`). Another variant may have absorbed, badly, all that is missing, so the
+    # search starts from the file's own; if nothing is missing there, nothing is. The chosen variant stays only if the
+    # plain test of the calibration is certain that something is missing in the file's own, and detection is not.
     filed = base.as_filed(problem.nominal.rig)
     if filed is base:
         return base, seen
@@ -217,11 +215,9 @@ def _as_filed(
 def _in_a_variant_that_lacks_nothing(
     problem: DiagnosisProblem, base: Base, seen: Detection, rng: np.random.Generator
 ) -> tuple[Base, Detection]:
-    """Return the base plant in an alternative variant that lacks nothing, if a mismatch was `seen` in the chosen one.
-
-    The calibration does not change the variant for a mismatch of which it is not certain; but what another variant
-    explains is no missing physics, however small it is.
-    """
+    """Return the base plant in an alternative variant that lacks nothing, if the chosen one has a mismatch (`seen`)."""
+    # The calibration does not change the variant for a mismatch of which it is not certain; but what another variant
+    # explains is no missing physics, however small it is.
     if not seen.mismatch:
         return base, seen
     for alternative in (variant for variant in base.alternatives if variant.adequate):

@@ -35,7 +35,7 @@ def exceeds(losses: np.ndarray, floor: float) -> float:
 
 
 def evidence(losses: np.ndarray, parameters: int) -> float:
-    """Return a model's log evidence by Schwarz' approximation, one observation a block, in nats; differences count."""
+    """Return the log evidence for a model, nats, up to a constant: Schwarz' approximation, one observation a block."""
     # Schwarz, Ann. Statist. 6 (1978) 461, doi:10.1214/aos/1176344136.
     return float(-losses.size / 2 * np.log(losses.mean()) - parameters / 2 * np.log(losses.size))
 

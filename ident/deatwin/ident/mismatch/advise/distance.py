@@ -100,11 +100,11 @@ def difference(
 ) -> Difference | None:
     """Return the part of a plant's readings that an alternative cannot imitate after a refit of all its parameters.
 
-    To first order the refit is a projection off the alternative's Jacobian. That is inaccurate for large differences,
-    so up to `steps` steps with simulations come first. Readings of `parts` are not used; those of `memory` follow them
-    in the result; `response` is `Problem.evaluate` at the refit's start, if known. None if the alternative cannot be
-    simulated; raise SimulationError if the truth cannot.
+    Readings of `parts` are not used; those of `memory` follow them in the result; `response` is `Problem.evaluate` at
+    the refit's start, if known. None if the alternative cannot be simulated; raise SimulationError if the truth cannot.
     """
+    # To first order the refit is a projection off the alternative's Jacobian. That is inaccurate for large differences,
+    # so some steps with simulations come first.
     readings = simulated(truth, parts)
     if readings is None:
         raise SimulationError("the plant to be imitated cannot be simulated on these inputs")

@@ -39,7 +39,7 @@ class Question:
     problem: DiagnosisProblem
     fits: tuple[Calibration, ...]  # to the fitted data, the best first
     noise: float  # standard deviation of the sensor's noise, SI
-    # for each fit, coordinates of posterior plants minus its own; the first is 0
+    # For each fit, coordinates of posterior plants minus its own; the first is 0
     shifts: tuple[tuple[np.ndarray, ...], ...]
     pairs: tuple[tuple[int, int], ...]  # numbers of the truth and of the alternative
     memories: tuple[Memory, ...]  # for each pair, the information in the existing recordings
@@ -100,12 +100,10 @@ class Question:
         return replace(self, fits=tuple(replace(f, plant=f.plant.with_values({"mass": mass})) for f in self.fits))
 
     def commands(self, name: str, count: int) -> np.ndarray | None:
-        """Return a waveform, (count,), within the limits; None if they do not allow it.
-
-        It usually covers the whole working range. If that moved the plant so far that the larger model error would hide
-        the mismatch of the existing recordings, the range is reduced to that of these recordings, near the command
-        farthest from rest.
-        """
+        """Return a waveform, (count,), within the limits; None if they do not allow it."""
+        # It usually covers the whole working range. If that moved the plant so far that the larger model error would
+        # hide the mismatch of the existing recordings, the range is reduced to that of these recordings, near the
+        # command farthest from rest.
         limits, share = self.limits, 1.0
         made = None if limits is None else self._made(name, count, limits)
         if made is None or limits is None:

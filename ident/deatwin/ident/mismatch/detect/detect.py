@@ -106,11 +106,9 @@ def detect_in(left: Leftover, rng: np.random.Generator, *, draws: int = DRAWS) -
 
 
 def _taking_up_the_rest(base: Candidate, problem: DiagnosisProblem) -> Calibration | None:
-    """Refit the plant to all recordings; return the fit if it is adequate in fitted and in held-out data.
-
-    Parameters from the fitted data alone may amplify the model error in the held-out data. A fit that reaches further
-    bounds is rejected.
-    """
+    """Refit the plant to all recordings; return the fit if it is adequate in fitted and in held-out data."""
+    # Parameters from the fitted data alone may amplify the model error in the held-out data. A fit that reaches further
+    # bounds is rejected.
     if not base.fitted_test.within_error:
         return None  # more data cannot improve the fitted part
     whole = refit(base.calibration, problem.everything)
@@ -119,11 +117,9 @@ def _taking_up_the_rest(base: Candidate, problem: DiagnosisProblem) -> Calibrati
 
 
 def _answering_late(base: Candidate, problem: DiagnosisProblem, size: float) -> Calibration | None:
-    """Refit the plant with a dead time; return the fit if it is adequate and the dead time within the timing error.
-
-    Triggers, filters and integrators of real rigs are slightly late, which is no missing physics. This is not tried if
-    the residual's `size`, SI, is larger than such a dead time could cause.
-    """
+    """Refit the plant with a dead time; return the fit if it is adequate and the dead time within the timing error."""
+    # Triggers, filters and integrators of real rigs are slightly late, which is no missing physics. This is not tried
+    # if the residual's `size`, SI, is larger than such a dead time could cause.
     fit, share = base.calibration, SURELY_LATE * TIMING  # of a sample
     if Delay.name in fit.plant.effect_names or Delay.name not in {effect.name for effect in problem.effects}:
         return None

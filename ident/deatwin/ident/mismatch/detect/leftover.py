@@ -74,10 +74,8 @@ class Leftover:
 
 
 def leftover_of(base: Candidate, problem: DiagnosisProblem) -> Leftover:
-    """Return residual, Jacobian and signals of a plant, calibrated on the fitted part, on all recordings.
-
-    No refit can move a parameter on a bound of its range, so its column is left out.
-    """
+    """Return residual, Jacobian and signals of a plant, calibrated on the fitted part, on all recordings."""
+    # No refit can move a parameter on a bound of its range, so its column is left out.
     fit = base.calibration
     fitting = Problem(plant=fit.plant, parts=problem.everything, names=fit.names)
     found = fitting.evaluate(fitting.start())

@@ -231,11 +231,9 @@ def _play(signal: np.ndarray, width: float) -> np.ndarray:
 
 
 def _predictable(values: np.ndarray, terms: np.ndarray, noise: float) -> tuple[float, float, float]:
-    """Return the share of the variance beyond noise that ridge regression predicts in unseen folds, between bounds.
-
-    The bounds come from a jackknife over the folds. The upper one is the largest over all penalties, so that a residual
-    does not count as unpredictable because of the choice of the penalty.
-    """
+    """Return the share of the variance beyond noise that ridge regression predicts in unseen folds, between bounds."""
+    # The bounds come from a jackknife over the folds. The upper one is the largest over all penalties, so that a
+    # residual does not count as unpredictable because of the choice of the penalty.
     folds = np.minimum(np.arange(values.size) * FOLDS // values.size, FOLDS - 1)
     grams = [terms[folds == k].T @ terms[folds == k] for k in range(FOLDS)]
     crosses = [terms[folds == k].T @ values[folds == k] for k in range(FOLDS)]

@@ -97,10 +97,8 @@ def _rms(pieces: Sequence[Array]) -> float:
 
 
 def evaluated(terms: Sequence[Primitive], signals: Signals, sample_time: float) -> Array:
-    """Return values of k functions along one part, (n, k); `signals`, (n,), from rest on, are in SI.
-
-    Memories start at rest and follow implicit Euler steps with one Newton update each.
-    """
+    """Return values of k functions along one part, (n, k); `signals`, (n,), from rest on, are in SI."""
+    # Memories start at rest and follow implicit Euler steps with one Newton update each.
     names = tuple(dict.fromkeys(term.variable for term in terms))
     sampled, memory = ca.SX.sym("s", len(names)), ca.SX.sym("m", len(terms))
     values, later, rests = [], [], []

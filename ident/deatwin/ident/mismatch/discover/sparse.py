@@ -41,11 +41,12 @@ class Stable:
 def stable_terms(columns: Array, target: Array, nuisances: Array, rng: np.random.Generator) -> tuple[Stable, ...]:
     """Choose at most four columns, (n, k), that make up a target, (n,), the one chosen most often first.
 
-    Blocks of neighbouring samples are drawn with replacement, and each record made so chooses its own columns. Columns
-    chosen in nine of ten are kept if they gain more evidence than chance: at most one in ten may come from a target
-    shifted against the columns. `nuisances`, (n, m), may be in the target in any amount. Source: Meinshausen &
-    Bühlmann, "Stability selection", J. R. Stat. Soc. B 72 (2010) 417.
+    `nuisances`, (n, m), may be in the target in any amount.
     """
+    # Blocks of neighbouring samples are drawn with replacement, and each record made so chooses its own columns.
+    # Columns chosen in nine of ten are kept if they gain more evidence than chance: of those that gain as much, at most
+    # one in ten may come from a target shifted against the columns. Meinshausen & Bühlmann, "Stability selection", J.
+    # R. Stat. Soc. B 72 (2010) 417.
     basis = tangent_basis(nuisances)
     own = taken_off(columns, basis)
     size, whole = np.linalg.norm(own, axis=0), np.linalg.norm(columns, axis=0)

@@ -75,11 +75,9 @@ class Weighed:
 
 
 def log_above(mean: np.ndarray, cov: np.ndarray, above: np.ndarray) -> np.ndarray:
-    """Return the log probability, (g,), that normal variables, mean (g, q), all lie above limits, (q,).
-
-    Limits are taken in one after the other: exact for one variable or independent ones; else each variable is taken for
-    normal again once it was cut (Mendell & Elston 1974, doi:10.2307/2529617).
-    """
+    """Return the log probability, (g,), that normal variables, mean (g, q), all lie above limits, (q,)."""
+    # Limits are taken in one after the other: exact for one variable or independent ones; else each variable is taken
+    # for normal again once it was cut (Mendell & Elston 1974, doi:10.2307/2529617).
     mean, cov, total = mean.copy(), cov.copy(), np.zeros(len(mean))
     edges = (mean - above) / np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
     for k in np.argsort(edges.mean(axis=0)):  # what is cut most comes first, since that is exact

@@ -45,11 +45,9 @@ class OwnErrors:
         return found
 
     def columns_after(self, residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
-        """Return the columns after a fit, (n, k), with timing at the size that its residuals show.
-
-        Any fast motion reveals the time of the readings. Residuals do not reveal how far a fit has absorbed bends and
-        slow errors, so these keep their size. Shapes: `residuals` (n,); `jacobian` (n, p).
-        """
+        """Return the columns after a fit, (n, k), with timing at the size that its residuals, (n,), show."""
+        # Any fast motion reveals the time of the readings. Residuals do not reveal how far a fit has absorbed bends and
+        # slow errors, so these keep their size.
         free = beside(jacobian, self.columns)
         variance = float(np.mean(residuals**2))
         spread = np.linalg.inv(np.eye(free.shape[1]) + free.T @ free / variance)
@@ -88,10 +86,8 @@ class OwnErrors:
 
 
 def own_errors(rig: Rig, parts: Sequence[Part], readings: np.ndarray, noise: float, stated: float) -> OwnErrors:
-    """Return the errors of a plant that reads `readings`, (n,); the first reading has this `noise` and `stated` error.
-
-    A further reading has the noise that the rig states and, as its error, at least the rig's share of its variation.
-    """
+    """Return the errors of a plant with `readings`, (n,); the first reading has this `noise` and `stated` error."""
+    # A further reading has the noise that the rig states and, as its error, at least the rig's share of its variation.
     whole = np.repeat(np.arange(len(parts)), [part.size for part in parts])
     times, level = np.concatenate([part.timepts for part in parts]), level_of(parts)
     own, places = [], []

@@ -58,9 +58,10 @@ def slow(times: np.ndarray, rms: float, constant: float, count: int) -> np.ndarr
 def law(contribution: np.ndarray, times: np.ndarray, level: np.ndarray | float = 1.0) -> np.ndarray:
     """Return an orthonormal basis, (n, k), of what another law of the mechanism behind a contribution, (n,), may do.
 
-    A law may bend (powers of the contribution, and its size), change with time, or act with other times (first-order
-    filters, from one sample to the whole recording). Both arrays are over the noise's relative `level`, (n,).
+    Both are over the noise's relative `level`, (n,).
     """
+    # A law may bend (powers of the contribution, and its size), change with time, or act with other times (first-order
+    # filters, from one sample to the whole recording).
     from scipy.signal import lfilter
 
     does, clock = contribution * level, _unit(times)

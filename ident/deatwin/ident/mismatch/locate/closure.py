@@ -104,11 +104,8 @@ def closure(regression: Regression) -> Closure:
 
 
 def closure_p_value(regressions_: Sequence[Regression], rng: np.random.Generator) -> float:
-    """Return the probability, at least 1/(1 + 99), that a residual independent of the signals is predicted as well.
-
-    It is that of the best of all places. The residual is shifted cyclically by random times, which keeps its
-    correlation.
-    """
+    """Return the chance, at least 1/100, that a residual independent of the signals is predicted as well anywhere."""
+    # The residual is shifted cyclically by random times, which preserves its own correlation.
     observed = max(closure(regression).explained for regression in regressions_)
     n = regressions_[0].residual.size
     reached = 0

@@ -22,12 +22,10 @@ STEEP = (0.1, 0.5)
 
 
 def features(linear: Linear, opening: Opening) -> Array:
-    """Return courses, (n, n_features), without unit, that may combine to what enters at a place.
-
-    What enters at the drive can know only the command and its past; what enters elsewhere, the motion and its past, as
-    the reading shows it: polynomials and hinges of that signal, low passes of it and of its square, and their squares,
-    play operators (rate-independent memory), friction and drag of its rate; and the clock.
-    """
+    """Return courses, (n, n_features), without unit, that may combine to what enters at a place."""
+    # What enters at the drive can know only the command and its past; what enters elsewhere, the motion and its past,
+    # as the reading shows it: polynomials and hinges of that signal, low passes of it and of its square, and their
+    # squares, play operators (rate-independent memory), friction and drag of its rate; and the clock.
     values = linear.states[signal_at(linear, opening)]
     signal = values / max(float(np.abs(values).max()), 1e-300)
     times = np.geomspace(2.0, max(signal.size / 3, 4.0), TIMES)

@@ -57,13 +57,11 @@ class Bands(Described):
 
 
 def locate_frequency(tracks: Sequence[Track], noise: float) -> Bands:
-    """Return bands in which the residual's spectrum lies above white sensor noise; `noise` is in SI.
-
-    Welch's estimate over segments of twenty seconds, longer ones where samples are slow, is averaged over records. Each
-    line is tested against the chi-squared law of an averaged periodogram, with the false-discovery rate held at 5 %
-    over all lines, and must have at least twice the power of the noise; neighbouring lines are joined. Source: Welch,
-    IEEE Trans. Audio Electroacoust. 15 (1967) 70, doi:10.1109/TAU.1967.1161901.
-    """
+    """Return bands in which the residual's spectrum lies above white sensor noise; `noise` is in SI."""
+    # Welch's estimate (IEEE Trans. Audio Electroacoust. 15 (1967) 70, doi:10.1109/TAU.1967.1161901) over segments of
+    # twenty seconds, longer ones where samples are slow, is averaged over records. Each line is tested against the chi-
+    # squared law of an averaged periodogram, with the false-discovery rate held at 5 % over all lines, and must have at
+    # least twice the power of the noise; neighbouring lines are joined.
     from scipy.signal import welch
 
     step = tracks[0].sample_time

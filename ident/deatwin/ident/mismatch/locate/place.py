@@ -120,13 +120,13 @@ class Places(Described):
 
 
 def locate_place(base: Candidate, problem: DiagnosisProblem, rng: np.random.Generator) -> Places:
-    """Open one place of the plant after the other, with a random force there.
+    """Open one place of the plant after the other, with a random force there; the most repeatable force comes first.
 
-    The readings' gain in likelihood is tested at each place, but with one input and one output several places have the
-    same likelihood. So places are ranked by how far the force is a repeatable function of the signals there. Source of
-    the gain's law at a bound: Self & Liang, J. Am. Stat. Assoc. 82 (1987) 605-610. Raise SimulationError if the plant
-    cannot be simulated on the recordings.
+    Raise SimulationError if the plant cannot be simulated on the recordings.
     """
+    # The gain in likelihood is tested at each place, but with one input and one output several places have the same
+    # likelihood. So places are ranked by how far the force is a repeatable function of the signals there. The gain has
+    # the law of a likelihood ratio at a bound: Self & Liang, J. Am. Stat. Assoc. 82 (1987) 605-610.
     plant = base.calibration.plant
     linears = without_repeats(linearise(plant, problem.everything, _openings(plant)))
     floor = Floor.of(linears, base.noise)

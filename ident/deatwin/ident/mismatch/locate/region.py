@@ -86,10 +86,10 @@ class Regions(Described):
 def locate_region(tracks: Sequence[Track], unit: float) -> Regions:
     """Return ranges of the operating signals in which the residual's mean is not zero, the largest mean first.
 
-    Each signal is cut into bins of equal counts; their means are tested with one independent value a second and a
-    false-discovery rate of 5 % over all bins of all signals. Neighbours of one sign are joined. `unit` is the SI size
-    of the unit of `mean_residual`.
+    `unit` is the SI size of the unit of `mean_residual`.
     """
+    # Each signal is cut into bins of equal counts; their means are tested with one independent value a second and a
+    # false-discovery rate of 5 % over all bins of all signals. Neighbours of one sign are joined.
     residual = np.concatenate([t.residual for t in tracks]) / unit
     # Clocks of several experiments overlap: seconds of different records are different seconds.
     seconds = np.concatenate([np.floor(t.timepts) + 1e9 * k for k, t in enumerate(tracks)])

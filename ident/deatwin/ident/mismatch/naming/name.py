@@ -160,7 +160,7 @@ def _one_after_another(
 
 def _best_variant(variants: Sequence[_InVariant]) -> _InVariant:
     """Return the rig variant in which the search continues."""
-    # It is the variant with the likeliest adequate effect. If there is none: the variant in which an effect leaves
+    # The variant is that with the likeliest adequate effect. If there is none: the variant in which an effect leaves
     # clearly less; else one that leaves, without effects, hardly more than the first variant does with an effect; else
     # the first. The rig file's own variant is given up only for strong evidence, and for the same effects only if the
     # model error could not have caused the difference. Adequate effects of other variants that cannot be excluded are

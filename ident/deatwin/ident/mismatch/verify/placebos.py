@@ -48,8 +48,8 @@ class Placebo:
 
     effect: str
     kind: PlaceboKind  # how it differs from the effect
-    # To first order, both; the opposite sign is compared with the refit's gain instead, random phases with the larger
-    # one; None if skipped
+    # Both gains are to first order, but the effect's is that of the refit beside the opposite sign, and the larger of
+    # the two beside random phases; None if skipped
     share: float | None = field(default=None, metadata=variable(about="gain relative to that of the effect"))
     expected: float | None = field(default=None, metadata=variable(about="the same were the effect the truth"))
     skipped: str = ""  # reason why it shows nothing; empty if it was judged
