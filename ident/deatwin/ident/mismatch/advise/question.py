@@ -142,8 +142,8 @@ class Question:
     def recording(self, commands: np.ndarray) -> Recording:
         """Return commands, (n,), as the record of a separate experiment, without readings.
 
-        Its clock starts at zero or, if an explanation contains an event, after the existing recordings: no event is
-        undone.
+        Its clock starts at 0 or, if an explanation contains an event, which is not undone, after the existing
+        recordings.
         """
         events = any(effect.event for fit in self.fits for effect in fit.plant.effects)
         start = max(part.experiment.end for part in self.problem.everything) if events else 0.0

@@ -120,10 +120,7 @@ class Places(Described):
 
 
 def locate_place(base: Candidate, problem: DiagnosisProblem, rng: np.random.Generator) -> Places:
-    """Open one place of the plant after the other, with a random force there; the most repeatable force comes first.
-
-    Raise SimulationError if the plant cannot be simulated on the recordings.
-    """
+    """Open one place after the other, the best first; raise SimulationError if the plant cannot be simulated."""
     # The gain in likelihood is tested at each place, but with one input and one output several places have the same
     # likelihood. So places are ranked by how far the force is a repeatable function of the signals there. The gain has
     # the law of a likelihood ratio at a bound: Self & Liang, J. Am. Stat. Assoc. 82 (1987) 605-610.

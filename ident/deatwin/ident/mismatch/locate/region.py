@@ -84,10 +84,7 @@ class Regions(Described):
 
 
 def locate_region(tracks: Sequence[Track], unit: float) -> Regions:
-    """Return ranges of the operating signals in which the residual's mean is not zero, the largest mean first.
-
-    `unit` is the SI size of the unit of `mean_residual`.
-    """
+    """Return ranges of operating signals in which the mean residual, over `unit`, SI, is not 0, the largest first."""
     # Each signal is cut into bins of equal counts; their means are tested with one independent value a second and a
     # false-discovery rate of 5 % over all bins of all signals. Neighbours of one sign are joined.
     residual = np.concatenate([t.residual for t in tracks]) / unit

@@ -73,8 +73,7 @@ def _inwards(parameter: Parameter) -> float:
 def share_explained(after: Excess, before: Excess) -> float:
     """Return the share of a mismatch's power, beyond noise and model error, that was removed.
 
-    It is negative if the residual grew, 0 if there was nothing to explain, and 1 if no more than noise and model error
-    is left.
+    It is negative if the residual grew, 0 if there was nothing to explain, 1 if only noise and model error are left.
     """
     error = after.model_error**2
     if before.size**2 <= error:

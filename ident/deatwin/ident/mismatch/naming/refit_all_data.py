@@ -39,8 +39,7 @@ def settled_on_everything(
 ) -> Naming:
     """Decide among a stage by fits to all recordings; without a best candidate if no `hopeful` one is adequate there.
 
-    `hopeful` tells whether a candidate could be the answer, its held-out residual aside; `refit` returns None if a fit
-    fails.
+    A `hopeful` candidate could be the answer, its held-out residual aside; `refit` returns None if a fit fails.
     """
     # If the law of a slow effect differs slightly from the catalogue's, its extrapolation to the held-out data may
     # exceed any limit, and a further effect would only correct the extrapolation. A far likelier candidate comes first

@@ -29,8 +29,6 @@ ALONE = 3
 class Search(Tried):
     """Search in one rig variant: the sets tried so far, and the most promising ones not yet tried."""
 
-    # The `known` responses are those of all effects in the base plant; None to simulate them when they are needed.
-
     def __init__(
         self,
         problem: DiagnosisProblem,

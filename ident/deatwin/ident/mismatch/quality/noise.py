@@ -79,8 +79,8 @@ def noise_level(
 ) -> NoiseFloor:
     """Return the sensor's noise by its data sheet (`sheet`, SI; 0 if none) unless all other sources say clearly more.
 
-    Without a data sheet the source that says least is believed. Shapes: `residuals` of a calibrated plant, SI, and
-    `commands` (n_r,) each.
+    Then, and without a data sheet, the source that says least is believed. Shapes: `residuals` of a calibrated plant,
+    SI, and `commands` (n_r,) each.
     """
     # Differences between repeats of a command are free of whatever the plant lacks; readings at rest are free of what
     # it lacks in motion; the top of the residual's spectrum is free of what it lacks at low frequencies. Each can only

@@ -91,8 +91,7 @@ def search(start: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Cal
 def at_its_time(fit: Calibration, parts: Sequence[Part], hopeless: float = np.inf, enough: float = 0.0) -> Calibration:
     """Move the events of a fitted plant to the times at which they explain most, and refit roughly if one moves.
 
-    An improvement by less than the share `enough` of the squared residual does not count; `hopeless` as for
-    `calibrate`.
+    `enough` is the smallest share of the squared residual that counts as a gain; `hopeless` as for `calibrate`.
     """
     # A fit cannot move an event, because only one or two samples depend on its time; so the time is searched.
     if fit.given_up:
@@ -116,7 +115,7 @@ def in_a_wider_range(fit: Calibration, unbiased: Plant, parts: Sequence[Part], h
 
 
 def in_its_gap(fit: Calibration, fitted: Sequence[Part], everything: Sequence[Part]) -> Calibration:
-    """Place events that lie between fitted stretches by all samples, and refit; return the same fit if none moves."""
+    """Place events between fitted stretches by all samples and refit; keep the given fit if none moves or it fails."""
     # The fitted samples do not determine the time of an event within such a gap; the held-out ones do.
     plant = fit.plant
     for name in plant.event_times:

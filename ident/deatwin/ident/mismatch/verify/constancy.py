@@ -47,7 +47,7 @@ class Constancy:
         default=None, metadata=variable(about="relative change of the strength over the recordings")
     )
     deviation: float | None = field(default=None, metadata=variable(about="its standard deviation"))
-    mends: bool = False  # the explanation leaves too much, and the change would remove most of that
+    mends: bool = False  # True if the explanation leaves too much, and the change would remove most of that
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
         "holds": variable(),

@@ -20,8 +20,7 @@ def first_that_stands(
 ) -> tuple[Naming, Verification, bool]:
     """Return the first explanation that passes verification, else the first one; its verification; whether it passed.
 
-    The likeliest of `found` comes first; the last one may have none. `started` is called with a description of each
-    step.
+    The likeliest of `found` comes first, the last one may have none; `started` is called with the step as text.
     """
     # An explanation that was refuted in a rig variant is no alternative to the next one there. The same holds for the
     # remainder of an explanation if one of its effects is in doubt.
