@@ -43,7 +43,10 @@ class LinkStatus(Enum):
 
     LINKED = "the output follows the input"
     EVEN = "the output follows the square of the input, and not the input itself"
-    LOOP = "the output follows the input, and the input seems to answer to the output, as in a loop"
+    LOOP = (
+        "the output follows the input, and its past predicts the input: the recording was made in a closed loop, or the "
+        "input was measured with noise"
+    )
     UNSEEN = "nothing in the output follows the input beyond chance: check the columns and the wiring"
     SLOW = "the input moves too slowly, or too few times, for a link to be distinguished from a drift"
     SHORT = "not tested: the recording is too short"
