@@ -74,7 +74,8 @@ class Link:
         interval = None if self.dead_time is None or self.status is LinkStatus.EVEN else self.dead_time.interval
         if self.dead_time is not None and self.dead_time.samples is not None and interval is not None:
             low, high = interval
-            text += f"; dead time {self.dead_time.samples} samples, {self.dead_time.seconds:.4g} s ({low} to {high} samples)"
+            unit = "sample" if self.dead_time.samples == 1 else "samples"
+            text += f"; dead time {self.dead_time.samples} {unit}, {self.dead_time.seconds:.4g} s ({low} to {high})"
         return text
 
 
