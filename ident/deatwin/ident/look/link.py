@@ -43,7 +43,10 @@ class LinkStatus(Enum):
 
     LINKED = "the output follows the input"
     EVEN = "the output follows the square of the input, and not the input itself"
-    LOOP = "the output follows the input, and the input seems to answer to the output, as in a loop"
+    LOOP = (
+        "the output follows the input, and its past predicts the input: the recording was made in a closed loop, or the "
+        "input was measured with noise"
+    )
     UNSEEN = "nothing in the output follows the input beyond chance: check the columns and the wiring"
     SLOW = "the input moves too slowly, or too few times, for a link to be distinguished from a drift"
     SHORT = "not tested: the recording is too short"
@@ -71,7 +74,8 @@ class Link:
         interval = None if self.dead_time is None or self.status is LinkStatus.EVEN else self.dead_time.interval
         if self.dead_time is not None and self.dead_time.samples is not None and interval is not None:
             low, high = interval
-            text += f"; dead time {self.dead_time.samples} samples, {self.dead_time.seconds:.4g} s ({low} to {high} samples)"
+            unit = "sample" if self.dead_time.samples == 1 else "samples"
+            text += f"; dead time {self.dead_time.samples} {unit}, {self.dead_time.seconds:.4g} s ({low} to {high})"
         return text
 
 

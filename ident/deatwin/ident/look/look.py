@@ -18,6 +18,7 @@ from deatwin.ident.mismatch.quality.noise import noise_level
 from deatwin.ident.narx.excited import Excitation, excitation
 from deatwin.ident.narx.panels import panels_or_new
 from deatwin.ident.narx.preprocess import Finding, FindingKind, SamplingChoice, choose_sampling, inspect_recordings
+from deatwin.ident.narx.preprocess.findings import FEWEST
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.soundness import resolution
 from deatwin.plant.amplitudes import axis_label, written_amplitude
@@ -134,7 +135,7 @@ class Look:
             found.append(f"{pattern.name}: {pattern}" + (f"; excites {bands}" if bands else ""))
         found += [str(link) for link in self.links]
         found += [] if self.best_linear is None else [str(self.best_linear)]
-        found += [f"{finding.signal}: {finding.text}" for finding in self.findings]
+        found += [f"{finding.signal}: {finding.text.removeprefix(f'{finding.signal} ')}" for finding in self.findings]
         return tuple(found)
 
     def __str__(self) -> str:
@@ -320,12 +321,8 @@ def _excited(record: Recording, row: int) -> Excitation | None:
 
 def _findings(records: Sequence[Recording]) -> tuple[Finding, ...]:
     """Return what `inspect_recordings` finds in the pieces that are long enough for it."""
-    found: list[Finding] = []
-    for record in records:
-        try:
-            found += inspect_recordings(record)
-        except DataError:
-            continue
+    enough = [record for record in records if record.n_samples >= FEWEST]
+    found = inspect_recordings(enough) if enough else ()
     inputs, slow = set(records[0].input_names), (FindingKind.TREND, FindingKind.DRIFT)
     moved = {finding.kind for finding in found if finding.signal in inputs}
     return tuple(one for one in found if one.kind not in slow or one.kind not in moved)

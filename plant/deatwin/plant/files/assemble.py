@@ -30,7 +30,7 @@ from deatwin.plant.files.times import BEGAN, DATES
 from deatwin.plant.files.units import UNITS
 from deatwin.plant.files.usual import USUAL_TIMES
 from deatwin.plant.readings import ELECTRICAL_UNITS, Reading
-from deatwin.plant.readoptions import ReadOptions
+from deatwin.plant.readoptions import NO_OPTIONS, ReadOptions
 from deatwin.plant.recording import Recording, label
 from deatwin.plant.resampling import Resampling, plan_resampling
 from deatwin.plant.rigs.base import ReadingTime
@@ -78,8 +78,13 @@ def recordings_of(
         *further,
         *(k for k, name in enumerate(table.names) if table.declared.signals or name in ELECTRICAL_UNITS),
     }
-    missing = [column for column in roles["extra"] if column in spotty]
+    needed_columns = [*roles["input"], *roles["output"]]
+    missing = [*needed_columns, *(column for column in roles["extra"] if column in spotty)]
     numbers = dict(zip(wanted, table.si(wanted, missing=missing), strict=True))
+    kept = _rows_with_values(
+        table, {k: numbers[k] for k in needed_columns}, timed=times is not None, allow_gaps=allow_gaps
+    )
+    numbers = {column: values[kept] for column, values in numbers.items()}
     if times is None and stated is None:
         raise no_times(table, set(used))
     told = None if times is None else numbers[times]
@@ -98,7 +103,7 @@ def recordings_of(
         remark = f'the stated sample time was taken; the column "{table.shown(times)}" counts the rows'
     elif stated:
         remark = _passed_over(table, used, stated.sample_time)
-    source = _Source(table=table, roles=roles, numbers=numbers, remark=remark)
+    source = _Source(table=table, roles=roles, numbers=numbers, kept=kept, remark=remark)
     try:
         recordings = _recordings(source, told, stated, allow_gaps=allow_gaps, resample=resample, reading=reading)
     except DataError as error:
@@ -114,6 +119,27 @@ def recordings_of(
             check_command_range(recording, rig.drive)
             check_motion(recording, rig.widest)
     return recordings
+
+
+def _rows_with_values(table: Table, needed: Mapping[int, Floats], *, timed: bool, allow_gaps: bool) -> NDArray[np.intp]:
+    """Return the numbers of the rows in which command and reading have values; others are gaps, if those are allowed."""
+    absent = {column: np.isnan(values) for column, values in needed.items()}
+    gone = np.any(list(absent.values()), axis=0)
+    if gone.any() and (gone.all() or not (timed and allow_gaps)):
+        sample, count = int(np.argmax(gone)), int(gone.sum())
+        column = next(column for column, missing in absent.items() if missing[sample])
+        advice, options = (
+            "fill it, or leave such rows out: --allow-gaps, in Python allow_gaps=True",
+            ReadOptions(allow_gaps=True),
+        )
+        if gone.all() or not timed:
+            advice, options = (
+                "give a column that has values" if gone.all() else "fill it, or give a column of times",
+                NO_OPTIONS,
+            )
+        more = f" ({count} such rows in all)" if count > 1 else ""
+        raise DataError(f'{table.where(sample)}, column "{table.shown(column)}": no value{more}; {advice}', options)
+    return np.flatnonzero(~gone)
 
 
 def _is_filled(table: Table, column: int) -> bool:
@@ -193,7 +219,12 @@ class _Source:
     table: Table
     roles: Mapping[str, tuple[int, ...]]
     numbers: Mapping[int, Floats]
+    kept: NDArray[np.intp]  # The table's rows that `numbers` hold
     remark: str
+
+    def where(self, sample: int) -> str:
+        """Return file and row of a sample."""
+        return self.table.where(int(self.kept[sample]))
 
     def recording(
         self,
@@ -234,7 +265,7 @@ class _Source:
     def origin(self, first: int, last: int, remark: str = "") -> dict[str, str]:
         """Return the origin of the rows from one up to another. `remark` on their clock."""
         table = self.table
-        rows = f"{table.row(first)}-{table.row(last - 1)}"
+        rows = f"{table.row(int(self.kept[first]))}-{table.row(int(self.kept[last - 1]))}"
         remarks = [text for text in (self.remark, remark) if text]
         clock = {"clock": "; ".join(remarks)} if remarks else {}
         for scale in table.scales.values():
@@ -252,16 +283,16 @@ def _recordings(
     reading: ReadingTime,
 ) -> tuple[Recording, ...]:
     """Return the recordings of the rows at the times that a file tells, or on the clock that is stated."""
-    table, samples = source.table, len(next(iter(source.numbers.values())))
+    samples = source.kept.size
     step, start = (stated.sample_time, stated.start) if stated else (0.0, 0.0)
     if resample is not None and not (stated.agrees(resample) if told is None and stated else _is_even(told, resample)):
         timepts = start + step * np.arange(samples, dtype=np.float64) if told is None else told
-        return _resampled(source, plan_resampling(timepts, resample, table.where, allow_gaps=allow_gaps), reading)
+        return _resampled(source, plan_resampling(timepts, resample, source.where, allow_gaps=allow_gaps), reading)
     if told is None:
         pieces = [Piece.even(samples, step, start)]
     else:
         step, pieces = even_pieces(
-            told, table.where, allow_gaps=allow_gaps, stated=stated.sample_time if stated else None
+            told, source.where, allow_gaps=allow_gaps, stated=stated.sample_time if stated else None
         )
     return tuple(
         source.recording(
@@ -287,7 +318,7 @@ def _resampled(source: _Source, plan: Resampling, reading: ReadingTime) -> tuple
             made.append(decimate(fine, plan.factor, reading=reading))
         except DataError as error:  # too short for the filter
             raise DataError(
-                f"{source.table.where(rows[0])}, onto a clock of {plan.sample_time:g} s: {error}", error.offers
+                f"{source.where(rows[0])}, onto a clock of {plan.sample_time:g} s: {error}", error.offers
             ) from None
     return tuple(made)
 
@@ -321,10 +352,11 @@ def _passed_over(table: Table, used: Sequence[int], dt: float) -> str:
 
 def _seconds_or_ticks(table: Table, times: int, told: Floats) -> str:
     """Return the question that whole numbers without a unit raise, which were taken as seconds."""
-    named = f'--time-column "{table.unmistakable(times)}'
+    named, step = f'--time-column "{table.unmistakable(times)}', float(np.median(np.diff(told)))
+    counted = "do they count the samples? Then state the sample time, --dt SECONDS; " if step == 1.0 else ""
     return (
         f'the column "{table.shown(times)}" gives no unit, and its whole numbers were taken as seconds, '
-        f'{np.median(np.diff(told)):g} s a sample; are they milliseconds? Then state {named}=ms", else {named}=s"'
+        f'{step:g} s a sample; {counted}are they milliseconds? Then state {named}=ms", else {named}=s"'
     )
 
 

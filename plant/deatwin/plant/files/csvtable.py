@@ -36,6 +36,7 @@ DESCRIPTION = f"# {SCHEMA} "  # begins the line above the header that holds a de
 _GZIP = b"\x1f\x8b"  # begins its files
 EXACT = Context(prec=800)  # decimal digits: enough for the sum of any two floats
 _FORTRAN = re.compile(r"(\d\.\d*)[dD](?=[+-]\d\d)")  # the exponent of a number in double precision
+_NO_VALUE = ("", "nan", "na", "n/a", "#n/a", "null", "none", "-")  # as tables mark a missing value, in small letters
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 
 
@@ -62,10 +63,10 @@ class CsvTable(Table):
         try:
             texts = [[row[column] for row in rows] for column in columns]
         except IndexError:
-            raise self._bad_cell(columns) from None
+            raise self._bad_cell(columns, missing) from None
         absent = np.zeros((len(columns), len(rows)), dtype=bool)
         for k in (k for k, column in enumerate(columns) if column in missing):
-            absent[k] = [cell.strip().lower() in ("", "nan") for cell in texts[k]]
+            absent[k] = [_is_absent(cell) for cell in texts[k]]
             texts[k] = ["0" if gone else cell for cell, gone in zip(texts[k], absent[k], strict=True)]
         plain = [k for k, column in enumerate(columns) if not self._dated(column)]
         numbers = self._with_decimal_points([columns[k] for k in plain], [texts[k] for k in plain])
@@ -74,9 +75,9 @@ class CsvTable(Table):
         try:
             values = np.array([self._values(column, cells) for column, cells in zip(columns, texts, strict=True)])
         except (ValueError, TypeError, ArithmeticError):  # a number beyond decimal ones is of the last kind
-            raise self._bad_cell(columns) from None
+            raise self._bad_cell(columns, missing) from None
         if not np.isfinite(values).all():
-            raise self._bad_cell([column for column in columns if column not in missing] or columns)
+            raise self._bad_cell(columns, missing)
         values[absent] = np.nan
         return values
 
@@ -148,8 +149,8 @@ class CsvTable(Table):
             )
         return [[cell.replace(",", ".") for cell in cells] for cells in texts]
 
-    def _bad_cell(self, columns: Sequence[int]) -> DataError:
-        """Return the error of the first cell that is not a finite number."""
+    def _bad_cell(self, columns: Sequence[int], missing: Collection[int]) -> DataError:
+        """Return the error of the first cell that is not a finite number; those of `missing` columns may be empty."""
         for sample, line in enumerate(self.lines):
             row = split_cells(line, self.delimiter)
             for column in columns:
@@ -158,6 +159,8 @@ class CsvTable(Table):
                     ends = "; the file breaks off there: take the row out" if sample == len(self.lines) - 1 else ""
                     return DataError(f"{place}: the row has {len(row)} of {len(self.headers)} cells{ends}")
                 cell = row[column] if column < len(row) else ""
+                if column in missing and _is_absent(cell):
+                    continue
                 if not cell:
                     return DataError(f"{place}: the cell is empty; it must be a number")
                 if column in self.scales and (fault := self.scales[column].fault(cell)):
@@ -171,6 +174,11 @@ class CsvTable(Table):
                 if not np.isfinite(float(cell.replace(",", "."))):
                     return DataError(f"{place}: {clipped(cell)} is not a finite number")
         return DataError(f"{self.path}: the samples cannot be read as numbers")
+
+
+def _is_absent(cell: str) -> bool:
+    """Return whether a cell marks a missing value."""
+    return cell.strip().lower() in _NO_VALUE
 
 
 def read_table(path: str | Path) -> CsvTable:

@@ -174,6 +174,19 @@ class TestClock:
         assert pieces[1].provenance["rows"] == "52-71"
         assert read_experiment([path], allow_gaps=True).n_samples == 100
 
+    def test_rows_without_a_value_are_gaps(self, write) -> None:
+        lines = [HEADER, *rows(50)]
+        for place, mark in {11: "", 12: "NaN", 13: "n/a"}.items():
+            lines[place] = f"{lines[place].rpartition(',')[0]},{mark}"
+        path = write(lines)
+        with pytest.raises(DataError, match=r'row 12, column ".*": no value \(3 such rows in all\)') as refused:
+            read_recording(path)
+        pieces = read_recordings(path, **refused.value.offers.given)
+        assert [(piece.start, piece.n_samples) for piece in pieces] == [(0.0, 10), (pytest.approx(0.26), 37)]
+        assert [piece.provenance["rows"] for piece in pieces] == ["2-11", "15-51"]
+        whole = read_recording(write([HEADER, *rows(50)]))
+        np.testing.assert_array_equal(pieces[1].outputs, whole.outputs[:, 13:])
+
     def test_gap_in_one_of_several_recordings(self, write) -> None:
         whole = write([HEADER, *rows(50)], name="whole.csv")
         broken = write([HEADER, *rows(30, start=5.0), *rows(20, start=6.0)], name="broken.csv")

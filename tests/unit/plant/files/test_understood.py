@@ -42,6 +42,11 @@ FILES = {
         f"time_s,command_V,displacement_mm\n{ROWS}\n9.0,0.1,0.2\n9.1,0.2,0.1",
         {"allow_gaps": True},
     ),
+    "missing readings": (
+        "a.csv",
+        f"time_s,command_V,displacement_mm\n{ROWS}\n4.0,0.1,\n4.1,0.1,NaN\n4.2,,0.1\n4.3,0.2,0.1",
+        {"allow_gaps": True},
+    ),
 }
 
 
@@ -123,7 +128,7 @@ def test_a_missing_file_is_told(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("header", "rows", "fault"),
     [
-        ("time_s,u,y", ["0,1,2", "0.1,2,NaN", "0.2,3,4", "0.3,1,2"], 'row 3, column "y"'),
+        ("time_s,u,y", ["0,1,2", "0.1,2,inf", "0.2,3,4", "0.3,1,2"], 'row 3, column "y"'),
         ("time_s,u,y", ["0,1,2", "0.1,2,3", "0.2,OVER,4", "0.3,1,2"], 'row 4, column "u": "OVER"'),
         ("time_s;u;y", ["0;1,5;2", "0,1;2,5;3", "0,2;1.003,5;4", "0,3;1,5;2"], 'row 4, column "u": "1.003,5"'),
     ],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from math import log
@@ -111,19 +111,31 @@ def inspect_recordings(recordings: Recordings, *, level: float = 0.01, degree: i
     if not 0.0 < level < 1.0:
         raise DataError(f"level = {level}; it must lie between 0 and 1")
     found: list[Finding] = []
-    for record in flatten(recordings):
+    chosen = flatten(recordings)
+    few = _with_few_levels(chosen, degree)
+    for record in chosen:
         if record.n_samples < FEWEST:
             raise DataError(f"{label(record)}: {record.n_samples} samples are too few to look at; {FEWEST} are needed")
-        found += _of_record(record, level, degree)
+        found += _of_record(record, level, degree, few)
     return tuple(found)
 
 
-def _of_record(record: Recording, level: float, degree: int) -> Iterator[Finding]:
+def _with_few_levels(recordings: Sequence[Recording], degree: int) -> set[str]:
+    """Return the names of inputs that take few levels in all recordings together."""
+    values: dict[str, list[Array]] = {}
+    for record in recordings:
+        for name, row in zip(record.input_names, record.inputs, strict=True):
+            values.setdefault(name, []).append(row)
+    return {name for name, rows in values.items() if few_levels(np.concatenate(rows), degree).size}
+
+
+def _of_record(record: Recording, level: float, degree: int, few: Collection[str]) -> Iterator[Finding]:
     for row, (name, unit) in enumerate(zip(record.input_names, record.input_units, strict=True)):
         channel = _Channel(record, name, unit, record.inputs[row])
         if np.ptp(channel.values) > 0.0:
             yield from _slow(channel, level)
-        yield from _few_levels(channel, degree)
+        if name in few:
+            yield from _few_levels(channel, degree)
     moves = _moves(record)
     for row, (name, unit) in enumerate(zip(record.output_names, record.output_units, strict=True)):
         channel = _Channel(record, name, unit, record.outputs[row])
