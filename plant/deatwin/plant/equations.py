@@ -20,12 +20,10 @@ import numpy as np
 from deatwin.plant.integrator.parts import Step, halves
 from deatwin.plant.parameters import ParameterSet
 
-SAMPLE_START = "sample_start"
-"""Name of the input for the clock time at which a sample begins, s."""
+SAMPLE_START = "sample_start"  # Name of the input for the clock time at which a sample begins, s
 STEP_MIDDLE = "step_middle"
 """Name of the input for the clock time in the middle of a step, s; its use divides each sample in two."""
-KNOWN = (SAMPLE_START, STEP_MIDDLE)
-"""Inputs that are known without measurement."""
+KNOWN = (SAMPLE_START, STEP_MIDDLE)  # Inputs that are known without measurement
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -29,8 +29,7 @@ from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.thesis import thesis_plant
 
-DURATION = 1100.0
-"""Length of each of the thesis' recordings, s."""
+DURATION = 1100.0  # Length of each of the thesis' recordings, s
 
 
 @dataclass(frozen=True, kw_only=True)

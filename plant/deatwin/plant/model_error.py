@@ -31,12 +31,9 @@ if TYPE_CHECKING:
 
 
 SCHEMA = "deatwin/model-error/2"
-BINS = 12
-"""Number of intervals of the command in a band."""
-EVALUATIONS = 30
-"""Largest number of simulations of a refit, which settles in about ten."""
-DIGITS = 2
-"""Step to which the parameters are rounded: within it the error changes by a few percent of itself."""
+BINS = 12  # Number of intervals of the command in a band
+EVALUATIONS = 30  # Largest number of simulations of a refit, which settles in about ten
+DIGITS = 2  # Step to which the parameters are rounded: within it the error changes by a few percent of itself
 
 
 @runtime_checkable

@@ -37,10 +37,7 @@ rounding leaves some 1e-15, and each equation has a scale of its own."""
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SmallSignal:
-    r"""Deviations from rest, sample by sample.
-
-    .. math:: x_{k+1} = A x_k + \sum_l B_l u_{k-l}, \qquad y_k = C x_k + \sum_l D_l u_{k-l}
-    """
+    """Deviations from rest by samples: x_{k+1} = A x_k + sum_l B_l u_{k-l}, y_k = C x_k + sum_l D_l u_{k-l}."""
 
     a: np.ndarray  # shape (n_x, n_x): Dynamics of the states, each in units of its typical size
     b: np.ndarray
@@ -112,11 +109,8 @@ def _differentiated(equations: Equations, point: Point, time: float, sample_time
 
 
 def _static_gain(equations: Equations, point: Point, time: float, sample_time: float) -> float:
-    """Slope of the reading by the command, along states of rest under a slowly changing command.
-
-    Where a combination of the equations says nothing, as of the memory of hysteresis that follows the motion, its
-    time integral is conserved, and says how that state moves.
-    """
+    """Slope of the reading by a slow command. A combination that the equations of rest leave open, as of hysteresis'
+    memory, keeps its time integral, which says how that state moves."""
     (here, held, inputs, values), functions, count = point, sample_functions(equations), 1 + equations.history
     inputs = inputs_at(equations, inputs, time - sample_time, time)
     arguments = (here, held, inputs, time, values, equations.constants)

@@ -37,8 +37,7 @@ from deatwin.plant.model import Plant
 from deatwin.plant.readings import ROWS
 from deatwin.plant.rest import RestState
 
-_TOLERANCE = 1e-12
-"""Tolerance of the algebraic equations, in units of the unknowns' typical sizes."""
+_TOLERANCE = 1e-12  # Tolerance of the algebraic equations, in units of the unknowns' typical sizes
 _UPDATES = 50
 _UNITS = "states in units of their typical sizes; time is the experiment's clock"
 _SETS_TIME = ("  m->t = time;\n", "  m->t = startTime;\n")

@@ -67,10 +67,8 @@ class Piece:
 def even_pieces(
     timepts: Floats, where: Callable[[int], str], *, allow_gaps: bool, stated: float | None = None
 ) -> tuple[float, list[Piece]]:
-    """Return the sample time of a record and its pieces between gaps. `timepts` times of the samples, s; `where`
-    takes a sample number and returns how an error text names its place; `stated` the sample time that the file or
-    its user states, s; returns Time between two samples, s; the same for all pieces.
-    """
+    """Return the sample time, s, and the even pieces of times, s; `where` returns how an error names a sample's
+    place."""
     if len(timepts) == 1 and stated:
         return stated, [Piece.even(1, stated, float(timepts[0]))]
     if len(timepts) < 2:

@@ -15,8 +15,7 @@ from deatwin.plant.files.dates import ORDERS, date_order, day_seconds, is_clock,
 from deatwin.plant.files.units import UNITS
 from deatwin.plant.safe_read import clipped
 
-BEGAN = "clock_began"
-"""Key of the provenance that holds the date of a clock's zero."""
+BEGAN = "clock_began"  # Key of the provenance that holds the date of a clock's zero
 DATES = "dates"
 TIME_UNITS = tuple(name for name, unit in UNITS.items() if unit.si == "s")
 _SIZED = ("s", "ms", "us", "ns")

@@ -20,10 +20,8 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit of a file: ``SI value = (value + shift) * numerator / denominator``.
-
-    Two whole numbers, since 35 / 1000 is the float nearest to 0.035 and 35 * 1e-3 is not.
-    """
+    """A unit of a file: ``SI value = (value + shift) * numerator / denominator``, exact where a product is not: 35 /
+    1000 is the float nearest to 0.035, 35 * 1e-3 is not."""
 
     si: str  # The SI unit of the same kind, or the one that is wanted instead
     numerator: float = 1.0  # Their quotient is the factor
@@ -333,11 +331,7 @@ _SIGNS = str.maketrans(
 
 
 def find_unit(text: str) -> str:
-    """Return the unit that a cell such as ``(mm)``, ``[µm]``, ``s``, ``N·m``, ``m s^-2`` or ``(Volts)`` names.
-
-    >>> find_unit("(mm)"), find_unit("[µm]"), find_unit("(Volts)"), find_unit("N·m"), find_unit("force")
-    ('mm', 'um', 'V', 'N m', '')
-    """
+    """Return the unit that a cell such as ``(mm)``, ``[µm]``, ``s``, ``N·m``, ``m s^-2`` or ``(Volts)`` names."""
     bare = text.strip()
     if bare[:1] + bare[-1:] in ("()", "[]"):
         bare = bare[1:-1].strip()

@@ -34,13 +34,7 @@ of a 16 Hz ball mode after a step to 0.2 µm, five to 0.003 µm, for a third mor
 
 
 def radau(stages: int) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes and Butcher matrix of Radau IIA.
-
-    >>> radau(2)[1].round(12).tolist()
-    [[0.416666666667, -0.083333333333], [0.75, 0.25]]
-
-    Shapes: returns (s,); returns (s, s).
-    """
+    """Nodes (s,) and Butcher matrix (s, s) of Radau IIA."""
     legendre = np.polynomial.legendre.Legendre
     right = legendre.basis(stages) - legendre.basis(stages - 1)
     nodes = (np.sort(right.roots().real) + 1) / 2
@@ -93,9 +87,8 @@ def step_functions(equations: Equations) -> StepFunctions:
 
 
 def _begun(step: ca.Function, rows: Sequence[int], equations: Equations, place: int) -> ca.Function:
-    """A step before which, where the sample begins, integrals over it are put to zero and values are passed on. `rows` the
-    arguments that have a row for each state: the states, and their derivatives; `place` of the time at which it begins.
-    """
+    """A step that first zeroes a sample's integrals and passes values on, if it begins at the time in input `place`;
+    `rows` are the arguments with a row for each state: the states, and their derivatives."""
     arguments = step.mx_in()
     u, t, h = arguments[-5:-2]
     begins = t - u[place] < h / 2  # not so in a shorter step that goes on within a sample

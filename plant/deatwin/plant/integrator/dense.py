@@ -15,8 +15,7 @@ import numpy as np
 
 from deatwin.plant.integrator.lanes import LANES
 
-MOST = 160
-"""Number of states of all stages up to which whole rows cost a quarter of a sparse method, or less."""
+MOST = 160  # Number of states of all stages up to which whole rows cost a quarter of a sparse method, or less
 GIVEN = 1e-16
 """Square of the least share that the pivots of a stage may have in their rows, all multiplied, for what it says of its
 coordinates: what is left grows by the inverse of each, and a smaller one would cost more than half of the digits."""

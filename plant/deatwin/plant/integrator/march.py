@@ -14,8 +14,7 @@ import numpy as np
 from deatwin.plant.integrator.newton import SETTLED
 from deatwin.plant.sample import SHORTER_STEPS, solved
 
-CHUNK = 200
-"""Samples in one call of compiled code."""
+CHUNK = 200  # Samples in one call of compiled code
 
 
 class March:

@@ -30,18 +30,15 @@ from deatwin.plant.integrator.stages import Stages, coupled
 
 Symbol = Any  # casadi.SX or casadi.MX
 
-SETTLED = 1e-10
-"""Estimate of the error, against each unknown's scale, below which the equations count as solved."""
+SETTLED = 1e-10  # Estimate of the error, against each unknown's scale, below which the equations count as solved
 CORRECTIONS = (2, 1, 1, 2, 4, 8)
 """Simplified corrections after the tangent step: the first number for every sample, each further one only while
 the error is large. Smooth plants need two or three; one with friction more, where the motion turns."""
-UPDATES = (4, 10)
-"""Full Newton updates from the start of the step, likewise, where the simplified ones do not settle."""
+UPDATES = (4, 10)  # Full Newton updates from the start of the step, likewise, where the simplified ones do not settle
 EULER_STEPS, EULER_UPDATES = 4, 6
 """A sample that even these do not settle, such as one with a kink of friction, starts anew from implicit Euler
 steps, so many between two stages, with so many Newton updates each."""
-NOTHING = 1e-300
-"""Small number that keeps a ratio of two changes defined if a plant does not move at all."""
+NOTHING = 1e-300  # Small number that keeps a ratio of two changes defined if a plant does not move at all
 
 
 def solved_stages(stages: Stages) -> ca.Function:
@@ -86,10 +83,8 @@ def _continued(
 
 
 def _correction(stages: Stages, linear: _LinearSystems, n_factors: int) -> ca.Function:
-    """``(w, size, error, factors, step) -> (w, size, error)`` by the simplified method.
-
-    Convergence is linear: two successive changes give the rate, and so the remaining error.
-    """
+    """``(w, size, error, factors, step) -> (w, size, error)`` by the simplified method; it converges linearly, so two
+    changes give the rate, and with it the remaining error."""
     (w, size, error), factors, (x, z, *known) = _arguments(stages, n_factors)
     (values,) = stages.everywhere(stages.values, w, known)
     corrected, change = linear.correct(factors, w, ca.vec(values), x, stages.mass(*known[4:]), known[3])

@@ -20,8 +20,7 @@ import casadi as ca
 
 Symbol = Any  # casadi.SX
 
-LEAST = 1e-9
-"""Least share of a part: if the width vanished, a state without inertia would be free."""
+LEAST = 1e-9  # Least share of a part: if the width vanished, a state without inertia would be free
 
 
 class Step(NamedTuple):

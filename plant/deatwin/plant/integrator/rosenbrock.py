@@ -35,13 +35,11 @@ from deatwin.plant.rest import rest_state
 TOLERANCE = 1e-5
 """Relative error of a step, against each unknown's typical size; a millimetre of displacement is then right within some
 hundredths of a micrometre over minutes (tests/unit/plant/integrator/test_rosenbrock.py)."""
-SHORTEST = 1e-7
-"""Shortest step, s."""
+SHORTEST = 1e-7  # Shortest step, s
 SAFETY, SHRINK, GROW = 0.8, 0.2, 4.0
 FURTHEST = 1.0
 """Largest change of a coordinate at a jump of the input, against its typical size: beyond it a film has pulled in."""
-CONSISTENT = 1e-9
-"""Change of a coordinate, against its typical size, at which it counts as consistent."""
+CONSISTENT = 1e-9  # Change of a coordinate, against its typical size, at which it counts as consistent
 GAMMA = 0.25
 AT = np.array([0.0, 0.386, 0.21, 0.63, 1.0, 1.0])
 SLOPES = np.array([0.25, -0.1043, 0.1035, -0.0362, 0.0, 0.0])

@@ -39,11 +39,8 @@ def move_with_film(
     forces: Symbol,
     build: Builder,
 ) -> None:
-    """Write the motion of a part and of the film about it, whose own mass counts.
-
-    `scales` the further coordinates with their sizes, `film` (n, n) the film's mass by its undeformed thickness, `damped`
-    (n, n) what damps the film, to a scale on which the part has the damping that is stated; the part comes first.
-    """
+    """Write the motion of a part, which comes first, and of the film about it; `scales` are those of its coordinates.
+    Shapes: mass `film` (n, n) by undeformed thickness; `damped` (n, n), scaled to the part's stated damping."""
     speeds = ca.vertcat(velocity, *(build.state(f"{name}_rate", scale=scale) for name, scale in scales.items()))
     mass = matrix("inertia", film, build) * build.parameter("thickness")
     mass[0, 0] += build.parameter("mass")
