@@ -112,10 +112,8 @@ def kalman_filter(model: StateSpace, outputs: ArrayLike) -> Filtered:
 
 
 def adjoint(filtered: Filtered) -> tuple[Array, Array]:
-    """Run the filter's adjoint backward over the record [2]_, [3]_. Shapes: returns the gradients of the log
-    likelihood by a shift of the state just before each sample is measured (n, n_states), and minus the second
-    derivatives (n, n_states, n_states).
-    """
+    """Run the filter's adjoint backward [2]_, [3]_; returns gradients of the log likelihood by a shift of the state
+    before each sample (n, n_states), and minus the second derivatives (n, n_states, n_states)."""
     _require_no_fading(filtered.model)
     return backward(filtered.model, filtered.innovations, filtered.innovation_variances, filtered.gains)
 

@@ -37,14 +37,11 @@ from deatwin.plant.model import Plant
 
 Array = NDArray[np.float64]
 
-STEPS = 1500
-"""Steps of the filter in which amplitude and memory are found: samples are joined until there are no more."""
-MEMORIES = 5
-"""Memories that are tried, from one step to three times the record."""
+STEPS = 1500  # Steps of the filter in which amplitude and memory are found: samples are joined until there are no more
+MEMORIES = 5  # Memories that are tried, from one step to three times the record
 SHARES = (0.1, 0.5, 2.0)
 """Amplitudes that are tried, by the rms that they make in the reading against that of the residual."""
-REFINEMENTS = 25
-"""Likelihoods for the refinement of amplitude and memory."""
+REFINEMENTS = 25  # Likelihoods for the refinement of amplitude and memory
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

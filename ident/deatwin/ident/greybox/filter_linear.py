@@ -27,8 +27,7 @@ from deatwin.plant.rest import rest_state
 
 Array = NDArray[np.float64]
 
-ALIKE = 1 - 1e-9
-"""Cosine of the answers to two openings above which they are one."""
+ALIKE = 1 - 1e-9  # Cosine of the answers to two openings above which they are one
 SPREAD = 0.3
 """Deviation of a calibrated parameter from the truth, as a share, where a missing effect has bent the calibration."""
 

@@ -19,17 +19,14 @@ from deatwin.ident.greybox.minimum import Minimum, minimise
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.status import FitStatus
 
-_TWICE = 2.0
-"""Distance of the first look, in half widths of the interval."""
+_TWICE = 2.0  # Distance of the first look, in half widths of the interval
 _LEAST = 0.5
 """Share of the predicted rise, fourfold that at the interval's end, below which the interval is too short: the error
 at its end may then be as low as half of the limit."""
 _SLACK = 1.25
 """Times the predicted distance that others may go: an interval that is a quarter off is none that is wrong."""
-_CLEARLY = 0.1
-"""Squared standard errors by which another minimum is lower, and not the same one, better known."""
-_GROWTH = 1.6
-"""Each further point lies so many times farther away than the one before."""
+_CLEARLY = 0.1  # Squared standard errors by which another minimum is lower, and not the same one, better known
+_GROWTH = 1.6  # Each further point lies so many times farther away than the one before
 _BEYOND = 4.0
 """Times the limit: where the error has risen so far, another minimum behind is one that the starts have to find."""
 _EVALUATIONS, _WITHIN = 8, 1e-2

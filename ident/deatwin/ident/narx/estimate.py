@@ -62,8 +62,7 @@ class LeastSquares:
         return Estimate(theta=theta, theta_cov=variance * (root @ root.T), noise_variance=variance)
 
 
-least_squares = LeastSquares()
-"""Least squares, ready to be called."""
+least_squares = LeastSquares()  # Least squares, ready to be called
 
 
 @dataclass(frozen=True, eq=False)

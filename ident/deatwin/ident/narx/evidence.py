@@ -42,12 +42,8 @@ _LEAST_SHARE = 1e-14
 
 
 def log_evidence(share: Array | float, n_terms: int, n_samples: int) -> Array:
-    """Return ln p(y
-
-    structure) - ln p(y
-
-    no term) in nats, under the unit-information prior.
-    """
+    """Return ln p(y | structure) - ln p(y | no term), nats, by the unit-information prior; `share` of the squares is
+    left."""
     return np.asarray(-0.5 * n_terms * log(1 + n_samples) - 0.5 * n_samples * np.log(np.maximum(share, _LEAST_SHARE)))
 
 
@@ -160,11 +156,8 @@ class _Fit:
         return self._gains(self.moment, self.beyond)
 
     def gains_without(self) -> Array:
-        """Gain by each candidate after one term is removed, shape (n_terms, n_candidates).
-
-        The removed term's own component has the sum of squares 1 / inverse and the product theta / inverse with y; a
-        candidate regains its share of it.
-        """
+        """Gains by each candidate without one term, (n_terms, n_candidates): its own component, of square 1 / inverse
+        and product theta / inverse with y, is partly regained."""
         back = self.shares / self.inverse[:, None]
         return self._gains(self.moment + back * self.theta[:, None], self.beyond + back * self.shares)
 

@@ -252,11 +252,8 @@ def _with_term(model: NarxModel, term: Term) -> NarxModel:
 
 
 def sensitivities(model: NarxModel, recording: Recording) -> Array:
-    """Return the derivatives of a free run by the parameters, (n - first, n_terms).
-
-    From y(k) = f(y(k-1), ..; theta) follows s(k) = f_theta(k) + sum_l a_l(k) s(k-l), with the slopes a_l of f by
-    y(k-l): a banded triangular system for all samples at once.
-    """
+    """Derivatives of a free run by parameters, (n - first, n_terms): s(k) = f_theta(k) + sum_l a_l(k) s(k-l), with the
+    slopes a_l of f by y(k-l), as one banded triangular system."""
     _require_simple(model)
     return _responses(model, recording, _run(model, recording), model.table)
 
@@ -337,11 +334,8 @@ class _Search:
         self.best, self.least, self.steps = model.theta, np.inf, 0
 
     def run(self, tolerance: float) -> None:
-        """Search for the parameters of least error, by Gauss-Newton steps in a trust region.
-
-        Errors and parameters are counted so that outputs and sensitivities are about 1, by powers of two, which round
-        nothing: the gradient at which the search ends then does not depend on units.
-        """
+        """Search for the least error by Gauss-Newton steps in a trust region. Powers of two, which round nothing, bring
+        outputs and sensitivities to about 1, so that its end does not depend on units."""
         from scipy.optimize import least_squares
 
         start = self.jacobian(self.model.theta)

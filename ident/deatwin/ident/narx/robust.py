@@ -29,19 +29,15 @@ from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
 
-BLOCKS = 64
-"""Into which a record is cut: those of five minutes are five seconds long."""
+BLOCKS = 64  # Into which a record is cut: those of five minutes are five seconds long
 _ALONE = 1e-9  # share of what is known of a parameter that has to remain without a block
 _FEWEST = 8  # cosines of the scatter
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cosines:
-    """Cosine coefficients of short series, for the covariance of their mean and their drift.
-
-    The coefficients of an uncorrelated stationary series are uncorrelated, with one covariance: n times that of its
-    mean.
-    """
+    """Cosine coefficients of short series, for the covariance of mean and drift: those of an uncorrelated stationary
+    series are uncorrelated, with n times the covariance of its mean."""
 
     coefficients: Array
     n_slow: int  # The first of them, which belong to a drift and do not count as scatter
@@ -107,12 +103,8 @@ def _shapes(half_periods: NDArray[np.int_], shares: Array, n: int) -> Array:
 def pseudovalues(
     model: NarxModel, recordings: Recordings, *, n_blocks: int = BLOCKS, instruments: Recordings | None = None
 ) -> Array:
-    """Return the deviation of the parameters that each block of samples alone suggests, (n_blocks, n_terms).
-
-    Leaving out block k of a least-squares fit with regressors P and residuals e changes the parameters by exactly -(P
-    P' - P_k P_k')^-1 P_k e_k; the pseudovalue is n_blocks - 1 times the opposite. With `instruments`, their regressors
-    Z replace the first P of each product.
-    """
+    """Return each block's own deviation of parameters, (n_blocks, n_terms): n_blocks - 1 times (P P' - P_k P_k')^-1 P_k
+    e_k, with regressors P and residuals e. `instruments` give Z for the first P of each product."""
     model.require_one_output("the jackknife")
     if not isinstance(n_blocks, int | np.integer) or n_blocks < 2:
         raise ModelError(f"n_blocks = {n_blocks!r}; it must be an integer of at least 2")

@@ -24,10 +24,8 @@ from deatwin.plant.errors import ModelError
 Array = NDArray[np.float64]
 Range = tuple[float, float]
 
-LINES = 8
-"""Frequencies in a band, enough for the curvature of a response with few poles."""
-TONES = 16
-"""Frequencies of each further tone, over both signs."""
+LINES = 8  # Frequencies in a band, enough for the curvature of a response with few poles
+TONES = 16  # Frequencies of each further tone, over both signs
 _HIGHEST = 5  # half a million combinations
 
 

@@ -24,10 +24,8 @@ from deatwin.ident.narx import NarxModel, Recording, ThetaTrajectory
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-HIGHEST = 5
-"""N: the degree of the fleet's models, which have no higher order."""
-PERIODS = 10
-"""Time after which a free run counts as steady."""
+HIGHEST = 5  # N: the degree of the fleet's models, which have no higher order
+PERIODS = 10  # Time after which a free run counts as steady
 BANDS = ((0.1, 0.5), (0.5, 1.0), (1.0, 2.0), (2.0, 3.0))
 """Bands in which powers are compared, Hz: from the third line of a window of 20 s on, the mean being left out; up to 1 Hz there
 is input, above only what the nonlinearity makes."""

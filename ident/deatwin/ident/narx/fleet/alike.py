@@ -28,10 +28,8 @@ from deatwin.plant.recording import Recording
 
 Array = NDArray[np.float64]
 Structure = tuple[Term, ...]
-OPERATING_INPUT = 2.4
-"""Mean of the thesis' noise, V: the operating point that all actuators are compared at."""
-BAND = (0.0, 1.0)
-"""Band of the thesis' noise, Hz."""
+OPERATING_INPUT = 2.4  # Mean of the thesis' noise, V: the operating point that all actuators are compared at
+BAND = (0.0, 1.0)  # Band of the thesis' noise, Hz
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -30,8 +30,7 @@ SEGMENTS = 40
 HELD_OUT = 100.0
 """The end of a stationary stretch, on which nothing is chosen or fitted, s; the same for all, so that the tests are
 equally sharp."""
-SAMPLING_LAGS = 500
-"""Lags over which the correlation of a reading is examined."""
+SAMPLING_LAGS = 500  # Lags over which the correlation of a reading is examined
 
 
 @dataclass(frozen=True, kw_only=True)
