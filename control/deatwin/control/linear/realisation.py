@@ -22,8 +22,7 @@ Complex = NDArray[np.complex128]
 _NOTHING = 1e-11
 """Cosine of a mode with all that excites it, or shows it, below which that is rounding: one sample of the slowest
 effect of the catalogue, 20000 s, still moves its mode by 1e-6."""
-_BLOCK = 512
-"""Samples of a step response that are computed at once."""
+_BLOCK = 512  # Samples of a step response that are computed at once
 _BITS = 64
 """Behind the point of the largest entry of a matrix in integers; smaller entries lose nothing that a sum with the
 largest would keep, and 11 bits more than that."""
