@@ -28,12 +28,10 @@ from deatwin.studies.public.records import Candidates, DataSet
 from deatwin.studies.public.sources import data_folder
 from deatwin.studies.stories import Setting
 
-LENGTH = 80e-3
-"""Between the clamps, m."""
+LENGTH = 80e-3  # Between the clamps, m
 FITTED_RATES, HELD_OUT_RATE = ("0d01", "0d05"), "0d03"
 STRETCHES, FAR = ("1d5", "2d0"), "3d0"
-STEP = 10
-"""Samples of 20 ms from one of a black box to its next."""
+STEP = 10  # Samples of 20 ms from one of a black box to its next
 
 
 def run(setting: Setting) -> Mapping[str, Any]:

@@ -16,8 +16,7 @@ from urllib.parse import parse_qs
 
 LOOPBACK = "127.0.0.1"
 HOSTS = (LOOPBACK, "localhost")
-ENVELOPE = 100_000
-"""Bytes that a form takes around the file in it."""
+ENVELOPE = 100_000  # Bytes that a form takes around the file in it
 
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]

@@ -29,8 +29,7 @@ from deatwin.app.live.verdicts import Verdict
 from deatwin.plant.errors import DeatwinError
 from deatwin.plant.readoptions import ReadOptions
 
-REFRESH = 0.5
-"""Seconds between two looks at the jobs."""
+REFRESH = 0.5  # Seconds between two looks at the jobs
 INVITATION = """
 <div class="invite">
   <label class="relative-position">Drop recordings or a rig file (TOML) here, up to %s MB
@@ -39,8 +38,7 @@ INVITATION = """
 </div>
 """
 """In place of Quasar's own header, whose button has no name for those who cannot see it."""
-SHOWN = 3
-"""Results that are compared when the page opens."""
+SHOWN = 3  # Results that are compared when the page opens
 
 
 def application(board: Board, *, most_bytes: int, send_file: Callable[[str], Any]) -> FastAPI:

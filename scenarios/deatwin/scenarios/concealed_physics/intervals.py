@@ -28,10 +28,8 @@ from deatwin.scenarios.concealed_physics.cases import IntervalSpec
 RIG_SPREAD, EFFECT_SPREAD = 0.1, 0.4
 """Half widths within which the logarithms of true values are drawn around the typical ones."""
 SECONDS = 60.0
-ATTEMPTS = 20
-"""Draws of true values until a plant can follow the commands."""
-COLOUR = 0.6
-"""Correlation of neighbouring samples of coloured noise."""
+ATTEMPTS = 20  # Draws of true values until a plant can follow the commands
+COLOUR = 0.6  # Correlation of neighbouring samples of coloured noise
 TOLERANCE = 1e-6
 
 

@@ -47,8 +47,7 @@ class Tanks(Rig):
     input_unit: ClassVar[str] = "V"
     output_name: ClassVar[str] = "level"
     output_unit: ClassVar[str] = "V"
-    model_share: ClassVar[float] = 0.1
-    """Outlets after Torricelli, a straight pump."""
+    model_share: ClassVar[float] = 0.1  # Outlets after Torricelli, a straight pump
     sizes: ClassVar[Sizes] = Sizes(
         motion=5.0, force=0.1, period=100.0, command=3.0, motion_unit="V", force_unit="V/s", body="level"
     )
@@ -89,10 +88,8 @@ def _root(level: Any) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class Overflow(Effect):
-    r"""Water runs over the brim of both tanks; part of what the upper one loses falls into the lower one.
-
-    .. math:: q = r\,p(h - h_b), \qquad p(x) = w\ln(1 + e^{x/w})
-    """
+    """Water over the brims, q = r p(h - h_b), p(x) = w ln(1 + e^(x/w)); part of the upper tank's falls into the lower
+    one."""
 
     rate: float = 0.2  # r in 1/s
     brim: float = 9.5  # :math:`h_b` in V of the level's sensor
@@ -107,8 +104,7 @@ class Overflow(Effect):
         "The tanks overflow beyond {brim}, at {rate} times the excess, and a share of {caught} of what the upper "
         "one loses falls into the lower one"
     )
-    width: ClassVar[float] = 0.05
-    """w in V."""
+    width: ClassVar[float] = 0.05  # w in V
 
     def describe(self) -> tuple[Parameter, ...]:
         return (

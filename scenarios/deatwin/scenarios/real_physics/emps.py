@@ -39,13 +39,10 @@ from deatwin.studies.stories import Setting
 
 WORDS = Words(__package__)
 Array = NDArray[np.float64]
-FITTED = 13_000
-"""Samples: two strokes out and back."""
+FITTED = 13_000  # Samples: two strokes out and back
 FILES = ("DATA_EMPS.mat", "DATA_EMPS_PULSES.mat")
-STEP = 10
-"""Samples of 1 ms from one of a black box to its next."""
-SMOOTH = 25.0
-"""Hz, up to which the recording is differentiated."""
+STEP = 10  # Samples of 1 ms from one of a black box to its next
+SMOOTH = 25.0  # Hz, up to which the recording is differentiated
 
 
 @dataclass(frozen=True, kw_only=True)

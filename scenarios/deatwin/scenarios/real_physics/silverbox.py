@@ -27,10 +27,8 @@ from deatwin.studies.stories import Setting
 
 WORDS = Words(__package__)
 Array = NDArray[np.float64]
-FITTED = slice(40_540, 57_900)
-"""Two realisations of the multisine, each after some hundred samples of rest."""
-BAND = 250.0
-"""Hz, up to which the recording is differentiated: the input ends at 200."""
+FITTED = slice(40_540, 57_900)  # Two realisations of the multisine, each after some hundred samples of rest
+BAND = 250.0  # Hz, up to which the recording is differentiated: the input ends at 200
 
 
 @dataclass(frozen=True, kw_only=True)
