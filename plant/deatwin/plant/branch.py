@@ -1,7 +1,7 @@
 """Equilibria of a plant along the command: the end of a branch in a fold, and snaps of a simulation to another one.
 
-In a fold the tangent of the equations of rest turns singular: the film's stiffness is zero there and negative beyond
-it. A film that passes a fold snaps to another equilibrium, if there is one, and pulls in if there is none.
+In a fold the tangent of the equations of rest is singular: the film's stiffness is zero there, and negative beyond. A
+film that passes a fold snaps to another equilibrium, or pulls in if there is none.
 """
 
 from __future__ import annotations

@@ -1,11 +1,10 @@
 """Semi-explicit, index-1 differential-algebraic equation (DAE) of a rig and its effects.
 
-.. math::
-    M(p)\\,\\dot x = f(x, z, d, u, t, p), \\qquad 0 = g(x, z, d, u, t, p), \\qquad y = h(x, z, d, u, t, p)
+    M(p) dx/dt = f(x, z, d, u, t, p),    0 = g(x, z, d, u, t, p),    y = h(x, z, d, u, t, p)
 
-with states *x*, algebraic coordinates *z*, quantities *d* held at their value at rest, inputs *u* (the command,
-its past samples and further channels, where effects ask for them), clock *t* and parameters *p*. A zero on the
-diagonal of *M* turns a state into an algebraic one, so that a vanishing time constant is exact.
+States x, algebraic coordinates z, quantities d held at their value at rest, inputs u (the command, past samples of it
+and channels that effects ask for), clock t, parameters p. A zero on the diagonal of M makes a state algebraic, so a
+vanishing time constant is exact.
 """
 
 from __future__ import annotations

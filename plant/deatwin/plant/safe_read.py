@@ -1,8 +1,7 @@
 """Safe reading of a user's files: plain files only, and no more than a computer can hold.
 
-Every reader takes its bytes from here. A pipe or a device has no end and may never answer; a small file may unpack
-to more than the memory: both are refused before they are read. The limits are here and nowhere else, and
-docs/how-to/files-and-export.md states them.
+Every reader takes its bytes from here. A pipe may never answer, and a small file may unpack to more than the memory;
+both are refused first. docs/how-to/files-and-export.md states the limits.
 """
 
 import os

@@ -1,15 +1,7 @@
 """Linearisation of one sample of a plant about rest, as the matrices of a sampled linear system.
 
-The step over a sample, :math:`(x, u) \\to (x^+, y)`, solves the collocation equations
-
-.. math:: M\\sum_j (A^{-1})_{ij}(X_j - x) = h f(X_i, Z_i, u, t + c_i h), \\qquad 0 = g(X_i, Z_i, u, t + c_i h)
-
-so that its exact derivatives follow from the implicit function theorem: one linear system, with a right side for each
-state and each input.
-
-References
-----------
-Hairer & Wanner, Solving Ordinary Differential Equations II (1996), section IV.5, doi:10.1007/978-3-642-05221-7.
+The step (x, u) -> (x+, y) solves the equations of `deatwin.plant.integrator.collocation`, so its exact derivatives
+follow from the implicit function theorem: one linear system, with a right side for each state and each input.
 """
 
 from __future__ import annotations

@@ -1,10 +1,7 @@
-r"""Functions with and without memory that make up a free form.
+"""Functions of one signal s, with and without memory, that make up a free form: pure numbers, s being in units of its
+scale.
 
-Each takes one signal, in units of its own scale so that it is of order 1, and gives a pure number. A memory m follows
-
-.. math:: \dot m = r(s, m)
-
-from its value at rest on. Corners are rounded: :math:`p(x) = x^2/(x + 0.001)` above 0, else 0.
+A memory follows dm/dt = r(s, m) from its value at rest on; corners are rounded, p(x) = x^2/(x + 0.001) above 0, else 0.
 """
 
 from __future__ import annotations

@@ -1,9 +1,7 @@
 """Times that are not plain numbers with a unit: dates, times of day, Unix times.
 
-A Unix time counts from 1970-01-01 in UTC. Its size tells its unit: from 2001-09-09, when it was 1e9 s, to 2065, when it
-will be 3e9 s, the numbers in s, ms, us and ns do not overlap. A clock that has run for 32 years is no other
-explanation; above, numbers may be seconds since 1904, as LabVIEW counts. Where the unit is stated, only that one is
-tried.
+The size of a Unix time tells its unit: from 2001-09-09, 1e9 s, to 2065, 3e9 s, numbers in s, ms, us and ns do not
+overlap, and no clock has run for 32 years; above, numbers may be seconds since 1904, as LabVIEW counts.
 """
 
 from collections.abc import Iterable, Sequence

@@ -1,10 +1,9 @@
 """Units of file columns, and their conversion to SI and back.
 
-Factors are definitions: the pound-force is 0.45359237 kg times 9.80665 m/s2, the inch 0.0254 m, a turn 2 pi rad.
-A temperature in degrees Celsius is shifted to kelvin, a temperature difference is not: it is told by its name, as
-``dT``, ``temperature rise``, or by its unit, as ``delta_degC``. ``g`` is the gram, and behind the name of an
-acceleration standard gravity. ``C`` is the degree Celsius behind the name of a temperature and
-the coulomb behind that of a charge; behind others nobody knows. Products and quotients follow from their factors.
+Factors are definitions: the pound-force is 0.45359237 kg times 9.80665 m/s2, the inch 0.0254 m, a turn 2 pi rad. Only a
+temperature is shifted to kelvin, not a difference, which its name tells (``dT``, ``temperature rise``) or its unit
+(``delta_degC``). ``g`` is the gram, behind the name of an acceleration gravity; ``C`` is degrees behind the name of a
+temperature and coulomb behind that of a charge, else unknown.
 """
 
 import math

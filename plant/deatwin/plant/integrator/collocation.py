@@ -1,17 +1,10 @@
-"""Radau IIA collocation and one implicit step of a DAE, with its sensitivities.
+"""Radau IIA collocation and one implicit step of a DAE, with sensitivities by the implicit function theorem.
 
-The scheme is L-stable and stiffly accurate: algebraic equations hold at the end of each step, and a state
-whose mass is zero is an algebraic one. One step solves
+The scheme is L-stable and stiffly accurate: algebraic equations hold at the end of each step, and a state whose mass is
+zero is algebraic (Hairer & Wanner, Solving Ordinary Differential Equations II, 1996, section IV.5,
+doi:10.1007/978-3-642-05221-7). By Newton's method a step solves
 
-.. math::
-    M\\sum_j (A^{-1})_{ij}(X_j - x_0) = h f(X_i, Z_i, u, t + c_i h), \\qquad 0 = g(X_i, Z_i, u, t + c_i h)
-
-by Newton's method, and its derivatives follow from the implicit function theorem.
-
-References
-----------
-Hairer & Wanner, Solving Ordinary Differential Equations II (1996), section IV.5,
-doi:10.1007/978-3-642-05221-7.
+    M sum_j (A^-1)_ij (X_j - x_0) = h f(X_i, Z_i, u, t + c_i h),    0 = g(X_i, Z_i, u, t + c_i h).
 """
 
 from __future__ import annotations

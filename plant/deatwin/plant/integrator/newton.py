@@ -1,18 +1,10 @@
 """Newton's method on the stages of an implicit step: simplified and transformed, and in full where that fails.
 
-The simplified method keeps the Jacobian *J* of the start of the step for all stages. With the eigenvectors of the
-inverse Butcher matrix :math:`A^{-1} = T\\Lambda T^{-1}` the system of all stages falls apart into one of the
-plant's own size for each eigenvalue,
+The simplified method keeps the Jacobian J of the start for all stages. With the inverse Butcher matrix A^-1 = T Lambda
+T^-1, the system falls apart into one of the plant's size for each eigenvalue, of which one of each conjugate pair is
+solved (Hairer & Wanner, 1996, section IV.8, doi:10.1007/978-3-642-05221-7):
 
-.. math:: (\\lambda M - hJ)\\,v_\\lambda = (T^{-1} G)_\\lambda, \\qquad
-          \\Delta w = \\sum_\\lambda T_\\lambda v_\\lambda
-
-of which one of each conjugate pair is solved.
-
-References
-----------
-Hairer & Wanner, Solving Ordinary Differential Equations II (1996), section IV.8,
-doi:10.1007/978-3-642-05221-7.
+    (lambda M - h J) v_lambda = (T^-1 G)_lambda,    Delta w = sum_lambda T_lambda v_lambda.
 """
 
 from __future__ import annotations

@@ -1,19 +1,12 @@
-r"""A plant integrated by a Rosenbrock method with its own choice of step: no Newton iterations, no fixed stages.
+"""A plant integrated by a Rosenbrock method with its own choice of step: no Newton iterations, no fixed stages.
 
-One step of :math:`M\dot w = F(w, t)` from w over h solves, with one matrix for all six stages,
+One step of M dw/dt = F(w, t) from w over h solves, with one matrix for all six stages,
 
-.. math::
-    \Bigl(\frac{M}{\gamma h} - F_w\Bigr)\,k_i =
-    F\Bigl(w + \sum_{j<i} a_{ij}k_j,\; t + \alpha_i h\Bigr) + M\sum_{j<i}\frac{c_{ij}}{h}k_j + \gamma_i h F_t
+    (M/(gamma h) - F_w) k_i = F(w + sum_j a_ij k_j, t + alpha_i h) + M sum_j (c_ij/h) k_j + gamma_i h F_t,  j < i.
 
-The scheme has order 4 with an estimate of order 3, and is L-stable and stiffly accurate, so algebraic equations
-(rows of M that are zero) hold at the end of each step. Where an input jumps, the coordinates jump with it: they
-are made consistent by Newton's method before the next step.
-
-References
-----------
-Hairer & Wanner, Solving Ordinary Differential Equations II (1996), section VI.4 (the method RODAS),
-doi:10.1007/978-3-642-05221-7.
+RODAS (Hairer & Wanner, 1996, section VI.4, doi:10.1007/978-3-642-05221-7) has order 4 with an estimate of order 3, is
+L-stable and stiffly accurate, so that algebraic equations (zero rows of M) hold at the end of each step. Where an input
+jumps, Newton's method makes the coordinates consistent before the next step.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
-r"""A film that is round about an axis, as a sum of shapes: it moves in its plane and out of it.
+"""A film round about an axis, as a sum of shapes that move in its plane and out of it.
 
-With the reference radius :math:`\rho` and the prestretch :math:`\Lambda`
+    r = rho (Lambda + sum_k g_k f_k(rho)),    z = sum_k h_k e_k(rho),    lambda_1^2 = r'^2 + z'^2,    lambda_2 = r/rho,
 
-.. math:: r = \rho\,\Bigl[\Lambda + \sum_k g_k f_k(\rho)\Bigr], \qquad z = \sum_k h_k e_k(\rho), \qquad
-          \lambda_1^2 = r'^2 + z'^2, \qquad \lambda_2 = \frac r\rho .
+where rho is the reference radius and Lambda the prestretch.
 """
 
 from __future__ import annotations
