@@ -1,9 +1,8 @@
 """How far a parameter may go where the linear model of a fit does not hold: its error is looked at, not predicted.
 
-A linear model is good about a minimum. Where the readings hardly tell two parameters apart, the interval that it gives
-is long, and the error beyond may rise more slowly or fall again. So the parameter that is known worst is held at twice
-its interval, and the others are fitted: if the error rises there as predicted and the others go no farther than
-predicted, all intervals stand.
+Where readings hardly tell two parameters apart the error may rise more slowly beyond a long interval, or fall again. So
+the worst known parameter is held at twice its interval, and the others are fitted: if the error rises as predicted and
+they go no farther than predicted, all intervals stand.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""What a model carries of the recordings that it was identified from: what they excited, and how far it can be relied on.
-
-`deatwin identify` and whoever identifies from Python save the same file by it.
-"""
+"""Attach to a model what its recordings excited and how reliable it is, for the command line and Python users alike."""
 
 from __future__ import annotations
 

@@ -1,6 +1,5 @@
-"""Variational Bayesian linear regression with automatic relevance determination.
-
-The updates and the lower bound are those of Drugowitsch, arXiv:1310.5438, section 2.
+"""Variational Bayesian linear regression with automatic relevance determination (Drugowitsch, arXiv:1310.5438, section
+2).
 """
 
 from __future__ import annotations

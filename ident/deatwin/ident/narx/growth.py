@@ -1,9 +1,8 @@
-"""Growth of a model where the noise is not what least squares takes it for: terms judged by the free run refined.
+"""Growth of a model where the noise is not white, with terms judged by the refined free run.
 
-Least squares of the one-step error, and its F test, are right where that error is white. Where it is not, as with noise
-on the readings of a slow plant, parameters are biased, a term that the free run needs lowers the one-step error by
-nothing, and no single addition need help. So terms are added by the free-run error, with parameters of least free-run
-error, and the number of terms is judged afterwards, over the whole path.
+There, as with noise on the readings of a slow plant, least squares of the one-step error is biased, a term that the
+free run needs lowers it by nothing, and no single addition need help. So terms are added by the free-run error, and
+their number is judged afterwards, over the whole path.
 """
 
 from __future__ import annotations

@@ -1,18 +1,4 @@
-"""Models of least free-run error: their parameters by exact sensitivities, terms added and taken out one by one.
-
->>> import numpy as np
->>> from deatwin.ident.narx import Frols, NarxModel, Recording
->>> plant = NarxModel.from_terms({"y(k-1)": 0.8, "u(k-1)": 0.5, "y(k-1)^3": -0.1}, sample_time=1.0)
->>> rng = np.random.default_rng(0)
->>> u = rng.normal(size=2000)
->>> y = plant.simulate(Recording.from_arrays(u, 0 * u, 1.0)).outputs[0] + 0.2 * rng.normal(size=2000)
->>> noisy = Recording.from_arrays(u, y, 1.0)
->>> found = Frols(output_lags=1, input_lags=1, degree=3, max_terms=3).fit(noisy).model_
->>> for model in (found, refine(found, noisy)):
-...     print(round(dict(zip(map(str, model.terms), model.theta))["y(k-1)"], 1))
-0.7
-0.8
-"""
+"""Models of least free-run error: their parameters by exact sensitivities, terms added and taken out one by one."""
 
 from __future__ import annotations
 

@@ -1,15 +1,9 @@
 """What is left of a NARX model: the five correlation tests of its residual, and its whiteness.
 
-References
-----------
-.. [1] Billings, Voon, "Correlation based model validity tests for non-linear models", Int. J. Control 44 (1986)
-   235-244, doi:10.1080/00207178608933593.
-.. [2] Ljung, Box, "On a measure of lack of fit in time series models", Biometrika 65 (1978) 297-303,
-   doi:10.1093/biomet/65.2.297.
-.. [3] Haugh, "Checking the independence of two covariance-stationary time series", J. Am. Stat. Assoc. 71 (1976)
-   378-385.
-.. [4] Sidak, "Rectangular confidence regions for the means of multivariate normal distributions", J. Am. Stat. Assoc.
-   62 (1967) 626-633, doi:10.1080/01621459.1967.10482935.
+.. [1] Billings, Voon, Int. J. Control 44 (1986) 235-244, doi:10.1080/00207178608933593.
+.. [2] Ljung, Box, Biometrika 65 (1978) 297-303, doi:10.1093/biomet/65.2.297.
+.. [3] Haugh, J. Am. Stat. Assoc. 71 (1976) 378-385.
+.. [4] Sidak, J. Am. Stat. Assoc. 62 (1967) 626-633, doi:10.1080/01621459.1967.10482935.
 """
 
 from __future__ import annotations

@@ -1,17 +1,10 @@
 """How well the parameters of a model are known when its residuals are neither white nor of one size.
 
-Least squares gives a covariance that holds for white residuals. Where the terms leave out physics the residuals are
-correlated, and the parameters scatter more from record to record than that covariance says. Here a record is cut into
-blocks, longer than what it remembers, and each is left out in turn (jackknife): how far the parameters move says how
-they scatter. In the order of time the blocks also say whether the parameters drift: the slowest cosines through them
-are larger then than the others.
-
-References
-----------
-Künsch, "The jackknife and the bootstrap for general stationary observations", Ann. Stat. 17 (1989) 1217-1241.
-Lazarus, Lewis, Stock, Watson, "HAR inference: recommendations for practice", J. Bus. Econ. Stat. 36 (2018) 541-559:
-equally weighted cosines, and the t and F laws that follow.
-White, "Maximum likelihood estimation of misspecified models", Econometrica 50 (1982) 1-25.
+Where terms leave out physics, parameters scatter more from record to record than least squares says (White,
+Econometrica 50 (1982) 1-25). So a record is cut into blocks longer than what it remembers, and each is left out in turn
+(jackknife: Künsch, Ann. Stat. 17 (1989) 1217-1241). In the order of time the blocks' slowest cosines say whether
+parameters drift (Lazarus, Lewis, Stock, Watson, J. Bus. Econ. Stat. 36 (2018) 541-559: equally weighted cosines, t and
+F laws).
 """
 
 from __future__ import annotations

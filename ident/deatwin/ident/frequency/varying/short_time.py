@@ -1,9 +1,8 @@
 """The output's short-time spectrum, as the TV-NOFRFs predict it from the input, and as it was recorded.
 
-In each window the input's deviations are taken for one period of a periodic excitation, and the model of the window's
-middle answers with Y = G_1 U_1 + ... + G_N U_N. Both this answer and the recording are then seen through the same Hann
-window: it hides the seam of the period, where the answer is that to an input that jumps, and the leakage is the same on
-both sides.
+In each window the input's deviations are taken for a period of a periodic one, and the model of the window's middle
+answers Y = G_1 U_1 + ... + G_N U_N. Answer and recording are seen through one Hann window: it hides the seam of the
+period, and leakage is the same on both sides.
 """
 
 from __future__ import annotations
