@@ -1,9 +1,8 @@
 """A sampled linear system by its matrices, and the coefficients of its transfer function.
 
-Slow poles crowd near z = 1: of a product of factors 1 - p, each some 1e-4, the coefficients of the polynomial hold no
-more than their last digits, and of five such factors none. So gain, poles, zeros and responses are computed from the
-matrices. The coefficients are there for what needs coefficients: modes that nothing excites or shows are taken out
-first, and the coefficients are then computed in integers, by the recursion of Faddeev and Leverrier, and rounded once.
+Slow poles crowd near z = 1: a polynomial keeps no more than the last digits of factors 1 - p of some 1e-4, of five such
+none. So gain, poles, zeros and responses come from the matrices. For what needs coefficients, modes that nothing
+excites or shows are taken out, and the recursion of Faddeev and Leverrier runs in integers, rounded once.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Margins of a controller on linear models, from the matrices of those that have them.
+"""Margins of a controller on linear models, from the matrices of those that have them: polynomials lose many slow
+modes.
 
-Of many slow modes the polynomials of a loop hold nothing; the matrices of plant and controller hold all. The loop is
-evaluated on a grid, dense about its poles, each crossing is bracketed and divided until it is found, and stability is
-that of the closed loop's matrix.
+The loop is evaluated on a grid, dense about its poles, each crossing is bracketed and divided until it is found, and
+stability is that of the closed loop's matrix.
 """
 
 from __future__ import annotations
