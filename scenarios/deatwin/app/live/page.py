@@ -1,13 +1,9 @@
-"""The page of the live view, in NiceGUI.
+"""The page of the live view, in NiceGUI: only what is seen; what it does is in the modules beside.
 
-Why NiceGUI, and not Panel, Streamlit, Dash or Solara: a page is plain Python with handlers, without a front end of
-our own, a graph of callbacks (Dash) or React's way of thinking (Solara), and is not run anew at each click
-(Streamlit). Every script, style and font comes from its own wheel, none from a CDN, and it has no telemetry
-(Streamlit's is on unless it is switched off). It is an ASGI application, so that one small `guard` stands in front of
-all of it: pages, uploads, and the WebSocket, which NiceGUI itself opens to every origin. Progress comes from the
-server over that WebSocket. Panel was the next best; it brings Bokeh, pandas and a server of another kind.
-
-Here is only what is seen. What it does is in the modules beside.
+NiceGUI, since a page is plain Python with handlers, without a front end of our own, and is not run anew at each click
+(Streamlit). All scripts, styles and fonts come from its wheel, and it has no telemetry. It is an ASGI application, so
+one small `guard` stands before pages, uploads, and the WebSocket, which NiceGUI opens to every origin. Panel was the
+next best; it brings Bokeh, pandas and a server of another kind.
 """
 
 from __future__ import annotations

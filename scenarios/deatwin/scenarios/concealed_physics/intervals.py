@@ -1,6 +1,5 @@
-"""Do the 95 % intervals of added parameters cover? The effect is known, and the reduced plant itself made the data.
-
-The fit starts from the true values: what is tried out is the interval, not the search.
+"""Do the 95 % intervals of added parameters cover, if the effect is known, the reduced plant made the data, and the fit
+starts from the true values?
 """
 
 from __future__ import annotations

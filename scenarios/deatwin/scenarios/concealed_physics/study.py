@@ -1,7 +1,4 @@
-"""The sealed study: hashes of labels, thresholds and code are written before the first case is run, and each case bears them.
-
-It runs in parallel; it may be killed at any time, and continues where it stopped.
-"""
+"""The sealed study, which may be killed and resumed: labels, thresholds and code are hashed before its first case."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The Bouc-Wen benchmark, which is simulated: a mass on a hysteretic spring, taken as a linear oscillator.
 
-The recordings are public (Noël & Schoukens 2016) and read where the user keeps them. Two periods of a multisine are
-diagnosed; the two official test signals, a multisine and a swept sine, judge.
+Two periods of a multisine are diagnosed; the two official test signals, a multisine and a swept sine, judge. The
+recordings are public (Noël & Schoukens 2016).
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""Two cascaded tanks that overflow, taken as tanks without a brim.
+"""Two cascaded tanks that overflow, taken as tanks without a brim (public: Schoukens, Mattsson, Wigren & Noël 2016).
 
-The recordings are public (Schoukens, Mattsson, Wigren & Noël 2016) and read where the user keeps them, or downloaded.
-The estimation record is diagnosed, the validation record judges. Both begin at levels that nobody knows, the same for
-both: the plant has no start procedure, and its initial states are parameters.
+The estimation record is diagnosed, the validation record judges. Both begin at the same unknown levels: the plant has
+no start procedure, and its initial states are parameters.
 """
 
 from __future__ import annotations

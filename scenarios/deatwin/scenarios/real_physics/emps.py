@@ -1,8 +1,7 @@
 """EMPS: a carriage on a ball screw, recorded under its controller, taken without dry friction.
 
-The recordings are public (Janot, Gautier & Brunot 2019) and read where the user keeps them, or
-downloaded. The first 13 s of the estimation record are diagnosed; its remainder, and the validation record with its
-pulses, judge.
+The first 13 s of the estimation record are diagnosed; its remainder, and the validation record with its pulses, judge.
+The recordings are public (Janot, Gautier & Brunot 2019).
 """
 
 from __future__ import annotations

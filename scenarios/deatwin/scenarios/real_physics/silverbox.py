@@ -1,8 +1,7 @@
 """The Silverbox: a circuit that oscillates like a mass on a hardening spring, taken as a linear oscillator.
 
-The recording is public (Wigren & Schoukens, European Control Conference 2013) and read where the user keeps it, or
-downloaded. The first two realisations of the multisine are diagnosed; the arrow-head, whose amplitude grows beyond
-theirs, judges.
+The first two realisations of the multisine are diagnosed; the arrow-head, whose amplitude grows beyond theirs, judges.
+The recording is public (Wigren & Schoukens, European Control Conference 2013).
 """
 
 from __future__ import annotations

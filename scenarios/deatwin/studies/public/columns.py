@@ -1,8 +1,4 @@
-"""Columns of the files of public recordings, by the names that those who published them gave them.
-
-The files are the user's: they are read as carefully as recordings are, and what is wrong with one is one error that
-names it.
-"""
+"""Columns of the files of public recordings, by the names that their publishers gave them; a fault is one error."""
 
 from __future__ import annotations
 
