@@ -225,11 +225,7 @@ def gain_unit(result: Any) -> str:
 
 
 def squared(unit: str) -> str:
-    """The unit of a variance.
-
-    >>> squared("m/V"), squared("")
-    ('(m/V)^2', '')
-    """
+    """The unit of a variance, such as ``(m/V)^2``."""
     return f"({unit})^2" if unit else ""
 
 

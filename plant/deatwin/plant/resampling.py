@@ -163,11 +163,7 @@ def plan_resampling(
 
 
 def resampling_options(timepts: Floats, usual: float | None = None) -> ReadOptions | None:
-    """Return the options that bring rows at uneven times onto an even clock; None where none do.
-
-    >>> str(resampling_options(np.array([0.0, 0.019, 0.041, 0.06])))
-    '--resample 0.019'
-    """
+    """Return the options that bring rows at uneven times, s, onto an even clock; None where none do."""
     if len(timepts) < 2 or not (np.diff(timepts) > 0.0).all():
         return None
     step = float(f"{np.median(np.diff(timepts)) if usual is None else usual:.2g}")

@@ -86,11 +86,7 @@ def for_name(name: str, unit: str) -> str:
 
 
 def without_unit(header: str, unit: str) -> str:
-    """Return the name in a header that gives exactly this unit, known or not; an empty text where it does not.
-
-    >>> without_unit("speed (widgets/h)", "widgets/h"), without_unit("speed_rpm", "rpm"), without_unit("speed_1", "1")
-    ('speed', 'speed', '')
-    """
+    """Return the name in a header that gives exactly this unit, known or not; an empty text where it does not."""
     own = re.escape(unit)
     forms = [rf"(.+?)\s*(?:\(\s*{own}\s*\)|\[\s*{own}\s*\])"]
     if unit not in ("", "1"):  # speed_1 is the first of several speeds
