@@ -115,13 +115,14 @@ class LongArx:
 def answer_chance(signals: Signals, which: int, longest: int) -> float:
     """Return the chance that an input which does not answer to the output seems to answer to it this much.
 
-    The output's past must not foretell an input of which the past of all inputs is known (Granger, Econometrica 37
-    (1969) 424-438, doi:10.2307/1912791). The converse does not hold: an input that is measured with noise, or follows a
-    cause that is not recorded, is foretold by an output that sees more of it. A held input is tested where it may
-    change: an output that rings tells when that is. Of an input that repeats itself only the differences between
-    periods are tested, since a few lags of the output foretell what repeats. The noise alone may make those, so that
-    the answer shows in the present output only: that must agree neither with an input that acts within the sample nor
-    with one that does not.
+    Given the past of all inputs, the output's past must not foretell an input that is independent of it (Granger,
+    Econometrica 37 (1969) 424-438, doi:10.2307/1912791). The converse does not hold: an input that is measured with
+    noise, or follows a cause that is not recorded, is foretold by an output that sees more of it. A held input is
+    tested where it may change, since a ringing output tells how long it has been held. Of an input that repeats itself
+    only the differences between periods are tested, since a few lags of the output foretell what repeats. Those may
+    come of noise alone, so that an answer within the sample shows in the present output only: that must agree neither
+    with an input that acts within the sample, as what repeats says, nor with one that does not, as where it is noise of
+    its reading.
     """
     n_inputs = signals[0][0].shape[0]
     apart = [periods_apart(inputs[which], inputs, output, longest) for inputs, output in signals]
