@@ -44,7 +44,7 @@ _DATASET = "dataset"
 
 
 def variable(*dims: str, **told: Any) -> Metadata:
-    """Metadata of a variable along dimensions, the first of them for an array with fewer axes; `told` are fields of
+    """Metadata of a variable along dimensions, the first ones for an array with fewer axes; `told` sets fields of
     `Entry`."""
     return {_DATASET: Entry(role="variable", dims=dims, **told)}
 

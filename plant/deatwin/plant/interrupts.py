@@ -32,8 +32,8 @@ def obeying() -> Iterator[None]:
 
 @contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Hold Ctrl-C back while workers start, and the threads that start more of them: they inherit the mask and never
-    get it; this process gets it at the end."""
+    """Hold Ctrl-C back while workers start, and the threads that start more of them: they inherit the mask, so that
+    they never receive it; this process receives it at the end."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return

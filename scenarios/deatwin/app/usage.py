@@ -41,8 +41,7 @@ class Group(TyperGroup):
 
 
 def unwrapped(text: str | None) -> str:
-    """Return a docstring with a line for each paragraph, so that the terminal's width breaks it and not the
-    source's."""
+    """Return a docstring with one line for each paragraph, so that the terminal's width breaks it."""
     return "\n\n".join(" ".join(paragraph.split()) for paragraph in (text or "").split("\n\n")).strip()
 
 

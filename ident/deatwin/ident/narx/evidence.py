@@ -33,8 +33,7 @@ _LEAST_SHARE = 1e-14
 
 
 def log_evidence(share: Array | float, n_terms: int, n_samples: int) -> Array:
-    """Return ln p(y | structure) - ln p(y | no term), nats, by the unit-information prior; `share` of the squares is
-    left."""
+    """Return ln p(y | structure) - ln p(y | no term), nats, unit-information prior; `share` is left of the squares."""
     return np.asarray(-0.5 * n_terms * log(1 + n_samples) - 0.5 * n_samples * np.log(np.maximum(share, _LEAST_SHARE)))
 
 
@@ -147,8 +146,8 @@ class _Fit:
         return self._gains(self.moment, self.beyond)
 
     def gains_without(self) -> Array:
-        """Gains by each candidate without one term, (n_terms, n_candidates): its own component, of square 1 / inverse
-        and product theta / inverse with y, is partly regained."""
+        """Gains by each candidate once a term is removed, (n_terms, n_candidates): a candidate regains its share of the
+        term's own component, whose square is 1 / inverse and product with y theta / inverse."""
         back = self.shares / self.inverse[:, None]
         return self._gains(self.moment + back * self.theta[:, None], self.beyond + back * self.shares)
 

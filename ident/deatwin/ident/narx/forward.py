@@ -36,8 +36,8 @@ def forward_selection(
 ) -> Iterator[SelectionStep]:
     """Choose rows one by one by the error reduction ratio (Chen, Billings, Luo, Int. J. Control 50 (1989) 1873-1896).
 
-    The PRESS statistic is Hong, Sharkey and Warwick's (IEE Proc. Control Theory Appl. 150 (2003) 245-254). Shapes:
-    `rows` (n_candidates, n_samples); `target` (n_samples,); `given` (n_given, n_samples).
+    PRESS: Hong, Sharkey, Warwick, IEE Proc. Control Theory Appl. 150 (2003) 245-254, doi:10.1049/ip-cta:20030311.
+    Shapes: `rows` (n_candidates, n_samples); `target` (n_samples,); `given` (n_given, n_samples).
     """
     power = float(target @ target)
     sizes = np.einsum("ij,ij->i", rows, rows)

@@ -93,8 +93,8 @@ def worse(errors: Array, than: Array, level: float) -> Booleans:
 
 
 def held_out_errors(model: NarxModel, data: Regression, sections: Sequence[int]) -> Array:
-    """Sums of squared free-run errors of sections, (n_sections,), parameters refined on the others: to first order ``(I
-    - q q')^-1 e``, with sensitivities S = Q R of all samples and q of a section."""
+    """Squared free-run errors of sections, (n_sections,), parameters refined on the others: with sensitivities S = Q R,
+    q of a section, its errors are to first order (I - q q')^-1 e, as leave-one-out errors are."""
     later = data.first - model.table.max_lag
     each = [sensitivities(model, record)[later:] for record in data.recordings]
     inverse = gram_inverse_root(np.concatenate(each))

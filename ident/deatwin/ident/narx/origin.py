@@ -15,10 +15,12 @@ Array = NDArray[np.float64]
 
 
 def about_data(data: Regression) -> Regression:
-    """Return a regression about the data's origins: the mean of a signal where it exceeds its swing, else zero.
+    """Return a regression about origins chosen from the data: the mean of a signal where it exceeds its swing, else
+    zero.
 
-    Powers then lose at most a bit or two per factor, and about a far zero, as of kelvin, they would be nearly constant.
-    Neither choice depends on the unit. A signal with a function of it keeps its zero, about which that is meant.
+    About a nearer zero powers lose at most a bit or two per factor; about a far one, as of kelvin, regressors would be
+    nearly constant. Neither choice depends on the unit. A signal with a function of it keeps its zero, about which that
+    is meant.
     """
     kept = {(v.kind, v.index) for v in data.table.functions}
     return replace(

@@ -97,8 +97,8 @@ def _columns(inputs: Array, outputs: Array, most: int, first_lag: int) -> Array:
 
 
 def _would_have_grown(found: RecordedPole, drive: Array, signals: Sequence[tuple[Array, Array]]) -> bool:
-    """Return whether the pole's mode would have left the outputs' span in 19 of 20 cases while inputs stood still,
-    driven by `drive` (n_outputs,), in deviations a sample. A plant resting on a stop passes for stable."""
+    """Return whether no loop holds the pole's mode, or it would in 19 of 20 cases have left the outputs' span while
+    inputs stood still. `drive` (n_outputs,) is in deviations a sample; a plant resting on a stop passes for stable."""
     rate = float(np.log(max(found.interval[0], 1.0)))
     if rate == 0.0 or rate > np.log(_FASTEST):
         return rate > 0.0

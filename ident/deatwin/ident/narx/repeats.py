@@ -69,10 +69,9 @@ def _repeats(values: Array) -> tuple[float, int] | None:
 def periods_apart(values: Array, inputs: Array, output: Array, lags: int) -> list[tuple[Array, Array]]:
     """Separate a record into what repeats itself, first, and differences between its blocks of whole periods.
 
-    Helmert's orthonormal matrix gives the mean, and each block less the mean of those before it: stationary noise stays
-    noise of one law in each, independent between them. Blocks leave most samples with `lags` before them. A record
-    without repetition, or with one within the lags, is returned whole. Shapes: `values` (n,), `inputs` (n_inputs, n),
-    `output` (n,).
+    Helmert's orthonormal matrix gives the mean, and each block less the mean of those before it, in which stationary
+    noise keeps its law and is independent. Blocks leave most samples with `lags` before them. A record without
+    repetition, or with one within the lags, stays whole. Shapes: `values` (n,), `inputs` (n_inputs, n), `output` (n,).
     """
     period = whole_period_of(values) or 0
     if period <= lags:

@@ -155,14 +155,12 @@ def correlation(delayed: Series, signal: Series, lags: Integers) -> Array:
 def correlation_tests(
     residuals: Sequence[Array], inputs: Sequence[Array], *, max_lag: int, level: float
 ) -> tuple[CorrelationTest, ...]:
-    """Test residuals by the correlations of Billings and Voon [1]_. Shapes by recording: (n_outputs, n_r), (n_inputs,
-    n_r).
+    """Test residuals (n_outputs, n_r) of records by correlations with inputs (n_inputs, n_r) (Billings and Voon [1]_).
 
-    With residual e, input u less its mean, and ' for less the mean: phi_ee at lags from 1; phi_ue, phi_(u2)'e,
+    With residual e, input u less its mean, and ' for less the mean: phi_ee at lags from 1; phi_ue, phi_(u2)'e and
     phi_(u2)'e2 at lags of both signs; phi_e(eu), of e(k) and e(k-1-tau) u(k-1-tau), at lags 0 to ``max_lag - 1``. The
-    mean of e stays, since a mean is a fault. Bartlett's formula [3]_ gives the covariance between lags, so that the
-    tests with u test dependence on the input only. Correlations of two skewed signals, as u^2 and e^2, are taken as
-    gamma variables.
+    mean of e stays, since a mean is a fault. By the covariance between lags (Bartlett's formula [3]_) the tests with u
+    test dependence on the input only. Correlations of two skewed signals, as u^2 and e^2, are taken as gamma variables.
     """
     both, later = np.arange(-max_lag, max_lag + 1), np.arange(1, max_lag + 1)
     n_outputs, n_inputs = residuals[0].shape[0], inputs[0].shape[0]
@@ -234,8 +232,8 @@ def _standardised(values: Array, series: Series, lags: Integers) -> Array:
 
 
 def _bartlett(a: Series, b: Series, count: int, reach: int) -> Array:
-    """Return N cov(phi_ab(tau), phi_ab(tau + d)), d = 0 ... count - 1, of independent a and b: sum_s rho_b(s) rho_a(s +
-    d), rho_b being tapered to zero beyond ``reach`` so that it is a covariance."""
+    """Return N cov(phi_ab(tau), phi_ab(tau + d)), d = 0 ... count - 1, of independent a and b: the sum over s of
+    rho_b(s) and rho_a(s + d), rho_b being tapered to zero beyond ``reach`` so that it stays a covariance."""
     shifts = np.arange(-reach, reach + 1)
     of_b = correlation(b, b, np.abs(shifts)) * (1.0 - np.abs(shifts) / (reach + 1))
     of_a = correlation(a, a, np.arange(count + reach))
@@ -264,8 +262,8 @@ def _normal_scores(scores: Array, skewness: float) -> Array:
 
 
 def _p_value(scores: Array, spread: Array) -> float:
-    """Return the probability of such large normal scores of Toeplitz correlation ``spread``, by their squares
-    (Satterthwaite's chi-square) or by the largest (Sidak's inequality [4]_)."""
+    """Return the probability of such normal scores of Toeplitz correlation ``spread``: twice the lesser of their
+    squares' (Satterthwaite's chi-square) and of the largest one's (Sidak [4]_, exact for independent lags)."""
     from scipy.special import chdtrc, ndtr
 
     count = scores.size

@@ -96,8 +96,8 @@ def _shapes(half_periods: NDArray[np.int_], shares: Array, n: int) -> Array:
 def pseudovalues(
     model: NarxModel, recordings: Recordings, *, n_blocks: int = BLOCKS, instruments: Recordings | None = None
 ) -> Array:
-    """Return each block's own deviation of parameters, (n_blocks, n_terms): n_blocks - 1 times (P P' - P_k P_k')^-1 P_k
-    e_k, with regressors P and residuals e. `instruments` give Z for the first P of each product."""
+    """Return each block's own deviation of parameters, (n_blocks, n_terms), of regressors P and residuals e: n_blocks -
+    1 times (P P' - P_k P_k')^-1 P_k e_k. `instruments` give Z for the first P of each product."""
     model.require_one_output("the jackknife")
     if not isinstance(n_blocks, int | np.integer) or n_blocks < 2:
         raise ModelError(f"n_blocks = {n_blocks!r}; it must be an integer of at least 2")

@@ -98,8 +98,7 @@ def search(
     patience: int = 10,
     progress: Callable[[int, Point], None] | None = None,
 ) -> Found:
-    """Lower the free run's squared error by damped steps (Levenberg, Marquardt), in singular vectors that move an
-    output.
+    """Lower the free run's squared error by damped steps (Levenberg, Marquardt) in directions that move an output.
 
     Keeps the least held-out error, if any is held out. The search ends when the cost falls by less than `tolerance` of
     itself twice in a row, or after `patience` steps without a lower held-out error.

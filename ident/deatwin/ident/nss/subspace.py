@@ -16,12 +16,11 @@ bounded over a thousand samples."""
 
 
 def from_lines(response: Complex, angles: Array, deviations: Array, n_states: int, rows: int) -> tuple[Array, Array]:
-    """Return A and C from `response` (n_lines, n_outputs, n_inputs) at `angles` (n_lines,), rad per sample, `rows` >
+    """Return A and C from `response` (n_lines, n_outputs, n_inputs) at `angles` (n_lines,), rad a sample, `rows` >
     states.
 
-    Source: McKelvey, Akcay, Ljung, IEEE Trans. Autom. Control 41 (1996) 960-979, doi:10.1109/9.508900; weights by
-    variance of the lines, `deviations` (n_lines,): Pintelon, Automatica 38 (2002) 1295-1311,
-    doi:10.1016/S0005-1098(02)00036-6.
+    Source: McKelvey, Akcay, Ljung, IEEE Trans. Autom. Control 41 (1996) 960-979, doi:10.1109/9.508900; weights by the
+    `deviations` (n_lines,): Pintelon, Automatica 38 (2002) 1295-1311, doi:10.1016/S0005-1098(02)00036-6.
     """
     n_lines, p, m = response.shape
     turns = np.exp(1j * np.outer(np.arange(rows), angles))
@@ -41,12 +40,8 @@ def from_lines(response: Complex, angles: Array, deviations: Array, n_states: in
 
 
 def from_samples(records: Sequence[tuple[Array, Array]], n_states: int, rows: int) -> tuple[Array, Array]:
-    """Return A and C from inputs (n_inputs, n) and outputs (n_outputs, n), n > 2 `rows`, the past of both as
-    instruments.
-
-    Source: Verhaegen, "Identification of the deterministic part of MIMO state space models given in innovations form
-    from input-output data", Automatica 30 (1994) 61-74, doi:10.1016/0005-1098(94)90229-1.
-    """
+    """Return A and C from inputs (n_inputs, n) and outputs (n_outputs, n), n > 2 `rows`, by the past of both as
+    instruments (Verhaegen, Automatica 30 (1994) 61-74, doi:10.1016/0005-1098(94)90229-1)."""
     inputs, outputs = (_hankel([record[i] for record in records], 2 * rows) for i in (0, 1))
     m, p = records[0][0].shape[0], records[0][1].shape[0]
     stack = np.concatenate([inputs[rows * m :], inputs[: rows * m], outputs])

@@ -157,8 +157,7 @@ class LowPass(Primitive):
 
 @dataclass(frozen=True, kw_only=True)
 class Play(Primitive):
-    """Play operator, as of a fork with clearance: T dm/dt = p(s - m - w) - p(m - s - w) (Visintin, 1994, chapter
-    III)."""
+    """Play operator, as of a fork with clearance: T dm/dt = p(s - m - w) - p(m - s - w) (Visintin 1994, ch. III)."""
 
     width: float = 1.0  # w, half the clearance, in units of the scale
 

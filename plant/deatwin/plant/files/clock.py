@@ -61,8 +61,7 @@ class Piece:
 def even_pieces(
     timepts: Floats, where: Callable[[int], str], *, allow_gaps: bool, stated: float | None = None
 ) -> tuple[float, list[Piece]]:
-    """Return the sample time, s, and the even pieces of times, s; `where` returns how an error names a sample's
-    place."""
+    """Return the sample time, s, and the even pieces of times, s; `where` returns a sample's place for an error."""
     if len(timepts) == 1 and stated:
         return stated, [Piece.even(1, stated, float(timepts[0]))]
     if len(timepts) < 2:

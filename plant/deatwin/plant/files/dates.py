@@ -97,8 +97,7 @@ def _hour(time: re.Match[str]) -> int:
 
 
 def day_seconds(cells: Iterable[str]) -> list[Decimal]:
-    """Return times of day, or elapsed ones, as seconds that go on past midnight, where they fall by half a day or
-    more."""
+    """Return times of day, or elapsed ones, as seconds that go on past midnight, where they fall by half a day."""
     found: list[Decimal] = []
     days = Decimal(0)
     for cell in cells:

@@ -87,8 +87,8 @@ def _root(level: Any) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class Overflow(Effect):
-    """Water over the brims, q = r p(h - h_b), p(x) = w ln(1 + e^(x/w)); part of the upper tank's falls into the lower
-    one."""
+    """Water over the brims, q = r p(h - h_b), p(x) = w ln(1 + e^(x/w)); the lower tank catches part of the upper
+    one's."""
 
     rate: float = 0.2  # r in 1/s
     brim: float = 9.5  # :math:`h_b` in V of the level's sensor

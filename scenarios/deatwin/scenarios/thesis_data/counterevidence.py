@@ -62,8 +62,8 @@ def small_voltages(plant: Plant, step: float) -> SmallVoltages:
 def side_bands(
     line: float = 0.5, drift: float = 0.05, depth: float = 0.2, time: float = 0.5, sample_time: float = 0.02
 ) -> SideBands:
-    """Drive a first-order lag of drifting gain with one line: y_k = c y_{k-1} + (1 - c)(1 + d cos 2 pi f_d t_k) u_k, c
-    = exp(-h/T). `line` f and `drift` f_d are in Hz."""
+    """Drive a first-order lag c = exp(-h/T) of drifting gain with one line: y_k = c y_{k-1} + (1 - c) g_k u_k, with the
+    gain g_k = 1 + d cos 2 pi f_d t_k. `line` f and `drift` f_d are in Hz."""
     from scipy.signal import lfilter
 
     period = round(1 / (drift * sample_time)) * 2

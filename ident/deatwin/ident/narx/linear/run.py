@@ -17,11 +17,11 @@ Array = NDArray[np.float64]
 def some_steps(
     orders: Orders, polynomials: Polynomials, inputs: Array, output: Array, warmup: int, steps: int
 ) -> tuple[Array, int, int | None]:
-    """Predict each sample from the past up to some steps before it, later errors e being zero on average (Ljung, System
-    Identification, 2nd ed., 1999, section 3.2).
+    """Predict from the past up to some steps before, with zero for later e (Ljung, System Identification, 1999, section
+    3.2).
 
-    Shapes: `inputs` (n_inputs, n); `output` (n,); returns (n,), measured at first; the first predicted sample; the
-    first bad.
+    Shapes: `inputs` (n_inputs, n); `output` (n,); returns (n,), measured values first; first predicted sample;
+    divergence.
     """
     from scipy.signal import lfilter
 

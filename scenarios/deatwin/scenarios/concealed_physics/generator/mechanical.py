@@ -41,8 +41,8 @@ class StopOperators(PlantMechanism, place=Place.BALL, signal="force", largest=3e
 
 @dataclass(frozen=True, kw_only=True)
 class BristleFriction(PlantMechanism, place=Place.BALL, signal="force", largest=3e-3):
-    """LuGre friction F = -(s_0 z + s_1 dz/dt), dz/dt = v - s_0 |v| z/g(v), g = F_c [1 + 0.25 exp(-(v/v_s)^2)] (Canudas
-    de Wit et al., IEEE Trans. Autom. Control 40 (1995) 419)."""
+    """LuGre friction -(sigma_0 z + sigma_1 dz/dt), dz/dt = v - sigma_0 |v| z/g(v), g = F_c [1 + 0.25 exp(-(v/v_s)^2)]
+    (Canudas de Wit et al., IEEE Trans. Autom. Control 40 (1995) 419)."""
 
     force: float = Draw.part()  # :math:`F_c`, N
     bend: float = Draw.uniform(1e-6, 4e-6)  # :math:`F_c/\sigma_0`, m
