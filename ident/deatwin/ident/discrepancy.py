@@ -16,12 +16,9 @@ from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 
 Array = np.ndarray
-HELD_OUT = 0.3
-"""Last share of the samples to learn from, by which a model chooses its own settings."""
-BEFORE = 10
-"""Samples before the judged ones whose mean says where the residual is then."""
-DIVERGED = 20.0
-"""Times the largest residual seen: a correction beyond this has run away."""
+HELD_OUT = 0.3  # Last share of the samples to learn from, by which a model chooses its own settings
+BEFORE = 10  # Samples before the judged ones whose mean says where the residual is then
+DIVERGED = 20.0  # Times the largest residual seen: a correction beyond this has run away
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,8 +95,7 @@ VARIABLES = ("e", "x", "v", "w", "s")
 """Residual, simulated reading and its rate, squared command, and the direction of motion (smoothed sign of v)."""
 THRESHOLDS = (0.02, 0.1, 0.3)
 MODELS, WEAK_DOMAINS, DOMAIN_SECONDS = 20, 200, 1.0
-REST = 0.05
-"""Share of the rms rate below which the direction of motion is not sharp."""
+REST = 0.05  # Share of the rms rate below which the direction of motion is not sharp
 
 
 def sparse_dynamics(track: Track) -> Correction:
@@ -224,8 +220,7 @@ def _low_passed(signal: Array, share: float) -> Array:
 
 # --- a NARX model of the residual ------------------------------------------------------------------------------------
 
-CANDIDATES = ((2, 2, 2), (2, 2, 3))
-"""Lags of the residual, lags of squared command and reading, and degree."""
+CANDIDATES = ((2, 2, 2), (2, 2, 3))  # Lags of the residual, lags of squared command and reading, and degree
 MOST_TERMS = 12
 
 

@@ -13,8 +13,7 @@ from deatwin.plant.errors import DataError
 
 Array = np.ndarray
 Window = tuple[float, float]
-DEGREE, DEGREE_OF_RATE = 6, 3
-"""Degrees of the polynomials that predict a reading from a command and its rate."""
+DEGREE, DEGREE_OF_RATE = 6, 3  # Degrees of the polynomials that predict a reading from a command and its rate
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,12 +58,8 @@ def root_mean_square(values: ArrayLike) -> float:
 def mean_shift(
     commands: ArrayLike, readings: ArrayLike, sample_time: float, early: Window, late: Window, block: float = 5.0
 ) -> Shift:
-    """Shift of the mean from one time to another, at the same input.
-
-    The mean of 100 s of the thesis' noise wanders of itself, by several per cent of the stroke, and a drift of the
-    gain shows the more the larger the commands happen to be. So in each window a line is laid through the readings
-    over what command and rate explain (`at_same_input`), and taken where that has its mean over the whole record.
-    """
+    """Shift of the mean between two windows at the same input: a line through the readings over what command and rate
+    explain (`at_same_input`) is compared, since the mean of 100 s of noise wanders of itself."""
     u, y = np.asarray(commands, dtype=np.float64), np.asarray(readings, dtype=np.float64)
     expected = _expected(u, y, sample_time)
     found, variance = [], 0.0

@@ -1,23 +1,16 @@
 """One Kalman filter and fixed-interval smoother, with the likelihood and its gradient.
 
 The model is x(k+1) = F_k x(k) + c_k + w(k), y_i(k) = h_ik' x(k) + v_i(k), white normal w ~ (0, Q_k), v_i ~ (0, R_i).
-Measurements are taken in one number at a time; covariances are carried as roots, P = S S', and so stay covariances
-however ill-conditioned the problem is. The smoother is the recursion of Rauch, Tung and Striebel, its gains and
-covariances also from roots by orthogonal transformations: nothing is subtracted, so that a start may be as wide, or as
-exactly known, as one likes. The adjoint of the filter gives the gradient of the log likelihood.
+Numbers are taken in one at a time (Potter's update [1]_). Covariances are carried as roots, P = S S', also by the
+recursion of Rauch, Tung and Striebel: nothing is subtracted, so a start may be as wide, or as exactly known, as one
+likes. An extended filter linearises as it goes, by `update_root` and `advance_root`, and `kalman_filter` repeats it for
+the smoother as the filter of the linear model with c_k = f(x) - F_k x.
 
-An extended filter linearises as it goes, by `update_root` and `advance_root`; what it found is the exact filter of the
-linear model with its Jacobians and c_k = f(x) - F_k x, which `kalman_filter` repeats for the smoother.
-
-References
-----------
-.. [1] Potter's update: Bierman, "Factorization Methods for Discrete Sequential Estimation", Academic Press 1977, ch. V.
-.. [2] de Jong, "Smoothing and interpolation with the state-space model", J. Am. Stat. Assoc. 84 (1989) 1085-1088.
-.. [3] Koopman, Shephard, "Exact score for time series models in state space form", Biometrika 79 (1992) 823-826,
-   doi:10.1093/biomet/79.4.823.
-.. [4] Rauch, Tung, Striebel, "Maximum likelihood estimates of linear dynamic systems", AIAA J. 3 (1965) 1445-1450,
-   doi:10.2514/3.3166; in roots: Park, Kailath, "New square-root smoothing algorithms", IEEE Trans. Autom. Control 41
-   (1996) 727-732.
+.. [1] Bierman, "Factorization Methods for Discrete Sequential Estimation", Academic Press 1977, ch. V.
+.. [2] de Jong, J. Am. Stat. Assoc. 84 (1989) 1085-1088.
+.. [3] Koopman, Shephard, Biometrika 79 (1992) 823-826, doi:10.1093/biomet/79.4.823.
+.. [4] Rauch, Tung, Striebel, AIAA J. 3 (1965) 1445-1450, doi:10.2514/3.3166; in roots: Park, Kailath, IEEE Trans.
+   Autom. Control 41 (1996) 727-732.
 """
 
 from __future__ import annotations
@@ -112,10 +105,8 @@ def kalman_filter(model: StateSpace, outputs: ArrayLike) -> Filtered:
 
 
 def adjoint(filtered: Filtered) -> tuple[Array, Array]:
-    """Run the filter's adjoint backward over the record [2]_, [3]_. Shapes: returns the gradients of the log
-    likelihood by a shift of the state just before each sample is measured (n, n_states), and minus the second
-    derivatives (n, n_states, n_states).
-    """
+    """Run the filter's adjoint backward [2]_, [3]_; returns gradients of the log likelihood by a shift of the state
+    before each sample (n, n_states), and minus the second derivatives (n, n_states, n_states)."""
     _require_no_fading(filtered.model)
     return backward(filtered.model, filtered.innovations, filtered.innovation_variances, filtered.gains)
 

@@ -16,8 +16,7 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.interrupts import ignore_interrupts, interrupts_held
 
 Result = TypeVar("Result")
-PARENT = os.getppid()
-"""Of a worker process: who wants its results."""
+PARENT = os.getppid()  # Of a worker process: who wants its results
 
 
 def spawn_generators(seed: int, count: int) -> list[np.random.Generator]:

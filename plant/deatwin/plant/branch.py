@@ -1,7 +1,7 @@
 """Equilibria of a plant along the command: the end of a branch in a fold, and snaps of a simulation to another one.
 
-In a fold the tangent of the equations of rest turns singular: the film's stiffness is zero there and negative beyond
-it. A film that passes a fold snaps to another equilibrium, if there is one, and pulls in if there is none.
+In a fold the tangent of the equations of rest is singular: the film's stiffness is zero there, and negative beyond. A
+film that passes a fold snaps to another equilibrium, or pulls in if there is none.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ from deatwin.plant.rest import RestState, rest_state, resting
 
 FURTHEST = 0.25
 """Largest move of an unknown between two points of a curve, in units of its scale: a film that snaps moves further."""
-RUNAWAY = 20.0
-"""Largest distance from rest, beyond all films; a model without a limit of stretch would go on."""
+RUNAWAY = 20.0  # Largest distance from rest, beyond all films; a model without a limit of stretch would go on
 HALVINGS = 12
 """Largest number of halvings of the range of commands before the equilibrium counts as ended: a part in 4000 is
 finer than any amplifier."""
@@ -29,10 +28,8 @@ Too long a stride costs a failed search."""
 BETWEEN = np.linspace(0.0, 1.0, 17)[1:-1]
 """Shares of the way between two states at which a negative tangent is sought: a snap passes an unstable equilibrium,
 which lies well between the two stable ones."""
-PIECE = 512
-"""Number of samples that are checked together; each snap leads to another branch."""
-ACTED_ON = "film_voltage"
-"""Signal of a rig with a film."""
+PIECE = 512  # Number of samples that are checked together; each snap leads to another branch
+ACTED_ON = "film_voltage"  # Signal of a rig with a film
 
 Step = Callable[[float, np.ndarray], np.ndarray | None]
 

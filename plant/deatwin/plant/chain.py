@@ -3,8 +3,7 @@
     command -> analogue output (zero-order hold, 16 bit) -> amplifier -> electrode -> film
     ball -> laser (noise, resolution, lag) -> analogue input (16 bit) -> record
 
-The hold is that of the simulation, the electrode is part of the film. What an amplifier or a laser does wrong beyond
-this (slew, clipping, curvature, drift) are effects, since a diagnosis has to find them.
+Slew, clipping, curvature and drift of amplifier and laser are effects, since a diagnosis has to find them.
 """
 
 from __future__ import annotations

@@ -44,11 +44,8 @@ _DATASET = "dataset"
 
 
 def variable(*dims: str, **told: Any) -> Metadata:
-    """Metadata of a variable along dimensions, of which an array with fewer axes has the first.
-
-    `unit` is a text or a function of the result, `about` its meaning, `name` its name if that is not the field's, `of`
-    what makes it of the result.
-    """
+    """Metadata of a variable along dimensions, the first ones for an array with fewer axes; `told` sets fields of
+    `Entry`."""
     return {_DATASET: Entry(role="variable", dims=dims, **told)}
 
 
@@ -97,8 +94,7 @@ PART_COORDINATES: Mapping[str, Metadata] = {
 class Described:
     """A result whose fields say in their metadata how they stand in a dataset."""
 
-    DERIVED: ClassVar[Mapping[str, Metadata]] = {}
-    """The same of properties, and of what `Entry.of` makes of the result."""
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {}  # The same of properties, and of what `Entry.of` makes of the result
 
     def to_xarray(self) -> Any:
         """Return the result as an `xarray.Dataset`, its variables with their units."""
@@ -229,11 +225,7 @@ def gain_unit(result: Any) -> str:
 
 
 def squared(unit: str) -> str:
-    """The unit of a variance.
-
-    >>> squared("m/V"), squared("")
-    ('(m/V)^2', '')
-    """
+    """The unit of a variance, such as ``(m/V)^2``."""
     return f"({unit})^2" if unit else ""
 
 

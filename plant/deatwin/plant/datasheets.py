@@ -1,7 +1,6 @@
-"""The data sheets of the drive and the sensor: converters, amplifier and laser of the thesis' rig.
+"""Converters, amplifier and laser of the thesis' rig, with what their data sheets say and where.
 
-Each part carries what its data sheet says and where that stands; `Part.unconfirmed` names the values that were
-taken from memory of a data sheet or assumed, because the sheet itself was not at hand.
+`Part.unconfirmed` names values that were assumed or taken from memory of a sheet that was not at hand.
 """
 
 from __future__ import annotations

@@ -1,11 +1,10 @@
 """Semi-explicit, index-1 differential-algebraic equation (DAE) of a rig and its effects.
 
-.. math::
-    M(p)\\,\\dot x = f(x, z, d, u, t, p), \\qquad 0 = g(x, z, d, u, t, p), \\qquad y = h(x, z, d, u, t, p)
+    M(p) dx/dt = f(x, z, d, u, t, p),    0 = g(x, z, d, u, t, p),    y = h(x, z, d, u, t, p)
 
-with states *x*, algebraic coordinates *z*, quantities *d* held at their value at rest, inputs *u* (the command,
-its past samples and further channels, where effects ask for them), clock *t* and parameters *p*. A zero on the
-diagonal of *M* turns a state into an algebraic one, so that a vanishing time constant is exact.
+States x, algebraic coordinates z, quantities d held at their value at rest, inputs u (the command, past samples of it
+and channels that effects ask for), clock t, parameters p. A zero on the diagonal of M makes a state algebraic, so a
+vanishing time constant is exact.
 """
 
 from __future__ import annotations
@@ -20,12 +19,10 @@ import numpy as np
 from deatwin.plant.integrator.parts import Step, halves
 from deatwin.plant.parameters import ParameterSet
 
-SAMPLE_START = "sample_start"
-"""Name of the input for the clock time at which a sample begins, s."""
+SAMPLE_START = "sample_start"  # Name of the input for the clock time at which a sample begins, s
 STEP_MIDDLE = "step_middle"
 """Name of the input for the clock time in the middle of a step, s; its use divides each sample in two."""
-KNOWN = (SAMPLE_START, STEP_MIDDLE)
-"""Inputs that are known without measurement."""
+KNOWN = (SAMPLE_START, STEP_MIDDLE)  # Inputs that are known without measurement
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -40,13 +40,7 @@ class SimulationError(DeatwinError, RuntimeError):
 
 
 def nearest(name: str, known: Iterable[str], *, likeness: float = 0.6) -> str:
-    """Return the end of an error text that offers the known name nearest to a misspelt one.
-
-    >>> nearest("prestrech", ["material", "prestretch"])
-    '; did you mean "prestretch"?'
-    >>> nearest("colour", ["material", "prestretch"])
-    ''
-    """
+    """Return the end of an error text that offers the known name nearest to a misspelt one; empty if none is near."""
     lowered = {candidate.lower(): candidate for candidate in known}
     found = difflib.get_close_matches(str(name).lower(), lowered, n=1, cutoff=likeness)
     return f'; did you mean "{clipped(lowered[found[0]])}"?' if found else ""

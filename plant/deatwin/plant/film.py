@@ -97,12 +97,8 @@ class AnyFilm(ABC):
         return sum(self.capacitances, ca.SX(0))
 
     def force(self, coordinate: Symbol, squared_voltage: Symbol) -> Symbol:
-        r"""Generalised forces of the film on coordinates, at a given voltage.
-
-        .. math:: \frac{\partial E}{\partial q} - \frac{V^2}{2}\frac{\partial C}{\partial q}
-
-        Shapes: `coordinate` (n, 1); returns (n, 1).
-        """
+        """Return the film's forces dE/dq - V^2/2 dC/dq at a given voltage, with q = `coordinate`. Shapes: all (n,
+        1)."""
         electric = squared_voltage / 2 * ca.gradient(self.capacitance, coordinate) if self.capacitances else 0
         return ca.gradient(self.stored, coordinate) - electric
 
@@ -135,11 +131,7 @@ class Film(AnyFilm):
     stiffness: float  # `relaxation_stiffness` at rest, m³
 
     def with_branch(self, name: str, modulus: Symbol, time: Symbol, build: Builder) -> Self:
-        r"""Add a Maxwell branch, lumped to one viscous stretch :math:`\xi`.
-
-        .. math:: E = \mu\, e(q, \xi), \qquad
-                  \tau\,\frac{d\ln\xi}{dt} = -\frac{1}{\kappa}\frac{\partial e}{\partial\ln\xi}
-        """
+        """Add a Maxwell branch of one viscous stretch xi: E = mu e(q, xi), tau d(ln xi)/dt = -(de/d ln xi) / kappa."""
         xi = build.state(f"{name}_stretch", scale=1.0)
         build.guess(xi, self.rest_stretch)
         pairs = zip(self.points, self.relaxed(xi), strict=True)
@@ -159,13 +151,10 @@ class PointwiseFilm(AnyFilm):
     """Film whose branches flow at each point independently."""
 
     def with_branch(self, name: str, modulus: Symbol, time: Symbol, build: Builder) -> Self:
-        r"""Add a Maxwell branch with two viscous stretches :math:`\xi_1, \xi_2` at each point.
+        """Add a Maxwell branch with two viscous stretches at each point: tau d(ln xi_1)/dt = (s_1 - s_2/2) / (3 mu).
 
-        .. math:: \tau\,\frac{d\ln\xi_1}{dt} = \frac{1}{3\mu}\bigl(\sigma_1 - \tfrac12\sigma_2\bigr), \qquad
-                  \sigma_i = \mu\,\bigl[(\lambda_i^e)^2 - (\lambda_1^e\lambda_2^e)^{-2}\bigr], \qquad
-                  \lambda_i^e = \lambda_i/\xi_i
-
-        Source: Foo et al., J. Appl. Phys. 111 (2012) 034102, doi:10.1063/1.3680878.
+        Here l_i = lambda_i/xi_i and s_i = mu [l_i^2 - (l_1 l_2)^-2] (Foo et al., J. Appl. Phys. 111 (2012) 034102,
+        doi:10.1063/1.3680878).
         """
         energy = ca.SX(0)
         for number, point in enumerate(self.points):

@@ -1,9 +1,8 @@
 """Six simulated actuators of one specification, with six fabrications and six histories.
 
-The thesis built six actuators alike and found that all differ (section 2.3.2): the mean of the first falls, and its
-recording is rough between 10 and 30 s where the ball is 0.4 to 0.5 mm down; the means of the second and the third rise;
-the sixth shifts quickly and is then steady. Here each of these is named physics, as is what the fourth and the fifth
-do, of which the thesis says only that they differ; nothing is added to a reading.
+The thesis built six and found that all differ (section 2.3.2): the first's mean falls, and its recording is rough
+between 10 and 30 s at 0.4 to 0.5 mm; the second's and third's rise; the sixth shifts quickly and is then steady. Each
+of these, and what the fourth and fifth do, is named physics here; nothing is added to a reading.
 """
 
 from __future__ import annotations
@@ -29,8 +28,7 @@ from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.thesis import thesis_plant
 
-DURATION = 1100.0
-"""Length of each of the thesis' recordings, s."""
+DURATION = 1100.0  # Length of each of the thesis' recordings, s
 
 
 @dataclass(frozen=True, kw_only=True)

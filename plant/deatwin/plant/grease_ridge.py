@@ -18,17 +18,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class GreaseRidge(Effect):
-    r"""Lumps of dried electrode grease that the film drags over the ball, between two deflections and two times.
+    """Lumps of dried grease of period p that the film drags over the ball: F = -F_g sin(2 pi y/p), y the displacement.
 
-    .. math:: F = -F_g\,\sin\frac{2\pi y}{p}\;B\Bigl(\frac{y - y_1}{d}, \frac{y_2 - y}{d}\Bigr)\,
-              B\Bigl(\frac{t - t_1}{T}, \frac{t_2 - t}{T}\Bigr), \qquad B(a, b) = S(a)\,S(b), \qquad
-              S(x) = \frac{1}{1 + e^{-x}}
-
-    Here y is the displacement, p = 50 µm the assumed distance of the lumps, d = 2 µm, and T = 0.5 s. No state. The ball
-    snaps from lump to lump if :math:`2\pi F_g/p` exceeds the film's stiffness.
-
-    Source: Iglesias & Gonçalves, "Sliding and dry friction: Prandtl-Tomlinson athermal model revisited",
-    arXiv:1708.03414 (the law).
+    It acts from y_1 to y_2 and from t_1 to t_2, with logistic ends of d and T. No state. The ball snaps from lump to
+    lump if 2 pi F_g/p exceeds the film's stiffness (law: Iglesias & Gonçalves, arXiv:1708.03414).
     """
 
     force: float = 1e-3  # :math:`F_g` in N
@@ -45,12 +38,9 @@ class GreaseRidge(Effect):
     wording: ClassVar[str] = (
         "From {built} to {worn} the ball runs over a ridge of {force} between deflections of {lower} and {upper}"
     )
-    pitch: ClassVar[float] = 50e-6
-    """p in m."""
-    edge: ClassVar[float] = 2e-6
-    """d in m."""
-    growth: ClassVar[float] = 0.5
-    """T in s."""
+    pitch: ClassVar[float] = 50e-6  # p in m
+    edge: ClassVar[float] = 2e-6  # d in m
+    growth: ClassVar[float] = 0.5  # T in s
 
     def describe(self) -> tuple[Parameter, ...]:
         place: dict[str, Any] = {"unit": "m", "lower": 10e-6, "upper": 10e-3, "scale": Scale.LOGARITHMIC}

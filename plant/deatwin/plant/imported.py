@@ -9,8 +9,7 @@ from typing import Any
 
 from deatwin.plant.errors import RigError, nearest
 
-RAISED = (Exception, SystemExit)
-"""Errors that a user's own code may raise; a script without a guard calls `sys.exit`."""
+RAISED = (Exception, SystemExit)  # Errors that a user's own code may raise; a script without a guard calls `sys.exit`
 
 
 def imported(text: str) -> Any:

@@ -7,8 +7,7 @@ import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-ENDING = (signal.SIGINT, signal.SIGTERM)
-"""Signals of a terminal, and of a batch system that is about to kill."""
+ENDING = (signal.SIGINT, signal.SIGTERM)  # Signals of a terminal, and of a batch system that is about to kill
 MISTAKEN = (SystemError, NotImplementedError)
 """Errors that CasADi's wrappers raise if an interrupt comes while a matrix is converted."""
 
@@ -33,10 +32,8 @@ def obeying() -> Iterator[None]:
 
 @contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Hold Ctrl-C back while workers start: they inherit the mask, so that theirs never comes; ours comes at the end.
-
-    The threads that start more workers later, and hand out jobs, are started here and inherit it too.
-    """
+    """Hold Ctrl-C back while workers start, and the threads that start more of them: they inherit the mask, so that
+    they never receive it; this process receives it at the end."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return

@@ -1,10 +1,7 @@
-r"""Limits of a film: the signals that tell when it is about to lose tension or break down, and the events.
+"""Limits of a film: the signals that tell when it is about to lose tension or break down, and the events.
 
-A membrane carries no pressure: where a true in-plane stress
-
-.. math:: \sigma_i = \lambda_i\,\frac{\partial W}{\partial\lambda_i} - \varepsilon E^2
-
-falls below zero it wrinkles. The stress follows from the film's whole energy, branches and effects included.
+A membrane wrinkles where a true in-plane stress lambda_i dW/dlambda_i - eps E^2, of its whole energy with branches and
+effects, falls below zero.
 """
 
 from __future__ import annotations

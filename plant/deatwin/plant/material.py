@@ -12,12 +12,8 @@ MATERIALS = PUBLISHED
 
 
 def material(name: str | Material) -> Material:
-    """Return the material of a name: a key of `MATERIALS`, or an energy of `deatwin.plant.laws`, such as
-    "neo-Hookean", for a film of which nothing else is known; a material itself is returned.
-
-    >>> material("VHB 4905").permittivity.value
-    4.5
-    """
+    """Return a material itself, or by its key in `MATERIALS`, or by an energy of `deatwin.plant.laws`, such as
+    "neo-Hookean", for a film of which nothing else is known."""
     if isinstance(name, Material):
         return name
     energy = name.lower().replace("-", "_").replace(" ", "_")

@@ -1,9 +1,8 @@
 """Model error of a rig's own equations: the residual against finer ones after a refit.
 
-A reduced plant whose parameters were calibrated has absorbed much of its own error: what counts for a diagnosis is
-what it cannot absorb on a given excitation. Both plants are simulated on it, the free parameters of the coarse one
-are fitted to the fine one by least squares, and the rest is the model error. It is kept per user, so that nobody
-pays twice for the fine simulation; parameters are rounded first, so a kept answer is the one that would be computed.
+A calibrated reduced plant has absorbed much of its error; a diagnosis needs what it cannot absorb on an excitation. So
+the coarse plant's free parameters are fitted to the fine one, and the rest is kept per user, parameters rounded first
+so that a kept answer is the one that would be computed.
 """
 
 from __future__ import annotations
@@ -31,12 +30,9 @@ if TYPE_CHECKING:
 
 
 SCHEMA = "deatwin/model-error/2"
-BINS = 12
-"""Number of intervals of the command in a band."""
-EVALUATIONS = 30
-"""Largest number of simulations of a refit, which settles in about ten."""
-DIGITS = 2
-"""Step to which the parameters are rounded: within it the error changes by a few percent of itself."""
+BINS = 12  # Number of intervals of the command in a band
+EVALUATIONS = 30  # Largest number of simulations of a refit, which settles in about ten
+DIGITS = 2  # Step to which the parameters are rounded: within it the error changes by a few percent of itself
 
 
 @runtime_checkable

@@ -10,10 +10,8 @@ import numpy as np
 
 from deatwin.plant.errors import RigError, nearest
 
-WIDER = 4.0
-"""Ratio by which a range that ends where no physics does becomes wider at once,"""
-BEYOND = 1.01
-"""and that of the value from which on it is to the end that was reached."""
+WIDER = 4.0  # Ratio by which a range that ends where no physics does becomes wider at once,
+BEYOND = 1.01  # and that of the value from which on it is to the end that was reached
 
 
 class Scale(Enum):

@@ -13,10 +13,8 @@ from deatwin.plant.safe_read import clipped
 
 ELECTRICAL_UNITS: Mapping[str, str] = {"current": "A", "capacitance": "F", "film_voltage": "V"}
 """Readings that each rig with a film offers, with their SI units."""
-ROOM_TEMPERATURE = 293.15
-"""Reading of a thermometer where no effect says otherwise, K."""
-ROWS = 3
-"""Rows of the equations for each further reading: level, stored quantity, and the share of it that flows."""
+ROOM_TEMPERATURE = 293.15  # Reading of a thermometer where no effect says otherwise, K
+ROWS = 3  # Rows of the equations for each further reading: level, stored quantity, and the share of it that flows
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,13 +74,8 @@ def readings_from(described: Any) -> tuple[Reading, ...]:
 
 
 def combined(rows: np.ndarray, sample_time: float) -> np.ndarray:
-    r"""Further readings at the ends of samples: the level, plus what of the stored quantity flowed in the sample.
-
-    .. math:: y_k = l_k + s_k\,(q_k - q_{k-1}) / h
-
-    A rate is thus the mean over a sample, as an integrating converter reads it, and its sum telescopes. `rows`
-    (m, 3 k) of l, q and s; returns (m, k), where nothing flows before the first.
-    """
+    """Return l_k + s_k (q_k - q_{k-1}) / h, so a rate is its mean over a sample and its sum telescopes. Shapes: `rows`
+    (m, 3 k) of l, q and s at the ends of samples; returns (m, k); nothing flows before the first."""
     level, stored, share = np.split(rows, ROWS, axis=1)
     return level + share * _risen(stored) / sample_time
 

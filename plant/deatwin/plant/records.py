@@ -16,12 +16,9 @@ Json: TypeAlias = str | int | float | bool | Sequence[Any] | Mapping[str, Any] |
 """Free JSON data, such as the fields of a rig in which two readings of its file differ."""
 _KEY, _OPTIONAL, _INTERNAL, _UNBOUNDED = "key", "optional", "internal", "unbounded"
 _Record = TypeVar("_Record")
-OPTIONAL = {_OPTIONAL: True}
-"""Metadata of a field that a file leaves out where it is None."""
-INTERNAL = {_INTERNAL: True}
-"""Metadata of a field that no file holds."""
-UNBOUNDED = {_UNBOUNDED: True}
-"""Metadata of a number that may be infinite, which is read as it stands."""
+OPTIONAL = {_OPTIONAL: True}  # Metadata of a field that a file leaves out where it is None
+INTERNAL = {_INTERNAL: True}  # Metadata of a field that no file holds
+UNBOUNDED = {_UNBOUNDED: True}  # Metadata of a number that may be infinite, which is read as it stands
 
 
 def key(name: str) -> dict[str, str]:

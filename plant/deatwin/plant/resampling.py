@@ -1,15 +1,13 @@
 """Samples at uneven times, or too many of them, onto an even clock.
 
-- A reading is interpolated linearly between the rows around the new time. What that costs is measured: `Resampling`
-  has the frequency at which the interpolation, as the times happen to lie, has lost 3 dB.
-- A command acts from its row's time to the next row's. One that stays from row to row more often than it changes
-  is a staircase, whose levels are kept: a new row has the one in force in the middle of its own hold. Any other gets
-  the mean of what acted during that hold.
-- A sample time longer than the rows' own would fold what is faster into the band. So all signals are first brought onto
-  an even clock that is a whole number of times finer, and `decimate` filters and thins it.
+- A reading is interpolated linearly; `Resampling` has the frequency at which that, with these times, has lost 3 dB.
+- A command acts from its row's time to the next row's. One that stays from row to row more often than it changes is a
+  staircase, and a new row takes the level in the middle of its own hold; any other gets the mean over that hold.
+- For a longer sample time than the rows' own, all signals are first brought onto an even clock a whole number of times
+  finer, and `decimate` filters and thins it, so that nothing folds into the band.
 
-A step of more than five usual ones is a gap. In the middle of five a tone at a tenth of the sampling rate, the
-fastest that a model wants to follow, is lost altogether: cos(pi 0.1 5) = 0.
+A step of more than five usual ones is a gap: in its middle a tone at a tenth of the sampling rate, the fastest that a
+model wants to follow, is lost altogether, cos(pi 0.1 5) = 0.
 """
 
 from __future__ import annotations
@@ -165,11 +163,7 @@ def plan_resampling(
 
 
 def resampling_options(timepts: Floats, usual: float | None = None) -> ReadOptions | None:
-    """Return the options that bring rows at uneven times onto an even clock; None where none do.
-
-    >>> str(resampling_options(np.array([0.0, 0.019, 0.041, 0.06])))
-    '--resample 0.019'
-    """
+    """Return the options that bring rows at uneven times, s, onto an even clock; None where none do."""
     if len(timepts) < 2 or not (np.diff(timepts) > 0.0).all():
         return None
     step = float(f"{np.median(np.diff(timepts)) if usual is None else usual:.2g}")

@@ -1,8 +1,7 @@
 """The state of rest of a plant, and how it moves with the parameters.
 
-A state that no equation of rest depends on, such as an angle that nothing turns back, a level without an outlet or a
-charge without a leak, is a *free integrator*. It rests nowhere: an experiment starts at the rig's guess of it, and all
-else is at rest.
+A state that no equation of rest depends on, such as an angle that nothing turns back or a charge without a leak, is a
+*free integrator*: an experiment starts at the rig's guess of it, and all else is at rest.
 """
 
 from __future__ import annotations
@@ -20,11 +19,9 @@ from deatwin.plant.safe_read import clipped
 NO_REST = "no state of rest was found: the film is too soft for its load, or a parameter is far off"
 
 UPDATES = 60
-TENSION = "tension"
-"""Signal in which a rig watches the least tension of its film."""
+TENSION = "tension"  # Signal in which a rig watches the least tension of its film
 CONTINUATION = 20
-HALVINGS = 5
-"""Largest number of halvings of a continuation step without an equilibrium."""
+HALVINGS = 5  # Largest number of halvings of a continuation step without an equilibrium
 REACH, GROWTH = 0.1, 1.3
 """Longest first step of Newton's method against the unknowns' scale, which keeps it inside the material's range of
 stretches, and how it grows."""

@@ -18,11 +18,9 @@ if TYPE_CHECKING:
 
 FURTHEST = 0.25
 """Largest move of an unknown between two commands, in units of its scale: a film that snaps moves further."""
-HALVINGS = 14
-"""Largest number of halvings of the way from rest; pull-in is then found to a part in 16000."""
+HALVINGS = 14  # Largest number of halvings of the way from rest; pull-in is then found to a part in 16000
 UPDATES = 20
-SETTLED = 1e-12
-"""Change of the unknowns, relative to their scale, that ends Newton's method; it is not differentiated."""
+SETTLED = 1e-12  # Change of the unknowns, relative to their scale, that ends Newton's method; it is not differentiated
 
 
 def rest_under(plant: Plant, command: float, *, time: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
@@ -150,12 +148,8 @@ def inputs_at(equations: Equations, inputs: np.ndarray, begin: float, middle: fl
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SampleFunctions:
-    """Derivatives that one sample needs, evaluated by CasADi's virtual machine: nothing is compiled.
-
-    `dynamics`: ``(w, d, u, t, p, c) -> ((f; g), by w, by u)``; `resting`: likewise, with integrals over a sample as they
-    are at its end; `output` likewise of the reading; `rest_slope`: ``(w, u, p, c) ->`` derivative of the equations of
-    rest.
-    """
+    """Functions of a sample, not compiled: `dynamics` ``(w, d, u, t, p, c) -> ((f; g), by w, by u)``, `resting` with
+    integrals as at its end, `output` the reading; `rest_slope` ``(w, u, p, c) ->`` slope of rest."""
 
     dynamics: ca.Function
     resting: ca.Function

@@ -19,8 +19,7 @@ from deatwin.plant.safe_read import clipped
 
 Symbol = Any  # casadi.SX
 NUMBERS: tuple[Any, ...] = (int, float, np.number, np.ndarray, ca.DM, ca.SX)
-LIBRARIES = {"casadi", "numpy", "scipy"}
-"""Folders whose lines a user did not write."""
+LIBRARIES = {"casadi", "numpy", "scipy"}  # Folders whose lines a user did not write
 REMEDIES = {
     "truth value": "if, and, or, min and max need a value: use casadi.if_else, fmin and fmax",
     "array element with a sequence": "NumPy needs a number there: use functions of casadi",

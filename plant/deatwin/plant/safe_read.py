@@ -1,8 +1,7 @@
 """Safe reading of a user's files: plain files only, and no more than a computer can hold.
 
-Every reader takes its bytes from here. A pipe or a device has no end and may never answer; a small file may unpack
-to more than the memory: both are refused before they are read. The limits are here and nowhere else, and
-docs/how-to/files-and-export.md states them.
+Every reader takes its bytes from here. A pipe may never answer, and a small file may unpack to more than the memory;
+both are refused first. docs/how-to/files-and-export.md states the limits.
 """
 
 import os
@@ -13,16 +12,11 @@ RECORDING_BYTES = 2_000_000_000
 """Size of a recording of any format, packed and unpacked: 83 million samples of a time and two signals."""
 TEXT_BYTES = 1_000_000_000
 """Size of a recording as text, whose numbers take several times as much memory while they are read."""
-ROWS = 20_000_000
-"""Rows of a recording as text: 111 hours at 50 Hz."""
-COLUMNS = 10_000
-"""Columns of a recording."""
-DOCUMENT_BYTES = 500_000_000
-"""Size of a model, a diagnosis or a check: JSON."""
-DOCUMENT_VALUES = 20_000_000
-"""Number of values, texts and lists in such a file."""
-RIG_BYTES = 1_000_000
-"""Size of a rig file: TOML."""
+ROWS = 20_000_000  # Rows of a recording as text: 111 hours at 50 Hz
+COLUMNS = 10_000  # Columns of a recording
+DOCUMENT_BYTES = 500_000_000  # Size of a model, a diagnosis or a check: JSON
+DOCUMENT_VALUES = 20_000_000  # Number of values, texts and lists in such a file
+RIG_BYTES = 1_000_000  # Size of a rig file: TOML
 
 _KINDS = {
     stat.S_IFDIR: "a folder",
@@ -66,11 +60,7 @@ def kind_of_file(path: str | os.PathLike[str]) -> str:
 
 
 def in_words(count: float) -> str:
-    """Return a number of bytes with a unit.
-
-    >>> in_words(2_000_000_000), in_words(10_737_418_240), in_words(1_000_000), in_words(12)
-    ('2 GB', '10.7 GB', '1 MB', '12 bytes')
-    """
+    """Return a number of bytes with a unit."""
     for size, unit in ((1e9, "GB"), (1e6, "MB"), (1e3, "kB")):
         if count >= size:
             return f"{count / size:.3g} {unit}"

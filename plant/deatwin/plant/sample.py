@@ -10,8 +10,7 @@ import numpy as np
 
 from deatwin.plant.integrator.newton import SETTLED
 
-SHORTER_STEPS = (4, 16, 64)
-"""Numbers of shorter steps, tried in turn if a sample is not solved in one step."""
+SHORTER_STEPS = (4, 16, 64)  # Numbers of shorter steps, tried in turn if a sample is not solved in one step
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

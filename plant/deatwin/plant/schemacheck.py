@@ -1,9 +1,7 @@
-"""Check of a document's values against its JSON Schema.
+"""Check of the values that a document has against its JSON Schema, ``schemas/NAME.schema.json`` of the packages.
 
-The schemas ship with the packages, as ``schemas/NAME.schema.json``. What is there is looked at, not which keys the
-document itself lacks or has besides: one of another version may differ there, and what is made of it asks for those
-that it needs.
-The part of JSON Schema (draft 2020-12) that the shipped files use is understood, without ``if`` and ``format``.
+Keys may be absent or added, as in another version; whoever needs one asks for it. The part of JSON Schema (draft
+2020-12) that the shipped files use is understood, without ``if`` and ``format``.
 """
 
 from __future__ import annotations

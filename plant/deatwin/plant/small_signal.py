@@ -1,15 +1,7 @@
 """Linearisation of one sample of a plant about rest, as the matrices of a sampled linear system.
 
-The step over a sample, :math:`(x, u) \\to (x^+, y)`, solves the collocation equations
-
-.. math:: M\\sum_j (A^{-1})_{ij}(X_j - x) = h f(X_i, Z_i, u, t + c_i h), \\qquad 0 = g(X_i, Z_i, u, t + c_i h)
-
-so that its exact derivatives follow from the implicit function theorem: one linear system, with a right side for each
-state and each input.
-
-References
-----------
-Hairer & Wanner, Solving Ordinary Differential Equations II (1996), section IV.5, doi:10.1007/978-3-642-05221-7.
+The step (x, u) -> (x+, y) solves the equations of `deatwin.plant.integrator.collocation`, so its exact derivatives
+follow from the implicit function theorem: one linear system, with a right side for each state and each input.
 """
 
 from __future__ import annotations
@@ -37,10 +29,7 @@ rounding leaves some 1e-15, and each equation has a scale of its own."""
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SmallSignal:
-    r"""Deviations from rest, sample by sample.
-
-    .. math:: x_{k+1} = A x_k + \sum_l B_l u_{k-l}, \qquad y_k = C x_k + \sum_l D_l u_{k-l}
-    """
+    """Deviations from rest by samples: x_{k+1} = A x_k + sum_l B_l u_{k-l}, y_k = C x_k + sum_l D_l u_{k-l}."""
 
     a: np.ndarray  # shape (n_x, n_x): Dynamics of the states, each in units of its typical size
     b: np.ndarray
@@ -112,11 +101,8 @@ def _differentiated(equations: Equations, point: Point, time: float, sample_time
 
 
 def _static_gain(equations: Equations, point: Point, time: float, sample_time: float) -> float:
-    """Slope of the reading by the command, along states of rest under a slowly changing command.
-
-    Where a combination of the equations says nothing, as of the memory of hysteresis that follows the motion, its
-    time integral is conserved, and says how that state moves.
-    """
+    """Slope of the reading by a slow command. A combination that the equations of rest leave open, as of hysteresis'
+    memory, keeps its time integral, which says how that state moves."""
     (here, held, inputs, values), functions, count = point, sample_functions(equations), 1 + equations.history
     inputs = inputs_at(equations, inputs, time - sample_time, time)
     arguments = (here, held, inputs, time, values, equations.constants)

@@ -28,10 +28,8 @@ from deatwin.studies.provenance import RunRecord, hashes
 from deatwin.studies.report.origin import Origin
 from deatwin.studies.voice import Progress
 
-CALIBRATED = "the calibrated plant"
-"""Name of the plant of a diagnosis that named no cause."""
-POINTS = 9
-"""Operating points of a range at which margins are judged."""
+CALIBRATED = "the calibrated plant"  # Name of the plant of a diagnosis that named no cause
+POINTS = 9  # Operating points of a range at which margins are judged
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,8 +1,7 @@
-"""The demo: an effect is concealed in a recording, and the diagnosis has to find it.
+"""The demo: an effect is concealed in a recording of the thesis' diaphragm, and the diagnosis has to find it.
 
-The recording comes from the thesis' diaphragm with material values a few per cent beside the published ones,
-as a real film's are, plus one effect that the rig file does not mention. What was concealed is written to
-``truth.json`` only after the verdict.
+Material values are a few per cent beside the published ones, as a real film's are. ``truth.json`` is written only after
+the verdict.
 """
 
 from __future__ import annotations

@@ -25,12 +25,9 @@ from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
 
-POINTS, DECADES = 200, 3
-"""Frequencies of H_1, and the decades below half the sampling rate that they span."""
-SIDE, COARSE_SIDE = 41, 21
-"""Frequencies on each axis of a map, of orders up to three and beyond."""
-UNKNOWN_BAND = 0.25
-"""Share of half the sampling rate that is taken where a model does not say what its data excited."""
+POINTS, DECADES = 200, 3  # Frequencies of H_1, and the decades below half the sampling rate that they span
+SIDE, COARSE_SIDE = 41, 21  # Frequencies on each axis of a map, of orders up to three and beyond
+UNKNOWN_BAND = 0.25  # Share of half the sampling rate that is taken where a model does not say what its data excited
 DRAWN = 0.95
 UNKNOWN, ROUNDING = 0.1, 1e-9
 """Share of a NOFRF's gain above which its truncation error is told, and of the output that is rounding."""

@@ -12,14 +12,12 @@ if TYPE_CHECKING:
     from deatwin.plant.recording import Recording
 
 
-FIRST, LAST = 0, 2
-"""The first and last input lag without a dead time."""
+FIRST, LAST = 0, 2  # The first and last input lag without a dead time
 _WITHIN = (
     "in a closed loop, lag 0 would include the controller's reaction within the sample; if each reading is taken at "
     "the end of its row and the controller reacts in the next, give --first-input-lag 0"
 )
-OUTPUT_LAGS = 2
-"""Lags of the output, unless others are asked for."""
+OUTPUT_LAGS = 2  # Lags of the output, unless others are asked for
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,12 +119,8 @@ def bounded(
     *,
     may_choose: bool,
 ) -> tuple[NarxIdentifier, tuple[str, ...]]:
-    """Return an identifier whose model runs free over its own training data, and sentences on what this took.
-
-    Behind a sharp low-pass filter, as of decimation, the output at a sample also depends on later inputs. A lag of the
-    output too many imitates that by an unstable pole on the negative real axis. A plant in continuous time, whose poles
-    z = exp(s T) are positive or come in pairs, has none there, so the lag is spurious and is left out.
-    """
+    """Return an identifier whose model runs free over its data, and what this took in sentences. A lag with an unstable
+    negative pole, which no continuous plant has, imitates later inputs after a sharp low pass, and is left out."""
     import numpy as np
 
     from deatwin.ident.narx.unstable import poles_at

@@ -11,10 +11,8 @@ if TYPE_CHECKING:
     from deatwin.ident.narx import NarxModel
     from deatwin.plant.recording import Recording
 
-_SECTIONS = 10
-"""Parts of the held-out data whose squared errors are compared."""
-_LEVEL = 0.05
-"""Chance that a free-run fit without any gain seems to be better."""
+_SECTIONS = 10  # Parts of the held-out data whose squared errors are compared
+_LEVEL = 0.05  # Chance that a free-run fit without any gain seems to be better
 _WORTH_SAYING = 0.01
 """Gain in the output's standard deviations, and share of its squares that one reading holds: as with an excess of the
 one-step error, 1 % changes no decision."""

@@ -35,10 +35,8 @@ NEXT = {
     False: "see below which measure the model misses; try other lags, another --degree or another --method.",
 }
 """Advice by whether all measures are reached."""
-MOST = 6
-"""Recordings that have a figure of their own."""
-ROW = 0.3
-"""Height of a term's row, in inches."""
+MOST = 6  # Recordings that have a figure of their own
+ROW = 0.3  # Height of a term's row, in inches
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

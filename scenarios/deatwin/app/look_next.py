@@ -14,8 +14,7 @@ from deatwin.ident.look.inputs import InputShape
 from deatwin.ident.look.link import LinkStatus
 from deatwin.plant.files.understood import Understood
 
-LEAST = 20
-"""Samples of which `deatwin identify` fits 14 and keeps 6: fewer leave nothing to judge a model by."""
+LEAST = 20  # Samples of which `deatwin identify` fits 14 and keeps 6: fewer leave nothing to judge a model by
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -95,24 +95,13 @@ _BETWEEN = "\x1f"  # the unit separator: no file name holds it
 
 
 def complete_effects(incomplete: str) -> list[str]:
-    """Effects of the catalogue for the shell's completion, without loading them.
-
-    >>> complete_effects("electrode_")
-    ['electrode_loss', 'electrode_rc']
-    """
+    """Effects of the catalogue for the shell's completion, without loading them."""
     names = {point.name for point in entry_points(group="deatwin.effects")}
     return sorted(name for name in names if name.startswith(incomplete))
 
 
 def fold_experiments(arguments: list[str]) -> list[str]:
-    """Gather the files behind each ``--experiment`` into its one value.
-
-    >>> folded = fold_experiments(["diagnose", "rig.toml", "--experiment", "a.csv", "b.csv", "--out", "d"])
-    >>> [unfold_experiment(value) for value in folded][3]
-    ['a.csv', 'b.csv']
-    >>> folded[4:]
-    ['--out', 'd']
-    """
+    """Gather the files behind each ``--experiment`` into its one value."""
     folded: list[str] = []
     files: list[str] | None = None  # of the experiment that is being gathered
     for argument in arguments:

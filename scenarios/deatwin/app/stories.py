@@ -7,8 +7,7 @@ from importlib.metadata import entry_points
 
 from deatwin.studies.stories import Story
 
-GROUP = "deatwin.scenarios"
-"""Each entry point of this group is a sequence of stories."""
+GROUP = "deatwin.scenarios"  # Each entry point of this group is a sequence of stories
 
 
 def stories() -> Mapping[str, Story]:

@@ -24,10 +24,8 @@ _FAR = 10
 the output, and a few times as many do it no harm."""
 _CLEARLY = 2.0
 """Times that a free run must be off by more than another to be clearly worse: at half of it, chance might do."""
-_SLIGHT = 0.01
-"""Difference of two free runs in the output's standard deviations that changes no decision."""
-_ENDS = 20
-"""New samples that the filter of `decimate` takes from both ends, about."""
+_SLIGHT = 0.01  # Difference of two free runs in the output's standard deviations that changes no decision
+_ENDS = 20  # New samples that the filter of `decimate` takes from both ends, about
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -41,11 +41,7 @@ class Group(TyperGroup):
 
 
 def unwrapped(text: str | None) -> str:
-    r"""Return a docstring with a line for each paragraph, so that the terminal's width breaks it and not the source's.
-
-    >>> unwrapped("Do it.\n\n    So that\n    it is done.\n    ")
-    'Do it.\n\nSo that it is done.'
-    """
+    """Return a docstring with one line for each paragraph, so that the terminal's width breaks it."""
     return "\n\n".join(" ".join(paragraph.split()) for paragraph in (text or "").split("\n\n")).strip()
 
 

@@ -1,14 +1,12 @@
 """Measured pulls of VHB 4910: a strip that is taken as purely hyperelastic lacks a relaxation.
 
-The recordings are load-unload pulls of real coupons at strain rates of 0.01, 0.03 and 0.05 1/s, with 80 mm
-between the clamps (github.com/Chongran-Zhao/VHB4910_data; it names no licence, so it is read where the user
-keeps it). A hyperelastic `Coupon` is calibrated on the pulls at 0.01 and 0.05 1/s, each an experiment of
-its own from rest, and diagnosed. The pulls at 0.03 1/s judge the answer, and so does another waveform, a strip
-that is stretched to 2 and held for half an hour; nothing is chosen on them.
+The recordings are load-unload pulls of real coupons at 0.01, 0.03 and 0.05 1/s, with 80 mm between the clamps
+(github.com/Chongran-Zhao/VHB4910_data; it names no licence, so it is read where the user keeps it). A hyperelastic
+`Coupon` is calibrated on the pulls at 0.01 and 0.05 1/s to stretches of 1.5 and 2, each from rest, and diagnosed. The
+pulls at 0.03 1/s judge the answer, and so does a strip held at 2 for half an hour; nothing is chosen on them.
 
-Pulls to stretches of 1.5 and 2 are used. The scenario also diagnoses them with one to 3 added, and reports what it
-finds: after pulls to 1.5, 2 and 3 at 0.01 1/s the strip hangs slack below stretches of 1.14, 1.23 and 1.38, so
-it also softens with the largest stretch so far.
+The scenario also diagnoses with a pull to 3 added: after pulls to 1.5, 2 and 3 at 0.01 1/s the strip hangs slack below
+stretches of 1.14, 1.23 and 1.38, so it also softens with the largest stretch so far.
 """
 
 from __future__ import annotations
@@ -28,12 +26,10 @@ from deatwin.studies.public.records import Candidates, DataSet
 from deatwin.studies.public.sources import data_folder
 from deatwin.studies.stories import Setting
 
-LENGTH = 80e-3
-"""Between the clamps, m."""
+LENGTH = 80e-3  # Between the clamps, m
 FITTED_RATES, HELD_OUT_RATE = ("0d01", "0d05"), "0d03"
 STRETCHES, FAR = ("1d5", "2d0"), "3d0"
-STEP = 10
-"""Samples of 20 ms from one of a black box to its next."""
+STEP = 10  # Samples of 20 ms from one of a black box to its next
 
 
 def run(setting: Setting) -> Mapping[str, Any]:

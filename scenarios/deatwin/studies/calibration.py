@@ -9,8 +9,7 @@ import numpy as np
 
 from deatwin.studies.rates import LEVEL, Rate
 
-BINS = 10
-"""Bins of stated probabilities, from 0 to 1."""
+BINS = 10  # Bins of stated probabilities, from 0 to 1
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,10 +19,8 @@ from deatwin.studies.report.origin import Origin
 from deatwin.studies.report.page import write_report
 from deatwin.studies.voice import Progress
 
-RIVALS = "rivals"
-"""Folder of the plants that a diagnosis cannot tell from its answer, where there are any."""
-WRITTEN = ("diagnosis.json", "model.json", INPUT_FILE, "report.html", "run.json")
-"""Files that every diagnosis writes."""
+RIVALS = "rivals"  # Folder of the plants that a diagnosis cannot tell from its answer, where there are any
+WRITTEN = ("diagnosis.json", "model.json", INPUT_FILE, "report.html", "run.json")  # Files that every diagnosis writes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from math import floor
 from typing import Literal
 
-LEVEL = 0.95
-"""Confidence of all bounds."""
+LEVEL = 0.95  # Confidence of all bounds
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,8 +15,7 @@ if TYPE_CHECKING:
     from deatwin.studies.provenance import RunRecord
 
 
-DATA_VARIABLE = "DEATWIN_DATA"
-"""Environment variable that names the folder of public recordings."""
+DATA_VARIABLE = "DEATWIN_DATA"  # Environment variable that names the folder of public recordings
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -5,12 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-_GROWTH = 1.25
-"""An estimate is at most so many times the one before: a reader who plans by it is not sent back."""
-_KNOWN = 0.05
-"""Share of the work after which its pace is known."""
-_KEPT = 5.0
-"""An estimate grows at most once in so many seconds: on a terminal it would grow with each look."""
+_GROWTH = 1.25  # An estimate is at most so many times the one before: a reader who plans by it is not sent back
+_KNOWN = 0.05  # Share of the work after which its pace is known
+_KEPT = 5.0  # An estimate grows at most once in so many seconds: on a terminal it would grow with each look
 
 
 class TimeLeft:

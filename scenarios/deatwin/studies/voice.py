@@ -15,8 +15,7 @@ from typing import Any
 from deatwin.studies.timeleft import TimeLeft
 
 Progress = Callable[[float, str], None]
-EVERY = 30.0
-"""Off a terminal a line of progress comes so often, s."""
+EVERY = 30.0  # Off a terminal a line of progress comes so often, s
 
 
 @dataclass(frozen=True, kw_only=True)

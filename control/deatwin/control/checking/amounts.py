@@ -9,11 +9,7 @@ LARGEST: Mapping[str, float] = {" %": 1000.0, " times": 100.0, " steps": 100.0}
 
 
 def amount(value: float, form: str, unit: str) -> str:
-    """A number as a sentence has it.
-
-    >>> amount(12.34, ".1f", " %"), amount(3e7, ".1f", " %"), amount(999.7, ".3g", " %")
-    ('12.3 %', 'more than 1000 %', '1000 %')
-    """
+    """A number as a sentence has it: "12.3 %", or "more than 1000 %"."""
     text = f"{value:{form}}"
     if unit in LARGEST:
         if value > LARGEST[unit]:

@@ -47,8 +47,7 @@ from deatwin.plant.recording import Recording
 
 Array = NDArray[np.float64]
 
-POINTS = 5
-"""Operating points at which margins are judged, where none are given."""
+POINTS = 5  # Operating points at which margins are judged, where none are given
 
 
 @taking(

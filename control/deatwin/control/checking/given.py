@@ -24,11 +24,9 @@ _TAKEN = ("model", "plant")
 _FOREIGN = 3.0
 """Times the residual that a model carries: a recording that leaves more is not of the actuator, or in another unit."""
 
-Design = Callable[..., Controller]
-"""Takes the model as the controller sees it, and ``command_limits``."""
+Design = Callable[..., Controller]  # Takes the model as the controller sees it, and ``command_limits``
 
-SAME = 1e-9
-"""Operating inputs that differ by less, as a share of the range of the command, are one."""
+SAME = 1e-9  # Operating inputs that differ by less, as a share of the range of the command, are one
 
 
 class UndesignedError(ControlError):

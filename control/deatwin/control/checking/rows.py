@@ -16,8 +16,7 @@ from deatwin.control.stability.bands import MarginBand
 from deatwin.control.stability.loops import family_margins
 from deatwin.control.stability.margins import Margins
 
-QUANTILE = 0.025
-"""Quantile of the draws at which margins are judged."""
+QUANTILE = 0.025  # Quantile of the draws at which margins are judged
 BAND = "model by its analytic band"
 """Source of the margins' limits that follow from the model's covariance without draws."""
 

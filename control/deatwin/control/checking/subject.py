@@ -47,12 +47,9 @@ Array = NDArray[np.float64]
 STICKING = ("hysteresis", "coulomb_friction")
 """Effects that are a spring or a damper to small motions and nothing to the dynamics of large ones: the loop meets
 both."""
-PLANTS = 20
-"""Plants drawn from a calibration."""
-FILMS = 8
-"""Number of these plants on which the film's limits are tested."""
-TIME_SAMPLES = 50
-"""Draws at each time of a model that varies."""
+PLANTS = 20  # Plants drawn from a calibration
+FILMS = 8  # Number of these plants on which the film's limits are tested
+TIME_SAMPLES = 50  # Draws at each time of a model that varies
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -18,17 +18,12 @@ from deatwin.plant.model import Plant
 
 Array = NDArray[np.float64]
 
-STEP_SHARE = 0.3
-"""Amplitude of the references, as a share of the stroke from the operating point to the nearer limit."""
-PLATEAU = 10.0
-"""Closed-loop times for which a step's level is held."""
-SHORTEST = 50
-"""Samples for which it is held at least, so that what still moves at its end is not the step itself."""
-SINE_SHARE = 0.2
-"""Frequency of the sine reference, as a share of the bandwidth 1/(2 pi lambda) that was asked for."""
+STEP_SHARE = 0.3  # Amplitude of the references, as a share of the stroke from the operating point to the nearer limit
+PLATEAU = 10.0  # Closed-loop times for which a step's level is held
+SHORTEST = 50  # Samples for which it is held at least, so that what still moves at its end is not the step itself
+SINE_SHARE = 0.2  # Frequency of the sine reference, as a share of the bandwidth 1/(2 pi lambda) that was asked for
 SINE_PERIODS = 3
-LONGEST = 200_000
-"""Samples of steps and sine together, at most: each draw of the model runs through them too."""
+LONGEST = 200_000  # Samples of steps and sine together, at most: each draw of the model runs through them too
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -17,8 +17,7 @@ if TYPE_CHECKING:
 
 
 Array = NDArray[np.float64]
-Polynomials = tuple[Array, Array]
-"""Numerator and denominator, coefficients of z^0, z^-1, ..."""
+Polynomials = tuple[Array, Array]  # Numerator and denominator, coefficients of z^0, z^-1, ..
 
 REFERENCE, READING = 0, 1
 

@@ -17,13 +17,11 @@ from deatwin.control.linear.model import LinearModel, linear_model
 _EARLY, _LATE = 1.0 - np.exp(-1.0 / 3.0), 1.0 - np.exp(-1.0)  # a first-order lag is there at T/3 and at T
 _SETTLED = 1e-4  # of the final value: what the slowest pole leaves at the end of the step response
 _LONGEST = 200_000  # samples of a step response
-_DELAY_SHARE = 3.0
-"""The closed loop is slower than the delay by this factor; Rivera et al. ask for at least 1.7."""
+_DELAY_SHARE = 3.0  # The closed loop is slower than the delay by this factor; Rivera et al. ask for at least 1.7.
 _SAMPLES = 10.0
 """Samples in a closed-loop time constant (Åström & Wittenmark, Computer-Controlled Systems, section 4.4: the
 crossover frequency times the sample time at most 0.05 to 0.14)."""
-_BAND_SHARE = 0.5
-"""The crossover lies at this share of the band that the recording excited."""
+_BAND_SHARE = 0.5  # The crossover lies at this share of the band that the recording excited
 _FILTER_SHARE = 0.1
 """Time constant of the derivative's filter, as a share of the derivative time (Skogestad, section 2)."""
 

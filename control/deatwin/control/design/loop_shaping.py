@@ -17,16 +17,14 @@ from deatwin.control.linear.model import LinearModel, linear_model
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-Shape = Callable[[float, float], PidGains]
-"""Gains of a controller from its integral gain and its time constant."""
+Shape = Callable[[float, float], PidGains]  # Gains of a controller from its integral gain and its time constant
 
 _POINTS = 1500  # frequencies of each half of the grid: logarithmic and even
 _LOWEST = 1e-5  # rad a sample
 _NEAR = np.sinh(np.linspace(-6.0, 6.0, 121)) / np.sinh(6.0)  # about a pole, dense where it is near
 _LONGEST = 1000.0  # samples: time constant of the controller, at least
 _TIMES = 240  # time constants that are tried, and again about the best
-_FILTER = 10.0
-"""The derivative time by its filter's time constant."""
+_FILTER = 10.0  # The derivative time by its filter's time constant
 
 
 @dataclass(frozen=True, kw_only=True)

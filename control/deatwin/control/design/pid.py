@@ -13,8 +13,7 @@ from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel, linear_model
 from deatwin.control.stability.loops import loop_margins
 
-Limits = tuple[float, float]
-"""Least and largest command, in its unit."""
+Limits = tuple[float, float]  # Least and largest command, in its unit
 
 
 @dataclass(frozen=True, kw_only=True)

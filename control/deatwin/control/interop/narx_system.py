@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Params = Mapping[str, Any]
-Lagged = tuple[str, int, int]
-"""Kind "y" or "u", row of the channel, lag in samples."""
+Lagged = tuple[str, int, int]  # Kind "y" or "u", row of the channel, lag in samples
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -23,8 +23,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Params = Mapping[str, Any]
-After = tuple[Array, float]
-"""State after a sample, and the reading there, SI."""
+After = tuple[Array, float]  # State after a sample, and the reading there, SI
 
 
 class PlantSystem:

@@ -25,8 +25,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-_TWO_SIDED = 1.959964
-"""Standard deviations on either side of the mean that hold 95 % of a normal law."""
+_TWO_SIDED = 1.959964  # Standard deviations on either side of the mean that hold 95 % of a normal law
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -22,13 +22,10 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-LEVEL = (0.025, 0.975)
-"""Quantiles of a 95 % band."""
+LEVEL = (0.025, 0.975)  # Quantiles of a 95 % band
 _SHOWN = {"m": (1e3, "mm"), "N": (1e3, "mN")}
-_CLOUD = 200
-"""Most samples whose poles are drawn."""
-_REAL = 1e-9
-"""Imaginary part of a pole that counts as none."""
+_CLOUD = 200  # Most samples whose poles are drawn
+_REAL = 1e-9  # Imaginary part of a pole that counts as none
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

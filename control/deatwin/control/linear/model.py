@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-SIGN_LEVEL = 1.96
-"""A static gain within this many standard deviations of zero has no certain sign (95 %, normal law)."""
+SIGN_LEVEL = 1.96  # A static gain within this many standard deviations of zero has no certain sign (95 %, normal law)
 
 
 class LinearStatus(Enum):

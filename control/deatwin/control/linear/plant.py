@@ -28,13 +28,11 @@ _GROWS = 1e-9
 """A mode that the command does not excite grows if its modulus exceeds 1 by more than this; memories at rest have 1."""
 _NO_GAIN = 1e-12
 """Static gain that is rounding, as a share of what the command does to the states and the states to the reading."""
-_LOWEST, _POINTS = 1e-3, 50
-"""Lowest frequency at which coefficients are compared with the matrices, Hz."""
+_LOWEST, _POINTS = 1e-3, 50  # Lowest frequency at which coefficients are compared with the matrices, Hz
 _GAIN_ERROR = 1e-3
 """Relative difference between the static gain of the matrices and the slope of the static curve that a design may have:
 far below any gain margin, far above rounding."""
-_LOSS = 1e-6
-"""Relative error of the response that the coefficients may have without a remark."""
+_LOSS = 1e-6  # Relative error of the response that the coefficients may have without a remark
 
 
 @taking(plant=instance(Plant), time=number)

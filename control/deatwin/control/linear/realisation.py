@@ -1,9 +1,8 @@
 """A sampled linear system by its matrices, and the coefficients of its transfer function.
 
-Slow poles crowd near z = 1: of a product of factors 1 - p, each some 1e-4, the coefficients of the polynomial hold no
-more than their last digits, and of five such factors none. So gain, poles, zeros and responses are computed from the
-matrices. The coefficients are there for what needs coefficients: modes that nothing excites or shows are taken out
-first, and the coefficients are then computed in integers, by the recursion of Faddeev and Leverrier, and rounded once.
+Slow poles crowd near z = 1: a polynomial keeps no more than the last digits of factors 1 - p of some 1e-4, of five such
+none. So gain, poles, zeros and responses come from the matrices. For what needs coefficients, modes that nothing
+excites or shows are taken out, and the recursion of Faddeev and Leverrier runs in integers, rounded once.
 """
 
 from __future__ import annotations
@@ -22,8 +21,7 @@ Complex = NDArray[np.complex128]
 _NOTHING = 1e-11
 """Cosine of a mode with all that excites it, or shows it, below which that is rounding: one sample of the slowest
 effect of the catalogue, 20000 s, still moves its mode by 1e-6."""
-_BLOCK = 512
-"""Samples of a step response that are computed at once."""
+_BLOCK = 512  # Samples of a step response that are computed at once
 _BITS = 64
 """Behind the point of the largest entry of a matrix in integers; smaller entries lose nothing that a sum with the
 largest would keep, and 11 bits more than that."""

@@ -1,8 +1,7 @@
 """Margins and locus of a loop with the band that the model's covariance gives them, to first order.
 
-The counterpart of sampling the posterior: exact derivatives instead of draws, and as good as the loop is linear in the
-model's coefficients over their uncertainty. A margin that another crossing may take over is known by its lower limit,
-which is the least over all crossings, rather than by its deviation, which is that of the crossing that sets it.
+Exact derivatives take the place of draws, as good as the loop is linear in the coefficients over their uncertainty. A
+margin that another crossing may take over has the lowest limit of all crossings instead of its own deviation.
 """
 
 from __future__ import annotations

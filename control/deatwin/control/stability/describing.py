@@ -1,11 +1,7 @@
-"""Describing functions of a command's limits and of a converter's codes.
+"""Describing functions of a command's limits and of a converter's codes: first harmonic of the output of A sin(wt), by
+A.
 
-For an input A sin(wt), N(A, w) is the first harmonic of the output by A. python-control has those of other
-nonlinearities, such as `control.relay_hysteresis_nonlinearity`.
-
-References
-----------
-Gelb & Vander Velde, Multiple-Input Describing Functions and Nonlinear System Design (1968), appendix B.
+Source: Gelb & Vander Velde, Multiple-Input Describing Functions and Nonlinear System Design (1968), appendix B.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Margins of a controller on linear models, from the matrices of those that have them.
+"""Margins of a controller on linear models, from the matrices of those that have them: polynomials lose many slow
+modes.
 
-Of many slow modes the polynomials of a loop hold nothing; the matrices of plant and controller hold all. The loop is
-evaluated on a grid, dense about its poles, each crossing is bracketed and divided until it is found, and stability is
-that of the closed loop's matrix.
+The loop is evaluated on a grid, dense about its poles, each crossing is bracketed and divided until it is found, and
+stability is that of the closed loop's matrix.
 """
 
 from __future__ import annotations
@@ -24,18 +24,13 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Loop = Callable[[Array], Complex]
 
-_LOWEST = 1e-6
-"""rad a sample: no crossing is looked for nearer to 0 and to half the sampling rate, as in `margins`."""
-_POINTS = 400
-"""Points in the logarithmic and in the linear part of the grid: 60 a decade, and 0.45° a step."""
+_LOWEST = 1e-6  # rad a sample: no crossing is looked for nearer to 0 and to half the sampling rate, as in `margins`
+_POINTS = 400  # Points in the logarithmic and in the linear part of the grid: 60 a decade, and 0.45° a step
 _NEAR = np.concatenate([-np.geomspace(30.0, 0.03, 40), [0.0], np.geomspace(0.03, 30.0, 40)])
 """Points about a pole, in its widths: a resonance turns by half a circle within some of them."""
-_DIVIDED, _ROUNDS = 16, 12
-"""A bracket is divided in so many parts so often: 16^12 is 2^48."""
-_INTEGRATES = 1e-9
-"""So near to 1 a controller's pole is an integrator's: no other has a time constant of 10^9 samples."""
-_ALGEBRAIC = 64 * np.finfo(float).eps
-"""Up to which 1 + D D_k is rounding: the loop then has no solution."""
+_DIVIDED, _ROUNDS = 16, 12  # A bracket is divided in so many parts so often: 16^12 is 2^48
+_INTEGRATES = 1e-9  # So near to 1 a controller's pole is an integrator's: no other has a time constant of 10^9 samples
+_ALGEBRAIC = 64 * np.finfo(float).eps  # Up to which 1 + D D_k is rounding: the loop then has no solution
 
 
 def loop_margins(linear: LinearModel, law: Law) -> Margins:

@@ -24,8 +24,7 @@ Complex = NDArray[np.complex128]
 
 _BLOCK = 1 << 14  # frequencies: the arrays of a block then fit into the processor's cache
 _HELD = 1 << 23  # complex numbers, 128 MB: limit of the products that a block keeps
-HIGHEST_ORDER = 8
-"""3^n products of parts; higher orders take too long."""
+HIGHEST_ORDER = 8  # 3^n products of parts; higher orders take too long
 
 
 def gfrf(

@@ -1,18 +1,12 @@
 """The equations that a polynomial model makes for the parts of its output, each linear in its own part.
 
-A Volterra system answers w = sum of parts with v = sum of parts: one part for each order of the output (the input is
-the only part of order one), or one for each combination of tones. A product of lagged signals splits a part in all
-ways that the parts allow, so that the equation of a part,
+A Volterra system answers w = sum of parts with v = sum of parts: one for each order, or each combination of tones. A
+product of lagged signals splits a part in all ways that the parts allow, so the equation of a part,
 
     (1 - sum_l a_l q^-l) v[s] = sum_m theta_m product_m[s],
 
-holds only smaller parts on its right. Solved in order of size it is, on intervals of frequencies, the recursion of
-Peyton Jones and Billings; on sets of frequencies, its symmetric form; on orders, the output of each order.
-
-References
-----------
-Peyton Jones, Billings, "Recursive algorithm for computing the frequency response of a class of non-linear difference
-equation models", Int. J. Control 50 (1989) 1925-1940, doi:10.1080/00207178908953472.
+holds only smaller parts on its right. In order of size it is, on intervals of frequencies, the recursion of Peyton
+Jones and Billings (Int. J. Control 50 (1989) 1925-1940, doi:10.1080/00207178908953472); on sets, its symmetric form.
 """
 
 from __future__ import annotations

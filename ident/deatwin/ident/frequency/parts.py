@@ -87,11 +87,8 @@ class Tones:
 
 
 class TonesInOrder(Tones):
-    """Runs of neighbouring tones only, each factor taking the run after that of the factor before it.
-
-    That of all tones is H_n as the recursion of Peyton Jones and Billings gives it, eq. 18: not symmetric, but with
-    the same mean over all permutations of the frequencies.
-    """
+    """Runs of neighbouring tones only, in the order of the factors. All tones give H_n by Peyton Jones and Billings'
+    eq. 18: not symmetric, but of the same mean over all permutations."""
 
     @property
     def repeats(self) -> int:

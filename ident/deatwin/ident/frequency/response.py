@@ -28,8 +28,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-LINEAR_LAW = 4.0
-"""Gains below this many standard deviations (of the longer axis of the ellipse) are not normal."""
+LINEAR_LAW = 4.0  # Gains below this many standard deviations (of the longer axis of the ellipse) are not normal
 
 
 class FrequencyStatus(Enum):

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 
-PERIODS = 3
-"""Periods of the lowest tone; the first ones let the plant settle."""
+PERIODS = 3  # Periods of the lowest tone; the first ones let the plant settle
 
 
 def tone_response(

@@ -7,8 +7,7 @@ import numpy as np
 NOTHING = 1e-100
 """Length of a Jacobian's column below which its parameter does nothing: a variance is the square of its reciprocal,
 which must be a number."""
-RANK = 1e-12
-"""Squares of singular values below this share of the largest one count as zero."""
+RANK = 1e-12  # Squares of singular values below this share of the largest one count as zero
 
 
 def covariance(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:

@@ -3,17 +3,12 @@
 One wandering quantity d is opened at a time: a command, a force, a factor of the film, a reading, a parameter or the
 diffusion of a state. It starts from zero, where the experiment starts from rest, and is an Ornstein-Uhlenbeck process,
 
-.. math:: d_{k+1} = \\varphi d_k + \\sqrt{1 - \\varphi^2}\\,a\\,w_k, \\qquad \\varphi = e^{-h/T},
+    d_{k+1} = phi d_k + sqrt(1 - phi^2) a w_k,    phi = exp(-h/T),
 
-whose amplitude a and memory T are found by maximum likelihood: with a memory of a sample it is white, a diffusion, with
-one longer than the record a random walk. The calibrated parameters are unknown constants again, so that what they
-absorbed of a mismatch comes free; the plant's own model error is a wandering of the reading of known size. The filter
-is linearised along the plant's free run, by exact derivatives of each step, which all openings share.
-
-References
-----------
-.. [1] Kristensen, Madsen, Jørgensen, "A method for systematic improvement of stochastic grey-box models", Comput. Chem.
-   Eng. 28 (2004) 1431-1449.
+of most likely amplitude a and memory T: a diffusion if T is a sample, a random walk beyond the record. The calibrated
+parameters are unknown again, so what they absorbed of a mismatch comes free; the plant's own model error is a wander of
+the reading of known size. The filter is linearised along the free run, by exact derivatives that all openings share
+(Kristensen, Madsen, Jørgensen, Comput. Chem. Eng. 28 (2004) 1431-1449).
 """
 
 from __future__ import annotations
@@ -37,14 +32,11 @@ from deatwin.plant.model import Plant
 
 Array = NDArray[np.float64]
 
-STEPS = 1500
-"""Steps of the filter in which amplitude and memory are found: samples are joined until there are no more."""
-MEMORIES = 5
-"""Memories that are tried, from one step to three times the record."""
+STEPS = 1500  # Steps of the filter in which amplitude and memory are found: samples are joined until there are no more
+MEMORIES = 5  # Memories that are tried, from one step to three times the record
 SHARES = (0.1, 0.5, 2.0)
 """Amplitudes that are tried, by the rms that they make in the reading against that of the residual."""
-REFINEMENTS = 25
-"""Likelihoods for the refinement of amplitude and memory."""
+REFINEMENTS = 25  # Likelihoods for the refinement of amplitude and memory
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

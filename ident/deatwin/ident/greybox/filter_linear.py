@@ -1,10 +1,9 @@
 """A plant linearised along its own free run: exact derivatives of each implicit step by states and parameters.
 
-With x the deviation from the free run, theta that of the constant parameters and d what enters at an opening,
+    x_{k+1} = F_k x_k + B_k theta + G_k d_k,    e_k = C_k x_k + D_k theta + L_k d_k + v_k,
 
-.. math:: x_{k+1} = F_k x_k + B_k\\theta + G_k d_k, \\qquad e_k = C_k x_k + D_k\\theta + L_k d_k + v_k
-
-where e is measured minus simulated. All openings share F, B, C and D.
+with x and theta the deviations of state and parameters, d what enters at an opening, and e measured minus simulated.
+All openings share F, B, C and D.
 """
 
 from __future__ import annotations
@@ -27,8 +26,7 @@ from deatwin.plant.rest import rest_state
 
 Array = NDArray[np.float64]
 
-ALIKE = 1 - 1e-9
-"""Cosine of the answers to two openings above which they are one."""
+ALIKE = 1 - 1e-9  # Cosine of the answers to two openings above which they are one
 SPREAD = 0.3
 """Deviation of a calibrated parameter from the truth, as a share, where a missing effect has bent the calibration."""
 

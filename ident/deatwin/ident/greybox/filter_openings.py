@@ -18,8 +18,7 @@ from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, ParameterSet
 from deatwin.plant.rigs.base import written
 
-STATE = "state"
-"""The place of a state's own equation, where the rig declares no better one."""
+STATE = "state"  # The place of a state's own equation, where the rig declares no better one
 COMMAND = (Place.DRIVE.value, "command")
 READING = (Place.SENSOR.value, "reading")
 STIFFNESS, PERMITTIVITY = "stiffness", "permittivity"

@@ -59,11 +59,8 @@ def _step(key: _Key) -> LinearStep:
 
 
 class LinearStep:
-    """One sample with its derivatives by the states at its start, the held quantities and all parameters.
-
-    States and held quantities stand among the parameters as ghosts that enter no equation: their columns of the
-    derivatives carried into the step are unit vectors, those of the parameters zero.
-    """
+    """One sample, with derivatives by start, held quantities and parameters. The first two stand among the parameters
+    as ghosts of no equation: their carried derivatives are unit vectors, the parameters' zero."""
 
     def __init__(self, plant: Plant, openings: Sequence[Opening]) -> None:
         ghosts = [*map(start_ghost, plant.equations.states), *map(held_ghost, plant.equations.held)]
@@ -75,9 +72,8 @@ class LinearStep:
     def along(
         self, rest: RestState, inputs: Array, start: float, sample_time: float, values: Array
     ) -> tuple[Array, Array, Array, Array]:
-        """Step through a record. Shapes: `inputs` (n_u, n); `values` (n_p,); returns (n, n_x), At the end of each
-        sample; returns (n, n_z); returns (n, n_x, n_p); returns (n, n_p).
-        """
+        """Step through a record. Shapes: `inputs` (n_u, n); `values` (n_p,); returns, of the ends of samples, (n, n_x),
+        (n, n_z), (n, n_x, n_p), (n, n_p)."""
         march = March(self._march)
         x, z, dx, dd, d, u, t, h, p, c = march.arguments
         x[:], z[:], d[:], p[:], c[:] = rest.x, rest.z, rest.d, values, self.equations.constants

@@ -30,10 +30,8 @@ from deatwin.plant.parameters import Parameter
 REMAINING = 10.0
 """Times the tolerance: what share of the squared residual a linear model may still take off at a fit that has settled.
 A fit ends where a step takes off less than the tolerance itself, and a step may take a tenth of the way."""
-WHOLE = 1e-9
-"""Share of a range that an interval may lack at its ends and still be all of it."""
-SURVEYS = 3
-"""Minima, each better than the one before, about which is looked."""
+WHOLE = 1e-9  # Share of a range that an interval may lack at its ends and still be all of it
+SURVEYS = 3  # Minima, each better than the one before, about which is looked
 INVOLVED = 1e-8
 """Share of a parameter's square in such directions, far above rounding, from which it may go anywhere along them."""
 

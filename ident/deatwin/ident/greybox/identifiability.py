@@ -29,12 +29,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 LEVEL = 0.95
-LIMIT = 2 * float(gammaincinv(0.5, LEVEL))
-"""Quantile at this level of the chi-squared law with one degree of freedom."""
-CLOSE = 0.02
-"""Share of the limit by which the deviance may miss it at an end of the interval."""
-MOST_POINTS = 6
-"""Refits on each side."""
+LIMIT = 2 * float(gammaincinv(0.5, LEVEL))  # Quantile at this level of the chi-squared law with one degree of freedom
+CLOSE = 0.02  # Share of the limit by which the deviance may miss it at an end of the interval
+MOST_POINTS = 6  # Refits on each side
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

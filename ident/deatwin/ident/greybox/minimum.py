@@ -18,8 +18,7 @@ mean square of its error grows by 1 %. In a record of some samples, the largest 
 LOOKS = 2
 """Points, each better than all before, from which the linearised minimum is looked at before a fit is given up: from
 far away the first may err, and a trial point that is taken back may be farther still."""
-SAME = 1e-6
-"""Distance of two points in coordinates, of which one is about the logarithm of a value."""
+SAME = 1e-6  # Distance of two points in coordinates, of which one is about the logarithm of a value
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -11,8 +11,7 @@ from deatwin.ident.greybox.watch import Watch, unwatched
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
 
-Response = tuple[np.ndarray, np.ndarray]
-"""Residuals (m,), and the derivative of the readings (m, n), SI."""
+Response = tuple[np.ndarray, np.ndarray]  # Residuals (m,), and the derivative of the readings (m, n), SI
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

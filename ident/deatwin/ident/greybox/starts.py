@@ -19,19 +19,14 @@ from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.status import FitStatus
 from deatwin.plant.calibrated import TWO_SIDED_95
 
-STARTS = 8
-"""Most points: where only one in three leads to the least minimum, all but one search in 25 find it."""
+STARTS = 8  # Most points: where only one in three leads to the least minimum, all but one search in 25 find it
 _LIMIT = TWO_SIDED_95**2
 """Quantile at 95 % of the chi-squared law with one degree of freedom: two errors that differ by less, in the variance
 of a sample, could both be those of the truth."""
-EXACT = 1e-6
-"""Share of the readings' own spread below which an error is rounding and integration."""
-_FIRST, _SMALLEST = 1 / 32, 4
-"""The first opening's share of the record, and its least samples for each parameter."""
-_ROUGH = 10
-"""Evaluations on an opening, whose minimum is only a start for the next."""
-_REACH = (0.5, 0.25, 0.125)
-"""Distances of the starts from the given values, in turn, as shares of a parameter's range."""
+EXACT = 1e-6  # Share of the readings' own spread below which an error is rounding and integration
+_FIRST, _SMALLEST = 1 / 32, 4  # The first opening's share of the record, and its least samples for each parameter
+_ROUGH = 10  # Evaluations on an opening, whose minimum is only a start for the next
+_REACH = (0.5, 0.25, 0.125)  # Distances of the starts from the given values, in turn, as shares of a parameter's range
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

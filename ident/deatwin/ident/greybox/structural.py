@@ -16,8 +16,7 @@ from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
 
-TOLERANCE = 1e-5
-"""Relative, of refits: 0.005 % of a residual that is nearly all structure."""
+TOLERANCE = 1e-5  # Relative, of refits: 0.005 % of a residual that is nearly all structure
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,9 +1,8 @@
 """How far a parameter may go where the linear model of a fit does not hold: its error is looked at, not predicted.
 
-A linear model is good about a minimum. Where the readings hardly tell two parameters apart, the interval that it gives
-is long, and the error beyond may rise more slowly or fall again. So the parameter that is known worst is held at twice
-its interval, and the others are fitted: if the error rises there as predicted and the others go no farther than
-predicted, all intervals stand.
+Where readings hardly tell two parameters apart the error may rise more slowly beyond a long interval, or fall again. So
+the worst known parameter is held at twice its interval, and the others are fitted: if the error rises as predicted and
+they go no farther than predicted, all intervals stand.
 """
 
 from __future__ import annotations
@@ -19,17 +18,14 @@ from deatwin.ident.greybox.minimum import Minimum, minimise
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.status import FitStatus
 
-_TWICE = 2.0
-"""Distance of the first look, in half widths of the interval."""
+_TWICE = 2.0  # Distance of the first look, in half widths of the interval
 _LEAST = 0.5
 """Share of the predicted rise, fourfold that at the interval's end, below which the interval is too short: the error
 at its end may then be as low as half of the limit."""
 _SLACK = 1.25
 """Times the predicted distance that others may go: an interval that is a quarter off is none that is wrong."""
-_CLEARLY = 0.1
-"""Squared standard errors by which another minimum is lower, and not the same one, better known."""
-_GROWTH = 1.6
-"""Each further point lies so many times farther away than the one before."""
+_CLEARLY = 0.1  # Squared standard errors by which another minimum is lower, and not the same one, better known
+_GROWTH = 1.6  # Each further point lies so many times farther away than the one before
 _BEYOND = 4.0
 """Times the limit: where the error has risen so far, another minimum behind is one that the starts have to find."""
 _EVALUATIONS, _WITHIN = 8, 1e-2

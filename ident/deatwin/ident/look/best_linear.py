@@ -16,18 +16,14 @@ from deatwin.plant.recording import Recording, label
 
 _EXCITED = 1e-4
 """Share of the largest line's power from which on a line counts as excited: generators distort by less than -40 dB."""
-_OFF_CLOCK = 0.125
-"""Samples by which a period that was found may leave the clock over the record: finer is none found."""
+_OFF_CLOCK = 0.125  # Samples by which a period that was found may leave the clock over the record: finer is none found
 _ABOVE_NOISE = 10.0
 """Times its own noise that the power of an excited line is: noise alone exceeds it in 1 line of 20 000."""
 _NEIGHBOURS = 6
 """Detection lines whose mean is the distortion of an excited one: six tell it within 2 dB (one deviation)."""
-_SETTLED = 0.99
-"""Probability that a period without a transient is kept."""
-_SURE = 0.95
-"""Probability that the distortion exceeds its lower bound."""
-_SAME = 0.99
-"""Correlation from which on two inputs are one signal, the one perhaps later than the other."""
+_SETTLED = 0.99  # Probability that a period without a transient is kept
+_SURE = 0.95  # Probability that the distortion exceeds its lower bound
+_SAME = 0.99  # Correlation from which on two inputs are one signal, the one perhaps later than the other
 _SAME_SIZE = 1.1
 """Ratio of the inputs' rms up to which realisations are alike: what is cubic in the response differs by 20 % then."""
 
@@ -249,12 +245,8 @@ def _least(
     realisations: int,
     free: int,
 ) -> float:
-    """Return the 95 % lower bound of the rms of the distortion on a group of lines; NaN where it is not known.
-
-    Without distortion the power of the rest over that of the noise is an F variable; its degrees of freedom are those of
-    unequal lines (Satterthwaite). `rest, noise, group, excited` (n_all,), `of_one` (n_excited,); `free` is the number of
-    periods less that of the realisations.
-    """
+    """95 % lower bound of a group's rms distortion, NaN if unknown: powers make an F variable (Satterthwaite). Shapes:
+    lines (n_all,), `of_one` (n_excited,); `free` is the number of periods less realisations."""
     from scipy.special import fdtri
 
     own = group[excited]

@@ -14,25 +14,18 @@ from deatwin.ident.soundness import noise_of_bends, runs
 
 Array = NDArray[np.float64]
 
-_STILL = 1e-9
-"""Share of the range by which a held level may move: what arithmetic and decimal files make of one level."""
-_NOISY = 0.02
-"""Share of the range above which what is fast in a signal is its motion and no noise upon levels."""
+_STILL = 1e-9  # Share of the range by which a held level may move: what arithmetic and decimal files make of one level
+_NOISY = 0.02  # Share of the range above which what is fast in a signal is its motion and no noise upon levels
 _SIGMAS = 4.0
 """Standard deviations of its noise within which a measured level counts as held: 1 value in 16 000 lies farther off."""
-_MOSTLY = 0.5
-"""Share of the samples that holds make up where the signal consists of them."""
-_HELD = 3
-"""Changes of nothing in a row from which on it is a hold; shorter ones come of coarse readings, too."""
-_PURE = 0.9
-"""Share of the speeds, or of the power, that the same few make up where a signal consists of them."""
-_CLEAR, _SAME_SPEED = 30.0, 0.1
-"""A rise this many times the noise tells its speed within a tenth, twice over."""
+_MOSTLY = 0.5  # Share of the samples that holds make up where the signal consists of them
+_HELD = 3  # Changes of nothing in a row from which on it is a hold; shorter ones come of coarse readings, too
+_PURE = 0.9  # Share of the speeds, or of the power, that the same few make up where a signal consists of them
+_CLEAR, _SAME_SPEED = 30.0, 0.1  # A rise this many times the noise tells its speed within a tenth, twice over
 _SLOW_LINES = 3
 _TONE_LINES = 9
 """Three tones hold 90 % of their power in three lines each behind a Hann window, whose main lobe is that wide."""
-_FEWEST = 16
-"""Samples below which no shape is told."""
+_FEWEST = 16  # Samples below which no shape is told
 
 
 class InputShape(Enum):

@@ -20,22 +20,17 @@ _SEGMENTS = 15
 """Behind Hann windows that overlap by half; so many tell a coherence of 0.5 from none at each of a hundred lines."""
 _INDEPENDENT = _SEGMENTS / (1.0 + 2.0 / 36.0 * (1.0 - 1.0 / _SEGMENTS))
 """As many independent segments: neighbours have (1/6)^2 of their power in common (Welch, 1967)."""
-_CHANCE = 0.002
-"""Of each of the two coherences; with the regression, whose chance is 1 %, 1.4 % together."""
-_BESIDE = 1.5
-"""Lines behind a Hann window that tell as much as one independent line: its noise bandwidth."""
+_CHANCE = 0.002  # Of each of the two coherences; with the regression, whose chance is 1 %, 1.4 % together
+_BESIDE = 1.5  # Lines behind a Hann window that tell as much as one independent line: its noise bandwidth
 LINE_CHANCE = 1.0 - _CHANCE ** (1.0 / (_INDEPENDENT - 1.0))
 """Coherence that one line of unlinked signals exceeds in 1 of 500 recordings."""
 _FAINT = 0.1
 """Share of the mean power of the excited lines below which a line holds what leaks from others, as between harmonics."""
 _EVEN = 2.0
 """Times the coherence with the input that that with its square must be: with an offset both follow, and alike."""
-_DRIFT = 3
-"""First line that a drift does not reach: a Hann window smears it over the two above 0 Hz."""
-_FEWEST_LINES = 3
-"""Excited lines from which on a mean over them is one; slower inputs move once or twice in a segment."""
-_SHORTEST = 16
-"""Samples of a segment, of which 8 lines remain."""
+_DRIFT = 3  # First line that a drift does not reach: a Hann window smears it over the two above 0 Hz
+_FEWEST_LINES = 3  # Excited lines from which on a mean over them is one; slower inputs move once or twice in a segment
+_SHORTEST = 16  # Samples of a segment, of which 8 lines remain
 
 
 class LinkStatus(Enum):
@@ -141,10 +136,8 @@ def _tones(power: Array) -> NDArray[np.bool_]:
 
 
 def _mean_by_chance(lines: float) -> float:
-    """Return the mean coherence that so many independent lines of unlinked signals exceed once in 500 times.
-
-    A line's coherence is then nearly exponential with the mean 1 / segments, and their mean a gamma variable.
-    """
+    """Return the mean coherence that so many unlinked lines exceed once in 500: each is nearly exponential with the
+    mean 1 / segments, so their mean is a gamma variable."""
     from scipy.special import gammainccinv
 
     return float(gammainccinv(lines, _CHANCE) / (lines * _INDEPENDENT))

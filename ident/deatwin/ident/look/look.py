@@ -32,10 +32,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_FEWEST = 64
-"""Samples of a record from which the top of its spectrum is the median of some lines."""
-_SHOWN = 3.0
-"""Times the highest excited frequency up to which the coherence is drawn."""
+_FEWEST = 64  # Samples of a record from which the top of its spectrum is the median of some lines
+_SHOWN = 3.0  # Times the highest excited frequency up to which the coherence is drawn
 _MARKED = {FindingKind.OUTLIERS: "outlier", FindingKind.CLIPPING: "at a limit", FindingKind.CONSTANT: "stands still"}
 """Findings that are marked in the picture, as it calls them."""
 

@@ -24,15 +24,11 @@ from deatwin.plant.rigs.rigmaterial import read_material
 
 Array = NDArray[np.float64]
 
-ROUNDS = 2
-"""Rounds of fit and errors: further ones change the errors by less than they are known."""
-HOPELESS = 20.0
-"""Logarithm of the odds against an energy from which on it is left out."""
-UNEXPLAINED = 0.5
-"""Share of the tests from which on a material explains nothing: it would be better to have none."""
+ROUNDS = 2  # Rounds of fit and errors: further ones change the errors by less than they are known
+HOPELESS = 20.0  # Logarithm of the odds against an energy from which on it is left out
+UNEXPLAINED = 0.5  # Share of the tests from which on a material explains nothing: it would be better to have none
 _LOOK = "look at the columns, their signs and units, and at the specimen's dimensions"
-LEVEL = 0.95
-"""Probability of the intervals."""
+LEVEL = 0.95  # Probability of the intervals
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -156,11 +152,8 @@ def _choices(fits: Sequence[Fit], best: Fit, count: float) -> Iterator[Choice]:
 
 
 def _intervals(data: Observations, chosen: _Chosen) -> tuple[tuple[Quantity, ...], Array]:
-    """Parameters with intervals, and the covariance of their coordinates.
-
-    What specimens scatter is known from as many as there are: their part counts with so many degrees of freedom (Welch
-    and Satterthwaite).
-    """
+    """Parameters with intervals, and the covariance of their coordinates; the specimens' scatter has as many degrees of
+    freedom as their number gives (Welch and Satterthwaite)."""
     best, noise = chosen.fit, chosen.noise
     covariance = _covariance(noise.whitener(data, best.modelled)(best.slopes), best.prior)
     alone = Noise(absolute=noise.absolute, relative=noise.relative, scatter=0.0, repeats=noise.repeats)

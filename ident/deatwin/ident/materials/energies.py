@@ -26,8 +26,7 @@ Array = NDArray[np.float64]
 
 FURTHEST = 1e3
 """Ratio by which a modulus may differ from the neo-Hookean one: beyond it no test of one elastomer is explained."""
-STIFFEST_LIMIT = 1e4
-"""Limit of stretch from which on a film is neo-Hookean to 1e-3 below a stretch of 3."""
+STIFFEST_LIMIT = 1e4  # Limit of stretch from which on a film is neo-Hookean to 1e-3 below a stretch of 3
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,14 +19,12 @@ from deatwin.plant.prefixes import with_unit
 
 Array = NDArray[np.float64]
 
-LEAST, MOST = 1.0, 1e9
-"""Shear modulus of a branch, Pa, as rig files take it."""
+LEAST, MOST = 1.0, 1e9  # Shear modulus of a branch, Pa, as rig files take it
 COARSE = PER_DECADE // 3
 """Relaxation times of the table that are tried first: one in three per decade is as close as tests tell apart."""
 CLOSE, LONGEST = 1e-7, 100
 """End of a fit: relative change of its loss, which no choice between models sees, and evaluations."""
-BRANCHES = 8
-"""Most branches: more than published spectra of elastomers have within the times of one machine."""
+BRANCHES = 8  # Most branches: more than published spectra of elastomers have within the times of one machine
 
 
 @dataclass(frozen=True, kw_only=True)

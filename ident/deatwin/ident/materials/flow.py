@@ -28,8 +28,7 @@ _FIRST, _SECOND = -(6 * _GAMMA**2 - 16 * _GAMMA + 1) / 4, (6 * _GAMMA**2 - 20 * 
 _STAGES = ((), ((1 - _GAMMA) / 2,), (_FIRST, _SECOND))
 _PARTS = 4
 """Parts of a step: a jump to a stretch of 4 is then followed to 2e-4 where a sample is 0.4 relaxation times long."""
-_NEWTON = 6
-"""Iterations of each stage: the flow is convex, so that they come from one side, and six end below 1e-9."""
+_NEWTON = 6  # Iterations of each stage: the flow is convex, so that they come from one side, and six end below 1e-9
 
 
 def elastic_stress(energy: Callable[..., Any], stretches: Array, values: Array) -> tuple[Array, Array]:
@@ -46,14 +45,10 @@ def _elastic(energy: Callable[..., Any], count: int) -> ca.Function:
 
 
 def branch_stress(times: Array, stretches: Array, relaxation: Array) -> Array:
-    r"""Nominal stress of Maxwell branches for a shear modulus of 1, from rest at a stretch of 1.
+    """Nominal stress of Maxwell branches for a shear modulus of 1, from rest at stretch 1, by `PointwiseFilm`'s flow.
 
-    The logarithms of the elastic stretches, :math:`a_i = \ln(\lambda_i/\xi_i)`, follow the flow of
-    `deatwin.plant.film.PointwiseFilm`, which is that of `Film` in a strip:
-
-    .. math:: \dot a_i = \frac{d\ln\lambda_i}{dt} - \frac{\sigma_i - \sigma_j/2}{3\mu\tau}
-
-    Shapes: `times` (n,), s, the first one not before 0; `stretches` (2, n); `relaxation` (m,), s; returns (n, m).
+    With a_i = ln(lambda_i/xi_i): da_i/dt = d(ln lambda_i)/dt - (sigma_i - sigma_j/2) / (3 mu tau). Shapes: `times`
+    (n,), s, from 0 or later; `stretches` (2, n); `relaxation` (m,), s; returns (n, m).
     """
     paths = np.log(stretches)
     steps = np.diff(times, prepend=0.0)

@@ -13,10 +13,8 @@ from deatwin.ident.materials.observations import Observations
 
 Array = NDArray[np.float64]
 
-FIRST_GUESS = 0.02
-"""Relative error from which the estimate starts: what a careful test has."""
-SMALLEST = 1e-6
-"""Least error, relative to the largest sample: no machine is better."""
+FIRST_GUESS = 0.02  # Relative error from which the estimate starts: what a careful test has
+SMALLEST = 1e-6  # Least error, relative to the largest sample: no machine is better
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -20,12 +20,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-ODDS = 3.0
-"""Logarithm of 20: what is less probable by less than that stays possible."""
+ODDS = 3.0  # Logarithm of 20: what is less probable by less than that stays possible
 APART = 0.05
 """Relative difference of two energies' stresses from which on it is said: as large as what models of elastomers leave."""
-WIDE = 3.0
-"""Ratio of an interval's ends from which on the tests hardly tell a value."""
+WIDE = 3.0  # Ratio of an interval's ends from which on the tests hardly tell a value
 
 
 def notes_of(

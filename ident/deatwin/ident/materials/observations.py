@@ -18,19 +18,14 @@ from deatwin.plant.laws.energies import first_invariant
 
 Array = NDArray[np.float64]
 
-PER_DECADE = 12
-"""Relaxation times of the table, between which a spline is exact to 1e-5."""
+PER_DECADE = 12  # Relaxation times of the table, between which a spline is exact to 1e-5
 BEYOND = 3.0
 """Ratio by which a relaxation time may lie outside of the times that the tests show: further out it is a dashpot or
 a spring to them."""
-SEGMENT, MOST = 12, 2000
-"""Samples that are kept of each straight piece of a path at least, and of all pieces at most."""
-KEPT = 200
-"""Samples that are kept of a test with few pieces: more would mostly repeat each other."""
-STRAIGHT = 0.01
-"""Share of a path's range to which a piece of it counts as straight."""
-PULL = 1e-4
-"""Relative stretch of the difference that gives the modulus at a stretch."""
+SEGMENT, MOST = 12, 2000  # Samples that are kept of each straight piece of a path at least, and of all pieces at most
+KEPT = 200  # Samples that are kept of a test with few pieces: more would mostly repeat each other
+STRAIGHT = 0.01  # Share of a path's range to which a piece of it counts as straight
+PULL = 1e-4  # Relative stretch of the difference that gives the modulus at a stretch
 
 
 CURVED, RATES = 0.1, 2.0

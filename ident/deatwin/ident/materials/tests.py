@@ -15,8 +15,7 @@ Array = NDArray[np.float64]
 
 KINDS = ("tension", "relaxation", "cycles", "equibiaxial", "pure shear", "dma")
 """Kinds of tests. The first three pull a strip; what they are called does not change how they are understood."""
-FEWEST = 4
-"""Samples of a test: fewer say less than its noise takes."""
+FEWEST = 4  # Samples of a test: fewer say less than its noise takes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,7 +1,4 @@
-"""What a model carries of the recordings that it was identified from: what they excited, and how far it can be relied on.
-
-`deatwin identify` and whoever identifies from Python save the same file by it.
-"""
+"""Attach to a model what its recordings excited and how reliable it is, for the command line and Python users alike."""
 
 from __future__ import annotations
 
@@ -19,8 +16,7 @@ from deatwin.plant.checks import require_samples
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.recording import Recording
 
-HELD_OUT = 0.3
-"""Share at the end of each recording that judges the model and is not fitted."""
+HELD_OUT = 0.3  # Share at the end of each recording that judges the model and is not fitted
 _FEWEST = 500
 """Of a held-out part for the free-run residual to be measured on it; a shorter one holds too little of a slow residual
 to tell its size and memory."""

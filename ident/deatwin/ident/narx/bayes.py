@@ -1,6 +1,5 @@
-"""Variational Bayesian linear regression with automatic relevance determination.
-
-The updates and the lower bound are those of Drugowitsch, arXiv:1310.5438, section 2.
+"""Variational Bayesian linear regression with automatic relevance determination (Drugowitsch, arXiv:1310.5438, section
+2).
 """
 
 from __future__ import annotations
@@ -154,11 +153,8 @@ class RelevanceFit:
 def fit_relevance(
     data: Statistics, priors: Priors, alpha: Array, *, tolerance: float, max_iterations: int
 ) -> RelevanceFit:
-    """Iterate q(theta, tau) and q(alpha), from `alpha` (n_terms,), until parameters and noise have converged.
-
-    The bound is no measure of convergence: for nearly collinear terms it rises by a millionth of itself per update, and
-    still by hundreds of nats in total.
-    """
+    """Iterate q(theta, tau) and q(alpha), from `alpha` (n_terms,), until parameters and noise converge: for nearly
+    collinear terms the bound rises by a millionth an update, and by hundreds of nats in all."""
     shape = priors.c0 + 0.5
     bounds: list[float] = []
     before: Posterior | None = None

@@ -1,10 +1,4 @@
-"""Contract of an estimator of the parameters of given regressors, and the plain one: least squares by QR.
-
->>> import numpy as np
->>> rows = np.array([[1.0, 1.0, 1.0, 1.0], [0.0, 1.0, 2.0, 3.0]])
->>> least_squares(rows, np.array([1.0, 3.0, 5.0, 7.0])).theta.round(12).tolist()
-[1.0, 2.0]
-"""
+"""Contract of an estimator of the parameters of given regressors, and the plain one: least squares by QR."""
 
 from __future__ import annotations
 
@@ -62,8 +56,7 @@ class LeastSquares:
         return Estimate(theta=theta, theta_cov=variance * (root @ root.T), noise_variance=variance)
 
 
-least_squares = LeastSquares()
-"""Least squares, ready to be called."""
+least_squares = LeastSquares()  # Least squares, ready to be called
 
 
 @dataclass(frozen=True, eq=False)

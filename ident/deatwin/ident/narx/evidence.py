@@ -1,22 +1,13 @@
 """Exact evidence of regression structures, and the climb to one that no small change makes more probable.
 
-The prior of the k terms Phi of a structure is the unit-information prior: with theta^ their least-squares estimate and
-n samples,
+With theta^ the least-squares estimate of the k terms Phi of a structure and n samples, the prior
 
-    p(tau) ~ 1/tau,    theta | tau ~ N(theta^, n/tau (Phi'Phi)^-1),
+    p(tau) ~ 1/tau,    theta | tau ~ N(theta^, n/tau (Phi'Phi)^-1)
 
-a law as wide as one sample would leave it. (Unit-information priors are Kass and Wasserman's; that this one is centred
-by the data themselves is chosen here, so that it asks the same of terms of any size.) Its evidence is Schwarz's
-criterion, with ln(1 + n) for ln n. Nothing in it is to be chosen, and it depends neither on units nor on the size of
-the regressors.
-Its width is the noise's: a prior whose width is learned from the size of all effects together (a mixture of g-priors)
-asks more of a small term the larger the others are, and NARX models have small nonlinear terms beside large linear
-ones.
-
-References
-----------
-Kass, Wasserman, "A reference Bayesian test for nested hypotheses and its relationship to the Schwarz criterion",
-J. Am. Stat. Assoc. 90 (1995) 928-934, doi:10.1080/01621459.1995.10476592.
+is as wide as one sample would leave it: a unit-information prior (Kass, Wasserman, J. Am. Stat. Assoc. 90 (1995)
+928-934, doi:10.1080/01621459.1995.10476592), centred by the data so that it asks the same of terms of any size. The
+evidence is Schwarz's criterion with ln(1 + n) for ln n; it depends on no choice, nor on units. A width learned from all
+effects (a mixture of g-priors) would ask more of a small term beside large ones, and NARX models have both.
 """
 
 from __future__ import annotations
@@ -42,12 +33,7 @@ _LEAST_SHARE = 1e-14
 
 
 def log_evidence(share: Array | float, n_terms: int, n_samples: int) -> Array:
-    """Return ln p(y
-
-    structure) - ln p(y
-
-    no term) in nats, under the unit-information prior.
-    """
+    """Return ln p(y | structure) - ln p(y | no term), nats, unit-information prior; `share` is left of the squares."""
     return np.asarray(-0.5 * n_terms * log(1 + n_samples) - 0.5 * n_samples * np.log(np.maximum(share, _LEAST_SHARE)))
 
 
@@ -160,11 +146,8 @@ class _Fit:
         return self._gains(self.moment, self.beyond)
 
     def gains_without(self) -> Array:
-        """Gain by each candidate after one term is removed, shape (n_terms, n_candidates).
-
-        The removed term's own component has the sum of squares 1 / inverse and the product theta / inverse with y; a
-        candidate regains its share of it.
-        """
+        """Gains by each candidate once a term is removed, (n_terms, n_candidates): a candidate regains its share of the
+        term's own component, whose square is 1 / inverse and product with y theta / inverse."""
         back = self.shares / self.inverse[:, None]
         return self._gains(self.moment + back * self.theta[:, None], self.beyond + back * self.shares)
 

@@ -30,8 +30,7 @@ _REACH_RATIO, _REACH_SHARE = 2.0 ** (1 / 6), 0.1
 """A line speaks for a sixth of an octave to either side, since a lightly damped mode would fit into more than the third
 between two lines, or for a tenth of the band, so that the odd harmonics of multisines and square waves leave no
 holes. So does the rest at 0 Hz."""
-_LOBE = 2
-"""Lines from 0 Hz on to which the window smears what the removal of the trend leaves: alone they are no band."""
+_LOBE = 2  # Lines from 0 Hz on to which the window smears what the removal of the trend leaves: alone they are no band
 
 Band = tuple[float, float]
 

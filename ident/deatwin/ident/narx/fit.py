@@ -62,11 +62,8 @@ class Fit:
 
 
 def gain_error(responses: Sequence[NarxResponse]) -> tuple[float, float] | None:
-    """Return the slope b of ``y - y_s = a + b y_s`` over the first output y_s, and its 95 % half width; None at rest.
-
-    The variance allows for errors correlated in time: the autocovariance of the products of error and regressor is
-    summed up to the first pair of lags with a negative sum (C. J. Geyer, Statistical Science 7 (1992) 473-483).
-    """
+    """Slope b of ``y - y_s = a + b y_s`` over the first output y_s, and its 95 % half width; None at rest.
+    Autocovariances are summed up to the first negative pair of lags (Geyer, Stat. Sci. 7 (1992) 473-483)."""
     runs, readings = [run.outputs[0] for run in responses], [run.measured[0] for run in responses]
     swings = [run - run.mean() for run in runs]
     power = sum(float(swing @ swing) for swing in swings)

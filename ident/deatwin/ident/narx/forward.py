@@ -34,13 +34,9 @@ class SelectionStep:
 def forward_selection(
     rows: Array, target: Array, max_terms: int, *, given: Array | None = None
 ) -> Iterator[SelectionStep]:
-    """Choose rows one by one by the error reduction ratio.
+    """Choose rows one by one by the error reduction ratio (Chen, Billings, Luo, Int. J. Control 50 (1989) 1873-1896).
 
-    Source: Chen, Billings, Luo, "Orthogonal least squares methods and their application to non-linear system
-    identification", Int. J. Control 50 (1989) 1873-1896, doi:10.1080/00207178908953472. Hong, Sharkey, Warwick,
-    "Automatic nonlinear predictive model-construction algorithm using forward regression and the PRESS statistic",
-    IEE Proc. Control Theory Appl. 150 (2003) 245-254, doi:10.1049/ip-cta:20030311.
-
+    PRESS: Hong, Sharkey, Warwick, IEE Proc. Control Theory Appl. 150 (2003) 245-254, doi:10.1049/ip-cta:20030311.
     Shapes: `rows` (n_candidates, n_samples); `target` (n_samples,); `given` (n_given, n_samples).
     """
     power = float(target @ target)

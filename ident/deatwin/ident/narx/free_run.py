@@ -23,8 +23,7 @@ from deatwin.plant.integrator.compiled import compile_source, compiler
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
-Factors = tuple[tuple[int, int], ...]
-"""Product of signals: for each factor the row of the signal and its lag."""
+Factors = tuple[tuple[int, int], ...]  # Product of signals: for each factor the row of the signal and its lag
 
 _BLOCK = 256  # as in the kernel
 
@@ -32,10 +31,8 @@ _BLOCK = 256  # as in the kernel
 def free_run(
     table: TermTable, theta: Array, inputs: Array, outputs: Array, limit: float, equations: Sequence[int] | None = None
 ) -> tuple[Array, int | None]:
-    """Simulate a model from its inputs and first outputs, with zero noise, until it exceeds `limit`. Shapes: `theta`
-    (n_terms,); `inputs` (n_inputs, n); `outputs` (n_outputs, n); returns (n_outputs, n) and the sample of a
-    divergence.
-    """
+    """Simulate without noise until `limit` is exceeded. Shapes: `theta` (n_terms,); `inputs` (n_inputs, n); `outputs`
+    (n_outputs, n); returns (n_outputs, n) and the sample of a divergence."""
     quiet = [i for i, term in enumerate(table.terms) if all(v.kind != "e" for v, _ in term.factors)]
     belongs = [0] * len(table.terms) if equations is None else equations
     march = March.of(
@@ -52,11 +49,8 @@ def free_run(
 def innovations(
     table: TermTable, theta: Array, inputs: Array, outputs: Array, equations: Sequence[int] | None = None
 ) -> Array:
-    """Return e(k) = y(k) - sum_m theta_m term_m(k), (n_outputs, n), for terms in measured signals and past e.
-
-    Zero in the first lags; the innovations of a noise model that is not invertible grow and finally hold their last
-    value.
-    """
+    """Return e(k) = y(k) - sum_m theta_m term_m(k), (n_outputs, n), from measured signals and past e, zero in the first
+    lags; where the noise model is not invertible it grows and finally holds its last value."""
     march = March.of(
         table.terms,
         {"u": inputs, "y": outputs},

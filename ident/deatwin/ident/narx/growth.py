@@ -1,9 +1,8 @@
-"""Growth of a model where the noise is not what least squares takes it for: terms judged by the free run refined.
+"""Growth of a model where the noise is not white, with terms judged by the refined free run.
 
-Least squares of the one-step error, and its F test, are right where that error is white. Where it is not, as with noise
-on the readings of a slow plant, parameters are biased, a term that the free run needs lowers the one-step error by
-nothing, and no single addition need help. So terms are added by the free-run error, with parameters of least free-run
-error, and the number of terms is judged afterwards, over the whole path.
+There, as with noise on the readings of a slow plant, least squares of the one-step error is biased, a term that the
+free run needs lowers it by nothing, and no single addition need help. So terms are added by the free-run error, and
+their number is judged afterwards, over the whole path.
 """
 
 from __future__ import annotations
@@ -61,11 +60,8 @@ def grown(
 
 
 def _beyond_chance(model: NarxModel, larger: NarxModel, data: Regression) -> bool:
-    """Return True if a larger model improves on more than the best of equally many false candidates would.
-
-    The extended Bayesian criterion is used, with n divided by the correlation time of the larger model's errors as
-    sample size.
-    """
+    """Return True if a larger model improves on more than the best of equally many false candidates would, by the
+    extended Bayesian criterion over n by the correlation time of its errors."""
     old, new = run_errors(model, data), run_errors(larger, data)
     n = max(1, int(sum(e.size / max(correlation_samples(e[None]), 1.0) for e in new)))
     squares = [float(np.mean(np.concatenate(errors) ** 2)) for errors in (old, new)]
@@ -97,12 +93,8 @@ def worse(errors: Array, than: Array, level: float) -> Booleans:
 
 
 def held_out_errors(model: NarxModel, data: Regression, sections: Sequence[int]) -> Array:
-    """Return the sums of squared free-run errors of sections, (n_sections,), each with parameters refined on the
-    others.
-
-    To first order, with the sensitivities S = Q R of all samples and q of a section, its errors are ``(I - q q')^-1
-    e``, the leave-one-out errors of a linear regression.
-    """
+    """Squared free-run errors of sections, (n_sections,), parameters refined on the others: with sensitivities S = Q R,
+    q of a section, its errors are to first order (I - q q')^-1 e, as leave-one-out errors are."""
     later = data.first - model.table.max_lag
     each = [sensitivities(model, record)[later:] for record in data.recordings]
     inverse = gram_inverse_root(np.concatenate(each))

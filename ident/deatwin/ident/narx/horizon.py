@@ -34,11 +34,11 @@ def steps_ahead(
     limit: float,
     equations: Sequence[int] | None = None,
 ) -> tuple[Array, Booleans]:
-    """Predict each sample from the outputs up to ``steps`` samples before it and all inputs.
+    """Predict each sample from outputs up to ``steps`` samples before it and all inputs; noise after those outputs is
+    zero.
 
     Shapes: `theta` (n_terms,); `inputs` (n_inputs, n); `outputs` (n_outputs, n); returns predictions (n_outputs, m) of
-    the m = n - table.max_lag - steps + 1 last samples, and divergence flags (m,). The noise is the innovation up to the
-    last measured sample and zero after it.
+    the m = n - max_lag - steps + 1 last samples, and divergence flags (m,).
     """
     belongs = np.array([0] * len(table.terms) if equations is None else equations)
     weights = np.where(belongs == np.arange(len(outputs))[:, None], theta, 0.0)

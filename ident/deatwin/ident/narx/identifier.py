@@ -21,8 +21,7 @@ from deatwin.ident.narx.terms import Lags, Rule
 from deatwin.plant.errors import ModelError, nearest
 from deatwin.plant.recording import Recording
 
-Progress = Callable[[float, str], None]
-"""Takes the share that is done, 0 to 1, and what is being done."""
+Progress = Callable[[float, str], None]  # Takes the share that is done, 0 to 1, and what is being done
 
 
 class FitStatus(Enum):
@@ -46,11 +45,8 @@ class FitStatus(Enum):
 
 
 class Identifier:
-    """An estimator under scikit-learn's contract: arguments are stored untouched under their names.
-
-    Parameters of a search are given by these names, so that `sklearn.model_selection.GridSearchCV` and
-    ``cross_val_score`` work on a list of recordings.
-    """
+    """An estimator under scikit-learn's contract: arguments are stored untouched under their names, so that
+    ``GridSearchCV`` and ``cross_val_score`` work on a list of recordings."""
 
     model_: Any
 

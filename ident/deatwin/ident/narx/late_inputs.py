@@ -26,12 +26,10 @@ LAST_INPUT_LAGS = "last input lags"
 """Key of a model's provenance: the last lag of each input among the candidates, -1 for none."""
 _SEEN = 3.9
 """Standard deviations from which a correlation is there: chance is 1 in 10,000, with a hundred lags 1 in 100 that one is."""
-_BEYOND = 100
-"""Lags after the model's last that are looked at, and at most a quarter of a recording."""
+_BEYOND = 100  # Lags after the model's last that are looked at, and at most a quarter of a recording
 _FEW = 3000
 """Samples that are put to the estimation, to keep it below a second; a dead time is told to a sample long before."""
-_WHITENING = 10
-"""Lags of the autoregression that whitens a signal."""
+_WHITENING = 10  # Lags of the autoregression that whitens a signal
 
 
 def late_inputs(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str, ...]:
@@ -115,11 +113,8 @@ def _after(record: Recording, residuals: Array) -> Array:
 
 
 def _scores(inputs: Sequence[Array], outputs: Sequence[Array], most: int) -> Array:
-    """Correlations of the output with the input some lags before, in standard deviations, shape (most + 1,).
-
-    The deviation is the larger of that of independent signals and of White's, which counts only the samples at which a
-    held input jumps (Econometrica 48 (1980) 817-838, doi:10.2307/1912934).
-    """
+    """Correlations of the output with an earlier input, (most + 1,), in deviations: that of independent signals or, if
+    larger, White's (1980, doi:10.2307/1912934), of samples at which a held input jumps."""
     power = float(np.mean(np.concatenate(outputs) ** 2))
     found = np.zeros(most + 1)
     for lag in range(most + 1):

@@ -22,15 +22,12 @@ Signals = Sequence[tuple[Array, Array]]
 _OUTPUT_LAGS = 30
 """Most lags of the output, and never more than of the inputs, so that short recordings keep samples for both; Akaike's
 criterion takes what is needed of them."""
-_ANSWERS = 10
-"""Lags of the output from which an input that answers to it is foretold: more make the test less sharp."""
-_FOR_EACH = 5
-"""Samples for each unknown: fewer leave the residual's variance, and so all tests, to the unknowns."""
+_ANSWERS = 10  # Lags of the output from which an input that answers to it is foretold: more make the test less sharp
+_FOR_EACH = 5  # Samples for each unknown: fewer leave the residual's variance, and so all tests, to the unknowns
 _RESOLVED = 1e-9
 """Share of the output below which a residual is rounding: readings have at most nine digits that mean anything."""
 
-_ALL_LAGS = 1e-4
-"""Chance below which all lags of an input together act."""
+_ALL_LAGS = 1e-4  # Chance below which all lags of an input together act
 _ALIKE = 1e4
 """Variance of a coefficient, for that under a white input, from which lags are alike: a hundred times its standard error.
 Held, slow and binary inputs have twenty to eighty, band-limited ones and a few sines a million and more."""
@@ -118,19 +115,14 @@ class LongArx:
 def answer_chance(signals: Signals, which: int, longest: int) -> float:
     """Return the chance that an input which does not answer to the output seems to answer to it this much.
 
-    Given the past of all inputs, the past of the output must not foretell an input that is independent of it
-    (Granger, "Investigating causal relations by econometric models and cross-spectral methods", Econometrica 37
-    (1969) 424-438, doi:10.2307/1912791). The converse does not hold: an input that is itself measured with noise, or
-    follows a cause that is not recorded, is foretold by an output that sees more of the same.
-
-    An input that is held for so many samples is tested where it may change. In between it is its own past, and an
-    output that rings tells how long it has been held, so that it would foretell the next change.
-
-    Of an input that repeats itself only what differs between periods is tested. What repeats is no chance: a few lags
-    of the output, with the nonlinear distortion in them, foretell it in every period alike, where nothing answers. What
-    differs may come of the noise alone, and the input's own past then tells the output's, so that an answer within the
-    sample shows in the present output only. That must agree neither with an input that acts within the sample as what
-    repeats says, nor with one that does not act, as where it is noise of its reading.
+    Given the past of all inputs, the output's past must not foretell an input that is independent of it (Granger,
+    Econometrica 37 (1969) 424-438, doi:10.2307/1912791). The converse does not hold: an input that is measured with
+    noise, or follows a cause that is not recorded, is foretold by an output that sees more of it. A held input is
+    tested where it may change, since a ringing output tells how long it has been held. Of an input that repeats itself
+    only the differences between periods are tested, since a few lags of the output foretell what repeats. Those may
+    come of noise alone, so that an answer within the sample shows in the present output only: that must agree neither
+    with an input that acts within the sample, as what repeats says, nor with one that does not, as where it is noise of
+    its reading.
     """
     n_inputs = signals[0][0].shape[0]
     apart = [periods_apart(inputs[which], inputs, output, longest) for inputs, output in signals]
@@ -196,11 +188,10 @@ class _Scores:
         return cls(last.T @ target, last * error[:, None] * np.sqrt(target.size / freedom), variance, freedom)
 
     def p_value(self, part: slice = slice(None)) -> float:
-        """Chance of scores at least as large if these columns explain nothing: the larger one of two tests' chances.
+        """Chance of scores at least as large if these columns explain nothing: the larger of two tests' chances.
 
-        That of least squares holds where a single sample decides, as in one step; that of Newey and West
-        ("A simple, positive semi-definite, heteroskedasticity and autocorrelation consistent covariance matrix",
-        Econometrica 55 (1987) 703-708, doi:10.2307/1913610) where the residual changes with the input.
+        Least squares' holds where one sample decides, as in one step; Newey and West's (Econometrica 55 (1987) 703-708,
+        doi:10.2307/1913610) where the residual changes with the input.
         """
         from scipy.special import fdtrc
 

@@ -66,11 +66,8 @@ class CompressedRegression:
         return solve_triangular(triangle, moments), max(float(left @ left), self._rounding)
 
     def larger(self, chosen: Sequence[int]) -> Neighbours:
-        """Return the models with one candidate more; candidates that depend on the chosen terms are left out.
-
-        With the chosen terms Q R and a candidate p = Q c + w, w orthogonal to Q, the candidate's parameter is w'y/w'w
-        and the others solve R theta = Q'y - c w'y/w'w.
-        """
+        """Return the models with one more independent candidate p = Q c + w, w orthogonal to the terms Q R: its
+        parameter is w'y/w'w, and the others solve R theta = Q'y - c w'y/w'w."""
         basis, triangle = np.linalg.qr(self.rows[list(chosen)].T)
         along = self.rows @ basis
         across = self.rows - along @ basis.T

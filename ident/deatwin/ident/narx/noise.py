@@ -217,12 +217,8 @@ def _candidates(data: Regression, lags: tuple[int, ...], degree: int) -> TermTab
 
 
 def _long_errors(process: Regression) -> tuple[Array, ...]:
-    """Return e as the process terms and many lags leave it, shape (n_outputs, n) for each recording, zero at first.
-
-    Of the process terms alone coloured noise leaves what is no longer e: their parameters are biased towards it. Long
-    regressions come near to any invertible noise model (Hannan, Rissanen, Biometrika 69 (1982) 81-94,
-    doi:10.1093/biomet/69.1.81). As many lags are taken as where the linear models start, if the samples allow.
-    """
+    """Return e, (n_outputs, n) by recording, zero at first: many lags come near to any invertible noise model (Hannan,
+    Rissanen, Biometrika 69 (1982) 81-94); process terms alone would be biased towards it."""
     record = process.recordings[0]
     outputs, inputs = len(record.outputs), len(record.inputs)
     shortest = min(r.n_samples for r in process.recordings)

@@ -15,12 +15,12 @@ Array = NDArray[np.float64]
 
 
 def about_data(data: Regression) -> Regression:
-    """Return a regression about origins chosen from the data: zero if they nearly reach it, otherwise the mean.
+    """Return a regression about origins chosen from the data: the mean of a signal where it exceeds its swing, else
+    zero.
 
-    A signal whose mean is no larger than its swing (largest minus smallest value) keeps its zero: its powers lose at
-    most a bit or two per factor. For any other signal, for example in kelvin, zero has no part in the experiment,
-    regressors about it would be nearly constant, and the effect of a prior would depend on it. Neither choice depends
-    on the unit. A signal with a function of it keeps its zero, about which the function is meant.
+    About a nearer zero powers lose at most a bit or two per factor; about a far one, as of kelvin, regressors would be
+    nearly constant. Neither choice depends on the unit. A signal with a function of it keeps its zero, about which that
+    is meant.
     """
     kept = {(v.kind, v.index) for v in data.table.functions}
     return replace(

@@ -1,8 +1,7 @@
 """The covariance of parameters of least free-run error whose error is correlated in time.
 
-The usual ``sigma^2 (S'S)^-1``, with the sensitivities S of the free run, holds for white errors. What a plant's own
-noise and missing terms leave of a free run is seldom white, and the covariance is then ``(S'S)^-1 S'RS (S'S)^-1`` with
-the covariance matrix R of the errors: here that of the autoregressive process that fits them best.
+``sigma^2 (S'S)^-1``, with the free run's sensitivities S, holds for white errors, which free runs seldom have. Here it
+is ``(S'S)^-1 S'RS (S'S)^-1``, R being that of the autoregressive process that fits the errors best.
 """
 
 from __future__ import annotations

@@ -15,30 +15,22 @@ Array = NDArray[np.float64]
 
 _LAGS = 50
 """Most lags; Akaike's criterion takes what is needed of them. Sensor noise on a fast-sampled plant needs forty."""
-_FOR_EACH = 5
-"""Samples for each unknown: fewer leave the residual's variance to the unknowns."""
-_MOST_SAMPLES = 20_000
-"""More make nothing surer, and the regression takes a second."""
+_FOR_EACH = 5  # Samples for each unknown: fewer leave the residual's variance to the unknowns
+_MOST_SAMPLES = 20_000  # More make nothing surer, and the regression takes a second
 _RESOLVED = 1e-9
 """Share of an output below which a residual is rounding: readings have at most nine digits that mean anything."""
-_WIDE = 1.96
-"""Standard deviations to either side of which 95 % of a normal law lie."""
+_WIDE = 1.96  # Standard deviations to either side of which 95 % of a normal law lie
 _FASTEST = 2.0
 """Growth within a sample that no sensible loop holds: it answers a sample late at best, and the largest magnitude of its
 sensitivity is at least that growth (Seron, Braslavsky & Goodwin, "Fundamental Limitations in Filtering and Control",
 Springer 1997, section 3.3); above 2 it has hardly a margin."""
-_RARELY_LESS = 0.063
-"""Standard deviations within which 5 % of a normal law lie."""
+_RARELY_LESS = 0.063  # Standard deviations within which 5 % of a normal law lie
 
 
 @dataclass(frozen=True, kw_only=True)
 class RecordedPole:
-    """Pole of largest magnitude of a long ARX model, and the standard deviation of its magnitude.
-
-    The model whitens the noise, whatever its colour, and its poles outside the unit circle are those of the plant, also
-    in a loop whose controller sees no disturbance before the output shows it (direct approach; Ljung, "System
-    Identification", 2nd ed., Prentice Hall 1999, section 13.4).
-    """
+    """Largest pole of a long ARX model and its magnitude's deviation. Outside the unit circle it is the plant's, also
+    in a loop whose controller sees no disturbance before the output shows it (Ljung, 1999, section 13.4)."""
 
     pole: complex
     deviation: float
@@ -51,9 +43,8 @@ class RecordedPole:
 
 
 def recorded_pole(recordings: Sequence[Recording], first_lag: int = 1) -> RecordedPole | None:
-    """Return the largest pole of recordings, inputs acting from a lag on; None if they are too short, or if it
-    cannot be the plant's, as after a low pass of the readings, which looks ahead.
-    """
+    """Return the largest pole of recordings, inputs acting from a lag on; None if they are too short, or it cannot be
+    the plant's, as after a low pass of the readings, which looks ahead."""
     signals = _scaled(recordings)
     n_inputs, n_outputs = len(signals[0][0]), len(signals[0][1])
     n_samples, width = sum(outputs.shape[1] for _, outputs in signals), n_inputs + n_outputs
@@ -106,12 +97,8 @@ def _columns(inputs: Array, outputs: Array, most: int, first_lag: int) -> Array:
 
 
 def _would_have_grown(found: RecordedPole, drive: Array, signals: Sequence[tuple[Array, Array]]) -> bool:
-    """Return whether no loop holds the pole's mode, or none did while the inputs stood still, so that it had shown.
-
-    What drives the mode in each sample, `drive` (n_outputs,) in standard deviations, adds up and grows; the outputs
-    would have stayed within their span in one of twenty cases only. A plant that rests on a stop meanwhile is not told
-    from a stable one.
-    """
+    """Return whether no loop holds the pole's mode, or it would in 19 of 20 cases have left the outputs' span while
+    inputs stood still. `drive` (n_outputs,) is in deviations a sample; a plant resting on a stop passes for stable."""
     rate = float(np.log(max(found.interval[0], 1.0)))
     if rate == 0.0 or rate > np.log(_FASTEST):
         return rate > 0.0
@@ -126,11 +113,8 @@ def _would_have_grown(found: RecordedPole, drive: Array, signals: Sequence[tuple
 
 
 def _largest(theta: Array, covariance: Array, noise: Array) -> tuple[RecordedPole, Array]:
-    """Return the largest eigenvalue of the companion matrix, its deviation by the eigenvalue's first derivative, and
-    the standard deviation of what drives its mode in each output and sample.
-
-    Shapes: `theta` (lags * n_outputs, n_outputs); `covariance` (X'X)^-1 of its rows; `noise` (n_outputs, n_outputs).
-    """
+    """Return the companion matrix' largest eigenvalue with its deviation, and its mode's drive by output. Shapes:
+    `theta` (lags * n_outputs, n_outputs); `covariance` (X'X)^-1 of its rows; `noise` (n_outputs, n_outputs)."""
     from scipy.linalg import eig
 
     n_outputs = theta.shape[1]

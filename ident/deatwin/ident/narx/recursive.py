@@ -22,8 +22,7 @@ from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Experiment, Recording
 
 Terms = Sequence[Term | str] | Mapping[str, Sequence[Term | str]]
-Structure = NarxModel | Terms
-"""A fixed structure: that of a model, or terms as `Fixed` takes them."""
+Structure = NarxModel | Terms  # A fixed structure: that of a model, or terms as `Fixed` takes them
 
 _INDEPENDENT = 1e-7  # least singular value, relative to the largest, of regressors that can start the recursion
 

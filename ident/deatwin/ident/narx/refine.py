@@ -1,18 +1,4 @@
-"""Models of least free-run error: their parameters by exact sensitivities, terms added and taken out one by one.
-
->>> import numpy as np
->>> from deatwin.ident.narx import Frols, NarxModel, Recording
->>> plant = NarxModel.from_terms({"y(k-1)": 0.8, "u(k-1)": 0.5, "y(k-1)^3": -0.1}, sample_time=1.0)
->>> rng = np.random.default_rng(0)
->>> u = rng.normal(size=2000)
->>> y = plant.simulate(Recording.from_arrays(u, 0 * u, 1.0)).outputs[0] + 0.2 * rng.normal(size=2000)
->>> noisy = Recording.from_arrays(u, y, 1.0)
->>> found = Frols(output_lags=1, input_lags=1, degree=3, max_terms=3).fit(noisy).model_
->>> for model in (found, refine(found, noisy)):
-...     print(round(dict(zip(map(str, model.terms), model.theta))["y(k-1)"], 1))
-0.7
-0.8
-"""
+"""Models of least free-run error: their parameters by exact sensitivities, terms added and taken out one by one."""
 
 from __future__ import annotations
 
@@ -252,11 +238,8 @@ def _with_term(model: NarxModel, term: Term) -> NarxModel:
 
 
 def sensitivities(model: NarxModel, recording: Recording) -> Array:
-    """Return the derivatives of a free run by the parameters, (n - first, n_terms).
-
-    From y(k) = f(y(k-1), ..; theta) follows s(k) = f_theta(k) + sum_l a_l(k) s(k-l), with the slopes a_l of f by
-    y(k-l): a banded triangular system for all samples at once.
-    """
+    """Derivatives of a free run by parameters, (n - first, n_terms): s(k) = f_theta(k) + sum_l a_l(k) s(k-l), with the
+    slopes a_l of f by y(k-l), as one banded triangular system."""
     _require_simple(model)
     return _responses(model, recording, _run(model, recording), model.table)
 
@@ -337,11 +320,8 @@ class _Search:
         self.best, self.least, self.steps = model.theta, np.inf, 0
 
     def run(self, tolerance: float) -> None:
-        """Search for the parameters of least error, by Gauss-Newton steps in a trust region.
-
-        Errors and parameters are counted so that outputs and sensitivities are about 1, by powers of two, which round
-        nothing: the gradient at which the search ends then does not depend on units.
-        """
+        """Search for the least error by Gauss-Newton steps in a trust region. Powers of two, which round nothing, bring
+        outputs and sensitivities to about 1, so that its end does not depend on units."""
         from scipy.optimize import least_squares
 
         start = self.jacobian(self.model.theta)

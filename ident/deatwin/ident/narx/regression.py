@@ -55,11 +55,8 @@ def require_alike(recordings: Sequence[Recording]) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Regression:
-    """Regression y = Phi theta + e of candidate terms on recordings, in scaled signals.
-
-    Each signal, minus its origin, is divided by the power of two just above its largest magnitude: no regressor exceeds
-    1 in any unit, and the conversion back is exact in binary arithmetic.
-    """
+    """Regression y = Phi theta + e of candidates on signals less their origins, each over the power of two just above
+    its largest size: no regressor exceeds 1, and the conversion back is exact."""
 
     table: TermTable  # Candidate terms
     recordings: tuple[Recording, ...]  # Training data

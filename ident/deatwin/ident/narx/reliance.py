@@ -13,8 +13,7 @@ from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
 STATUS_KEY, FAILED_KEY, BIAS_KEY = "residual_tests", "residual_tests_failed", "free_run_gain_error"
-SCARCITY_KEY, FIT_KEY = "samples_per_parameter", "free_run_fit_percent"
-"""Keys of a model's provenance."""
+SCARCITY_KEY, FIT_KEY = "samples_per_parameter", "free_run_fit_percent"  # Keys of a model's provenance
 _UNTESTED = "untested"
 _ENOUGH = 5.0
 """Training samples for each effective parameter: of fewer, by Akaike's final prediction error (n + p)/(n - p), the
@@ -214,12 +213,8 @@ def assess_reliance(model: NarxModel, recordings: Sequence[Recording]) -> Relian
 
 
 def samples_per_parameter(model: NarxModel) -> float | None:
-    """Return the training samples for each effective parameter; None if the provenance of the model does not tell them.
-
-    Of M candidates without any effect, the best k of n samples each take about 2 ln(M/k) noise variances from the
-    residual instead of one (Foster, George, "The risk inflation criterion for multiple regression", Ann. Statist. 22
-    (1994) 1947-1975, doi:10.1214/aos/1176325766), so that many parameters is what a chosen term may count for.
-    """
+    """Return training samples by effective parameters, None if unknown: one of the best k of M terms may count for 2
+    ln(M/k), being chosen (Foster, George, Ann. Statist. 22 (1994) 1947-1975, doi:10.1214/aos/1176325766)."""
     samples, candidates = (_number(model.provenance, key) for key in ("samples", "candidates"))
     if samples is None or not model.terms:
         return None

@@ -36,12 +36,8 @@ def whole_multiple(period: float, longest: int, drift: float = 0.5) -> int:
 
 
 def _repeats(values: Array) -> tuple[float, int] | None:
-    """Return a number of samples, and the whole number of periods in it; None where a signal does not repeat itself.
-
-    The signal is compared with itself at all shifts, also between samples, from the first one at which it has become
-    another on. Each next comparison is twice as many periods later, the last one half the record, so that slow growth
-    does not pass for repetition and each tells the period so well that the next finds its own multiple.
-    """
+    """Return a number of samples and the whole periods in it; None without repetition. A signal is compared with itself
+    at all shifts, then over twice as many periods up to half of it, which slow growth does not pass."""
     n, left = values.size, values - values.mean()
     size = 1 << (2 * n - 1).bit_length()
     power = np.abs(np.fft.rfft(left, size)) ** 2
@@ -71,13 +67,11 @@ def _repeats(values: Array) -> tuple[float, int] | None:
 
 
 def periods_apart(values: Array, inputs: Array, output: Array, lags: int) -> list[tuple[Array, Array]]:
-    """Separate a record into what repeats itself, first, and what differs between its blocks of whole periods.
+    """Separate a record into what repeats itself, first, and differences between its blocks of whole periods.
 
-    The blocks are put together by Helmert's orthonormal matrix: the first series is their mean, the others are a block
-    less the mean of those before it. Stationary noise remains noise of the same law in each, and independent between
-    them; what repeats itself, linear or not, is in the first alone. Blocks are as long as leaves most samples that have
-    so many `lags`. A record that does not repeat itself, or does within the lags, which then tell what comes, is
-    returned whole. Shapes: `values` (n,), `inputs` (n_inputs, n), `output` (n,).
+    Helmert's orthonormal matrix gives the mean, and each block less the mean of those before it, in which stationary
+    noise keeps its law and is independent. Blocks leave most samples with `lags` before them. A record without
+    repetition, or with one within the lags, stays whole. Shapes: `values` (n,), `inputs` (n_inputs, n), `output` (n,).
     """
     period = whole_period_of(values) or 0
     if period <= lags:

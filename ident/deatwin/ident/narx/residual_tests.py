@@ -1,15 +1,9 @@
 """What is left of a NARX model: the five correlation tests of its residual, and its whiteness.
 
-References
-----------
-.. [1] Billings, Voon, "Correlation based model validity tests for non-linear models", Int. J. Control 44 (1986)
-   235-244, doi:10.1080/00207178608933593.
-.. [2] Ljung, Box, "On a measure of lack of fit in time series models", Biometrika 65 (1978) 297-303,
-   doi:10.1093/biomet/65.2.297.
-.. [3] Haugh, "Checking the independence of two covariance-stationary time series", J. Am. Stat. Assoc. 71 (1976)
-   378-385.
-.. [4] Sidak, "Rectangular confidence regions for the means of multivariate normal distributions", J. Am. Stat. Assoc.
-   62 (1967) 626-633, doi:10.1080/01621459.1967.10482935.
+.. [1] Billings, Voon, Int. J. Control 44 (1986) 235-244, doi:10.1080/00207178608933593.
+.. [2] Ljung, Box, Biometrika 65 (1978) 297-303, doi:10.1093/biomet/65.2.297.
+.. [3] Haugh, J. Am. Stat. Assoc. 71 (1976) 378-385.
+.. [4] Sidak, J. Am. Stat. Assoc. 62 (1967) 626-633, doi:10.1080/01621459.1967.10482935.
 """
 
 from __future__ import annotations
@@ -32,8 +26,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
-Series = Sequence[Array]
-"""One stretch of a signal for each recording, shape (n_r,) each."""
+Series = Sequence[Array]  # One stretch of a signal for each recording, shape (n_r,) each
 
 TESTS: Mapping[str, str] = MappingProxyType(
     {
@@ -162,14 +155,12 @@ def correlation(delayed: Series, signal: Series, lags: Integers) -> Array:
 def correlation_tests(
     residuals: Sequence[Array], inputs: Sequence[Array], *, max_lag: int, level: float
 ) -> tuple[CorrelationTest, ...]:
-    """Test the residuals of a model by the correlations of Billings and Voon [1]_. Shapes, for each recording:
-    `residuals` (n_outputs, n_r); `inputs` (n_inputs, n_r).
+    """Test residuals (n_outputs, n_r) of records by correlations with inputs (n_inputs, n_r) (Billings and Voon [1]_).
 
-    With the residual e, the input u minus its mean, and ' for the removal of the mean: phi_ee for lags from 1, phi_ue,
-    phi_(u2)'e and phi_(u2)'e2 for lags of both signs, and phi_e(eu), between e(k) and e(k-1-tau) u(k-1-tau), for lags
-    from 0 to ``max_lag - 1``. The mean of e is not removed, because a mean is a fault. Bartlett's formula [3]_ gives
-    the covariance of the estimates at different lags, so that the tests with u test dependence on the input only.
-    Correlations of two skewed signals, as u^2 and e^2, are taken to follow a gamma distribution.
+    With residual e, input u less its mean, and ' for less the mean: phi_ee at lags from 1; phi_ue, phi_(u2)'e and
+    phi_(u2)'e2 at lags of both signs; phi_e(eu), of e(k) and e(k-1-tau) u(k-1-tau), at lags 0 to ``max_lag - 1``. The
+    mean of e stays, since a mean is a fault. By the covariance between lags (Bartlett's formula [3]_) the tests with u
+    test dependence on the input only. Correlations of two skewed signals, as u^2 and e^2, are taken as gamma variables.
     """
     both, later = np.arange(-max_lag, max_lag + 1), np.arange(1, max_lag + 1)
     n_outputs, n_inputs = residuals[0].shape[0], inputs[0].shape[0]
@@ -241,11 +232,8 @@ def _standardised(values: Array, series: Series, lags: Integers) -> Array:
 
 
 def _bartlett(a: Series, b: Series, count: int, reach: int) -> Array:
-    """Return N cov(phi_ab(tau), phi_ab(tau + d)) of independent a and b for d = 0 ... count - 1.
-
-    It is the sum over s of rho_b(s) rho_a(s + d), with rho_b tapered to zero beyond ``reach`` (Bartlett's window, which
-    keeps the result a covariance).
-    """
+    """Return N cov(phi_ab(tau), phi_ab(tau + d)), d = 0 ... count - 1, of independent a and b: the sum over s of
+    rho_b(s) and rho_a(s + d), rho_b being tapered to zero beyond ``reach`` so that it stays a covariance."""
     shifts = np.arange(-reach, reach + 1)
     of_b = correlation(b, b, np.abs(shifts)) * (1.0 - np.abs(shifts) / (reach + 1))
     of_a = correlation(a, a, np.arange(count + reach))
@@ -261,11 +249,8 @@ def _skewness(series: Series) -> float:
 
 
 def _normal_scores(scores: Array, skewness: float) -> Array:
-    """Return the normal quantiles of scores that follow a gamma distribution (Pearson type III) of some skewness.
-
-    A sum of products of two skewed signals is still skewed after some hundred samples: its far tail, which decides on
-    the largest of many lags, is several times that of the normal distribution.
-    """
+    """Return normal quantiles of skewed scores by a gamma law (Pearson type III): after hundreds of samples the far
+    tail of products of skewed signals is still several times the normal one."""
     from scipy.special import gammainc, gammaincc, ndtri
 
     if abs(skewness) < _SYMMETRIC:
@@ -277,11 +262,8 @@ def _normal_scores(scores: Array, skewness: float) -> Array:
 
 
 def _p_value(scores: Array, spread: Array) -> float:
-    """Return the probability of scores as large for a normal distribution with the Toeplitz correlation ``spread``.
-
-    The sum of squares follows a scaled chi-square distribution (Satterthwaite); the largest score is bounded by Sidak's
-    inequality [4]_, exact for independent lags.
-    """
+    """Return the probability of such normal scores of Toeplitz correlation ``spread``: twice the lesser of their
+    squares' (Satterthwaite's chi-square) and of the largest one's (Sidak [4]_, exact for independent lags)."""
     from scipy.special import chdtrc, ndtr
 
     count = scores.size

@@ -1,17 +1,10 @@
 """How well the parameters of a model are known when its residuals are neither white nor of one size.
 
-Least squares gives a covariance that holds for white residuals. Where the terms leave out physics the residuals are
-correlated, and the parameters scatter more from record to record than that covariance says. Here a record is cut into
-blocks, longer than what it remembers, and each is left out in turn (jackknife): how far the parameters move says how
-they scatter. In the order of time the blocks also say whether the parameters drift: the slowest cosines through them
-are larger then than the others.
-
-References
-----------
-Künsch, "The jackknife and the bootstrap for general stationary observations", Ann. Stat. 17 (1989) 1217-1241.
-Lazarus, Lewis, Stock, Watson, "HAR inference: recommendations for practice", J. Bus. Econ. Stat. 36 (2018) 541-559:
-equally weighted cosines, and the t and F laws that follow.
-White, "Maximum likelihood estimation of misspecified models", Econometrica 50 (1982) 1-25.
+Where terms leave out physics, parameters scatter more from record to record than least squares says (White,
+Econometrica 50 (1982) 1-25). So a record is cut into blocks longer than what it remembers, and each is left out in turn
+(jackknife: Künsch, Ann. Stat. 17 (1989) 1217-1241). In the order of time the blocks' slowest cosines say whether
+parameters drift (Lazarus, Lewis, Stock, Watson, J. Bus. Econ. Stat. 36 (2018) 541-559: equally weighted cosines, t and
+F laws).
 """
 
 from __future__ import annotations
@@ -29,19 +22,15 @@ from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
 
-BLOCKS = 64
-"""Into which a record is cut: those of five minutes are five seconds long."""
+BLOCKS = 64  # Into which a record is cut: those of five minutes are five seconds long
 _ALONE = 1e-9  # share of what is known of a parameter that has to remain without a block
 _FEWEST = 8  # cosines of the scatter
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cosines:
-    """Cosine coefficients of short series, for the covariance of their mean and their drift.
-
-    The coefficients of an uncorrelated stationary series are uncorrelated, with one covariance: n times that of its
-    mean.
-    """
+    """Cosine coefficients of short series, for the covariance of mean and drift: those of an uncorrelated stationary
+    series are uncorrelated, with n times the covariance of its mean."""
 
     coefficients: Array
     n_slow: int  # The first of them, which belong to a drift and do not count as scatter
@@ -107,12 +96,8 @@ def _shapes(half_periods: NDArray[np.int_], shares: Array, n: int) -> Array:
 def pseudovalues(
     model: NarxModel, recordings: Recordings, *, n_blocks: int = BLOCKS, instruments: Recordings | None = None
 ) -> Array:
-    """Return the deviation of the parameters that each block of samples alone suggests, (n_blocks, n_terms).
-
-    Leaving out block k of a least-squares fit with regressors P and residuals e changes the parameters by exactly -(P
-    P' - P_k P_k')^-1 P_k e_k; the pseudovalue is n_blocks - 1 times the opposite. With `instruments`, their regressors
-    Z replace the first P of each product.
-    """
+    """Return each block's own deviation of parameters, (n_blocks, n_terms), of regressors P and residuals e: n_blocks -
+    1 times (P P' - P_k P_k')^-1 P_k e_k. `instruments` give Z for the first P of each product."""
     model.require_one_output("the jackknife")
     if not isinstance(n_blocks, int | np.integer) or n_blocks < 2:
         raise ModelError(f"n_blocks = {n_blocks!r}; it must be an integer of at least 2")

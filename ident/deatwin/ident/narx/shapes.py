@@ -96,8 +96,7 @@ _KINDS: dict[str, _Kind] = {
         "(1 - tanh(x / p) * tanh(x / p)) / p",
     ),
 }
-SOURCES = tuple(_KINDS)
-"""Names of the functions that are built in, by their numbers in C."""
+SOURCES = tuple(_KINDS)  # Names of the functions that are built in, by their numbers in C
 
 
 def register_function(name: str, function: Function, slope: Function | None = None) -> None:

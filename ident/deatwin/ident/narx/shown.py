@@ -16,8 +16,7 @@ if TYPE_CHECKING:
 
 
 Array = NDArray[np.float64]
-_PLAIN = (1e-4, 1e6)
-"""Numbers of six digits are written without an exponent from the first to below the second."""
+_PLAIN = (1e-4, 1e6)  # Numbers of six digits are written without an exponent from the first to below the second
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

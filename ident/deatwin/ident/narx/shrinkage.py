@@ -1,12 +1,4 @@
-"""Estimation with a penalty or a prior: ridge regression and Bayesian linear regression with its evidence.
-
->>> import numpy as np
->>> rng = np.random.default_rng(0)
->>> rows = rng.normal(size=(2, 500))
->>> target = np.array([1.0, -2.0]) @ rows + 0.1 * rng.normal(size=500)
->>> Bayesian()(rows, target).theta.round(1).tolist()
-[1.0, -2.0]
-"""
+"""Estimation with a penalty or a prior: ridge regression and Bayesian linear regression with its evidence."""
 
 from __future__ import annotations
 

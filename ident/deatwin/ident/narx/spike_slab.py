@@ -3,17 +3,13 @@
 The model of the regression y = Phi theta + e, e ~ N(0, 1/tau):
 
 - tau ~ Gam(a0, b0), as in the variational posterior;
-- each term is in or out; with m of M terms in, p(in) = 1 / ((M + 1) binom(M, m)), so that every number of terms is as
-  likely as any other before the data [1]_;
-- theta_j ~ N(0, n / (i tau phi_j'phi_j)) if in: the information of i samples. One sample is usual [2]_; where a
-  parameter is so sure that its |t| exceeds sqrt(n) that alone would widen all intervals and pull at it [3]_, so that
-  here i is a hundredth.
+- with m of M terms in, p(in) = 1 / ((M + 1) binom(M, m)): every number of terms is alike before the data [1]_;
+- theta_j ~ N(0, n / (i tau phi_j'phi_j)) if in, the information of i samples. One is usual [2]_, but pulls at a
+  parameter with |t| above sqrt(n) and widens all intervals [3]_; so i is a hundredth.
 
-Parameters and noise are integrated out exactly. What is left, the set of terms, is sampled by heat-bath flips of a
-term chosen at random; draws in which nothing happens are not made but counted by their expected number [4]_.
+Parameters and noise are integrated out exactly; the set of terms is sampled by heat-bath flips of a random term, and
+draws in which nothing happens are counted by their expected number [4]_.
 
-References
-----------
 .. [1] Scott, Berger, Ann. Statist. 38 (2010) 2587-2619, doi:10.1214/10-AOS792.
 .. [2] Kass, Wasserman, J. Am. Stat. Assoc. 90 (1995) 928-934, doi:10.1080/01621459.1995.10476592.
 .. [3] Liang et al., J. Am. Stat. Assoc. 103 (2008) 410-423, doi:10.1198/016214507000001337.

@@ -1,9 +1,8 @@
 """How far the true terms of a regression stand out, for one who knows them and tests significance.
 
-Least squares on all candidates sets no limit: it shares out the information of a record among hundreds of parameters,
-and methods that fit few terms at a time see more. The second margin looks from the true terms: a choice by the sum of
-squares and any price per term must find each true term worth the price, no further term worth it, and no exchange of a
-true term for a false one an improvement. Where this fails, the truth is not even the best of its neighbours.
+Least squares on all candidates shares a record's information among hundreds of parameters, so methods that fit few see
+more. The second margin looks from the true terms: a price per term must be worth paying for each true term, for no
+further one, and for no exchange with a false one; else the truth is not even the best of its neighbours.
 """
 
 from __future__ import annotations

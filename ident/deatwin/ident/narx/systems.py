@@ -1,11 +1,4 @@
-"""Systems of known structure on which identifiers of NARX models are compared.
-
->>> import numpy as np
->>> from deatwin.ident.narx.systems import SYSTEMS
->>> draw = SYSTEMS["S4"].draw(np.random.default_rng(0))
->>> draw.recording.n_samples, draw.redraws
-(500, 0)
-"""
+"""Systems of known structure on which identifiers of NARX models are compared."""
 
 from __future__ import annotations
 

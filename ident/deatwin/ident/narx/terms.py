@@ -28,8 +28,7 @@ Array = NDArray[np.float64]
 
 Rule = Callable[["Term"], bool]
 
-MOST_TERMS = 20_000
-"""Candidates beyond which the Gram matrix alone would need gigabytes."""
+MOST_TERMS = 20_000  # Candidates beyond which the Gram matrix alone would need gigabytes
 
 
 @dataclass(frozen=True, slots=True)

@@ -152,11 +152,8 @@ def _sized(pole: complex, interval: tuple[float, float]) -> str:
 def unstable_model(
     model: NarxModel, recordings: Sequence[Recording], recorded: Recorded, *, diverged: bool
 ) -> Unstable | None:
-    """Return the unstable pole of a model, or None if it is not certainly unstable.
-
-    The model is linearised at the mean of the recordings. A nonlinear model may be unstable there and yet bounded, as
-    one of a limit cycle is, so its free run must have diverged or the recordings surely have an unstable pole too.
-    """
+    """Return a model's unstable pole at the recordings' mean, or None if in doubt: a limit cycle is bounded too, so its
+    free run must have diverged, or the recordings surely have an unstable pole."""
     poles = poles_at(model, recordings)
     if (
         not poles.size

@@ -15,12 +15,9 @@ from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.recording import Recording
 
 Array = NDArray[np.float64]
-STEP = 0.05
-"""Sampling time of the benchmark systems, s."""
-DURATION = 300.0
-"""Length of their recordings, s; the parameters go there and back once in it."""
-NOISE = 0.01
-"""Standard deviation of the equation's noise, in the unit of the output."""
+STEP = 0.05  # Sampling time of the benchmark systems, s
+DURATION = 300.0  # Length of their recordings, s; the parameters go there and back once in it
+NOISE = 0.01  # Standard deviation of the equation's noise, in the unit of the output
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -24,16 +24,13 @@ Recordings = Sequence[Recording]
 BLOCK = 20.0
 """Length of a block of the record, s: some twenty times as long as a reading is correlated, and a hundredth of what the
 slowest histories take."""
-CYCLE = 4
-"""Blocks of which one is for choosing and one for judging."""
+CYCLE = 4  # Blocks of which one is for choosing and one for judging
 CHOOSING, JUDGING = 2, 0
 SHARES = (0.003, 0.01, 0.03, 0.1, 0.3)
 """Shares of the reading's deviation by which the contribution of each term may wander over the whole record."""
 CONSTANT, REFINED, VARYING, LIKELIEST = "constant", "constant, least free-run error", "varying", "varying, likeliest"
-PAST = 5
-"""Blocks that are seen before the first forecast."""
-KEPT_EVERY = 1.0
-"""Times of a trajectory that is kept, s."""
+PAST = 5  # Blocks that are seen before the first forecast
+KEPT_EVERY = 1.0  # Times of a trajectory that is kept, s
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -17,8 +17,7 @@ from deatwin.plant.errors import ModelError
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-_HIGHEST = 1023
-"""Largest power: beyond it 2 overflows."""
+_HIGHEST = 1023  # Largest power: beyond it 2 overflows
 _POWER = re.compile(r"([xus])(\d*)(?:\^(\d+))?")
 _FUNCTION = re.compile(r"(\w+)\(([xus]\d*)((?:,[^(),]+)*)\)")
 
@@ -138,10 +137,8 @@ class Basis:
 
     @cached_property
     def tables(self) -> tuple[Integers, Integers, Array, Integers] | None:
-        """For the kernel: first factor of each regressor; variable, power and function, and numbers of each factor; levels.
-
-        None if a function is the user's own. Shapes: (n_regressors + 1,), (n_factors, 3), (n_factors, 2), (n_regressors,).
-        """
+        """The kernel's tables, None if a function is the user's: first factors (n_regressors + 1,); variable, power and
+        function (n_factors, 3); their numbers (n_factors, 2); levels (n_regressors,)."""
         factors = [factor for term in self.terms for factor in term]
         if any(factor.shape is not None and factor.shape.name not in SOURCES for factor in factors):
             return None

@@ -21,8 +21,7 @@ from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.recording import Recording
 
 Array = NDArray[np.float64]
-_LINEAR_STEPS = 25
-"""Of the linear start, whose end is not needed to the last digit."""
+_LINEAR_STEPS = 25  # Of the linear start, whose end is not needed to the last digit
 _PATIENCE = 20
 """Steps without a lower held-out error that end a search: on its way to a better valley it rises for some."""
 

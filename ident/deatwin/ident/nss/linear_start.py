@@ -19,8 +19,7 @@ Lines = tuple[NDArray[np.complex128], Array, Array]
 
 _ROWS = (1.5, 3.0, 6.0)
 """Block rows by state: few tell fast poles, many tell slow ones; the one with the least free-run error is kept."""
-_LONGEST = 20_000
-"""Samples of a record that the subspace method reads; all of them are fitted afterwards."""
+_LONGEST = 20_000  # Samples of a record that the subspace method reads; all of them are fitted afterwards
 
 
 def linear_start(

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from deatwin.ident.nss.march import System
 
 Array = NDArray[np.float64]
-_STEPS = 50
-"""Of Gauss and Newton; few samples need few."""
+_STEPS = 50  # Of Gauss and Newton; few samples need few
 _WIDTH = 3.0
 """Standard deviation of a first state beforehand: states have unit size on the training data, and a new record may
 begin at their edge."""

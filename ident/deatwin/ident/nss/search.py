@@ -12,13 +12,11 @@ from deatwin.ident.nss.march import System
 
 Array = NDArray[np.float64]
 
-DIVERGED = 30.0
-"""Standard deviations of an output beyond which a run is given up: no trained output is as large."""
+DIVERGED = 30.0  # Standard deviations of an output beyond which a run is given up: no trained output is as large
 _NULL = 1e-9
 """Share of the largest singular value below which a direction of the weights moves no output: that of a change of
 coordinates of the state, to rounding."""
-_TRIES = 16
-"""Dampings, each four times the last, before a step is given up: they span nine decades."""
+_TRIES = 16  # Dampings, each four times the last, before a step is given up: they span nine decades
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -100,13 +98,10 @@ def search(
     patience: int = 10,
     progress: Callable[[int, Point], None] | None = None,
 ) -> Found:
-    """Lower the squared error of the free run; keep the point of the least held-out error, where some is held out.
+    """Lower the free run's squared error by damped steps (Levenberg, Marquardt) in directions that move an output.
 
-    The step solves the linearised problem with a damping that falls after each success (Levenberg, Marquardt). It is
-    taken in the singular vectors of the sensitivities, without those that move no output.
-
-    tolerance: relative fall of the cost in a step, twice in a row, that ends the search; patience: steps without a lower
-    held-out error that do.
+    Keeps the least held-out error, if any is held out. The search ends when the cost falls by less than `tolerance` of
+    itself twice in a row, or after `patience` steps without a lower held-out error.
     """
     point = best = judged(system, starts, records)
     holds_out = any(record.fitted < record.outputs.shape[1] for record in records)

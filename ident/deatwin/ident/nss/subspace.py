@@ -16,15 +16,11 @@ bounded over a thousand samples."""
 
 
 def from_lines(response: Complex, angles: Array, deviations: Array, n_states: int, rows: int) -> tuple[Array, Array]:
-    """Return A and C from a frequency response [1]_, [2]_.
+    """Return A and C from `response` (n_lines, n_outputs, n_inputs) at `angles` (n_lines,), rad a sample, `rows` >
+    states.
 
-    Shapes: `response` (n_lines, n_outputs, n_inputs); `angles` (n_lines,) in rad per sample; `deviations` (n_lines,) of
-    the response; `rows` block rows, more than the states; returns (n_states, n_states), (n_outputs, n_states).
-
-    .. [1] McKelvey, Akcay, Ljung, "Subspace-based multivariable system identification from frequency response data",
-       IEEE Trans. Autom. Control 41 (1996) 960-979, doi:10.1109/9.508900.
-    .. [2] Pintelon, "Frequency-domain subspace system identification using non-parametric noise models", Automatica 38
-       (2002) 1295-1311, doi:10.1016/S0005-1098(02)00036-6: the weight by the variance of the lines.
+    Source: McKelvey, Akcay, Ljung, IEEE Trans. Autom. Control 41 (1996) 960-979, doi:10.1109/9.508900; weights by the
+    `deviations` (n_lines,): Pintelon, Automatica 38 (2002) 1295-1311, doi:10.1016/S0005-1098(02)00036-6.
     """
     n_lines, p, m = response.shape
     turns = np.exp(1j * np.outer(np.arange(rows), angles))
@@ -44,14 +40,8 @@ def from_lines(response: Complex, angles: Array, deviations: Array, n_states: in
 
 
 def from_samples(records: Sequence[tuple[Array, Array]], n_states: int, rows: int) -> tuple[Array, Array]:
-    """Return A and C from inputs and outputs, the past of both being the instruments [3]_.
-
-    Shapes: `records` of inputs (n_inputs, n) and outputs (n_outputs, n), each longer than twice the `rows`; returns as
-    `from_lines` does.
-
-    .. [3] Verhaegen, "Identification of the deterministic part of MIMO state space models given in innovations form from
-       input-output data", Automatica 30 (1994) 61-74, doi:10.1016/0005-1098(94)90229-1.
-    """
+    """Return A and C from inputs (n_inputs, n) and outputs (n_outputs, n), n > 2 `rows`, by the past of both as
+    instruments (Verhaegen, Automatica 30 (1994) 61-74, doi:10.1016/0005-1098(94)90229-1)."""
     inputs, outputs = (_hankel([record[i] for record in records], 2 * rows) for i in (0, 1))
     m, p = records[0][0].shape[0], records[0][1].shape[0]
     stack = np.concatenate([inputs[rows * m :], inputs[: rows * m], outputs])

@@ -24,8 +24,7 @@ USUAL, LONGEST = 0.1, 1.6
 """Upper end of the dead time, s: usual, and the longest one; a command that comes later has gone through a queue."""
 INVERSE = np.linalg.inv(1 / (1 + np.add.outer(np.arange(STAGES), np.arange(STAGES))))
 """From moments over a sample to the coefficients of a polynomial."""
-ROUNDING = 1e-10
-"""Tolerance in samples: a shift this close to a whole sample counts as whole."""
+ROUNDING = 1e-10  # Tolerance in samples: a shift this close to a whole sample counts as whole
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,18 +17,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class FreeForm(Effect):
-    r"""A sum of functions, with and without memory, added to one signal of a plant.
-
-    .. math:: \text{signal} \to \text{signal} + S\sum_k c_k\,\varphi_k
-
-    It has no physical meaning, and neither conserves nor dissipates energy by construction, so it is not in the
-    catalogue. Each term with a memory adds a state. A calibration moves the coefficients :math:`c_k` and the shapes of
-    the terms; the size S is held, since it only gives them their unit. Off at S = 0.
-
-    >>> from deatwin.plant import Diaphragm, Plant
-    >>> Plant(rig=Diaphragm(), effects=(FreeForm(),)).to_dict()["effects"][0]["terms"][0]["order"]
-    3
-    """
+    """Add S sum_k c_k phi_k, functions of one signal with and without memory, to that signal; off at S = 0. It has no
+    physical meaning, so it is not in the catalogue. A fit moves c_k and the shapes, S is held."""
 
     size: float = 1e-3  # S, in the unit of the signal
     terms: tuple[Primitive, ...] = (Power(variable="displacement", scale=1e-4, order=3),)
@@ -38,11 +28,9 @@ class FreeForm(Effect):
     unit: str = "N"
 
     name: ClassVar[str] = "free_form"
-    family: ClassVar[Family] = Family.MECHANICAL
-    """Family of the default; it is never used."""
+    family: ClassVar[Family] = Family.MECHANICAL  # Family of the default; it is never used
     strength: ClassVar[str] = "size"
-    order: ClassVar[int] = 100
-    """Last: it is added to what physics makes of the signal."""
+    order: ClassVar[int] = 100  # Last: it is added to what physics makes of the signal
     wording: ClassVar[str] = "A sum of functions with a size of {size} is added, which represents no physics"
 
     def __post_init__(self) -> None:

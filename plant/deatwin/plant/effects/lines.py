@@ -9,8 +9,7 @@ import numpy as np
 NEIGHBOURS = 101
 """Bins of the spectrum from whose median a line must stand out: 25 times the resolution, as the spectrum is taken
 four times finer."""
-CYCLES = 60
-"""Periods that are tried for a slow cycle, evenly in their logarithm."""
+CYCLES = 60  # Periods that are tried for a slow cycle, evenly in their logarithm
 
 
 @dataclass(frozen=True, kw_only=True)

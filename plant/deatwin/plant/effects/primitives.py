@@ -1,10 +1,7 @@
-r"""Functions with and without memory that make up a free form.
+"""Functions of one signal s, with and without memory, that make up a free form: pure numbers, s being in units of its
+scale.
 
-Each takes one signal, in units of its own scale so that it is of order 1, and gives a pure number. A memory m follows
-
-.. math:: \dot m = r(s, m)
-
-from its value at rest on. Corners are rounded: :math:`p(x) = x^2/(x + 0.001)` above 0, else 0.
+A memory follows dm/dt = r(s, m) from its value at rest on; corners are rounded, p(x) = x^2/(x + 0.001) above 0, else 0.
 """
 
 from __future__ import annotations
@@ -22,10 +19,8 @@ from deatwin.plant.parameters import Parameter, Scale
 
 Symbol = Any
 
-CORNER = 0.001
-"""Rounding of corners, in units of the signal's scale."""
-PURSUIT = 0.1
-"""Time in which a play or a running extreme follows its input, in samples."""
+CORNER = 0.001  # Rounding of corners, in units of the signal's scale
+PURSUIT = 0.1  # Time in which a play or a running extreme follows its input, in samples
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,8 +31,7 @@ class Primitive(ABC):
     scale: float  # Size of the signal, SI; above 0
 
     kind: ClassVar[str]
-    shape: ClassVar[str] = ""
-    """Name of the shape parameter, if there is one."""
+    shape: ClassVar[str] = ""  # Name of the shape parameter, if there is one
     remembers: ClassVar[bool] = False
 
     @property
@@ -163,12 +157,7 @@ class LowPass(Primitive):
 
 @dataclass(frozen=True, kw_only=True)
 class Play(Primitive):
-    r"""Play operator: the ends of a band move m, as a fork with clearance does.
-
-    .. math:: T\dot m = p(s - m - w) - p(m - s - w)
-
-    Source: Visintin, Differential Models of Hysteresis (1994), chapter III.
-    """
+    """Play operator, as of a fork with clearance: T dm/dt = p(s - m - w) - p(m - s - w) (Visintin 1994, ch. III)."""
 
     width: float = 1.0  # w, half the clearance, in units of the scale
 

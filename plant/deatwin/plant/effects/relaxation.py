@@ -14,8 +14,7 @@ if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
 
 
-STARTS = 5
-"""Times at which a fit may start: a factor of 4 to 10 apart, from which the nearest one is reached."""
+STARTS = 5  # Times at which a fit may start: a factor of 4 to 10 apart, from which the nearest one is reached
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.plant.errors import DataError
 from deatwin.plant.excitation.samples import sample_count
 
-ATTEMPTS = 100
-"""Number of draws of the phases before the limits count as too narrow."""
+ATTEMPTS = 100  # Number of draws of the phases before the limits count as too narrow
 
 
 def odd_harmonics(period: float, band: float) -> NDArray[np.int64]:

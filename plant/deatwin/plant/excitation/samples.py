@@ -9,13 +9,7 @@ from deatwin.plant.errors import DataError
 
 
 def sample_count(name: str, time: float, sample_time: float) -> int:
-    """Return the whole number of samples in a time.
-
-    >>> sample_count("duration", 2.0, 0.02)
-    100
-
-    `sample_time` time between two samples, s.
-    """
+    """Return the whole number of samples in a time, `sample_time` s apart; DataError if there is none."""
     samples = time / sample_time if sample_time > 0.0 else 0.0
     n = round(samples) if math.isfinite(samples) else 0
     if n < 1:

@@ -1,11 +1,6 @@
-"""A sampled system as an FMU for co-simulation (FMI 3.0): its C source behind the interface of the standard.
+"""A sampled system as an FMU for co-simulation (FMI 3.0, Modelica Association 2022, chapter 4), from its C source.
 
-CasADi's exporter writes FMUs for model exchange alone, and no clocks or time events; so what moves once a sample, such
-as a NARX model or a plant with a dead time, goes into an FMU that steps by itself.
-
-References
-----------
-Functional Mock-up Interface Specification, version 3.0, Modelica Association (2022), chapter 4.
+CasADi's exporter knows no clocks, so what moves once a sample (a NARX model, a plant with a dead time) steps by itself.
 """
 
 from __future__ import annotations

@@ -23,8 +23,7 @@ _BASE_UNITS = {
     "1": {},
 }
 """Exponents of SI base units; another unit has a name only."""
-_TOLERANCE = 1e-8
-"""Relative tolerance that importing tools are advised to use."""
+_TOLERANCE = 1e-8  # Relative tolerance that importing tools are advised to use
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,6 +1,6 @@
-"""A plant as an FMU for model exchange (FMI 3.0), by CasADi's own exporter.
+"""A plant as an FMU for model exchange (FMI 3.0, Modelica Association 2022), by CasADi's ``DaeBuilder.export_fmu``.
 
-The importing tool integrates the states. What an FMU for model exchange does not have is solved or refused here:
+The importing tool integrates the states. What such an FMU does not have is solved or refused here:
 
 - algebraic coordinates, and states whose time constant is zero, are solved inside by Newton's method, from their
   values at rest, at each evaluation (index 1, so that there is nothing to integrate);
@@ -8,12 +8,6 @@ The importing tool integrates the states. What an FMU for model exchange does no
 - parameters are numbers in the code, since the state of rest in which the FMU starts belongs to them;
 - states are in units of their typical sizes, because CasADi's exporter states a nominal value of 1 for all;
 - an effect that needs the commands of earlier samples, such as `delay`, is refused: the exporter knows no clock.
-
-References
-----------
-Functional Mock-up Interface Specification, version 3.0, Modelica Association (2022). J. Andersson et al., "CasADi: a
-software framework for nonlinear optimization and optimal control", Math. Prog. Comp. 11 (2019) 1-36:
-``DaeBuilder.export_fmu``.
 """
 
 from __future__ import annotations
@@ -37,8 +31,7 @@ from deatwin.plant.model import Plant
 from deatwin.plant.readings import ROWS
 from deatwin.plant.rest import RestState
 
-_TOLERANCE = 1e-12
-"""Tolerance of the algebraic equations, in units of the unknowns' typical sizes."""
+_TOLERANCE = 1e-12  # Tolerance of the algebraic equations, in units of the unknowns' typical sizes
 _UPDATES = 50
 _UNITS = "states in units of their typical sizes; time is the experiment's clock"
 _SETS_TIME = ("  m->t = time;\n", "  m->t = startTime;\n")

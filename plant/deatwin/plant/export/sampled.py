@@ -92,11 +92,7 @@ def number(value: float) -> str:
 
 
 def table(declaration: str, values: ArrayLike) -> str:
-    """Constant array in C; an empty one gets one entry, since C has no empty arrays.
-
-    >>> print(table("double a", [[1.0, 0.5]]))
-    static const double a[1][2] = {{1.0, 0.5}};
-    """
+    """Constant array in C; an empty one gets one entry, since C has no empty arrays."""
     array = np.asarray(values, dtype=np.float64)
     if array.size == 0:
         array = np.zeros(tuple(max(n, 1) for n in array.shape))

@@ -1,18 +1,12 @@
 """Even clock from the times in a file: order, gaps, evenness, sample time.
 
-What counts as even, and why:
-
-- A time may lie 2.5 % of a sample off the even clock. At 50 Hz that is 0.5 ms, which moves a 1 Hz signal by
-  0.3 % of its amplitude: below the noise of the sensors that deatwin is made for.
-- Times that are stored with few digits may lie half a digit off: the sampling was even, only its print is
-  rounded. Then many steps are a digit off; a few odd ones are not from rounding. Between gaps half a digit may be a
-  quarter of a sample.
-- Test machines log an extra sample where a segment of the test ends, so that a step is short and the clock
-  after it shifted. While such steps are at most 0.5 % of all, the record is interpolated on the even clock:
-  the steps in between are no longer than a sample, so nothing is invented. Its provenance says so.
-
-A step longer than 1.6 samples is a gap. With more than three of them, and more than 1 % of all steps, it is
-no record with gaps but an uneven one.
+- A time may lie 2.5 % of a sample off the even clock: at 50 Hz, 0.5 ms, which moves a 1 Hz signal by 0.3 % of its
+  amplitude, below the noise of the sensors that deatwin is made for.
+- Times that are stored with few digits may lie half a digit off, between gaps up to a quarter of a sample. Then many
+  steps are a digit off; a few odd ones are not from rounding.
+- Test machines log an extra sample where a segment ends, which shifts the clock. While such steps are at most 0.5 % of
+  all, the record is interpolated between samples no farther apart than one step, and its provenance says so.
+- A step longer than 1.6 samples is a gap; with more than three, and more than 1 % of all steps, the record is uneven.
 """
 
 from collections.abc import Callable, Iterator
@@ -67,10 +61,7 @@ class Piece:
 def even_pieces(
     timepts: Floats, where: Callable[[int], str], *, allow_gaps: bool, stated: float | None = None
 ) -> tuple[float, list[Piece]]:
-    """Return the sample time of a record and its pieces between gaps. `timepts` times of the samples, s; `where`
-    takes a sample number and returns how an error text names its place; `stated` the sample time that the file or
-    its user states, s; returns Time between two samples, s; the same for all pieces.
-    """
+    """Return the sample time, s, and the even pieces of times, s; `where` returns a sample's place for an error."""
     if len(timepts) == 1 and stated:
         return stated, [Piece.even(1, stated, float(timepts[0]))]
     if len(timepts) < 2:

@@ -1,7 +1,6 @@
 """Layout of a CSV file's text: encoding, delimiter, end of the header.
 
-Nothing is guessed where two readings are possible: a delimiter counts only if the header has as many cells by it
-as the samples, and it must be the only one that does.
+Nothing is guessed: only one delimiter may give the header as many cells as the samples.
 """
 
 import csv

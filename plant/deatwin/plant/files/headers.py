@@ -20,10 +20,8 @@ _TIMES = re.compile(
 """Header of times that ends in its unit, without a separator."""
 _TIME_WORD = re.compile(r"millis|micros|nanos|[mun]s|[mun]?secs?|(?:milli|micro|nano)?seconds?", re.IGNORECASE)
 """Unit of time that is a whole header; s, min and h alone may be a distance, a minimum and a height."""
-_DOUBTFUL = ("F", "l")
-"""Units that are written in brackets only: a force and a length end names as well."""
-_NO_QUANTITIES = frozenset({"counts"})
-"""Words that begin an unknown unit before a slash, as in ``counts/s``."""
+_DOUBTFUL = ("F", "l")  # Units that are written in brackets only: a force and a length end names as well
+_NO_QUANTITIES = frozenset({"counts"})  # Words that begin an unknown unit before a slash, as in ``counts/s``
 _DIFFERENCE = re.compile(r"(?i:[Δ∆]|delta|diff(?!us)|d_?t(?![a-z])|(.*[^a-z]|temp)?(difference|rise|increase)\b)")
 _LAST_WORD = (
     r"(?![^\W\d_])(?=[\W_]*(\d+|max|min|mean|rms)?$|[\W_]+(in|of|from|to|between|above|below|across|over)(?![a-z]))"
@@ -50,13 +48,7 @@ _ACCELERATION = re.compile(r"(?i:.*acc(?![a-z])|.*accel|a(_?[xyz])?$)")
 
 
 def split_unit(header: str) -> tuple[str, str]:
-    """Return name and unit of a column header.
-
-    >>> split_unit("displacement_mm"), split_unit("Force [N]"), split_unit("film_voltage"), split_unit("U_cmd (kV)")
-    (('displacement', 'mm'), ('Force', 'N'), ('film_voltage', ''), ('U_cmd', 'kV'))
-    >>> split_unit("flow [l/min]"), split_unit("field_kV_per_mm"), split_unit("count [lines/min]"), split_unit("x (1)")
-    (('flow', 'l/min'), ('field', 'kV/mm'), ('count', ''), ('x (1)', ''))
-    """
+    """Return name and unit of a column header; the unit is empty if it is unknown or may belong to the name."""
     if (match := _QUOTIENT.fullmatch(header)) and (unit := find_unit(f"{match[2]}/{match[4]}")):
         # N_m may be a stiffness or a torque.
         either = not match[3] and find_unit(f"{match[2]} {match[4]}")
@@ -94,11 +86,7 @@ def for_name(name: str, unit: str) -> str:
 
 
 def without_unit(header: str, unit: str) -> str:
-    """Return the name in a header that gives exactly this unit, known or not; an empty text where it does not.
-
-    >>> without_unit("speed (widgets/h)", "widgets/h"), without_unit("speed_rpm", "rpm"), without_unit("speed_1", "1")
-    ('speed', 'speed', '')
-    """
+    """Return the name in a header that gives exactly this unit, known or not; an empty text where it does not."""
     own = re.escape(unit)
     forms = [rf"(.+?)\s*(?:\(\s*{own}\s*\)|\[\s*{own}\s*\])"]
     if unit not in ("", "1"):  # speed_1 is the first of several speeds

@@ -1,8 +1,7 @@
 """Times that were stored with too few digits: in single precision, or to some decimals.
 
-A time is then a multiple of a digit, and lies half of one off the clock, or a whole one where digits were cut off. The
-numbers themselves show how coarse they are, each its own digit. Where all rows lie so near to one even clock, they
-were sampled evenly: an uneven clock drifts away from it.
+Each lies half of its own last digit off the clock, or a whole one where digits were cut off. Where all rows lie so near
+to one even clock they were sampled evenly: an uneven clock drifts away from it.
 """
 
 from collections.abc import Iterator

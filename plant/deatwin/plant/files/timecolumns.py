@@ -149,9 +149,8 @@ def with_times(table: Table, column: int, unit: str) -> Table:
 
 
 def require_unit(table: Table, column: int, times: Floats) -> None:
-    """Refuse numbers as times whose header names an unknown unit, or none where they may be the dates of a spreadsheet
-    or of MATLAB: as many days as since 1900 or since the year 0, in steps that as seconds would be very short.
-    """
+    """Refuse times in an unknown unit, or in none if they may be dates of a spreadsheet or of MATLAB: as many days as
+    since 1900 or since the year 0, in steps that would be very short as seconds."""
     place = f'{table.path}: the times in the column "{table.shown(column)}"'
     options = {unit: ReadOptions(time_column=f"{table.unmistakable(column)}={unit}") for unit in ("s", "day")}
     if said := "" if table.units[column] else table.own_unit(column):

@@ -1,9 +1,7 @@
 """Times that are not plain numbers with a unit: dates, times of day, Unix times.
 
-A Unix time counts from 1970-01-01 in UTC. Its size tells its unit: from 2001-09-09, when it was 1e9 s, to 2065, when it
-will be 3e9 s, the numbers in s, ms, us and ns do not overlap. A clock that has run for 32 years is no other
-explanation; above, numbers may be seconds since 1904, as LabVIEW counts. Where the unit is stated, only that one is
-tried.
+The size of a Unix time tells its unit: from 2001-09-09, 1e9 s, to 2065, 3e9 s, numbers in s, ms, us and ns do not
+overlap, and no clock has run for 32 years; above, numbers may be seconds since 1904, as LabVIEW counts.
 """
 
 from collections.abc import Iterable, Sequence
@@ -15,8 +13,7 @@ from deatwin.plant.files.dates import ORDERS, date_order, day_seconds, is_clock,
 from deatwin.plant.files.units import UNITS
 from deatwin.plant.safe_read import clipped
 
-BEGAN = "clock_began"
-"""Key of the provenance that holds the date of a clock's zero."""
+BEGAN = "clock_began"  # Key of the provenance that holds the date of a clock's zero
 DATES = "dates"
 TIME_UNITS = tuple(name for name, unit in UNITS.items() if unit.si == "s")
 _SIZED = ("s", "ms", "us", "ns")
@@ -84,12 +81,7 @@ class TimeScale:
 
 
 def time_scale(texts: Iterable[str], unit: str) -> TimeScale | None:
-    """Return the reading of a column of times, or None if it holds plain numbers.
-
-    >>> time_scale(["1714564800500"], "").provenance
-    {'times': 'Unix times in ms', 'clock_began': '2024-05-01T12:00:00.500000+00:00'}
-    >>> time_scale(["12.5"], "")
-    """
+    """Return the reading of a column of times, or None if it holds plain numbers."""
     cells = iter(texts)
     first = next(cells, "").strip()
     if is_date(first):

@@ -18,8 +18,7 @@ from deatwin.plant.readoptions import NO_OPTIONS, ReadOptions
 from deatwin.plant.recording import Recording
 from deatwin.plant.rigs.base import ReadingTime
 
-_REPAIRS = 7
-"""There are six options, so that more rounds than this add nothing."""
+_REPAIRS = 7  # There are six options, so that more rounds than this add nothing
 _LIKE_NUMBER = re.compile(r"[-+]?[\d.,]+([eE][-+]?\d+)?")
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[^\W\d_]+")
 _USUAL_WORDS = {
@@ -71,10 +70,8 @@ class Understood:
 
 
 def understand(path: str | Path, asked: ReadOptions = NO_OPTIONS, readings: Sequence[Reading] = ()) -> Understood:
-    """Read a file with the options that are asked for, and where that refuses it, look for options that read it.
-
-    Every option that is found was tried. `readings` are the further ones of a rig, whose columns are then told as such.
-    """
+    """Read a file as asked; if that is refused, look for options that do read it, trying each. `readings` are the
+    further ones of a rig, whose columns are then told as such."""
     found = Understood(path=str(path), asked=asked)
     try:
         table = table_of_file(path)

@@ -1,10 +1,9 @@
 """Units of file columns, and their conversion to SI and back.
 
-Factors are definitions: the pound-force is 0.45359237 kg times 9.80665 m/s2, the inch 0.0254 m, a turn 2 pi rad.
-A temperature in degrees Celsius is shifted to kelvin, a temperature difference is not: it is told by its name, as
-``dT``, ``temperature rise``, or by its unit, as ``delta_degC``. ``g`` is the gram, and behind the name of an
-acceleration standard gravity. ``C`` is the degree Celsius behind the name of a temperature and
-the coulomb behind that of a charge; behind others nobody knows. Products and quotients follow from their factors.
+Factors are definitions: the pound-force is 0.45359237 kg times 9.80665 m/s2, the inch 0.0254 m, a turn 2 pi rad. Only a
+temperature is shifted to kelvin, not a difference, which its name tells (``dT``, ``temperature rise``) or its unit
+(``delta_degC``). ``g`` is the gram, behind the name of an acceleration gravity; ``C`` is degrees behind the name of a
+temperature and coulomb behind that of a charge, else unknown.
 """
 
 import math
@@ -20,10 +19,8 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit of a file: ``SI value = (value + shift) * numerator / denominator``.
-
-    Two whole numbers, since 35 / 1000 is the float nearest to 0.035 and 35 * 1e-3 is not.
-    """
+    """A unit of a file: ``SI value = (value + shift) * numerator / denominator``, exact where a product is not: 35 /
+    1000 is the float nearest to 0.035, 35 * 1e-3 is not."""
 
     si: str  # The SI unit of the same kind, or the one that is wanted instead
     numerator: float = 1.0  # Their quotient is the factor
@@ -333,11 +330,7 @@ _SIGNS = str.maketrans(
 
 
 def find_unit(text: str) -> str:
-    """Return the unit that a cell such as ``(mm)``, ``[µm]``, ``s``, ``N·m``, ``m s^-2`` or ``(Volts)`` names.
-
-    >>> find_unit("(mm)"), find_unit("[µm]"), find_unit("(Volts)"), find_unit("N·m"), find_unit("force")
-    ('mm', 'um', 'V', 'N m', '')
-    """
+    """Return the unit that a cell such as ``(mm)``, ``[µm]``, ``s``, ``N·m``, ``m s^-2`` or ``(Volts)`` names."""
     bare = text.strip()
     if bare[:1] + bare[-1:] in ("()", "[]"):
         bare = bare[1:-1].strip()

@@ -3,8 +3,7 @@
 from deatwin.plant.files.headers import split_unit
 from deatwin.plant.files.units import UNITS
 
-USUAL_TIMES = "time_s"
-"""Header of the times in files that deatwin writes."""
+USUAL_TIMES = "time_s"  # Header of the times in files that deatwin writes
 COLUMNS = {
     "time": USUAL_TIMES,
     "command": "command_V",

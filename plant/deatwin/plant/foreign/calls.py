@@ -18,14 +18,11 @@ from deatwin.plant.interrupts import ignore_interrupts, interrupts_held
 from deatwin.plant.safe_read import clipped
 
 Array = NDArray[np.float64]
-Model = Callable[[Mapping[str, Any], Mapping[str, Array], Array], Any]
-"""``f(parameters, inputs, time) -> readings``."""
+Model = Callable[[Mapping[str, Any], Mapping[str, Array], Array], Any]  # ``f(parameters, inputs, time) -> readings``
 
-KEPT = 512
-"""Answers that a process remembers: those of all derivatives about a few points. Of 1e5 samples, 0.4 GB."""
+KEPT = 512  # Answers that a process remembers: those of all derivatives about a few points. Of 1e5 samples, 0.4 GB.
 CRASHED, TOO_LONG = "its process crashed", "it took too long"
-LOST = (CRASHED, TOO_LONG)
-"""Faults of which another call beside it may be the cause."""
+LOST = (CRASHED, TOO_LONG)  # Faults of which another call beside it may be the cause
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -22,8 +22,7 @@ Array = NDArray[np.float64]
 
 APPLIED = "applied_command"
 """Watched signal: integral of the command from the start on in the equations, its mean over a sample in results."""
-VARYING = "varying_"
-"""What precedes the name of a parameter that varies, in the name of its watched signal."""
+VARYING = "varying_"  # What precedes the name of a parameter that varies, in the name of its watched signal
 BEFORE, AFTER = "model_reading_before", "model_reading"
 """Inputs of the equations: readings of the model at the beginning and at the end of a sample."""
 OF_RANGE = 0.1

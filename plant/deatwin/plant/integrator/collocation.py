@@ -1,17 +1,10 @@
-"""Radau IIA collocation and one implicit step of a DAE, with its sensitivities.
+"""Radau IIA collocation and one implicit step of a DAE, with sensitivities by the implicit function theorem.
 
-The scheme is L-stable and stiffly accurate: algebraic equations hold at the end of each step, and a state
-whose mass is zero is an algebraic one. One step solves
+The scheme is L-stable and stiffly accurate: algebraic equations hold at the end of each step, and a state whose mass is
+zero is algebraic (Hairer & Wanner, Solving Ordinary Differential Equations II, 1996, section IV.5,
+doi:10.1007/978-3-642-05221-7). By Newton's method a step solves
 
-.. math::
-    M\\sum_j (A^{-1})_{ij}(X_j - x_0) = h f(X_i, Z_i, u, t + c_i h), \\qquad 0 = g(X_i, Z_i, u, t + c_i h)
-
-by Newton's method, and its derivatives follow from the implicit function theorem.
-
-References
-----------
-Hairer & Wanner, Solving Ordinary Differential Equations II (1996), section IV.5,
-doi:10.1007/978-3-642-05221-7.
+    M sum_j (A^-1)_ij (X_j - x_0) = h f(X_i, Z_i, u, t + c_i h),    0 = g(X_i, Z_i, u, t + c_i h).
 """
 
 from __future__ import annotations
@@ -34,13 +27,7 @@ of a 16 Hz ball mode after a step to 0.2 µm, five to 0.003 µm, for a third mor
 
 
 def radau(stages: int) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes and Butcher matrix of Radau IIA.
-
-    >>> radau(2)[1].round(12).tolist()
-    [[0.416666666667, -0.083333333333], [0.75, 0.25]]
-
-    Shapes: returns (s,); returns (s, s).
-    """
+    """Nodes (s,) and Butcher matrix (s, s) of Radau IIA."""
     legendre = np.polynomial.legendre.Legendre
     right = legendre.basis(stages) - legendre.basis(stages - 1)
     nodes = (np.sort(right.roots().real) + 1) / 2
@@ -93,9 +80,8 @@ def step_functions(equations: Equations) -> StepFunctions:
 
 
 def _begun(step: ca.Function, rows: Sequence[int], equations: Equations, place: int) -> ca.Function:
-    """A step before which, where the sample begins, integrals over it are put to zero and values are passed on. `rows` the
-    arguments that have a row for each state: the states, and their derivatives; `place` of the time at which it begins.
-    """
+    """A step that first zeroes a sample's integrals and passes values on, if it begins at the time in input `place`;
+    `rows` are the arguments with a row for each state: the states, and their derivatives."""
     arguments = step.mx_in()
     u, t, h = arguments[-5:-2]
     begins = t - u[place] < h / 2  # not so in a shorter step that goes on within a sample

@@ -52,16 +52,13 @@ GCC_ONLY = (
     "-fno-inline-small-functions",
 )
 """Options for GCC alone: Clang refuses some of these and does not need the others."""
-LOOPS = ("-O3",)
-"""Compiler options that help code with loops, but not straight-line code."""
+LOOPS = ("-O3",)  # Compiler options that help code with loops, but not straight-line code
 THIS_PROCESSOR = "-march=native"
 WIDE_VECTORS = "__AVX__"
 """Macro that a compiler defines if its vectors hold four numbers or more; with fewer, lanes gain nothing."""
 AS_WRITTEN = Exchange()
-ONE_AT_A_TIME = Lock()
-"""Lock: threads that need the same library wait for the one that builds it."""
-SAID = "DEATWIN_SAID"
-"""Environment variable that records a warning, so that worker processes do not repeat it."""
+ONE_AT_A_TIME = Lock()  # Lock: threads that need the same library wait for the one that builds it
+SAID = "DEATWIN_SAID"  # Environment variable that records a warning, so that worker processes do not repeat it
 
 
 def cache_folder() -> Path:

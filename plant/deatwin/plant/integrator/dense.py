@@ -1,11 +1,9 @@
-r"""C code that solves the linear system of all stages for many right sides at once, row by row in vectors.
+"""C code that solves the linear system of all stages for many right sides at once, row by row in vectors.
 
-CasADi's sparse QR follows lists of indices, number by number; for the few dozen unknowns of a step, elimination of
-whole rows costs a tenth of it. Only states couple the stages: the coordinates of each stage are eliminated within it,
-and what is left is a system of the states,
+For the few dozen unknowns of a step this costs a tenth of CasADi's sparse QR. The coordinates z of each stage are
+eliminated within it, which leaves
 
-.. math:: \Big(A^{-1}_{ij} M - \delta_{ij} h\,(J_{xx} - J_{xz} J_{zz}^{-1} J_{zx})_i\Big)\,x_j
-          = r_x - h\,(J_{xz} J_{zz}^{-1})_i\,r_z
+    (A^-1_ij M - delta_ij h (J_xx - J_xz J_zz^-1 J_zx)_i) x_j = r_x - h (J_xz J_zz^-1)_i r_z.
 """
 
 from __future__ import annotations
@@ -15,8 +13,7 @@ import numpy as np
 
 from deatwin.plant.integrator.lanes import LANES
 
-MOST = 160
-"""Number of states of all stages up to which whole rows cost a quarter of a sparse method, or less."""
+MOST = 160  # Number of states of all stages up to which whole rows cost a quarter of a sparse method, or less
 GIVEN = 1e-16
 """Square of the least share that the pivots of a stage may have in their rows, all multiplied, for what it says of its
 coordinates: what is left grows by the inverse of each, and a smaller one would cost more than half of the digits."""

@@ -1,7 +1,6 @@
 """Small linear systems solved on symbols: real or complex, sparse, straight-line code without loops.
 
-Rows and columns are ordered once, by the pattern; there is no pivoting on values. A pivot that vanishes makes the
-result infinite or not a number, which the caller must notice.
+There is no pivoting on values: the caller must notice that a vanishing pivot makes a result infinite or not a number.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
-"""C code that evaluates one function at several points at once, one point per lane of the processor's vectors.
+"""C code that evaluates one function at several points at once, one per lane of vectors as GCC and Clang have them.
 
-CasADi writes a function of one point; called for each stage of a step it would wait for each division in turn. Here
-the same instructions act on vectors, by the extension that GCC and Clang share.
+CasADi's code for one point would wait for each division in turn.
 """
 
 from __future__ import annotations

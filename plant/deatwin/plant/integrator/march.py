@@ -1,6 +1,5 @@
-"""A march through many samples, piece by piece, with its numbers in arrays that CasADi reads and writes in place.
-
-A sample that is not solved in one step is taken in shorter ones.
+"""A march through many samples, in arrays that CasADi reads and writes in place; a hard sample is taken in shorter
+steps.
 """
 
 from __future__ import annotations
@@ -14,8 +13,7 @@ import numpy as np
 from deatwin.plant.integrator.newton import SETTLED
 from deatwin.plant.sample import SHORTER_STEPS, solved
 
-CHUNK = 200
-"""Samples in one call of compiled code."""
+CHUNK = 200  # Samples in one call of compiled code
 
 
 class March:

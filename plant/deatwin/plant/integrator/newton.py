@@ -1,18 +1,10 @@
 """Newton's method on the stages of an implicit step: simplified and transformed, and in full where that fails.
 
-The simplified method keeps the Jacobian *J* of the start of the step for all stages. With the eigenvectors of the
-inverse Butcher matrix :math:`A^{-1} = T\\Lambda T^{-1}` the system of all stages falls apart into one of the
-plant's own size for each eigenvalue,
+The simplified method keeps the Jacobian J of the start for all stages. With the inverse Butcher matrix A^-1 = T Lambda
+T^-1, the system falls apart into one of the plant's size for each eigenvalue, of which one of each conjugate pair is
+solved (Hairer & Wanner, 1996, section IV.8, doi:10.1007/978-3-642-05221-7):
 
-.. math:: (\\lambda M - hJ)\\,v_\\lambda = (T^{-1} G)_\\lambda, \\qquad
-          \\Delta w = \\sum_\\lambda T_\\lambda v_\\lambda
-
-of which one of each conjugate pair is solved.
-
-References
-----------
-Hairer & Wanner, Solving Ordinary Differential Equations II (1996), section IV.8,
-doi:10.1007/978-3-642-05221-7.
+    (lambda M - h J) v_lambda = (T^-1 G)_lambda,    Delta w = sum_lambda T_lambda v_lambda.
 """
 
 from __future__ import annotations
@@ -30,18 +22,15 @@ from deatwin.plant.integrator.stages import Stages, coupled
 
 Symbol = Any  # casadi.SX or casadi.MX
 
-SETTLED = 1e-10
-"""Estimate of the error, against each unknown's scale, below which the equations count as solved."""
+SETTLED = 1e-10  # Estimate of the error, against each unknown's scale, below which the equations count as solved
 CORRECTIONS = (2, 1, 1, 2, 4, 8)
 """Simplified corrections after the tangent step: the first number for every sample, each further one only while
 the error is large. Smooth plants need two or three; one with friction more, where the motion turns."""
-UPDATES = (4, 10)
-"""Full Newton updates from the start of the step, likewise, where the simplified ones do not settle."""
+UPDATES = (4, 10)  # Full Newton updates from the start of the step, likewise, where the simplified ones do not settle
 EULER_STEPS, EULER_UPDATES = 4, 6
 """A sample that even these do not settle, such as one with a kink of friction, starts anew from implicit Euler
 steps, so many between two stages, with so many Newton updates each."""
-NOTHING = 1e-300
-"""Small number that keeps a ratio of two changes defined if a plant does not move at all."""
+NOTHING = 1e-300  # Small number that keeps a ratio of two changes defined if a plant does not move at all
 
 
 def solved_stages(stages: Stages) -> ca.Function:
@@ -86,10 +75,8 @@ def _continued(
 
 
 def _correction(stages: Stages, linear: _LinearSystems, n_factors: int) -> ca.Function:
-    """``(w, size, error, factors, step) -> (w, size, error)`` by the simplified method.
-
-    Convergence is linear: two successive changes give the rate, and so the remaining error.
-    """
+    """``(w, size, error, factors, step) -> (w, size, error)`` by the simplified method; it converges linearly, so two
+    changes give the rate, and with it the remaining error."""
     (w, size, error), factors, (x, z, *known) = _arguments(stages, n_factors)
     (values,) = stages.everywhere(stages.values, w, known)
     corrected, change = linear.correct(factors, w, ca.vec(values), x, stages.mass(*known[4:]), known[3])

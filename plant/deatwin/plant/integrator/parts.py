@@ -1,14 +1,10 @@
-r"""Division of a sample into two parts, each solved in its own step, at a place that depends on parameters.
+"""Division of a sample into two parts, each solved in its own step, at a place that depends on parameters.
 
-A step takes half of the sample's width, whatever the parts' own widths; the clock runs faster or slower in it. With the
-share :math:`\sigma` of the first part and the phase :math:`0 \le \varphi \le 1`
+A step takes half of the sample's width and the clock runs faster or slower, so that no width depends on a parameter and
+nothing moves in a part of no width. With the share s of the first part and the phase 0 <= p <= 1
 
-.. math:: t = t_k + h\,\theta(\varphi), \qquad
-          \theta = 2\sigma\varphi \ \text{in the first part}, \quad
-          \sigma + (1-\sigma)(2\varphi-1) \ \text{in the second}, \qquad
-          M\,\frac{dx}{d\varphi} = h\,\theta'(\varphi)\,f
-
-so that no step's width depends on a parameter, and a part of no width is one in which nothing moves.
+    t = t_k + h theta(p),    theta = 2 s p in the first part, s + (1 - s)(2 p - 1) in the second,
+    M dx/dp = h theta'(p) f.
 """
 
 from __future__ import annotations
@@ -20,8 +16,7 @@ import casadi as ca
 
 Symbol = Any  # casadi.SX
 
-LEAST = 1e-9
-"""Least share of a part: if the width vanished, a state without inertia would be free."""
+LEAST = 1e-9  # Least share of a part: if the width vanished, a state without inertia would be free
 
 
 class Step(NamedTuple):

@@ -1,19 +1,12 @@
-r"""A plant integrated by a Rosenbrock method with its own choice of step: no Newton iterations, no fixed stages.
+"""A plant integrated by a Rosenbrock method with its own choice of step: no Newton iterations, no fixed stages.
 
-One step of :math:`M\dot w = F(w, t)` from w over h solves, with one matrix for all six stages,
+One step of M dw/dt = F(w, t) from w over h solves, with one matrix for all six stages,
 
-.. math::
-    \Bigl(\frac{M}{\gamma h} - F_w\Bigr)\,k_i =
-    F\Bigl(w + \sum_{j<i} a_{ij}k_j,\; t + \alpha_i h\Bigr) + M\sum_{j<i}\frac{c_{ij}}{h}k_j + \gamma_i h F_t
+    (M/(gamma h) - F_w) k_i = F(w + sum_j a_ij k_j, t + alpha_i h) + M sum_j (c_ij/h) k_j + gamma_i h F_t,  j < i.
 
-The scheme has order 4 with an estimate of order 3, and is L-stable and stiffly accurate, so algebraic equations
-(rows of M that are zero) hold at the end of each step. Where an input jumps, the coordinates jump with it: they
-are made consistent by Newton's method before the next step.
-
-References
-----------
-Hairer & Wanner, Solving Ordinary Differential Equations II (1996), section VI.4 (the method RODAS),
-doi:10.1007/978-3-642-05221-7.
+RODAS (Hairer & Wanner, 1996, section VI.4, doi:10.1007/978-3-642-05221-7) has order 4 with an estimate of order 3, is
+L-stable and stiffly accurate, so that algebraic equations (zero rows of M) hold at the end of each step. Where an input
+jumps, Newton's method makes the coordinates consistent before the next step.
 """
 
 from __future__ import annotations
@@ -35,13 +28,11 @@ from deatwin.plant.rest import rest_state
 TOLERANCE = 1e-5
 """Relative error of a step, against each unknown's typical size; a millimetre of displacement is then right within some
 hundredths of a micrometre over minutes (tests/unit/plant/integrator/test_rosenbrock.py)."""
-SHORTEST = 1e-7
-"""Shortest step, s."""
+SHORTEST = 1e-7  # Shortest step, s
 SAFETY, SHRINK, GROW = 0.8, 0.2, 4.0
 FURTHEST = 1.0
 """Largest change of a coordinate at a jump of the input, against its typical size: beyond it a film has pulled in."""
-CONSISTENT = 1e-9
-"""Change of a coordinate, against its typical size, at which it counts as consistent."""
+CONSISTENT = 1e-9  # Change of a coordinate, against its typical size, at which it counts as consistent
 GAMMA = 0.25
 AT = np.array([0.0, 0.386, 0.21, 0.63, 1.0, 1.0])
 SLOPES = np.array([0.25, -0.1043, 0.1035, -0.0362, 0.0, 0.0])

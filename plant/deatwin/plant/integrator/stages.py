@@ -223,12 +223,7 @@ class Stages:
 
 
 def coupled(pattern: ca.Sparsity, n_x: int, coupling: np.ndarray) -> ca.Function:
-    r"""Matrix of k stages that are coupled by the inertia of their states.
-
-    .. math:: c_{ij}\,\mathrm{diag}(M, 0) - \delta_{ij}\,\mathrm{diag}(h, 1)\,J_i
-
-    Shapes: `coupling` (k, k).
-    """
+    """Matrix of k stages coupled by their states' inertia, c_ij diag(M, 0) - delta_ij diag(h, 1) J_i, c (k, k)."""
     n, nnz, count = pattern.size1(), pattern.nnz(), len(coupling)
     rows, columns = (np.array(places, dtype=int) for places in pattern.get_triplet())
     size, stage = n * count, np.arange(count)[:, None]

@@ -17,8 +17,7 @@ from deatwin.plant.laws.energies import first_invariant, second_invariant
 from deatwin.plant.safe_read import clipped
 
 Symbol = Any
-KNOWN = ("I1", "I2", "stretch_1", "stretch_2", "stretch_3")
-"""Names that a formula may use besides its parameters."""
+KNOWN = ("I1", "I2", "stretch_1", "stretch_2", "stretch_3")  # Names that a formula may use besides its parameters
 _FUNCTIONS: Mapping[str, Callable[[Symbol], Symbol]] = MappingProxyType({"exp": ca.exp, "log": ca.log, "sqrt": ca.sqrt})
 _OPERATORS: Mapping[type, Callable[..., Symbol]] = MappingProxyType(
     {
@@ -31,8 +30,7 @@ _OPERATORS: Mapping[type, Callable[..., Symbol]] = MappingProxyType(
         ast.UAdd: operator.pos,
     }
 )
-LONGEST = 1000
-"""Characters of a formula: more than any published energy needs, and too few to nest deeply."""
+LONGEST = 1000  # Characters of a formula: more than any published energy needs, and too few to nest deeply
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,4 @@
-r"""Laws of the film's permittivity: with stretch, with time, at random, and with a polarisation that lags.
-
-A constant permittivity needs no law: it is the number that `deatwin.plant.laws.dielectric` takes.
-"""
+"""Laws of the film's permittivity: with stretch, with time, at random, and with a polarisation that lags."""
 
 from __future__ import annotations
 

@@ -29,15 +29,7 @@ def _differentiated(energy: Callable[..., Symbol], n_parameters: int) -> ca.Func
 def nominal_stress(
     energy: Callable[..., Symbol], stretch_1: Symbol, stretch_2: Symbol, *parameters: Symbol
 ) -> tuple[Symbol, Symbol]:
-    r"""Nominal in-plane stresses :math:`P_i = \partial W/\partial\lambda_i`, force per reference area.
-
-    >>> from deatwin.plant.laws.energies import neo_hookean
-    >>> first, second = nominal_stress(neo_hookean, 2.0, 2.0, 1.0)
-    >>> float(first) == 2 - 2**-5
-    True
-
-    returns Along 1 and 2, Pa; CasADi numbers where all arguments are floats.
-    """
+    """Nominal in-plane stresses dW/dlambda_i along 1 and 2, Pa; CasADi numbers if all arguments are floats."""
     first, second, *_ = _differentiated(energy, len(parameters))(stretch_1, stretch_2, *parameters)
     return first, second
 

@@ -27,8 +27,7 @@ if TYPE_CHECKING:
     from deatwin.plant.simulate import Runner, Simulator
 
 
-SOLVED = 1e-6
-"""Share of the motion to which a plant is simulated: recordings without noise agree no better."""
+SOLVED = 1e-6  # Share of the motion to which a plant is simulated: recordings without noise agree no better
 
 
 class ReadingTime(Enum):

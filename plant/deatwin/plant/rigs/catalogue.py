@@ -28,11 +28,7 @@ def _kinds() -> dict[str, type[Rig]]:
 
 
 def rig_kind(name: str) -> type[Rig]:
-    """The class of a rig.
-
-    >>> rig_kind("diaphragm").__name__
-    'Diaphragm'
-    """
+    """The class of a rig, by its name, such as "diaphragm"."""
     named = _point_named(name)
     if named is not None:
         return named

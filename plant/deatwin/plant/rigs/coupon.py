@@ -19,8 +19,7 @@ from deatwin.plant.rigs.kinematics import with_branches
 from deatwin.plant.rigs.rigfile import RigFile
 
 Symbol = Any
-RELAXED = replace(material("VHB 4910"), branches=())
-"""The default: a purely elastic strip."""
+RELAXED = replace(material("VHB 4910"), branches=())  # The default: a purely elastic strip
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -29,13 +29,11 @@ from deatwin.plant.rigs.unknown_start import SETTLING, memories, zero_of
 
 GRAVITY = 9.80665
 BALLS = ("bonded", "sliding")
-THESIS_PRESTRETCHES = (3.5, 4.5)
-"""Prestretches of which the thesis leaves open which its films had."""
+THESIS_PRESTRETCHES = (3.5, 4.5)  # Prestretches of which the thesis leaves open which its films had
 RESOLUTIONS = {"reduced": reduced, "fine": membrane}
 
 Symbol = Any
-Ball = str
-"""``"bonded"``: the film sticks to the ball; ``"sliding"``: it slides on it without friction."""
+Ball = str  # ``"bonded"``: the film sticks to the ball; ``"sliding"``: it slides on it without friction
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -38,42 +38,18 @@ class FilmActuator(Rig):
     potential U of loads and springs. Further coordinates of the film have no inertia; its own mass is left out.
     Damping makes the part creep rather than ring; at rest it is gone, so statics are those of the film. With a
     mass of zero the part follows the force at once.
-
-    Parameters
-    ----------
-    material : str or Material
-        Material, or its name in `deatwin.plant.material.MATERIALS`.
-    thickness : float
-        Of a film before stretching, m.
-    mass : float
-        Inertia of the moved part, kg; what pulls it is a load of its own.
-    damping : float
-        Of its guide, where a fit begins, N s/m.
-    gain : float
-        Film volts per command volt.
-    start_ramp, start_hold : float
-        Start procedure from 0 V, s.
-    start_is_known : bool
-        False if nobody knows what the film went through before the first sample. The start procedure does not count
-        then, and how far each memory is from rest is fitted, as ``branch_at_start`` and ``creep.at_start``.
-    zero_is_known : bool
-        False if the sensor's zero is arbitrary, instead of near the position without voltage.
-    direction : float
-        1 if the reading grows with the displacement, -1 if it falls, as that of a sensor on the other side does.
-    sample_time, noise, reading, model_error, command_range, chain, further, supply
-        As for every `Rig`.
     """
 
-    material: str | Material = "VHB 4905"
-    thickness: float = 0.5e-3
-    mass: float = 5e-3
-    damping: float = 1.0
-    gain: float = 800.0
-    start_ramp: float = 0.0
+    material: str | Material = "VHB 4905"  # or its name in `deatwin.plant.material.MATERIALS`
+    thickness: float = 0.5e-3  # of the film before stretching, m
+    mass: float = 5e-3  # inertia of the moved part, kg; what pulls it is a load of its own
+    damping: float = 1.0  # of its guide, where a fit begins, N s/m
+    gain: float = 800.0  # film volts per command volt
+    start_ramp: float = 0.0  # start procedure from 0 V, s
     start_hold: float = 0.0
-    start_is_known: bool = True
-    zero_is_known: bool = True
-    direction: float = 1.0
+    start_is_known: bool = True  # else no start procedure counts, and how far each memory is from rest is fitted
+    zero_is_known: bool = True  # the sensor's zero lies near the position without voltage
+    direction: float = 1.0  # -1 if the reading falls as the displacement grows
     sample_time: float = 0.02
     noise: float = 2e-6
 

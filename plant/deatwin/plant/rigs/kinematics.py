@@ -89,10 +89,7 @@ def squared_voltage(film: AnyFilm, build: Builder, supply: Supply | None) -> Any
 
 
 def offer_electrical(film: AnyFilm, effective: Symbol, build: Builder) -> None:
-    r"""Offer the readings of a film's current and of its capacitance.
-
-    .. math:: I = \frac{d}{dt}\bigl[C\,((1-a)V + a p)\bigr] + I_l, \qquad
-              \frac{\partial Q}{\partial V} = (1-a)\,C
+    """Offer a film's capacitance, with dQ/dV = (1 - a) C, and its current I = d/dt[C ((1 - a) V + a p)] + I_l.
 
     Slow dipoles (share a, adapted to p) follow no bridge. A part of the electrode that loses contact keeps its charge,
     which does not flow through the lead. `effective` is the voltage of the field, less that of space charge.

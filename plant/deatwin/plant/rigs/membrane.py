@@ -1,14 +1,12 @@
-r"""Fine film of a diaphragm: axisymmetric elements whose branches flow independently at each point.
+"""Fine film of a diaphragm: axisymmetric elements whose branches flow independently at each point.
 
-The unknowns at a node are its hoop stretch :math:`\Lambda = r/\rho` and its height z. Both are quadratic within
-an element of the logarithm :math:`s = \ln\rho` of the reference radius, so that
+The unknowns at a node are its hoop stretch L = r/rho and its height z, both quadratic within an element of s = ln rho:
 
-.. math:: \lambda_2 = \Lambda, \qquad
-          \lambda_1^2 = \Bigl(\Lambda + \frac{d\Lambda}{ds}\Bigr)^2 + \Bigl(\frac1\rho\frac{dz}{ds}\Bigr)^2 .
+    lambda_2 = L,    lambda_1^2 = (L + dL/ds)^2 + (dz/ds / rho)^2.
 
-Two Gauss points in each element, those for areas :math:`\rho^2 ds` rather than for lengths ds, take the energy. So a
-flat film under equal stretch is in balance whatever the elements, and the sag :math:`z \propto s` of a small load is
-one of their shapes; displacements converge with the fourth power of their size.
+Two Gauss points in each element, for areas rho^2 ds rather than lengths ds, take the energy: a flat film under equal
+stretch balances whatever the elements, and the sag z ~ s of a small load is one of their shapes; displacements converge
+with the fourth power of their size.
 """
 
 from __future__ import annotations

@@ -17,8 +17,7 @@ from deatwin.plant.rigs.kinematics import Kinematics
 from deatwin.plant.rigs.revolved import Revolved, matrix, move_with_film
 
 Symbol = Any
-SHAPES, POINTS = 3, 5
-"""Shapes out of the plane and as many in it, and Gauss points in the square of the radius."""
+SHAPES, POINTS = 3, 5  # Shapes out of the plane and as many in it, and Gauss points in the square of the radius
 
 
 @dataclass(frozen=True, kw_only=True)

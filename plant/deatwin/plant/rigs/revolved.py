@@ -1,9 +1,8 @@
-r"""A film that is round about an axis, as a sum of shapes: it moves in its plane and out of it.
+"""A film round about an axis, as a sum of shapes that move in its plane and out of it.
 
-With the reference radius :math:`\rho` and the prestretch :math:`\Lambda`
+    r = rho (Lambda + sum_k g_k f_k(rho)),    z = sum_k h_k e_k(rho),    lambda_1^2 = r'^2 + z'^2,    lambda_2 = r/rho,
 
-.. math:: r = \rho\,\Bigl[\Lambda + \sum_k g_k f_k(\rho)\Bigr], \qquad z = \sum_k h_k e_k(\rho), \qquad
-          \lambda_1^2 = r'^2 + z'^2, \qquad \lambda_2 = \frac r\rho .
+where rho is the reference radius and Lambda the prestretch.
 """
 
 from __future__ import annotations
@@ -39,11 +38,8 @@ def move_with_film(
     forces: Symbol,
     build: Builder,
 ) -> None:
-    """Write the motion of a part and of the film about it, whose own mass counts.
-
-    `scales` the further coordinates with their sizes, `film` (n, n) the film's mass by its undeformed thickness, `damped`
-    (n, n) what damps the film, to a scale on which the part has the damping that is stated; the part comes first.
-    """
+    """Write the motion of a part, which comes first, and of the film about it; `scales` are those of its coordinates.
+    Shapes: mass `film` (n, n) by undeformed thickness; `damped` (n, n), scaled to the part's stated damping."""
     speeds = ca.vertcat(velocity, *(build.state(f"{name}_rate", scale=scale) for name, scale in scales.items()))
     mass = matrix("inertia", film, build) * build.parameter("thickness")
     mass[0, 0] += build.parameter("mass")

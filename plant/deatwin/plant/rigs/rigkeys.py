@@ -155,8 +155,7 @@ DRIVE: Keys = {
     ),
 }
 AGAINST = "against the motion"
-DIRECTIONS = {"along the motion": 1.0, AGAINST: -1.0}
-"""Factor of the motion in the reading, by the text of the file."""
+DIRECTIONS = {"along the motion": 1.0, AGAINST: -1.0}  # Factor of the motion in the reading, by the text of the file
 SENSOR: Keys = {
     "sample_rate_Hz": NumberKey(field="sample_rate", lower=1e-3, upper=1e6, about="of the recordings"),
     "noise_um": NumberKey(field="noise", lower=0.0, upper=1e4, per_si=1e6, slips=_UM, about="rms"),

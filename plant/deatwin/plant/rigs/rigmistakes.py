@@ -14,13 +14,10 @@ from deatwin.plant.rigs.rigreadings import READING_KEYS, unit_fault
 from deatwin.plant.safe_read import clipped
 from deatwin.plant.supply import Supply
 
-Place = tuple[str, ...]
-"""A section, or a section and one of its keys; empty for the whole file."""
+Place = tuple[str, ...]  # A section, or a section and one of its keys; empty for the whole file
 
-READINGS = "readings"
-"""Section whose own sections describe further readings."""
-MOST = 20
-"""Number of mistakes that are listed one by one."""
+READINGS = "readings"  # Section whose own sections describe further readings
+MOST = 20  # Number of mistakes that are listed one by one
 _PART = r"""(?:[A-Za-z0-9_-]+|"[^"\\]*"|'[^']*')"""
 _PATH = rf"{_PART}(?:\s*\.\s*{_PART})*"
 _HEADER = re.compile(rf"\s*\[{{1,2}}\s*({_PATH})\s*\]{{1,2}}\s*(?:#.*)?")

@@ -18,8 +18,7 @@ from deatwin.plant.rigs.base import Rig
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FILM, ELECTRODE, BODY = "C2", "C0", "C1"
-"""Colours of the film, of its electrode, and of what holds or moves it."""
+FILM, ELECTRODE, BODY = "C2", "C0", "C1"  # Colours of the film, of its electrode, and of what holds or moves it
 Point = tuple[float, float]
 
 

@@ -13,8 +13,7 @@ if TYPE_CHECKING:
     from deatwin.plant.rigs.base import Rig
 
 
-LARGEST = 1e12
-"""Largest number in any unit; its square is still finite."""
+LARGEST = 1e12  # Largest number in any unit; its square is still finite
 _SIZE, _STRETCH, _AMOUNT, _DAY = (1e-9, 1e3), (0.1, 10.0), (0.0, 1e6), (0.0, 86400.0)
 _RANGES: dict[str, tuple[float, float]] = {
     "sample_time": (1e-6, 1e3),

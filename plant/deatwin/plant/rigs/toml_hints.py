@@ -28,11 +28,7 @@ _SLIPS: tuple[tuple[re.Pattern[str], Callable[..., str]], ...] = (
 
 
 def slip_of(text: str) -> str:
-    r"""Return the first slip in a rig file: its line, its key, and what to write.
-
-    >>> slip_of("[film]\nprestretch = 3,5")
-    'line 2, prestretch: a number has a decimal point: write 3.5'
-    """
+    """Return the first slip in a rig file: its line, its key, and what to write."""
     seen: dict[str, int] = {}
     for number, line in enumerate(text.split("\n"), start=1):
         if section := _SECTION.fullmatch(line):

@@ -42,5 +42,4 @@ def zero_of(reach: float, is_known: bool) -> Parameter:
     return Parameter(name="zero", value=0.0, unit="m", lower=-end, upper=end, source=source)
 
 
-ANYWHERE = 10.0
-"""Largest reading of a position sensor, m."""
+ANYWHERE = 10.0  # Largest reading of a position sensor, m

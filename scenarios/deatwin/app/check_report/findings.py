@@ -13,8 +13,7 @@ from deatwin.control.checking.amounts import amount
 from deatwin.control.checking.specification import Limit, Verdict
 from deatwin.control.checking.verdict import Finding
 
-TONES = {Verdict.PASS: "good", Verdict.MARGINAL: "doubt", Verdict.FAIL: "bad"}
-"""Classes of the page's style."""
+TONES = {Verdict.PASS: "good", Verdict.MARGINAL: "doubt", Verdict.FAIL: "bad"}  # Classes of the page's style
 
 
 @dataclass(frozen=True, kw_only=True)

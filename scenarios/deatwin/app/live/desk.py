@@ -15,8 +15,7 @@ from deatwin.plant.errors import DataError
 RECORDINGS = (".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm", ".xlsx", ".mat", ".tdms", ".nc")
 RESULT = "diagnosis.json"
 MODEL = "model.json"
-WRITTEN = {"figures", "rivals", "next_input.csv"}
-"""Files of results that are no recordings."""
+WRITTEN = {"figures", "rivals", "next_input.csv"}  # Files of results that are no recordings
 DEEPEST = 3
 MOST_FILES = 2000
 LONGEST_NAME = 100
@@ -47,11 +46,7 @@ def inside(root: Path, name: str) -> Path:
 
 
 def safe_name(name: str) -> str:
-    """A name that a browser sent, as the name of a file in one folder.
-
-    >>> safe_name("../../etc/noise.csv"), safe_name(r"C:\\lab\\noise 1.csv"), safe_name(".-a:b.csv")
-    ('noise.csv', 'noise 1.csv', 'a_b.csv')
-    """
+    """A name that a browser sent, as the name of a file in one folder."""
     last = re.split(r"[/\\]", unicodedata.normalize("NFC", name))[-1]
     kept = _FORBIDDEN.sub("_", last).strip().lstrip(".- ").rstrip(". ")
     if not kept or not kept.isprintable():

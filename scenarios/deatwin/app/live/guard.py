@@ -1,9 +1,8 @@
 """Who may ask the live view: a browser on this machine, at the page's own address, that was given the key.
 
-The server listens on the loopback address, so other machines cannot reach it. Pages of other sites that run in a
-browser on this machine can: by a name of theirs that resolves to 127.0.0.1 (DNS rebinding), by requests across sites,
-by a WebSocket, which no same-origin policy holds back. And so can whoever else is logged in here. Hence each request
-must name the loopback address as its host, come from no other origin, and bring the key of this run.
+The server listens on the loopback address, but pages of other sites in a browser here can reach it (DNS rebinding,
+requests across sites, a WebSocket, which no same-origin policy holds back), and so can other users of the machine.
+Hence each request must name the loopback address as its host, come from no other origin, and bring the key of this run.
 """
 
 from __future__ import annotations
@@ -16,8 +15,7 @@ from urllib.parse import parse_qs
 
 LOOPBACK = "127.0.0.1"
 HOSTS = (LOOPBACK, "localhost")
-ENVELOPE = 100_000
-"""Bytes that a form takes around the file in it."""
+ENVELOPE = 100_000  # Bytes that a form takes around the file in it
 
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]

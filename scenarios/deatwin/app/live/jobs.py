@@ -25,8 +25,7 @@ from deatwin.studies.partial import holds_only_partial
 WORKER = (sys.executable, "-m", "deatwin.app.live.worker")
 """Command that runs a job; the arguments of ``deatwin`` follow."""
 MOST_RUNNING = 2
-GRACE = 5.0
-"""Seconds that a process has for stopping by itself."""
+GRACE = 5.0  # Seconds that a process has for stopping by itself
 LONGEST_LINE = 100_000
 LAST_LINES = 50
 

@@ -1,13 +1,9 @@
-"""The page of the live view, in NiceGUI.
+"""The page of the live view, in NiceGUI: only what is seen; what it does is in the modules beside.
 
-Why NiceGUI, and not Panel, Streamlit, Dash or Solara: a page is plain Python with handlers, without a front end of
-our own, a graph of callbacks (Dash) or React's way of thinking (Solara), and is not run anew at each click
-(Streamlit). Every script, style and font comes from its own wheel, none from a CDN, and it has no telemetry
-(Streamlit's is on unless it is switched off). It is an ASGI application, so that one small `guard` stands in front of
-all of it: pages, uploads, and the WebSocket, which NiceGUI itself opens to every origin. Progress comes from the
-server over that WebSocket. Panel was the next best; it brings Bokeh, pandas and a server of another kind.
-
-Here is only what is seen. What it does is in the modules beside.
+NiceGUI, since a page is plain Python with handlers, without a front end of our own, and is not run anew at each click
+(Streamlit). All scripts, styles and fonts come from its wheel, and it has no telemetry. It is an ASGI application, so
+one small `guard` stands before pages, uploads, and the WebSocket, which NiceGUI opens to every origin. Panel was the
+next best; it brings Bokeh, pandas and a server of another kind.
 """
 
 from __future__ import annotations
@@ -29,8 +25,7 @@ from deatwin.app.live.verdicts import Verdict
 from deatwin.plant.errors import DeatwinError
 from deatwin.plant.readoptions import ReadOptions
 
-REFRESH = 0.5
-"""Seconds between two looks at the jobs."""
+REFRESH = 0.5  # Seconds between two looks at the jobs
 INVITATION = """
 <div class="invite">
   <label class="relative-position">Drop recordings or a rig file (TOML) here, up to %s MB
@@ -39,8 +34,7 @@ INVITATION = """
 </div>
 """
 """In place of Quasar's own header, whose button has no name for those who cannot see it."""
-SHOWN = 3
-"""Results that are compared when the page opens."""
+SHOWN = 3  # Results that are compared when the page opens
 
 
 def application(board: Board, *, most_bytes: int, send_file: Callable[[str], Any]) -> FastAPI:

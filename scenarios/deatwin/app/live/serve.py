@@ -29,8 +29,7 @@ SERVED = {
 """Files of results that are sent, and their media types."""
 SANDBOX = "sandbox allow-scripts allow-downloads allow-popups"
 """A report is a page of a file: it runs without the rights of the live view, whoever wrote it."""
-PATIENCE = 2
-"""Seconds that open connections have when the server stops."""
+PATIENCE = 2  # Seconds that open connections have when the server stops
 
 
 def serve(

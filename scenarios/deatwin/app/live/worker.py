@@ -1,8 +1,8 @@
 """``deatwin diagnose`` or ``deatwin plan`` in a process of its own, which says how far it is.
 
-``python -m deatwin.app.live.worker diagnose RIG REC.csv --out DIR`` takes what ``deatwin diagnose`` takes, reads
-and writes the same, and complains in the same line. On stdout it prints one JSON object a line: ``{"share": 0.3,
-"step": "building in effects"}`` while it works, ``{"share": 1.0, "verdict": "named", "sentence": "..."}`` at the end.
+``python -m deatwin.app.live.worker diagnose RIG REC.csv --out DIR`` has the arguments, files and error line of
+``deatwin diagnose``. It prints JSON lines on stdout: ``{"share": 0.3, "step": "building in effects"}`` while it works,
+``{"share": 1.0, "verdict": "named", "sentence": "..."}`` at the end.
 """
 
 from __future__ import annotations

@@ -18,16 +18,13 @@ from deatwin.scenarios.concealed_physics.generator.specimens import CHECK_SECOND
 from deatwin.scenarios.concealed_physics.generator.waves import RICH
 from deatwin.scenarios.concealed_physics.key import INVISIBLE, KEY, OUTSIDE, REACH, SHOWN_BY, TIES
 
-LADDER = (0.3, 0.5, 0.9, 1.6, 2.8, 5.0)
-"""Strengths of the cases of an effect, structural residual over noise."""
+LADDER = (0.3, 0.5, 0.9, 1.6, 2.8, 5.0)  # Strengths of the cases of an effect, structural residual over noise
 PAIR_RATIOS, PAIR_NOISE_SHARES = (0.9, 2.5), (0.01, 0.025)
 """Each of two mechanisms is to reach 0.7 within the tolerance of its strength."""
 OUTSIDE_RATIOS, TIE_RATIOS = (0.4, 4.0), (0.7, 3.0)
 NOISE_SHARES = (0.01, 0.05)
-PAIRABLE = 5.0
-"""Least reach, against the noise, of an effect that takes part in a pair."""
-FEW = 3
-"""Effects of a library whose intervals are tried."""
+PAIRABLE = 5.0  # Least reach, against the noise, of an effect that takes part in a pair
+FEW = 3  # Effects of a library whose intervals are tried
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,5 @@
-"""Examine one case, from the making of its recordings to its result.
-
-The diagnosis and the baselines get the nominal plant and the recordings, nothing else. Only then do the oracle and the
-advised experiment ask the generator, and the check is run. What is right is decided when all cases are through.
+"""Examine one case: diagnosis and baselines get the nominal plant and the recordings only, the oracle and the advised
+experiment then ask the generator, and the check is run. What is right is decided when all cases are through.
 """
 
 from __future__ import annotations

@@ -1,6 +1,5 @@
-"""Do the 95 % intervals of added parameters cover? The effect is known, and the reduced plant itself made the data.
-
-The fit starts from the true values: what is tried out is the interval, not the search.
+"""Do the 95 % intervals of added parameters cover, if the effect is known, the reduced plant made the data, and the fit
+starts from the true values?
 """
 
 from __future__ import annotations
@@ -28,10 +27,8 @@ from deatwin.scenarios.concealed_physics.cases import IntervalSpec
 RIG_SPREAD, EFFECT_SPREAD = 0.1, 0.4
 """Half widths within which the logarithms of true values are drawn around the typical ones."""
 SECONDS = 60.0
-ATTEMPTS = 20
-"""Draws of true values until a plant can follow the commands."""
-COLOUR = 0.6
-"""Correlation of neighbouring samples of coloured noise."""
+ATTEMPTS = 20  # Draws of true values until a plant can follow the commands
+COLOUR = 0.6  # Correlation of neighbouring samples of coloured noise
 TOLERANCE = 1e-6
 
 

@@ -70,8 +70,7 @@ _OUTSIDE: dict[str, tuple[float, str]] = {
 KEY: dict[str, tuple[str, ...]] = {name: tuple(names) for name, (_, *names) in _INSIDE.items()}
 OUTSIDE = {name: why for name, (_, why) in _OUTSIDE.items()}
 REACH: dict[str, float] = {name: values[0] for name, values in (_INSIDE | _OUTSIDE).items()}
-SHOWN_BY = {"ground_shift": "both_polarities"}
-"""The only waveform under which a mechanism reaches so far."""
+SHOWN_BY = {"ground_shift": "both_polarities"}  # The only waveform under which a mechanism reaches so far
 INVISIBLE = frozenset(names[0] for name, names in KEY.items() if REACH[name] < VISIBLE)
 """Effects of the catalogue whose mechanism reaches no visible ratio."""
 

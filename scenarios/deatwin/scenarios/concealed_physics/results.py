@@ -13,8 +13,7 @@ from deatwin.scenarios.concealed_physics.study import Seal, Store, key_of, label
 from deatwin.studies.sweep import digest
 from deatwin.studies.sweep.json_files import read_object
 
-FAR = 16.0
-"""Distance d² from which on two explanations can be told apart."""
+FAR = 16.0  # Distance d² from which on two explanations can be told apart
 CLEAN_VERDICTS = frozenset({"none", "parameters"})
 
 

@@ -1,7 +1,4 @@
-"""The sealed study: hashes of labels, thresholds and code are written before the first case is run, and each case bears them.
-
-It runs in parallel; it may be killed at any time, and continues where it stopped.
-"""
+"""The sealed study, which may be killed and resumed: labels, thresholds and code are hashed before its first case."""
 
 from __future__ import annotations
 
@@ -30,8 +27,7 @@ from deatwin.studies.sweep.store import read_seal
 
 SCHEMA = "deatwin/concealed-seal/1"
 CASE_SCHEMA = "deatwin/concealed-case/1"
-DECIDING = ("deatwin.ident.mismatch", "deatwin.ident.greybox")
-"""Packages whose numbers decide a verdict."""
+DECIDING = ("deatwin.ident.mismatch", "deatwin.ident.greybox")  # Packages whose numbers decide a verdict
 SEALED_CODE = ("deatwin.plant", "deatwin.ident")
 STORY = Path(__file__).parent
 OPEN_CODE = frozenset(STORY / name for name in ("__init__.py", "results.py", "score.py", "figures.py", "tables.py"))
@@ -111,8 +107,7 @@ def _finite(data: Any) -> Any:
     return None if isinstance(data, float) and not math.isfinite(data) else data
 
 
-EFFORT = {"clean": 0.5, "interval": 0.15, "tie": 2.0}
-"""Work of a case of that kind; others take 1."""
+EFFORT = {"clean": 0.5, "interval": 0.15, "tie": 2.0}  # Work of a case of that kind; others take 1
 
 Spec = CaseSpec | IntervalSpec
 

@@ -49,8 +49,7 @@ MADE_BY = {
     "narx": "NARX",
 }
 """Who makes a prediction of the check record, in the order of tables and figures."""
-OTHER = "other"
-"""Verdicts that find fault with recording or input, and errors."""
+OTHER = "other"  # Verdicts that find fault with recording or input, and errors
 NOTHING = {"none": "none", "parameters": "none", "unknown": "unknown"}
 
 
@@ -303,8 +302,7 @@ _COLUMNS: dict[str, Callable[[Case], object]] = {
 """Columns of ``cases.csv``."""
 
 
-DATA = "deatwin/concealed-physics/1"
-"""Schema of the data of the page."""
+DATA = "deatwin/concealed-physics/1"  # Schema of the data of the page
 TITLES = {"long": "Concealed physics in long recordings"}
 """Titles of the pages of sizes that have one beside the usual one."""
 

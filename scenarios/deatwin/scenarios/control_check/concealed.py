@@ -21,8 +21,7 @@ EFFECTS: Mapping[str, Callable[[], Effect]] = {"electrode_rc": lambda: Electrode
 """Concealed effects. A grease electrode of 0.4 s makes a design slow; one of 0.05 s does not (it would be no story)."""
 OPERATING = 2.6
 LIMITS = (1.2, 3.7)
-CLOSED_LOOP_TIME = 0.4
-"""As slow as the electrode, s."""
+CLOSED_LOOP_TIME = 0.4  # As slow as the electrode, s
 OTHER_TIMES = (0.2, 0.6)
 """Closed-loop times at which the designs are made as well, s: what they show is reported, nothing is demanded."""
 SECONDS, BAND = 120.0, 5.0

@@ -41,10 +41,8 @@ LIMITS = (1.2, 3.7)
 CLOSED_LOOP_TIME = 0.2
 SAMPLES = 200
 PLANTS = 40
-AMPLITUDES = (0.1, 0.3)
-"""Sines that measure the plant, as shares of the room to the limits: as large as the steps are."""
-LINES = 24
-"""Frequencies at which it is measured."""
+AMPLITUDES = (0.1, 0.3)  # Sines that measure the plant, as shares of the room to the limits: as large as the steps are
+LINES = 24  # Frequencies at which it is measured
 CANDIDATES: Mapping[str, Any] = {"output_lags": 2, "input_lags": (0, 1, 2), "degree": 3, "rule": linear_feedback}
 """Rows are read at the end of the hold: input lags from 0 on."""
 ARX = ("1", "y(k-1)", "y(k-2)", "u(k)", "u(k-1)", "u(k-2)")

@@ -23,20 +23,14 @@ from deatwin.studies.report.svg import draw, legend_above
 from deatwin.studies.report.words import Words
 
 WORDS = Words(__package__)
-LOWER = 5.0
-"""Demanded ratio of the error of PI alone to that behind the inverse."""
-NEAR = 2.0
-"""Largest allowed ratio of an error to that of a design on the true plant."""
-KEPT = 0.9
-"""Share of the passed designs that keep inside the predicted band."""
-CAUGHT = 0.9
-"""Share of the unsound designs that the check does not pass."""
+LOWER = 5.0  # Demanded ratio of the error of PI alone to that behind the inverse
+NEAR = 2.0  # Largest allowed ratio of an error to that of a design on the true plant
+KEPT = 0.9  # Share of the passed designs that keep inside the predicted band
+CAUGHT = 0.9  # Share of the unsound designs that the check does not pass
 INVERSES = ("inverse", "inverse with dynamics")
-EQUAL = 1e-6
-"""Relative difference of margins that are equal: they are of one loop, computed twice."""
+EQUAL = 1e-6  # Relative difference of margins that are equal: they are of one loop, computed twice
 MICRO = 1e6
-NOTHING = "none"
-"""Stands where no effect is concealed."""
+NOTHING = "none"  # Stands where no effect is concealed
 
 
 # --- measures -------------------------------------------------------------------------------------------------------
@@ -257,8 +251,7 @@ def _broken(outcomes: Sequence[Outcome]) -> Table:
 
 
 Array = NDArray[np.float64]
-STRETCH = 10.0
-"""Length of the tones that is drawn, s."""
+STRETCH = 10.0  # Length of the tones that is drawn, s
 SHOWN = {
     "PI": (Hue.BEFORE, "-", "PI alone"),
     "inverse": (Hue.AFTER, "-", "PI behind the inverse"),

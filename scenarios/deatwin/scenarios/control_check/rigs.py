@@ -31,8 +31,7 @@ from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.fleet import TOLERANCES
 from deatwin.studies.missing_physics.case import experiment_of
 
-WIDER = 2.0
-"""Multiple of the tolerances of the fleet, which is of one batch: these rigs are not."""
+WIDER = 2.0  # Multiple of the tolerances of the fleet, which is of one batch: these rigs are not
 LIMITS = (1.3, 3.6)
 """Range of the command, V: inside the noise of the recordings, whose ends of 1.1 and 3.75 V are seldom visited."""
 
@@ -48,12 +47,10 @@ METHODS: tuple[Callable[[], NarxIdentifier], ...] = (
     lambda: Frols(output_lags=3, input_lags=(0, 1, 2, 3), degree=3, max_terms=20),
 )
 """Rows are read at the end of the hold, so that a row's command acts on the row's reading: input lags from 0 on."""
-STABLE_AT = 24
-"""Commands at which an identified model must be stable."""
+STABLE_AT = 24  # Commands at which an identified model must be stable
 CALIBRATED = ("permittivity", "shear_modulus", "branch_modulus", "damping", "hysteresis.force")
 """Parameters of the specification that are known least."""
-CONCEALED = 0.6
-"""Share of the rigs that have physics which their specification lacks."""
+CONCEALED = 0.6  # Share of the rigs that have physics which their specification lacks
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

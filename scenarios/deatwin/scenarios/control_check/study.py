@@ -18,8 +18,7 @@ from deatwin.studies.parallel import between
 from deatwin.studies.sweep import run_sweep
 from deatwin.studies.voice import Progress
 
-SIZES = {"short": 8, "standard": 100, "full": 400}
-"""Number of trials; the rest of the story is the same."""
+SIZES = {"short": 8, "standard": 100, "full": 400}  # Number of trials; the rest of the story is the same
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

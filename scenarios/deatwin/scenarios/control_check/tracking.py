@@ -36,17 +36,14 @@ from deatwin.scenarios.control_check.rigs import LIMITS, identified, recorded
 Array = NDArray[np.float64]
 
 OPERATING = 2.8
-BAND = (0.1, 0.8)
-"""Frequencies of the reference, Hz."""
+BAND = (0.1, 0.8)  # Frequencies of the reference, Hz
 EXCITED = 4.0
 """Upper end of the noise for rigs with hysteresis, Hz: the thesis' 1 Hz leaves the models' crossover to chance."""
 TONES = 8
 SECONDS = 60.0
-SETTLED = 5.0
-"""From when on errors count, s."""
+SETTLED = 5.0  # From when on errors count, s
 CLOSED_LOOP_TIME = 0.3
-SCHEDULE = np.linspace(1.5, 3.4, 6)
-"""Operating inputs of the scheduled design, V."""
+SCHEDULE = np.linspace(1.5, 3.4, 6)  # Operating inputs of the scheduled design, V
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

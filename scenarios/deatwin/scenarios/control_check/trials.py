@@ -23,8 +23,7 @@ from deatwin.studies.sweep import CaseStore, SweepSeal, sources_digest
 
 SCHEMA = "deatwin/control-trial/1"
 PACKAGES = ("deatwin.plant", "deatwin.ident", "deatwin.control")
-OWN = ("rigs.py", "trials.py")
-"""Packages and modules whose code decides an outcome."""
+OWN = ("rigs.py", "trials.py")  # Packages and modules whose code decides an outcome
 NO_MODEL = "no model"
 """Verdict of a trial whose recording gave no model to design on, or none of the physics to check it on."""
 PASS = Verdict.PASS.value

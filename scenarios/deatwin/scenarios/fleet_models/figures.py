@@ -23,8 +23,7 @@ from deatwin.studies.report.words import Each
 
 Array = NDArray[np.float64]
 OF_METHOD = {SEMP: Hue.BEFORE, SVB: Hue.AFTER}
-STEADIEST = 6
-"""Number of the actuator that does not drift within its sections."""
+STEADIEST = 6  # Number of the actuator that does not drift within its sections
 
 
 def semp_drawings(study: Study) -> list[Drawing]:

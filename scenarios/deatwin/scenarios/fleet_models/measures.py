@@ -14,12 +14,9 @@ from deatwin.scenarios.fleet_models.study import FRO, LINEAR, SEMP, SVB, Study
 from deatwin.studies.report.story import Measure
 from deatwin.studies.report.words import Each, Span
 
-HALF = 0.5
-"""Share of the linear model's error that a nonlinear one must stay below."""
-AS_GOOD = 1.1
-"""Error of SVB that is allowed, over that of SEMP."""
-RISE = 1e-9
-"""Share of itself by which a lower bound may seem to fall, by rounding."""
+HALF = 0.5  # Share of the linear model's error that a nonlinear one must stay below
+AS_GOOD = 1.1  # Error of SVB that is allowed, over that of SEMP
+RISE = 1e-9  # Share of itself by which a lower bound may seem to fall, by rounding
 
 
 def judge_semp(study: Study) -> list[Measure]:

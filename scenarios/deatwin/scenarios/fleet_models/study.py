@@ -18,10 +18,8 @@ from deatwin.studies.stories import Setting
 from deatwin.studies.voice import Progress
 
 SEMP, SVB, FRO, LINEAR, FREE = "SEMP", "SVB", "FRO", "linear", "SVB, all products"
-SHOWN = 5
-"""Number of the actuator whose model the thesis shows in full."""
-THRESHOLDS = (1e-2, 1e-3, 1e-4, 1e-5)
-"""Error reduction ratios below which a term is no longer added."""
+SHOWN = 5  # Number of the actuator whose model the thesis shows in full
+THRESHOLDS = (1e-2, 1e-3, 1e-4, 1e-5)  # Error reduction ratios below which a term is no longer added
 
 
 @dataclass(frozen=True, kw_only=True)

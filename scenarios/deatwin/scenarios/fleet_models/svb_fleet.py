@@ -23,8 +23,7 @@ from deatwin.studies.report.words import Span
 from deatwin.studies.stories import Setting
 
 PROGRAMME = Programme(methods=(SEMP, SVB), beside=(FREE,))
-LONGEST_PATH = 40
-"""Terms of the path of FRO that is held against SVB."""
+LONGEST_PATH = 40  # Terms of the path of FRO that is held against SVB
 
 
 def run(setting: Setting) -> Mapping[str, Any]:

@@ -32,23 +32,15 @@ from deatwin.ident.narx.fleet.records import FILM, STEADY, as_variant
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-SHOWN = 5
-"""Number of the actuator that the thesis shows in full."""
+SHOWN = 5  # Number of the actuator that the thesis shows in full
 ORDERS = 3
-TABLED = (0.01, 0.1, 0.3, 1.0, 3.0)
-"""Frequencies of H_1 in the measures, Hz; the noise ends at 1 Hz."""
-FREQUENCIES = np.unique(np.concatenate([np.geomspace(0.01, 4.0, 160), TABLED]))
-"""Frequencies of H_1, Hz."""
-GRID = np.linspace(-1.0, 1.0, 61)
-"""Frequencies of H_2 along each axis, Hz."""
-MOST_ORDERS = 8
-"""Orders that are summed to see whether a series ends."""
-DRAWS = 400
-"""Draws of the parameters beside the propagated bands."""
-TONES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
-"""Frequencies at which an actuator is asked for its own response, Hz."""
-SMALL, LARGE = 0.02, 0.3
-"""Largest deviation of the tones from the operating input, V."""
+TABLED = (0.01, 0.1, 0.3, 1.0, 3.0)  # Frequencies of H_1 in the measures, Hz; the noise ends at 1 Hz
+FREQUENCIES = np.unique(np.concatenate([np.geomspace(0.01, 4.0, 160), TABLED]))  # Frequencies of H_1, Hz
+GRID = np.linspace(-1.0, 1.0, 61)  # Frequencies of H_2 along each axis, Hz
+MOST_ORDERS = 8  # Orders that are summed to see whether a series ends
+DRAWS = 400  # Draws of the parameters beside the propagated bands
+TONES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)  # Frequencies at which an actuator is asked for its own response, Hz
+SMALL, LARGE = 0.02, 0.3  # Largest deviation of the tones from the operating input, V
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

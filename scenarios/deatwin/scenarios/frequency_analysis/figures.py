@@ -42,10 +42,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 WORDS = Words(__package__)
 OF_ORDER = (Hue.AFTER, Hue.BEFORE, Hue.MARK)
-SMALLEST = 1e-10
-"""Share of the largest line below which rounding is no longer drawn."""
-HELD = 0.1
-"""Third frequency of the slice of H_3, Hz: near the resonance."""
+SMALLEST = 1e-10  # Share of the largest line below which rounding is no longer drawn
+HELD = 0.1  # Third frequency of the slice of H_3, Hz: near the resonance
 
 
 def known_drawings(known: Known) -> list[Drawing]:
@@ -148,8 +146,7 @@ def _identified(one: Identified) -> Drawing:
 
 
 MICRO = 1e6
-ZOOM = 20.0
-"""Length of the free runs that are drawn, s."""
+ZOOM = 20.0  # Length of the free runs that are drawn, s
 UNITS = ("µm/V", "µm/V²", "µm/V³")
 
 

@@ -22,8 +22,7 @@ SIGNAL_BAND, NARROW = (0.0, 0.1), (0.06, 0.09)
 PERIOD, PEAK = 200.0, 0.5
 ORDERS = 3
 REALISATIONS, IDENTIFIED_ON = 300, 1000
-NAME = "S2"
-"""Name of the system that is identified."""
+NAME = "S2"  # Name of the system that is identified
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

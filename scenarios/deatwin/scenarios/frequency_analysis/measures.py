@@ -19,8 +19,7 @@ WORDS = Words(__package__)
 ROUNDING = 1e-12
 SOLVED = 1e-6
 EMPTY = 1e-20
-LOW, HIGH = 0.01, 1.0
-"""Frequencies between which the noise had its power, Hz."""
+LOW, HIGH = 0.01, 1.0  # Frequencies between which the noise had its power, Hz
 HALF = 0.5
 
 

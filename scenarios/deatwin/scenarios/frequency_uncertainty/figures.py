@@ -25,8 +25,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 WORDS = Words(__package__)
-CLOUD = 400
-"""Draws that are shown as points."""
+CLOUD = 400  # Draws that are shown as points
 
 
 def known_drawings(known: Known) -> list[Drawing]:
@@ -182,8 +181,7 @@ def _padded(values: Array) -> tuple[float, float]:
 
 STYLES = ((Hue.AFTER, "-"), (Hue.BEFORE, "-"), (Hue.MARK, "-"), (Hue.MEASURED, "-"), (Hue.INK, "-"), (Hue.AFTER, "--"))
 """Colour and line of each of the six."""
-MILLI = 1e3
-"""Millimetres to the metre."""
+MILLI = 1e3  # Millimetres to the metre
 
 
 def fleet_drawings(found: Consistency) -> list[Drawing]:

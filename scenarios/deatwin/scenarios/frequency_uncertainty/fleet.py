@@ -23,33 +23,26 @@ from deatwin.plant.fleet import DURATION, HISTORIES, TOLERANCES
 
 Array = NDArray[np.float64]
 
-FACTOR = 6
-"""Every so many samples are kept: 0.12 s, the sampling time of the story `semp-fleet`."""
+FACTOR = 6  # Every so many samples are kept: 0.12 s, the sampling time of the story `semp-fleet`
 STRUCTURE: tuple[Term, ...] = tuple(generate_terms(1, (0, 1), 3, rule=AtMost(output=1)))
 """All products up to the third degree of y(k-1), at most once, u(k) and u(k-1): chosen beforehand, so that no
 covariance leaves out that terms were selected on the data."""
-INPUT_BAND = (0.0, 1.0)
-"""Band of the thesis' noise, Hz."""
+INPUT_BAND = (0.0, 1.0)  # Band of the thesis' noise, Hz
 ORDERS = (1, 2, 3)
-BANDS = ((0.0, 0.1), (0.1, 0.3), (0.3, 1.0))
-"""Bands of the output's frequencies, Hz."""
-REPEATS = 24
-"""Records of one stationary actuator, each under noise of its own."""
+BANDS = ((0.0, 0.1), (0.1, 0.3), (0.3, 1.0))  # Bands of the output's frequencies, Hz
+REPEATS = 24  # Records of one stationary actuator, each under noise of its own
 BEGIN = 60.0
 """Begin of what is compared, s. Before it lie the transient from rest, what the story of the first actuator has from 10
 to 30 s, and the shift of the sixth at 45 s."""
-STATIONARY = 1
-"""Number of the actuator that is repeated, without its history."""
+STATIONARY = 1  # Number of the actuator that is repeated, without its history
 SHARED = (1, 2, 3, 4, 5)
 """Numbers of the histories that are given to one fabrication; the sixth is an event before what is compared."""
-LEVEL = 0.05
-"""Level of all tests."""
+LEVEL = 0.05  # Level of all tests
 SLOW = 4
 """Cosines over a record that count as its drift. The more there are, the faster a drift that is followed, and the less
 is left to tell difference from drift: of two, four and eight, four are the fewest with which, on two fleets of other
 seeds, at most 5 % of the tests called one fabrication different from itself (9 % with two, none with four)."""
-POINTS = 50
-"""Frequencies of a response that is drawn."""
+POINTS = 50  # Frequencies of a response that is drawn
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

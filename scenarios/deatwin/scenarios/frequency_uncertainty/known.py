@@ -20,18 +20,12 @@ from deatwin.ident.narx.systems import SYSTEMS, BenchmarkSystem
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-POINTS, CURVE = 40, 800
-"""Frequencies of a response, and of one that is drawn as a line."""
-AT = 0.0
-"""Operating input of all systems."""
-LOWEST = 0.02
-"""Lowest frequency, over half the sampling rate."""
-DATA_SETS = 400
-"""Recordings from which each system is identified, for the coverage."""
-SCALES = tuple(2.0**power for power in range(-1, 6))
-"""Deviations of the parameters, over those identified."""
-SURFACE = 65
-"""Frequencies of H_2 along each axis."""
+POINTS, CURVE = 40, 800  # Frequencies of a response, and of one that is drawn as a line
+AT = 0.0  # Operating input of all systems
+LOWEST = 0.02  # Lowest frequency, over half the sampling rate
+DATA_SETS = 400  # Recordings from which each system is identified, for the coverage
+SCALES = tuple(2.0**power for power in range(-1, 6))  # Deviations of the parameters, over those identified
+SURFACE = 65  # Frequencies of H_2 along each axis
 PERIOD, HARMONICS, AMPLITUDE = 64, range(3, 9), 0.1
 """Samples of the multisine, its harmonics, and the amplitude of each."""
 

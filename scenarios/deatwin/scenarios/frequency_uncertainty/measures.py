@@ -19,11 +19,9 @@ from deatwin.studies.report.story import Measure, Table
 from deatwin.studies.report.words import Span, Words
 
 WORDS = Words(__package__)
-COVERED = (0.92, 0.98)
-"""Share of the 95 % regions that may hold the truth."""
+COVERED = (0.92, 0.98)  # Share of the 95 % regions that may hold the truth
 FASTER = 200.0
-FALSE = 0.05
-"""Share of the tests that may find something where there is nothing."""
+FALSE = 0.05  # Share of the tests that may find something where there is nothing
 CHANCE = (0.41, 1.60)
 """Between these a standard deviation of six lies with 95 %, over that of the law they are drawn from (chi-squared of
 five degrees of freedom)."""

@@ -26,8 +26,7 @@ from deatwin.studies.stories import Setting
 
 Array = np.ndarray
 PRESTRETCHES = np.linspace(1.0, 5.0, 17)
-RATIOS = np.linspace(1.0, 3.0, 9)
-"""Prestretch across over prestretch along, at the thickness of 3 x 3."""
+RATIOS = np.linspace(1.0, 3.0, 9)  # Prestretch across over prestretch along, at the thickness of 3 x 3
 KILOVOLT, TOP = 1000.0, 10e3
 STRAIN = 0.05
 

@@ -26,8 +26,7 @@ from deatwin.studies.report.words import Words
 from deatwin.studies.stories import Setting
 
 WORDS = Words(__package__)
-LARGEST_ERROR, MOST_TERMS = 0.35e-3, 15
-"""Demanded of the Silverbox, V and terms."""
+LARGEST_ERROR, MOST_TERMS = 0.35e-3, 15  # Demanded of the Silverbox, V and terms
 SETS: Mapping[str, Callable[[Path], DataSet]] = MappingProxyType(
     {"silverbox": silverbox, "buck_converter": buck, "cascaded_tanks": cascaded_tanks, "emps": emps}
 )

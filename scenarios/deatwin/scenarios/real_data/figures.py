@@ -18,10 +18,8 @@ from deatwin.studies.report.words import Words
 
 WORDS = Words(__package__)
 Array = NDArray[np.float64]
-WINDOW = 500
-"""Samples of a running root mean square."""
-ZOOM = 120
-"""Samples around the largest output that are drawn."""
+WINDOW = 500  # Samples of a running root mean square
+ZOOM = 120  # Samples around the largest output that are drawn
 
 
 def _key(method: str) -> str:

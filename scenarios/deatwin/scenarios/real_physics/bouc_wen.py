@@ -1,7 +1,7 @@
 """The Bouc-Wen benchmark, which is simulated: a mass on a hysteretic spring, taken as a linear oscillator.
 
-The recordings are public (Noël & Schoukens 2016) and read where the user keeps them. Two periods of a multisine are
-diagnosed; the two official test signals, a multisine and a swept sine, judge.
+Two periods of a multisine are diagnosed; the two official test signals, a multisine and a swept sine, judge. The
+recordings are public (Noël & Schoukens 2016).
 """
 
 from __future__ import annotations
@@ -39,12 +39,9 @@ from deatwin.studies.stories import Setting
 
 WORDS = Words(__package__)
 Array = NDArray[np.float64]
-RATE = 750.0
-"""Hz."""
-PERIOD = 8192
-"""Samples of the multisines."""
-BAND = 200.0
-"""Hz, up to which the recording is differentiated: the input ends at 150."""
+RATE = 750.0  # Hz
+PERIOD = 8192  # Samples of the multisines
+BAND = 200.0  # Hz, up to which the recording is differentiated: the input ends at 150
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,10 +86,8 @@ class LinearOscillator(Rig):
 
 @dataclass(frozen=True, kw_only=True)
 class BoucWen(Hysteresis):
-    r"""Bouc's and Wen's spring with any two terms; that of the catalogue has a force that does not grow for ever.
-
-    .. math:: F = -F_h\,\zeta, \qquad x_h\,\dot\zeta = v - |v|\,\zeta + \kappa\,v\,|\zeta|
-    """
+    """Bouc's and Wen's spring with any two terms, F = -F_h z, x_h dz/dt = v - |v| z + kappa v |z|: unlike the
+    catalogue's, its force may grow for ever."""
 
     force: float = 20.0  # :math:`F_h` in N
     distance: float = 1e-3  # :math:`x_h` in m

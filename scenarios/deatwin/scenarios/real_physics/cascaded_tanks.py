@@ -1,8 +1,7 @@
-"""Two cascaded tanks that overflow, taken as tanks without a brim.
+"""Two cascaded tanks that overflow, taken as tanks without a brim (public: Schoukens, Mattsson, Wigren & Noël 2016).
 
-The recordings are public (Schoukens, Mattsson, Wigren & Noël 2016) and read where the user keeps them, or downloaded.
-The estimation record is diagnosed, the validation record judges. Both begin at levels that nobody knows, the same for
-both: the plant has no start procedure, and its initial states are parameters.
+The estimation record is diagnosed, the validation record judges. Both begin at the same unknown levels: the plant has
+no start procedure, and its initial states are parameters.
 """
 
 from __future__ import annotations
@@ -47,8 +46,7 @@ class Tanks(Rig):
     input_unit: ClassVar[str] = "V"
     output_name: ClassVar[str] = "level"
     output_unit: ClassVar[str] = "V"
-    model_share: ClassVar[float] = 0.1
-    """Outlets after Torricelli, a straight pump."""
+    model_share: ClassVar[float] = 0.1  # Outlets after Torricelli, a straight pump
     sizes: ClassVar[Sizes] = Sizes(
         motion=5.0, force=0.1, period=100.0, command=3.0, motion_unit="V", force_unit="V/s", body="level"
     )
@@ -89,10 +87,8 @@ def _root(level: Any) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class Overflow(Effect):
-    r"""Water runs over the brim of both tanks; part of what the upper one loses falls into the lower one.
-
-    .. math:: q = r\,p(h - h_b), \qquad p(x) = w\ln(1 + e^{x/w})
-    """
+    """Water over the brims, q = r p(h - h_b), p(x) = w ln(1 + e^(x/w)); the lower tank catches part of the upper
+    one's."""
 
     rate: float = 0.2  # r in 1/s
     brim: float = 9.5  # :math:`h_b` in V of the level's sensor
@@ -107,8 +103,7 @@ class Overflow(Effect):
         "The tanks overflow beyond {brim}, at {rate} times the excess, and a share of {caught} of what the upper "
         "one loses falls into the lower one"
     )
-    width: ClassVar[float] = 0.05
-    """w in V."""
+    width: ClassVar[float] = 0.05  # w in V
 
     def describe(self) -> tuple[Parameter, ...]:
         return (

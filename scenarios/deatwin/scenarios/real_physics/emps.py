@@ -1,8 +1,7 @@
 """EMPS: a carriage on a ball screw, recorded under its controller, taken without dry friction.
 
-The recordings are public (Janot, Gautier & Brunot 2019) and read where the user keeps them, or
-downloaded. The first 13 s of the estimation record are diagnosed; its remainder, and the validation record with its
-pulses, judge.
+The first 13 s of the estimation record are diagnosed; its remainder, and the validation record with its pulses, judge.
+The recordings are public (Janot, Gautier & Brunot 2019).
 """
 
 from __future__ import annotations
@@ -39,13 +38,10 @@ from deatwin.studies.stories import Setting
 
 WORDS = Words(__package__)
 Array = NDArray[np.float64]
-FITTED = 13_000
-"""Samples: two strokes out and back."""
+FITTED = 13_000  # Samples: two strokes out and back
 FILES = ("DATA_EMPS.mat", "DATA_EMPS_PULSES.mat")
-STEP = 10
-"""Samples of 1 ms from one of a black box to its next."""
-SMOOTH = 25.0
-"""Hz, up to which the recording is differentiated."""
+STEP = 10  # Samples of 1 ms from one of a black box to its next
+SMOOTH = 25.0  # Hz, up to which the recording is differentiated
 
 
 @dataclass(frozen=True, kw_only=True)

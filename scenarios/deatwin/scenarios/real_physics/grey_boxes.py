@@ -39,11 +39,9 @@ WORDS = Words(__package__)
 Array = NDArray[np.float64]
 AVERAGED = 5
 """Samples of 1 ms that make one of EMPS: the mean voltage keeps the impulse, and friction needs no finer ones."""
-MOTOR = 35.150651882485469
-"""N/V, as the benchmark's file has it."""
+MOTOR = 35.150651882485469  # N/V, as the benchmark's file has it
 SETS = ("Cascaded tanks", "EMPS", "Bouc-Wen")
-STARTS = 3
-"""Fits of which two must agree."""
+STARTS = 3  # Fits of which two must agree
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,8 +1,7 @@
 """The Silverbox: a circuit that oscillates like a mass on a hardening spring, taken as a linear oscillator.
 
-The recording is public (Wigren & Schoukens, European Control Conference 2013) and read where the user keeps it, or
-downloaded. The first two realisations of the multisine are diagnosed; the arrow-head, whose amplitude grows beyond
-theirs, judges.
+The first two realisations of the multisine are diagnosed; the arrow-head, whose amplitude grows beyond theirs, judges.
+The recording is public (Wigren & Schoukens, European Control Conference 2013).
 """
 
 from __future__ import annotations
@@ -27,10 +26,8 @@ from deatwin.studies.stories import Setting
 
 WORDS = Words(__package__)
 Array = NDArray[np.float64]
-FITTED = slice(40_540, 57_900)
-"""Two realisations of the multisine, each after some hundred samples of rest."""
-BAND = 250.0
-"""Hz, up to which the recording is differentiated: the input ends at 200."""
+FITTED = slice(40_540, 57_900)  # Two realisations of the multisine, each after some hundred samples of rest
+BAND = 250.0  # Hz, up to which the recording is differentiated: the input ends at 200
 
 
 @dataclass(frozen=True, kw_only=True)

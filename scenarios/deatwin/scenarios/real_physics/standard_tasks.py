@@ -34,8 +34,7 @@ from deatwin.studies.stories import Setting
 Array = NDArray[np.float64]
 WORDS = Words(__package__)
 PLANT, UNEVEN = "calibrated plant", "calibrated plant, uneven friction"
-CLAIMED = (GROWN, STATES, CUBIC, PLANT, UNEVEN)
-"""Recipes that stand for deatwin; the others stand beside them."""
+CLAIMED = (GROWN, STATES, CUBIC, PLANT, UNEVEN)  # Recipes that stand for deatwin; the others stand beside them
 LONGEST = {("silverbox", STATES): 60.0, ("bouc_wen", STATES): 50.0, ("silverbox", GROWN): 10.0}
 USUAL, QUICK = 1.0, 0.2
 """How long models take, compared with each other: for the progress, and for the order; linear ones are quick."""

@@ -69,8 +69,7 @@ BOUC_WEN_STATES: dict[str, Learner] = {
     ),
     CASCADE: Cascade(structure="NLN", states=3, feedthrough=False),
 }
-EMPS_STEP = 20
-"""Samples of 1 ms that make one of a black box."""
+EMPS_STEP = 20  # Samples of 1 ms that make one of a black box
 SILVERBOX_SYSIDENTPY = SysIdentPy(lags=7, degree=2, terms=40, tolerance=0.999)
 """As in the case study of its book, which takes another model for each test part; those of 14 lags need gigabytes."""
 

@@ -14,8 +14,7 @@ Array = NDArray[np.float64]
 
 N, TRUE, CORRELATION, NOISE = 80, (1.0, 0.1), 0.6, 0.3
 """Samples, parameters, correlation of the two regressors, and standard deviation of the noise."""
-SHARE = 0.6
-"""Share of the least-squares parameters' norm that the constraint allows."""
+SHARE = 0.6  # Share of the least-squares parameters' norm that the constraint allows
 PENALTIES = np.geomspace(1e-3, 1e2, 200)
 
 

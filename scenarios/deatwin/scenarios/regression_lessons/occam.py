@@ -15,10 +15,8 @@ Array = NDArray[np.float64]
 
 N, NOISE, PRECISION = 40, 0.2, 0.04
 """Samples, standard deviation of the noise, prior precision of each parameter over the noise's."""
-DRAWS, JUDGED = 400, 100
-"""Experiments, and those in which noise and size of the parameters are estimated too."""
-TRUTH = np.array([0.3, -0.8, 0.5, 0.7])
-"""Legendre coefficients of the cubic."""
+DRAWS, JUDGED = 400, 100  # Experiments, and those in which noise and size of the parameters are estimated too
+TRUTH = np.array([0.3, -0.8, 0.5, 0.7])  # Legendre coefficients of the cubic
 TRUE_DEGREE, DEGREES = 3, np.arange(11)
 POINTS, BETWEEN = np.linspace(-1.0, 1.0, N), np.linspace(-0.99, 0.99, 200)
 

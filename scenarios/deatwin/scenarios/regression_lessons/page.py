@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 WORDS = Words(__package__)
-SURE = 4.0
-"""Standard errors that the largest of some dozens of Monte Carlo means may lie off."""
+SURE = 4.0  # Standard errors that the largest of some dozens of Monte Carlo means may lie off
 
 
 def constraint_rows(plane: Plane) -> list[Measure]:
@@ -86,8 +85,7 @@ def _within(name: str, worst: float, /, **words: str) -> Measure:
 
 
 Array = NDArray[np.float64]
-HEIGHTS = (0.15, 0.5, 1.5)
-"""Heights of further ellipses, as multiples of that of the ellipse that touches."""
+HEIGHTS = (0.15, 0.5, 1.5)  # Heights of further ellipses, as multiples of that of the ellipse that touches
 
 
 def constraint(plane: Plane) -> Drawing:

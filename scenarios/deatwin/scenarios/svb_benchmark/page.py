@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 
 COVERAGE = (0.92, 0.98)
 LEAST_PARAMETERS = 500
-WEAK = "S6"
-"""System whose smallest term is so weak that no method can find it in all draws."""
+WEAK = "S6"  # System whose smallest term is so weak that no method can find it in all draws
 CLEAN = "svb-clean"
 
 

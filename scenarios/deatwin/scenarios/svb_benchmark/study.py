@@ -28,21 +28,16 @@ from deatwin.scenarios.svb_benchmark.methods import ESTIMATORS, METHODS, VARIATI
 from deatwin.studies.provenance import versions
 from deatwin.studies.sweep import CaseStore, SweepSeal, run_sweep, sources_digest
 
-DRAWS = 100
-"""Draws of each system."""
-LEVELS = (0.0005, 0.001, 0.002, 0.004, 0.008)
-"""Variances of e(k) in the sweep of E1; its own is the fourth."""
+DRAWS = 100  # Draws of each system
+LEVELS = (0.0005, 0.001, 0.002, 0.004, 0.008)  # Variances of e(k) in the sweep of E1; its own is the fourth
 SWEPT = "E1"
-WHITE = ("S1", "S2", "S3", "S4", "S6")
-"""Systems whose intervals must cover."""
+WHITE = ("S1", "S2", "S3", "S4", "S6")  # Systems whose intervals must cover
 COVERAGE = {name: tuple(ESTIMATORS)[:2] for name in (*WHITE, SWEPT)} | {"S5": tuple(ESTIMATORS)}
 """Estimators whose intervals are tried; those with a noise model where the noise is coloured."""
-CASES = "draws"
-"""Folder of the cases."""
+CASES = "draws"  # Folder of the cases
 SCHEMA = "deatwin/hit-rate-case/1"
 PACKAGES = ("deatwin.plant", "deatwin.ident")
-OWN = ("draws.py", "methods.py", "study.py")
-"""Packages and modules whose code decides an answer."""
+OWN = ("draws.py", "methods.py", "study.py")  # Packages and modules whose code decides an answer
 VERSIONS = ("deatwin", "numpy", "scipy", "scikit-learn")
 
 

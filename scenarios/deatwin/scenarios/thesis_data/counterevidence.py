@@ -9,10 +9,8 @@ import numpy as np
 from deatwin.plant import Experiment, Plant, Recording
 
 Array = np.ndarray
-LEVELS = 0.05 * 2.0 ** np.arange(5)
-"""Commands from far below the smallest of the excitation up to near it, V."""
-HOLD = 12.0
-"""Time at each of them, s: twenty times the film's relaxation time, so that the ball is at rest."""
+LEVELS = 0.05 * 2.0 ** np.arange(5)  # Commands from far below the smallest of the excitation up to near it, V
+HOLD = 12.0  # Time at each of them, s: twenty times the film's relaxation time, so that the ball is at rest
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -64,12 +62,8 @@ def small_voltages(plant: Plant, step: float) -> SmallVoltages:
 def side_bands(
     line: float = 0.5, drift: float = 0.05, depth: float = 0.2, time: float = 0.5, sample_time: float = 0.02
 ) -> SideBands:
-    r"""Drive a first-order lag of drifting gain with one line.
-
-    .. math:: y_k = c\,y_{k-1} + (1 - c)\,(1 + d\cos 2\pi f_d t_k)\,u_k, \qquad c = e^{-h/T}
-
-    `line, drift` f and :math:`f_d`, Hz.
-    """
+    """Drive a first-order lag c = exp(-h/T) of drifting gain with one line: y_k = c y_{k-1} + (1 - c) g_k u_k, with the
+    gain g_k = 1 + d cos 2 pi f_d t_k. `line` f and `drift` f_d are in Hz."""
     from scipy.signal import lfilter
 
     period = round(1 / (drift * sample_time)) * 2

@@ -35,12 +35,10 @@ if TYPE_CHECKING:
 
 WORDS = Words(__package__)
 Change = tuple[int, Window, Window]
-SURE = 3.0
-"""Standard errors beyond which a change counts as one."""
+SURE = 3.0  # Standard errors beyond which a change counts as one
 
 
-STEADY: tuple[Window, Window] = ((46, 246), (900, 1100))
-"""Windows between which the sixth does not move."""
+STEADY: tuple[Window, Window] = ((46, 246), (900, 1100))  # Windows between which the sixth does not move
 CHANGES: tuple[Change, ...] = (
     (1, (0, 200), (900, 1100)),
     (2, (0, 200), (900, 1100)),
@@ -156,10 +154,8 @@ def _times(early: Window, late: Window) -> str:
 
 
 Array = NDArray[np.float64]
-WINDOW, SHORT = 100.0, 20.0
-"""Windows of the moving means, s."""
-ZOOM = 40.0
-"""Length of the excitation that is drawn, s."""
+WINDOW, SHORT = 100.0, 20.0  # Windows of the moving means, s
+ZOOM = 40.0  # Length of the excitation that is drawn, s
 SPECIFIED, ELASTIC = "specification", "without hysteresis"
 COMMAND, DISPLACEMENT = "command (V)", "displacement (mm)"
 

@@ -14,10 +14,8 @@ from deatwin.plant.excitation import triangles
 from deatwin.studies.parallel import call, run_told
 from deatwin.studies.voice import Progress
 
-LOOP_RATE = 0.01
-"""Rate of the actuators' loops, Hz."""
-RATES = (0.1, 0.01, 0.001)
-"""Rates of the loops of the specification, Hz."""
+LOOP_RATE = 0.01  # Rate of the actuators' loops, Hz
+RATES = (0.1, 0.01, 0.001)  # Rates of the loops of the specification, Hz
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

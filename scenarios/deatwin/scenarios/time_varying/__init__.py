@@ -23,8 +23,7 @@ from deatwin.studies.report.story import StoryPage, finish, reached
 from deatwin.studies.report.words import Span
 from deatwin.studies.stories import Setting
 
-SAVED_EVERY = 20
-"""Every so many times of a trajectory are saved: covariances of every second are large."""
+SAVED_EVERY = 20  # Every so many times of a trajectory are saved: covariances of every second are large
 
 
 def run(setting: Setting) -> Mapping[str, Any]:

@@ -29,10 +29,8 @@ from deatwin.studies.report.words import Words
 
 Array = NDArray[np.float64]
 WORDS = Words(__package__)
-QUANTILE = 1.959963984540054
-"""97.5 % quantile of the normal law."""
-EVERY = 20
-"""Every so many samples of a trajectory are drawn."""
+QUANTILE = 1.959963984540054  # 97.5 % quantile of the normal law
+EVERY = 20  # Every so many samples of a trajectory are drawn
 OF_ORDER = {1: Hue.AFTER, 2: Hue.BEFORE, 3: Hue.MARK}
 
 
@@ -136,14 +134,11 @@ def _coverage(known: Known) -> Drawing:
 
 OF_WAY = {CONSTANT: Hue.BEFORE, VARYING: Hue.AFTER}
 PARAMETER_COLUMNS = 4
-DRAWN_DEGREE = 3
-"""Largest degree of the terms whose parameters are drawn."""
+DRAWN_DEGREE = 3  # Largest degree of the terms whose parameters are drawn
 MICRO = 1e6
 DYNAMIC_DB = 60.0
-CLEAR = 0.95
-"""Share of a map within its colours: beside a notch that moves changes have no bound."""
-HIGHEST_HZ = 3.0
-"""Largest frequency of the spectra that are drawn."""
+CLEAR = 0.95  # Share of a map within its colours: beside a notch that moves changes have no bound
+HIGHEST_HZ = 3.0  # Largest frequency of the spectra that are drawn
 
 
 def fleet_drawings(study: Study) -> list[Drawing]:

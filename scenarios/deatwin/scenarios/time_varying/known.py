@@ -22,23 +22,16 @@ H1, H2_SUM, H2_DIFFERENCE = "H1", "H2, f2 = f1", "H2, f2 = -f1"
 LINES: Mapping[str, tuple[float, ...]] = {H1: (1.0,), H2_SUM: (1.0, 1.0), H2_DIFFERENCE: (1.0, -1.0)}
 """Lines along which responses are drawn: each tone's frequency over the first's."""
 ORDERS = (1, 2, 3)
-TIMES = 100
-"""Times of a map."""
+TIMES = 100  # Times of a map
 SPEEDS = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
 """How often the parameters go there and back in `DURATION`, where the frozen-time error is measured."""
-PROBE = 3e-3
-"""Amplitude of the tones that measure responses: orders above the second are then 1e-5 of the first two."""
-PROBED = (0.3, 0.8, 1.5)
-"""Frequencies of these tones, Hz."""
-SETTLED = 30.0
-"""Time after which the start is forgotten, s: 0.92 to the power 600."""
-WALK = {"1": 0.1, "y(k-1)": 0.6, "u(k-1)": 0.5, "y(k-1)u(k-1)": 0.15}
-"""Start of the random walks of the coverage."""
-WANDER = (0.05, 0.08, 0.08, 0.05)
-"""Standard deviations of the walks at their end."""
+PROBE = 3e-3  # Amplitude of the tones that measure responses: orders above the second are then 1e-5 of the first two
+PROBED = (0.3, 0.8, 1.5)  # Frequencies of these tones, Hz
+SETTLED = 30.0  # Time after which the start is forgotten, s: 0.92 to the power 600
+WALK = {"1": 0.1, "y(k-1)": 0.6, "u(k-1)": 0.5, "y(k-1)u(k-1)": 0.15}  # Start of the random walks of the coverage
+WANDER = (0.05, 0.08, 0.08, 0.05)  # Standard deviations of the walks at their end
 WALK_SAMPLES = 600
-CHI_SQUARE = 5.991464547107979
-"""95 % of the squared distances of complex normal numbers from their mean lie below."""
+CHI_SQUARE = 5.991464547107979  # 95 % of the squared distances of complex normal numbers from their mean lie below
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

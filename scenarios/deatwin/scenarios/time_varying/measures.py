@@ -19,19 +19,14 @@ WORDS = Words(__package__)
 HELD = 0.9
 """Share of the instants at which a single 95 % band is to hold the truth: of one realisation, whose errors are alike
 over long stretches."""
-ERRORS = {1: 0.05, 2: 0.1, 3: 0.1}
-"""Errors of a map over its rms, by order."""
+ERRORS = {1: 0.05, 2: 0.1, 3: 0.1}  # Errors of a map over its rms, by order
 COVERED = (0.92, 0.98)
-SMALL = 0.1
-"""Frozen-time errors below this share of the response are held against their estimate."""
+SMALL = 0.1  # Frozen-time errors below this share of the response are held against their estimate
 RATIO = (0.8, 1.25)
-GROWTH = 3.0
-"""Growth of what the correction leaves, when the rate doubles: the square would be 4."""
-CHANCE = 0.01
-"""Below it a change in the sliding mean or gain is not put down to chance."""
+GROWTH = 3.0  # Growth of what the correction leaves, when the rate doubles: the square would be 4
+CHANCE = 0.01  # Below it a change in the sliding mean or gain is not put down to chance
 SERIES = 1e-9
-BAND_DB = (1.0, 1.0, 1.0, 3.0)
-"""Mean magnitude of the difference in power that is allowed in each of `BANDS`."""
+BAND_DB = (1.0, 1.0, 1.0, 3.0)  # Mean magnitude of the difference in power that is allowed in each of `BANDS`
 
 
 def judge(study: Study) -> list[Measure]:

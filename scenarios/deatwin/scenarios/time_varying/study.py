@@ -36,22 +36,17 @@ from deatwin.studies.parallel import between, run_told
 from deatwin.studies.voice import Progress
 
 Array = NDArray[np.float64]
-FACTOR = 6
-"""Every so many samples are kept: 0.12 s, as the story `semp-fleet` chooses for seed 0."""
+FACTOR = 6  # Every so many samples are kept: 0.12 s, as the story `semp-fleet` chooses for seed 0
 DEGREE = 5
 WINDOW = 100.0
 """Window of the sliding mean and gain, s: the mean of 100 s of the thesis' noise wanders by a few per cent of the stroke."""
 SPECTRUM_WINDOW = 20.0
 """Window of the short-time spectra, s: 0.05 Hz from line to line, and a hundredth of what the slowest histories take."""
-BAND = (0.05, 1.0)
-"""Band of the thesis' noise, Hz; the test signal for NOFRFs has lines there."""
-LEVEL = 0.6
-"""Largest magnitude of the test signal, V: the thesis' standard deviation."""
-SHOWN = (1, 2)
-"""Numbers of the actuators whose maps are drawn: the mean of the first falls, that of the second rises."""
+BAND = (0.05, 1.0)  # Band of the thesis' noise, Hz; the test signal for NOFRFs has lines there
+LEVEL = 0.6  # Largest magnitude of the test signal, V: the thesis' standard deviation
+SHOWN = (1, 2)  # Numbers of the actuators whose maps are drawn: the mean of the first falls, that of the second rises
 MAP_TIMES = 90
-REALISATIONS = 100
-"""Random walks whose maps are to cover the truth."""
+REALISATIONS = 100  # Random walks whose maps are to cover the truth
 COVERAGE_TIMES = np.linspace(1.0, 29.0, 8)
 COVERAGE_HZ = np.array([0.2, 0.5, 1.0, 2.0, 4.0, 8.0])
 STRUCTURE = tuple(generate_terms(1, (0, 1), DEGREE, rule=linear_in_output))

@@ -22,10 +22,8 @@ if TYPE_CHECKING:
 
 WORDS = Words(__package__)
 Array = NDArray[np.float64]
-WINDOW = 2.0
-"""Window of the sliding mean, s: two periods of the highest frequency of the input."""
-KEPT = 10
-"""One point in so many is drawn."""
+WINDOW = 2.0  # Window of the sliding mean, s: two periods of the highest frequency of the input
+KEPT = 10  # One point in so many is drawn
 
 
 def drifts(findings: Sequence[Finding], scores: Sequence[Judged]) -> Drawing:

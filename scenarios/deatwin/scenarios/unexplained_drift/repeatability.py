@@ -25,18 +25,13 @@ WORDS = Words(__package__)
 SECTION, SETTLING = 20.0, 5.0
 """Length of the section of noise that is repeated, and of what is not counted of it, s: after 5 s the specification,
 which does not drift, gives the second time what it gave the first, to a nanometre."""
-SPAN = 640.0
-"""From the beginning of its first run to that of its second, s; in between the last command is held."""
-MEAN = 2.4
-"""Mean of the commands, V."""
+SPAN = 640.0  # From the beginning of its first run to that of its second, s; in between the last command is held
+MEAN = 2.4  # Mean of the commands, V
 CREEP = Creep(modulus=42e3, time=400.0)
 RELAXATION = PrestretchRelaxation(relative_loss=0.06, time=1000.0)
-AGES = (0.0, 300.0, 800.0, 1500.0, 3000.0, 6000.0)
-"""Times since the film was mounted, s, when histories differ."""
-HELD, HOLD = 3.3, 600.0
-"""Command (V) that the actuator was held at before, and for how long (s)."""
-RESTS = (5.0, 100.0, 200.0, 400.0, 800.0, 1600.0)
-"""Times at 0 V after that, s, when histories differ."""
+AGES = (0.0, 300.0, 800.0, 1500.0, 3000.0, 6000.0)  # Times since the film was mounted, s, when histories differ
+HELD, HOLD = 3.3, 600.0  # Command (V) that the actuator was held at before, and for how long (s)
+RESTS = (5.0, 100.0, 200.0, 400.0, 800.0, 1600.0)  # Times at 0 V after that, s, when histories differ
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,8 +13,7 @@ from deatwin.studies.sweep.constants import constants
 from deatwin.studies.sweep.store import read_seal
 
 SCHEMA = "deatwin/drift-case/1"
-DECIDING = ("deatwin.ident.mismatch", "deatwin.ident.greybox")
-"""Packages whose numbers decide a verdict."""
+DECIDING = ("deatwin.ident.mismatch", "deatwin.ident.greybox")  # Packages whose numbers decide a verdict
 PACKAGES = ("deatwin.plant", "deatwin.ident")
 VERSIONS = ("deatwin", "numpy", "scipy", "casadi")
 

@@ -25,10 +25,8 @@ VISITS = ((32.0, 80.0), (1020.0, 40.0))
 drive start anew, effects that follow the clock go on. The first visit begins when the ball of the first actuator has
 worn down the grease over which it snaps from 10 to 30 s: the diagnosis takes that for outliers and refuses the
 recording."""
-CASES = "cases"
-"""Folder of the cases."""
-EFFORT = 12.0
-"""Work of a diagnosis; a run of the argument takes 1."""
+CASES = "cases"  # Folder of the cases
+EFFORT = 12.0  # Work of a diagnosis; a run of the argument takes 1
 
 Work = Callable[[], dict[str, Any]]
 

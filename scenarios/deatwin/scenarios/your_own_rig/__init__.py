@@ -43,10 +43,8 @@ from deatwin.studies.stories import Setting
 
 FILE = "quarter_car.py"
 DRAG = "quadratic_damping"
-FINE = 0.01
-"""Share of the sensor's noise by which the integrators may differ."""
-NEAR = 1.1
-"""Times the sensor's noise, what the amended plant may leave."""
+FINE = 0.01  # Share of the sensor's noise by which the integrators may differ
+NEAR = 1.1  # Times the sensor's noise, what the amended plant may leave
 Told = tuple[Case, Diagnosis, Trial]
 
 

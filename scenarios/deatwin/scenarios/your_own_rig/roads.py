@@ -18,10 +18,8 @@ from deatwin.studies.folder import ResultFolder
 from deatwin.studies.missing_physics.case import experiment_of
 
 Array = NDArray[np.float64]
-ROUGHNESS, BAND = 8e-3, 6.0
-"""Root mean square height of the road, m, and its band, Hz."""
-LENGTH = 12.0
-"""Duration of each drive, s."""
+ROUGHNESS, BAND = 8e-3, 6.0  # Root mean square height of the road, m, and its band, Hz
+LENGTH = 12.0  # Duration of each drive, s
 BUMPS = ((1.0, 0.06, 0.5), (4.0, -0.05, 0.4), (6.5, 0.07, 0.8), (9.0, 0.05, 0.25))
 """Times, s, heights, m, and durations, s: a bump, a pothole, two more bumps."""
 

@@ -26,8 +26,7 @@ from deatwin.studies.stories import Setting
 from deatwin.studies.voice import Progress
 
 Array = NDArray[np.float64]
-BLACK_BOXES = (LINEAR, REFINED, GROWN)
-"""Black boxes that stand beside the plant; NARX models are the last two."""
+BLACK_BOXES = (LINEAR, REFINED, GROWN)  # Black boxes that stand beside the plant; NARX models are the last two
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,8 +1,4 @@
-"""Columns of the files of public recordings, by the names that those who published them gave them.
-
-The files are the user's: they are read as carefully as recordings are, and what is wrong with one is one error that
-names it.
-"""
+"""Columns of the files of public recordings, by the names that their publishers gave them; a fault is one error."""
 
 from __future__ import annotations
 
@@ -23,8 +19,7 @@ from deatwin.plant.safe_read import clipped
 
 Array = NDArray[np.float64]
 
-LARGEST = 100_000_000
-"""Bytes of such a file; the largest that is published has some 5 million."""
+LARGEST = 100_000_000  # Bytes of such a file; the largest that is published has some 5 million
 
 NUMERIC = frozenset(
     {"double", "single", "logical", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))}

@@ -16,17 +16,14 @@ from deatwin.studies.public.columns import csv_columns, matlab_vectors, require_
 
 Array = NDArray[np.float64]
 
-SILVERBOX_RATE = 1e7 / 2**14
-"""Hz."""
+SILVERBOX_RATE = 1e7 / 2**14  # Hz
 ARROW_HEAD, MULTISINE = slice(0, 40_000), slice(40_650, 127_400)
 """The usual parts; between and after them the input rests or is another one."""
 EMPS_DECIMATION = (10, 2)
 """1 kHz becomes 50 Hz: a stroke takes seconds, and friction changes its sign within tens of milliseconds."""
 
-EMPS_EDGE = 20
-"""Samples left out at either end."""
-EMPS_LEAST = 1000
-"""Samples that the filters need."""
+EMPS_EDGE = 20  # Samples left out at either end
+EMPS_LEAST = 1000  # Samples that the filters need
 
 
 @dataclass(frozen=True, kw_only=True)

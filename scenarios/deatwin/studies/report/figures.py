@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
-PER_DECADE = 20
-"""Points of a smoothed spectrum."""
+PER_DECADE = 20  # Points of a smoothed spectrum
 ZOOM_SHARE, ZOOM_SAMPLES = 1 / 30, 250
 
 

@@ -22,9 +22,8 @@ def listed(texts: list[str]) -> str:
 
 
 def notes(package: str, name: str = "notes.md.j2", /, **numbers: Any) -> list[Note]:
-    """Read the notes of a page from a template in a package: ``## `` begins a note, blank lines part paragraphs, a
-    fence of backticks holds code, ``{{ x|form(".2f") }}`` shows a number.
-    """
+    """Read a page's notes from a template: ``## `` begins a note, blank lines part paragraphs, a fence of backticks
+    holds code, ``{{ x|form(".2f") }}`` shows a number."""
     source = files(package).joinpath(name).read_text(encoding="utf-8")
     _, *parts = _HEADING.split(rendered(source, **numbers))
     return [_note(title, text) for title, text in zip(parts[::2], parts[1::2], strict=True)]

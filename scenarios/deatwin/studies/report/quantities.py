@@ -41,22 +41,14 @@ def likely(probability: float) -> str:
 
 
 def with_interval(value: float, low: float, high: float, unit: str) -> tuple[str, str]:
-    """Write a value and its interval with one unit prefix, and enough digits to distinguish the ends.
-
-    >>> with_interval(25.012, 24.98, 25.04, "s")
-    ('25.01 s', '24.98 to 25.04 s')
-    """
+    """Write a value and its interval with one unit prefix, and enough digits to distinguish the ends."""
     shown = Interval(value=value, low=low, high=high, unit=unit).shown
     middle, ends = _in_interval(shown.value, shown.low, shown.high)
     return f"{middle} {shown.unit}".rstrip(), f"{ends} {shown.unit}".rstrip()
 
 
 def in_interval(value: float, low: float, high: float) -> str:
-    """Write a value and its interval without a unit, with enough digits to distinguish the ends.
-
-    >>> in_interval(54.12, 50.2, 59.3), in_interval(0.2501, 0.24996, 0.25042)
-    ('54.1 (50.2 to 59.3)', '0.2501 (0.2500 to 0.2504)')
-    """
+    """Write a value and its interval without a unit, with enough digits to distinguish the ends."""
     middle, ends = _in_interval(value, low, high)
     return f"{middle} ({ends})"
 

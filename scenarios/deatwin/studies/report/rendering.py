@@ -25,8 +25,7 @@ if TYPE_CHECKING:
 
 LARGEST = 4_500_000
 """Bytes of a page. Data that would make it larger stay in their files beside it, the largest of them first."""
-REST = 300_000
-"""Bytes of a page beside its figures and their data, at most."""
+REST = 300_000  # Bytes of a page beside its figures and their data, at most
 _UNIT = re.compile(r"(?<=\d) (?:%|°|dB|[pnµumkMG]?(?:Hz|Pa|ohm|rad|[msVANFgWKJ])(?:/[a-zµ]+)?(?: rms)?)(?!\w)")
 _OPTION = re.compile(r"(?<!\S)--[a-z][a-z-]+")
 

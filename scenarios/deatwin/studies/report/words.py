@@ -42,11 +42,8 @@ class Each:
 
 
 class Words:
-    """The file ``words.toml`` of a package.
-
-    Its tables are ``measure.NAME`` with ``of``, ``demanded`` and ``reached``; ``figure.NAME`` with ``title`` and
-    ``caption``; ``table.NAME`` with ``title`` and ``columns``. Texts are format strings, lines are joined.
-    """
+    """A package's ``words.toml`` of format strings: tables ``measure.NAME`` (``of``, ``demanded``, ``reached``),
+    ``figure.NAME`` (``title``, ``caption``), ``table.NAME`` (``title``, ``columns``); lines are joined."""
 
     def __init__(self, package: str) -> None:
         self._words = tomllib.loads(files(package).joinpath("words.toml").read_text(encoding="utf-8"))

@@ -1,8 +1,7 @@
 """A case as a NetCDF file of version 3, which SciPy, xarray, ncdump and MATLAB read.
 
-The variable ``record`` holds the whole case as JSON, to the last bit; it is what is read back. The other variables are
-there to be looked at: numbers, arrays and texts by their path in the case, such as ``result.gain``. The attribute
-``sha256`` is that of the file with 64 zeros in its place, so that no damage goes unseen.
+The variable ``record`` holds the case as JSON, to the last bit; the others are there to be looked at, by their path in
+the case, such as ``result.gain``. ``sha256`` is that of the file with 64 zeros in its place.
 """
 
 from __future__ import annotations

@@ -20,14 +20,10 @@ from deatwin.studies.timeleft import TimeLeft
 Case = TypeVar("Case")
 Tell = Callable[[float, str], None]
 
-PARENT = os.getppid()
-"""Process that wants a worker's results."""
-WATCH = 0.5
-"""A worker looks so often whether its master still lives, s."""
-MOST_DEATHS = 4
-"""A case that was being run so many times when its worker died is given up."""
-TOGETHER = 2
-"""After so many deaths a case runs alone, so that no other dies with it."""
+PARENT = os.getppid()  # Process that wants a worker's results
+WATCH = 0.5  # A worker looks so often whether its master still lives, s
+MOST_DEATHS = 4  # A case that was being run so many times when its worker died is given up
+TOGETHER = 2  # After so many deaths a case runs alone, so that no other dies with it
 DEATHS = frozenset({"BrokenProcessPool", "BrokenExecutor", "KilledWorker"})
 """Errors of loky and of dask that say that a worker died, by name: dask need not be there."""
 

@@ -22,10 +22,8 @@ from deatwin.studies.sweep.seal import Sealed
 
 SEAL_FILE = "seal.json"
 RUNNING = "running"
-SIDE_BY_SIDE = 2000
-"""Up to so many cases lie in one folder; more are spread."""
-GRACE = 1.0
-"""Workers of a run that was killed end within this time, s."""
+SIDE_BY_SIDE = 2000  # Up to so many cases lie in one folder; more are spread
+GRACE = 1.0  # Workers of a run that was killed end within this time, s
 SHARDS = tuple(f"{number:02x}" for number in range(256))
 NAME = re.compile(r"[A-Za-z0-9_+-][A-Za-z0-9_.+-]{0,199}")
 

@@ -23,8 +23,7 @@ Case = Mapping[str, Any]
 Work = Callable[[Case, np.random.Generator], Mapping[str, Any]]
 PACKAGES = ("deatwin.plant", "deatwin.ident", "deatwin.control")
 VERSIONS = ("deatwin", "numpy", "scipy", "casadi")
-DIGITS = 16
-"""Length of a case's name: two of ten million cases share one with a chance of 3e-6, which is an error."""
+DIGITS = 16  # Length of a case's name: two of ten million cases share one with a chance of 3e-6, which is an error
 
 
 def grid(**axes: Iterable[Any]) -> list[dict[str, Any]]:

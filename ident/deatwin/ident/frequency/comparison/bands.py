@@ -1,9 +1,7 @@
 """The mean of a frequency response over a band of output frequencies: what a comparison compares.
 
-A model of few parameters can differ from another in few ways: its response over any band, taken frequency by frequency,
-holds them all, and a test of all frequencies at once is a test of the parameters, the same in every band. The mean over
-the band is what that band adds. It is linear in the response, so that its law does not depend on how large the response
-is, even where there is none.
+A test of all frequencies at once would be one of the few parameters, the same in every band; the mean is what a band
+adds. It is linear in the response, so its law does not depend on how large that is, even where there is none.
 """
 
 from __future__ import annotations
@@ -24,10 +22,8 @@ from deatwin.plant.errors import ModelError
 Array = NDArray[np.float64]
 Range = tuple[float, float]
 
-LINES = 8
-"""Frequencies in a band, enough for the curvature of a response with few poles."""
-TONES = 16
-"""Frequencies of each further tone, over both signs."""
+LINES = 8  # Frequencies in a band, enough for the curvature of a response with few poles
+TONES = 16  # Frequencies of each further tone, over both signs
 _HIGHEST = 5  # half a million combinations
 
 

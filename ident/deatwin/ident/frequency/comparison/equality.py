@@ -35,17 +35,11 @@ class Equality:
 
 
 def equality(difference: ArrayLike, scatters: Sequence[Scatter], margin: float = 0.0) -> Equality:
-    """Test whether a difference of independent means is zero, or at most a margin.
+    """Test whether a difference (2,) of independent means is at most a margin; of several, whether one of them is.
 
-    With a margin every difference within it is a null hypothesis of its own, and the largest p-value counts
-    (intersection-union test). So does it where several differences are given, as of several times: then the
-    hypothesis is that one of them is zero.
-
-    Source: Krishnamoorthy, Yu, "Modified Nel and Van der Merwe test for the multivariate Behrens-Fisher problem",
-    Stat. Probab. Lett. 66 (2004) 161-169. Berger, "Multiparameter hypothesis testing and acceptance sampling",
-    Technometrics 24 (1982) 295-300.
-
-    Shapes: `difference` (2,).
+    The largest p-value of all hypotheses counts (intersection-union test: Berger, Technometrics 24 (1982) 295-300).
+    Source: Krishnamoorthy, Yu, "Modified Nel and Van der Merwe test for the multivariate Behrens-Fisher problem", Stat.
+    Probab. Lett. 66 (2004) 161-169.
     """
     from scipy.stats import chi2, f
 

@@ -1,9 +1,8 @@
 """Find where actuators differ, and distinguish the actuators from the age at which they were recorded.
 
-All records are fitted with the same terms. What each block of a record says of the parameters, carried on to the mean
-of H_n over a band, is a short series in time about that of the whole record. Its slowest cosines are the drift of that
-mean, the others its scatter: one fit of each record says how well the means are known, whether they drift, and how
-far.
+All records are fitted with the same terms. What each block says of the mean of H_n over a band is a short series in
+time: its slowest cosines are that mean's drift, the others its scatter. So one fit of each record says how well the
+means are known, whether they drift, and how far.
 """
 
 from __future__ import annotations

@@ -20,8 +20,7 @@ from deatwin.plant.recording import Recording
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-PERIODS = 40
-"""Periods until an output is settled: with 200 samples a period a pole of 0.9 is then at 1e-366."""
+PERIODS = 40  # Periods until an output is settled: with 200 samples a period a pole of 0.9 is then at 1e-366
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

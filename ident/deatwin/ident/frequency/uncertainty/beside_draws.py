@@ -20,16 +20,12 @@ from deatwin.ident.narx import NarxModel
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-DRAWS = 20_000
-"""Draws of the parameters."""
-SIMULTANEOUS = 0.99
-"""Probability that all elements at all frequencies lie in the Monte Carlo band."""
+DRAWS = 20_000  # Draws of the parameters
+SIMULTANEOUS = 0.99  # Probability that all elements at all frequencies lie in the Monte Carlo band
 STRICT = 0.1
 """Nonlinearity up to which the covariance is off by its square, 1 %, which so many draws do not tell from none."""
-CHUNKS = 40
-"""Sets of `DRAWS` draws each, against which the error of the law is measured."""
-CALLS = 7
-"""Calls of propagation, of which the shortest counts."""
+CHUNKS = 40  # Sets of `DRAWS` draws each, against which the error of the law is measured
+CALLS = 7  # Calls of propagation, of which the shortest counts
 _FLAT = 1e-9  # of the larger variance
 _DIGITS = "₀₁₂₃₄₅₆₇₈"
 

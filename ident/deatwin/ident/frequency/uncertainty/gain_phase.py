@@ -1,12 +1,7 @@
 """Gain and phase of an uncertain complex number: the law of propagation, how far it holds, and regions.
 
-The complex number is normal in the plane (or bivariate Student-t), with any covariance of real and imaginary part.
-
-References
-----------
-Ridler, Salter, "An approach to the treatment of uncertainty in complex S-parameter measurements", Metrologia 39 (2002)
-295-302, doi:10.1088/0026-1394/39/3/6.
-Hall, "On the propagation of uncertainty in complex-valued quantities", Metrologia 41 (2004) 173-177,
+The number is normal in the plane (or bivariate Student-t), with any covariance of its parts. Sources: Ridler, Salter,
+Metrologia 39 (2002) 295-302, doi:10.1088/0026-1394/39/3/6; Hall, Metrologia 41 (2004) 173-177,
 doi:10.1088/0026-1394/41/3/010.
 """
 

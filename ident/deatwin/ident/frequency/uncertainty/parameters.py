@@ -25,8 +25,7 @@ _MOST_BYTES = 1 << 31
 JOINT = "the covariance of all parts; take fewer frequencies (at_points)"
 """Description for the error of `require_memory`."""
 
-Model = NarxModel | LinearModel
-"""Models with parameters, their covariance, and a frequency response."""
+Model = NarxModel | LinearModel  # Models with parameters, their covariance, and a frequency response
 
 Quantity = Callable[[Any], FrequencyResponse]
 """Computes a frequency response of a model, as ``partial(gfrf, order=2, omega=omega)``."""

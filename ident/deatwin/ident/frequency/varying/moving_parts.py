@@ -1,20 +1,15 @@
 """Correction of a frozen response for parameters that change with time, to first order in their rate.
 
-A part of the output of a system that varies slowly is Y(t) e^(jwt) with an amplitude that changes, so that a delay is
+A part of the output is Y(t) e^(jwt), with an amplitude that changes (Zadeh, Proc. IRE 38 (1950) 291-299), so a delay is
 
     q^-l Y(t) e^(jwt) = (Y(t) - l dY/dt) e^(jw(t - l)) + second order,
 
-the rates being those of the amplitudes of parameters that stand still. The equations of the parts with this delay give
-the response of the system that varies. For a linear system with 1 - sum_l a_l e^(-jwl) = A, the difference is
+with the rates of amplitudes for parameters that stand still. For a linear system with 1 - sum_l a_l e^(-jwl) = A, the
+response then differs by its rate times the group delay of 1/A,
 
-    -(dH/dt) sum_l l a_l e^(-jwl) / A :
+    -(dH/dt) sum_l l a_l e^(-jwl) / A.
 
-the rate of the response times the group delay of 1/A. The equilibrium lags in the same way, and each delayed factor of
-a product sees it at a level of its own.
-
-References
-----------
-Zadeh, "Frequency analysis of variable networks", Proc. IRE 38 (1950) 291-299.
+The equilibrium lags in the same way, and each delayed factor of a product sees it at a level of its own.
 """
 
 from __future__ import annotations

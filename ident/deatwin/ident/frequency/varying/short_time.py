@@ -1,9 +1,8 @@
 """The output's short-time spectrum, as the TV-NOFRFs predict it from the input, and as it was recorded.
 
-In each window the input's deviations are taken for one period of a periodic excitation, and the model of the window's
-middle answers with Y = G_1 U_1 + ... + G_N U_N. Both this answer and the recording are then seen through the same Hann
-window: it hides the seam of the period, where the answer is that to an input that jumps, and the leakage is the same on
-both sides.
+In each window the input's deviations are taken for a period of a periodic one, and the model of the window's middle
+answers Y = G_1 U_1 + ... + G_N U_N. Answer and recording are seen through one Hann window: it hides the seam of the
+period, and leakage is the same on both sides.
 """
 
 from __future__ import annotations
@@ -24,10 +23,8 @@ from deatwin.ident.narx import NarxModel, Recording, ThetaTrajectory
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-HIGHEST = 5
-"""N: the degree of the fleet's models, which have no higher order."""
-PERIODS = 10
-"""Time after which a free run counts as steady."""
+HIGHEST = 5  # N: the degree of the fleet's models, which have no higher order
+PERIODS = 10  # Time after which a free run counts as steady
 BANDS = ((0.1, 0.5), (0.5, 1.0), (1.0, 2.0), (2.0, 3.0))
 """Bands in which powers are compared, Hz: from the third line of a window of 20 s on, the mean being left out; up to 1 Hz there
 is input, above only what the nonlinearity makes."""

@@ -1,11 +1,8 @@
-"""A fleet with one model structure.
+"""A fleet with one model structure, so that actuators can be compared term by term and frequency by frequency.
 
-Two actuators are compared term by term, and frequency by frequency, only if their models have the same terms. Of the
-structures that SEMP passes on the six, one is taken for all.
-
-The candidates hold the past output by itself only. Their Volterra series then ends at the degree, so responses of
-these orders describe the model whatever the command. With products of output and command, which fit a little better,
-the series has no end, and at the size of the thesis' noise it diverges.
+Of the structures that SEMP passes on the six, one is taken for all. Candidates hold the past output by itself only, so
+the Volterra series ends at the degree; with products of output and command, which fit a little better, it has no end,
+and diverges at the size of the thesis' noise.
 """
 
 from __future__ import annotations
@@ -28,10 +25,8 @@ from deatwin.plant.recording import Recording
 
 Array = NDArray[np.float64]
 Structure = tuple[Term, ...]
-OPERATING_INPUT = 2.4
-"""Mean of the thesis' noise, V: the operating point that all actuators are compared at."""
-BAND = (0.0, 1.0)
-"""Band of the thesis' noise, Hz."""
+OPERATING_INPUT = 2.4  # Mean of the thesis' noise, V: the operating point that all actuators are compared at
+BAND = (0.0, 1.0)  # Band of the thesis' noise, Hz
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

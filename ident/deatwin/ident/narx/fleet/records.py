@@ -1,8 +1,8 @@
 """The fleet as recorded, and what the same actuators would have been recorded as with less physics.
 
-A model whose parameters do not change cannot follow an actuator that drifts, and a polynomial of a few past values
-cannot hold rate-independent hysteresis. To say which of the two makes a test fail, each actuator is recorded twice
-more: under the same commands and the same sensor's noise, without its history, and then without hysteresis too.
+A model of constant parameters cannot follow drift, and a polynomial of few past values cannot hold rate-independent
+hysteresis. To say which of them fails a test, each actuator is recorded again under the same commands and noise without
+its history, and then without hysteresis too.
 """
 
 from __future__ import annotations
@@ -30,8 +30,7 @@ SEGMENTS = 40
 HELD_OUT = 100.0
 """The end of a stationary stretch, on which nothing is chosen or fitted, s; the same for all, so that the tests are
 equally sharp."""
-SAMPLING_LAGS = 500
-"""Lags over which the correlation of a reading is examined."""
+SAMPLING_LAGS = 500  # Lags over which the correlation of a reading is examined
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,9 +1,8 @@
 """Prediction errors of a linear model and their exact gradient, by filtering.
 
-With n = A y - sum_i w_i - offset and w_i = (B_i/F_i) u_i, the error is e = (D/C) n (Ljung, System
-Identification, 2nd ed., 1999, section 10.3). The state that a record starts with is unknown: what the inputs
-did before it acts on w_i as a pulse train of nf_i samples at its start. Of the noise, e is taken as zero
-before the first error, and D acts on measured n only.
+With n = A y - sum_i w_i - offset and w_i = (B_i/F_i) u_i, e = (D/C) n (Ljung, System Identification, 2nd ed., 1999,
+section 10.3). What inputs did before the record acts on w_i as a pulse train of nf_i samples at its start. Of the
+noise, e is taken as zero before the first error, and D acts on measured n only.
 """
 
 from __future__ import annotations

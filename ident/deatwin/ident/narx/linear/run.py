@@ -17,13 +17,11 @@ Array = NDArray[np.float64]
 def some_steps(
     orders: Orders, polynomials: Polynomials, inputs: Array, output: Array, warmup: int, steps: int
 ) -> tuple[Array, int, int | None]:
-    """Predict each sample from the past that was measured until some steps before it.
+    """Predict from the past up to some steps before, with zero for later e (Ljung, System Identification, 1999, section
+    3.2).
 
-    The output is what past and inputs give plus C/(A D) e; the errors e of the last ``steps`` samples are unknown and
-    have the mean zero (Ljung, System Identification, 2nd ed., 1999, section 3.2).
-
-    `inputs` (n_inputs, n); `output` (n,); `steps` number of samples ahead, at least 1; returns (n,), Predictions,
-    after measured samples; returns The first predicted sample.
+    Shapes: `inputs` (n_inputs, n); `output` (n,); returns (n,), measured values first; first predicted sample;
+    divergence.
     """
     from scipy.signal import lfilter
 

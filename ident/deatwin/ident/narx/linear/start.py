@@ -17,8 +17,7 @@ from deatwin.ident.narx.linear.polynomials import Orders, Polynomials, reflected
 from deatwin.ident.narx.linear.prediction import lagged
 
 Array = NDArray[np.float64]
-Record = tuple[Array, Array]
-"""Scaled inputs, (n_inputs, n), and output, (n,)."""
+Record = tuple[Array, Array]  # Scaled inputs, (n_inputs, n), and output, (n,)
 
 _ONE = np.ones(1)
 _ONE.setflags(write=False)

@@ -27,8 +27,7 @@ Array = NDArray[np.float64]
 
 _SEEN = 1e-4
 """Chance below which a coefficient is there: with the 100 lags that are tried it is 1 % that none of them is."""
-_LOOP = 1e-3
-"""The same for an input that answers to the output: one test for each input."""
+_LOOP = 1e-3  # The same for an input that answers to the output: one test for each input
 _AFTER = 20
 """Lags after the largest dead time in which the answer to the input is looked for; half of all lags if there are fewer
 than twice as many."""

@@ -1,10 +1,9 @@
 """The sampling time for a NARX model, and decimation to it.
 
-Sampled too fast, neighbouring regressors are all but the same and the regression is ill-conditioned; sampled
-too slowly, dynamics are lost. The first minimum of the linear and of the nonlinear correlation function of the
-output gives the scale (Billings and Aguirre, Int. J. Bifurcation Chaos 5 (1995) 1541-1556,
-doi:10.1142/S0218127495001158): the smaller of the two should lie at 10 to 20 samples. It is the scale of the strongest
-part of the output; a lightly damped mode or a fast time constant that moves the output less must keep its samples too.
+Sampled too fast, neighbouring regressors are almost the same; too slowly, dynamics are lost. The first minimum of the
+output's linear or nonlinear correlation, whichever is smaller, should lie at 10 to 20 samples (Billings and Aguirre,
+Int. J. Bifurcation Chaos 5 (1995) 1541-1556, doi:10.1142/S0218127495001158). It is the scale of the strongest part: a
+lightly damped mode or a fast time constant that moves the output less must keep its samples too.
 """
 
 from __future__ import annotations

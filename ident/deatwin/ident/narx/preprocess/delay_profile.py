@@ -20,21 +20,18 @@ _FAR = 60.0
 _PATIENCE = 5
 """Dead times in a row that must be out of the question before shorter ones are tried with two structures only, until
 one fits again: an input that repeats itself has others that fit as well."""
-_PROBES = (0, 3)
-"""These structures: the simplest, and two poles with a broken dead time."""
+_PROBES = (0, 3)  # These structures: the simplest, and two poles with a broken dead time
 _POLES = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 0.99)
 """Poles to start from, each less than an octave of time constants from the next: ARX models of an input of few
 frequencies can be far from every plant."""
 
 
 def delay_probabilities(arx: LongArx, which: int, latest: int) -> Array:
-    """Return the probability of each dead time from 0 to the latest, shape (latest + 1,).
+    """Probabilities (latest + 1,) of dead times, by exp(-BIC/2) of each structure (Kass, Wasserman, JASA 90 (1995)
+    928-934).
 
-    Each dead time and structure has the evidence that Schwarz' criterion gives it, exp(-BIC/2), for equal
-    probabilities beforehand (Kass, Wasserman, J. Am. Stat. Assoc. 90 (1995) 928-934,
-    doi:10.1080/01621459.1995.10476592). So a first coefficient that the data put at zero counts against a dead time
-    rather than for it. What low order cannot follow makes all less certain: the squares are measured by what the best
-    plant leaves beyond the noise, for each degree of freedom, as in quasi-likelihood.
+    All are alike beforehand, so a first coefficient near zero counts against a dead time. Squares are measured by what
+    the best plant leaves beyond the noise, for each degree of freedom, as in quasi-likelihood.
     """
     records = _whitened(arx, which)
     squares = np.full((latest + 1, len(_STRUCTURES)), np.inf)

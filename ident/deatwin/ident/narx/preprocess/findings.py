@@ -190,11 +190,8 @@ def _few_levels(channel: _Channel, degree: int) -> Iterator[Finding]:
 
 
 def _slow(channel: _Channel, level: float) -> Iterator[Finding]:
-    """Find a linear trend, and drift of segment means beyond it that is significant.
-
-    Means of segments are nearly independent if the segments are long compared with the correlation time; otherwise
-    nothing is reported.
-    """
+    """Find a linear trend, and significant drift of segment means beyond it; nothing is reported unless segments are
+    long compared with the correlation time, so that their means are nearly independent."""
     from scipy.special import fdtrc, stdtr
 
     y = channel.values
@@ -236,10 +233,8 @@ def _levelled(segments: Array) -> Array:
 
 
 def _outliers(channel: _Channel, level: float) -> Iterator[Finding]:
-    """Find isolated readings far from the cubic through their four neighbours, relative to the usual distance nearby.
-
-    A step of the signal, ringing after it, and the usual response to a kink of an input are motion, not outliers.
-    """
+    """Find isolated readings far from the cubic through four neighbours, by the usual distance nearby. A step, its
+    ringing, and the usual response to a kink of an input are motion, not outliers."""
     from scipy.ndimage import maximum_filter, median_filter
     from scipy.special import ndtri
 

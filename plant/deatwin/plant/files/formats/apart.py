@@ -1,7 +1,6 @@
-"""Unpacking of files by C libraries in a separate process first, which a damaged file may crash.
+"""Trial unpacking of files by C libraries in a separate process.
 
-A damaged file can crash SciPy's and HDF5's readers, or keep them busy for ever, and with them every program that
-asked for it. What becomes of the process of the trial is one clear error here.
+A damaged file can crash SciPy's and HDF5's readers, or keep them busy for ever; here that becomes one clear error.
 """
 
 import hashlib

@@ -1,7 +1,5 @@
-"""Description of a recording that accompanies its columns in every format, as one JSON text.
-
-It says what the columns cannot: which of them is input and output, the names and SI units inside, the sample
-time to the last bit, and the provenance.
+"""JSON text that accompanies a recording's columns in every format: which are input and output, their names and SI
+units inside, the sample time to the last bit, and the provenance.
 """
 
 import json

@@ -1,10 +1,9 @@
-"""LabVIEW measurement files (.lvm), which are text.
+"""LabVIEW measurement files (.lvm), which are text (NI, "Specification for the LabVIEW Measurement File", versions 1,
+2).
 
-A file header gives separator and decimal sign; each segment has a header with the units of its channels, the date of
-its first sample, ``X0`` and ``Delta_X``, and then a line of names above its samples. ``X_Columns`` says if the x values
-are left out (``No``), stand in the first column (``One``), or before each channel (``Multi``). Segments of one table
-follow one another: where their x values begin again, their dates tell how far they are apart.
-Source: NI, "Specification for the LabVIEW Measurement File (.lvm)", versions 1 and 2.
+A file header gives separator and decimal sign; each segment has a header with units, date of the first sample, ``X0``
+and ``Delta_X``, and a line of names. ``X_Columns`` says if x values are left out (``No``), stand in the first column
+(``One``) or before each channel (``Multi``). Where they begin again, the dates of segments tell how far they are apart.
 """
 
 import hashlib

@@ -1,9 +1,8 @@
-"""MATLAB files: version 5 (and 4, 6, 7) by SciPy, version 7.3, which is HDF5, by h5py.
+"""MATLAB files: version 5 (and 4, 6, 7) by SciPy, 7.3 (HDF5 behind a user block of 512 bytes) by h5py.
 
-Signals are numeric vectors, rows or columns, named as CSV columns are (``time_s``, ``command_V``, ...), by
-themselves or as the fields of structs; or the columns of a matrix, ``data(:,2)``. A struct ``units`` may name units: ``units.command = 'V'``. A scalar ``Ts``,
-``dt`` or ``sample_time`` (s), or ``fs`` or ``sample_rate`` (Hz), states the clock of a file without times. Texts go
-into the provenance. Formats: MathWorks, "MAT-File Level 5 File Format"; 7.3 has an HDF5 user block of 512 bytes.
+Signals are numeric vectors named as CSV columns are, alone or as fields of structs, or columns of a matrix,
+``data(:,2)``. A struct ``units`` may name units: ``units.command = 'V'``. A scalar ``Ts``, ``dt`` or ``sample_time``
+(s), ``fs`` or ``sample_rate`` (Hz) states the clock of a file without times. Texts go into the provenance.
 """
 
 import hashlib

@@ -1,8 +1,7 @@
 """NetCDF files, by xarray: version 4 through h5netcdf, version 3 through SciPy.
 
-The variables along one dimension are the columns; the attribute ``units`` names the unit. A coordinate of times may
-count ``seconds since`` a date, as the CF conventions have it (https://cfconventions.org, section 4.4); the clock
-then starts at that date.
+The variables along one dimension are the columns; the attribute ``units`` names the unit. The clock starts at the date
+of a coordinate that counts ``seconds since`` it (https://cfconventions.org, section 4.4).
 """
 
 import hashlib

@@ -12,15 +12,7 @@ from deatwin.plant.safe_read import reason
 
 
 def require(package: str, purpose: str) -> Any:
-    """Import a package.
-
-    >>> require("json", "this example").loads("1")
-    1
-    >>> require("no_such_package", "rec.tdms")
-    Traceback (most recent call last):
-    ...
-    deatwin.plant.errors.DataError: rec.tdms needs the package no_such_package: pip install no_such_package
-    """
+    """Import a package; raise DataError with the command that installs it if it is missing."""
     try:
         return importlib.import_module(package)
     except ModuleNotFoundError as error:

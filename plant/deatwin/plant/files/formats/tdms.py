@@ -1,9 +1,8 @@
-"""TDMS files of LabVIEW, by nptdms.
+"""TDMS files of LabVIEW, by nptdms (NI, "TDMS File Format Internal Structure"; LabVIEW help, "Set Waveform Attribute").
 
-A channel is a column; where two groups have channels of one name, ``group/channel`` names them. The waveform
-properties ``wf_increment`` and ``wf_start_offset`` state the clock where no channel holds times; the unit stands
-in ``unit_string`` (or ``NI_UnitDescription``, as DAQmx writes). ``wf_start_time`` goes into the provenance.
-Source: NI, "TDMS File Format Internal Structure"; LabVIEW help, "Set Waveform Attribute" and waveform properties.
+A channel is a column, ``group/channel`` if two groups have one of its name. ``wf_increment`` and ``wf_start_offset``
+state the clock where no channel holds times, ``unit_string`` (or DAQmx's ``NI_UnitDescription``) the unit;
+``wf_start_time`` goes into the provenance.
 """
 
 import hashlib

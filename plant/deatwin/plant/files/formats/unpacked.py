@@ -1,7 +1,7 @@
-"""Unpacked size of a binary file, found before it is unpacked: a small file may hold very much.
+"""Unpacked size of a binary file, found before it is unpacked: a gigabyte of zeros is a megabyte of zlib, and an HDF5
+dataset that was never written takes no room.
 
-A gigabyte of zeros is a megabyte of zlib, and an HDF5 dataset that was never written takes no room at all. Datasets
-whose samples lie in other files are refused: a recording must not name files that its reader never chose.
+Datasets whose samples lie in other files are refused: a recording must not name files that its reader never chose.
 """
 
 import io

@@ -1,7 +1,4 @@
-"""Workbooks of Excel (.xlsx), by openpyxl: the one sheet that holds samples is read as a CSV file of its cells.
-
-Of several, one is named behind the file, ``lab.xlsx#Sheet2``.
-"""
+"""Excel workbooks (.xlsx), by openpyxl: the one sheet with samples, or ``lab.xlsx#Sheet2``, is read as a CSV file."""
 
 import hashlib
 import io

@@ -15,11 +15,9 @@ from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.rigs.diaphragm import BALLS, Diaphragm
 from deatwin.scenarios.concealed_physics.generator.mechanism import Drive, Mechanism, Reading
 
-FILM_ERROR = 0.2
-"""By how much a film's parameter may lie beside the published one, as a share."""
+FILM_ERROR = 0.2  # By how much a film's parameter may lie beside the published one, as a share
 FITTED = ("shear_modulus", "stretch_limit", "branch_modulus", "branch_time", "permittivity", "damping")
-ELEMENTS = 5
-"""Elements of the fine film under its electrode: another mesh than the one that gives a plant's own error."""
+ELEMENTS = 5  # Elements of the fine film under its electrode: another mesh than the one that gives a plant's own error
 BALL_TOLD, READ_AT_START = 0.6, 0.15
 """Shares of rig files that tell how the film sits on the ball, and of rigs read at the start of a hold."""
 
@@ -86,10 +84,7 @@ def _diaphragm(plant: Plant) -> Diaphragm:
 
 @dataclass(frozen=True, kw_only=True)
 class SensorNoise:
-    r"""White noise, first-order coloured noise and rounding.
-
-    .. math:: r = \mathrm{round}_q(y + w + c), \qquad c_k = a\,c_{k-1} + \sqrt{1 - a^2}\,n_k
-    """
+    """White, first-order coloured noise and rounding: r = round_q(y + w + c), c_k = a c_{k-1} + sqrt(1 - a^2) n_k."""
 
     rms: float
     coloured: float  # Share of the variance of w + c that c has

@@ -14,18 +14,14 @@ from deatwin.scenarios.concealed_physics.generator.mechanism import Draw, Drive,
 
 @dataclass(frozen=True, kw_only=True)
 class SlowDipoles(PlantMechanism, place=Place.DRIVE, signal="squared_voltage", largest=0.2):
-    r"""Polarisation with a broad, lopsided spread of times, as Havriliak and Negami's function has.
-
-    .. math:: V^2 \to V^2 - V\sum_k a_k(V - p_k), \qquad \tau_k\dot p_k = V - p_k
-    """
+    """Polarisation V^2 - V sum_k a_k (V - p_k) with tau_k dp_k/dt = V - p_k, of times as broad and lopsided as
+    Havriliak and Negami's."""
 
     share: float = Draw.part()  # Sum of :math:`a_k`
     centre: float = Draw.log_uniform(5.0, 40.0)  # s
 
-    times: ClassVar[tuple[float, ...]] = (0.1, 0.4, 1.5, 6.0, 30.0)
-    """Relative to the centre."""
-    parts: ClassVar[tuple[float, ...]] = (0.12, 0.24, 0.32, 0.22, 0.1)
-    """Parts of the share."""
+    times: ClassVar[tuple[float, ...]] = (0.1, 0.4, 1.5, 6.0, 30.0)  # Relative to the centre
+    parts: ClassVar[tuple[float, ...]] = (0.12, 0.24, 0.32, 0.22, 0.1)  # Parts of the share
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         share, centre = self.symbols(build)
@@ -59,10 +55,8 @@ class TrapConduction(PlantMechanism, place=Place.DRIVE, signal="film_voltage", o
     resistance: float = Draw.part()
     field: float = Draw.uniform(4e6, 8e6)  # :math:`E_0`, V/m
 
-    conductivity: ClassVar[float] = 2e-14
-    """At low field, S/m."""
-    settles: ClassVar[float] = 5e-5
-    """Time in which the voltage settles, s: not seen at 50 samples a second."""
+    conductivity: ClassVar[float] = 2e-14  # At low field, S/m
+    settles: ClassVar[float] = 5e-5  # Time in which the voltage settles, s: not seen at 50 samples a second
 
     def rewrite(self, signal: Any, build: Any) -> Any:
         resistance, scale = self.symbols(build)
@@ -116,8 +110,7 @@ class RateLimit(PlantMechanism, place=Place.DRIVE, signal="amplifier_voltage", o
     slowness: float = Draw.part()  # Upwards, s/V
     ratio: float = Draw.log_uniform(0.2, 1.5)  # Falling rate over rising rate
 
-    width: ClassVar[float] = 5.0
-    """Lag of the amplifier when it rises at its full rate, V."""
+    width: ClassVar[float] = 5.0  # Lag of the amplifier when it rises at its full rate, V
     fastest: ClassVar[float] = 1e-6
     """No amplifier is quicker than this, s/V; nothing of it is seen at 50 samples a second."""
 

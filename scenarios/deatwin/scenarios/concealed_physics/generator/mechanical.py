@@ -14,11 +14,8 @@ from deatwin.scenarios.concealed_physics.generator.mechanism import Draw, PlantM
 
 @dataclass(frozen=True, kw_only=True)
 class StopOperators(PlantMechanism, place=Place.BALL, signal="force", largest=3e-3):
-    r"""Prandtl and Ishlinskii's hysteresis: five elastic elements, each of which slips at its own deflection.
-
-    .. math:: F = -\sum_k \frac{F_h}{5r_k}\sigma_k, \qquad
-              \dot\sigma_k = v \text{ while } |\sigma_k| < r_k \text{ or } v\sigma_k < 0, \text{ else } 0
-    """
+    """Prandtl and Ishlinskii's hysteresis, F = -sum_k F_h/(5 r_k) sigma_k, by five elements that slip at r_k:
+    d(sigma_k)/dt = v while |sigma_k| < r_k or v sigma_k < 0, else 0."""
 
     force: float  # :math:`F_h`, N
     widest: float  # Largest :math:`r_k`, m; the smallest is an eighth of it
@@ -44,13 +41,8 @@ class StopOperators(PlantMechanism, place=Place.BALL, signal="force", largest=3e
 
 @dataclass(frozen=True, kw_only=True)
 class BristleFriction(PlantMechanism, place=Place.BALL, signal="force", largest=3e-3):
-    r"""Friction of bristles that bend before they slip, and hold better at rest (the LuGre model).
-
-    .. math:: F = -(\sigma_0z + \sigma_1\dot z), \qquad \dot z = v - \frac{\sigma_0|v|}{g(v)}z, \qquad
-              g = F_c\bigl[1 + 0.25\,e^{-(v/v_s)^2}\bigr]
-
-    Source: Canudas de Wit, Olsson, Astrom & Lischinsky, IEEE Trans. Autom. Control 40 (1995) 419.
-    """
+    """LuGre friction -(sigma_0 z + sigma_1 dz/dt), dz/dt = v - sigma_0 |v| z/g(v), g = F_c [1 + 0.25 exp(-(v/v_s)^2)]
+    (Canudas de Wit et al., IEEE Trans. Autom. Control 40 (1995) 419)."""
 
     force: float = Draw.part()  # :math:`F_c`, N
     bend: float = Draw.uniform(1e-6, 4e-6)  # :math:`F_c/\sigma_0`, m

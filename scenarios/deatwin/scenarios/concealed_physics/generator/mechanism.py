@@ -14,8 +14,7 @@ import numpy as np
 from deatwin.plant.effects.base import Effect, Family, Place
 from deatwin.plant.parameters import Parameter
 
-BUILT_IN = 1e12
-"""No parameter is beyond this: ranges are the diagnosis' business, not nature's."""
+BUILT_IN = 1e12  # No parameter is beyond this: ranges are the diagnosis' business, not nature's
 
 
 def log_uniform(rng: np.random.Generator, lower: float, upper: float) -> float:

@@ -26,20 +26,13 @@ from deatwin.scenarios.concealed_physics.generator.mechanism import Mechanism, S
 from deatwin.scenarios.concealed_physics.generator.waves import RICH, commands
 
 SECONDS, CHECK_SECONDS = 120.0, 48.0
-LOWEST, HIGHEST = 1.1, 3.75
-"""Range of the thesis' commands, V."""
-LEAST_NOISE = 1e-6
-"""Rms noise of a laser sensor, m: it shows where the motion is very small."""
-CLEAR = 1.04
-"""The film bears this many times the highest command."""
-LOWER, RETRIES = 0.93, 12
-"""Factor on the highest command if the film does not bear it, and number of attempts."""
-NEAR, CORRECTIONS = 0.1, 4
-"""Tolerance of a ratio to first order, and corrections that are made to reach it."""
-WITHIN, REFITS = 0.2, 4
-"""Tolerance of the ratio after a full refit, and number of refits."""
-LEAST = 1e-3
-"""Share of a mechanism's largest size below which a film that does not bear it calls for lower voltages."""
+LOWEST, HIGHEST = 1.1, 3.75  # Range of the thesis' commands, V
+LEAST_NOISE = 1e-6  # Rms noise of a laser sensor, m: it shows where the motion is very small
+CLEAR = 1.04  # The film bears this many times the highest command
+LOWER, RETRIES = 0.93, 12  # Factor on the highest command if the film does not bear it, and number of attempts
+NEAR, CORRECTIONS = 0.1, 4  # Tolerance of a ratio to first order, and corrections that are made to reach it
+WITHIN, REFITS = 0.2, 4  # Tolerance of the ratio after a full refit, and number of refits
+LEAST = 1e-3  # Share of a mechanism's largest size below which a film that does not bear it calls for lower voltages
 
 
 KINDS = ("clean", "effect", "outside", "pair", "tie")
