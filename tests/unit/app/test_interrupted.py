@@ -123,7 +123,7 @@ def test_ctrl_c_keeps_the_calibrated_plant(recorded: Path, validate: Callable[[s
     assert files(recorded / "result") == {"partial/steps.json", "partial/base_model.json"}
     line = err.splitlines()[-1]
     assert "error: interrupted while looking for a mismatch; there is no verdict" in line
-    assert "result/partial keeps the finished steps: gate, base" in line
+    assert "result/partial keeps the finished steps: check of the recordings, fit of the base plant" in line
     assert "Traceback" not in err
 
     steps = kept(recorded / "result")
@@ -281,7 +281,7 @@ def test_what_casadi_makes_of_an_interrupt_is_one(
 
     monkeypatch.setattr(partial.FinishedSteps, "take", taken_for_an_error)
     assert main([*DIAGNOSE, "mistaken"]) == 130
-    assert "mistaken/partial keeps the finished steps: gate" in capsys.readouterr().err
+    assert "mistaken/partial keeps the finished steps: check of the recordings" in capsys.readouterr().err
     assert files(on_bench / "mistaken") == {"partial/steps.json"}
 
 
