@@ -1,4 +1,4 @@
-"""Collector of the equations that rigs and effects write."""
+"""Collect the equations that rigs and effects write."""
 
 from __future__ import annotations
 
@@ -474,14 +474,14 @@ class Builder:
         return self.written.equations(output, further)
 
     def _average(self, name: str) -> None:
-        """Let a further reading be the mean of its level over the sample."""
+        """Replace a further reading by the mean of its level over the sample."""
         offered = {**{n: (value, 0.0, 1.0) for n, value in self.written.watched.items()}, **self.written.measured}
         if name in offered:  # or the equations are refused
             level, stored, share = offered[name]
             self.written.measured[name] = (self._mean(name, ca.SX(level), 1.0), stored, share)
 
     def _mean(self, name: str, value: Symbol, size: float) -> Symbol:
-        """The mean of a signal over the sample, from an integral that begins each sample at zero."""
+        """Return the mean of a signal over the sample, from an integral that restarts at each sample."""
         if value.is_constant():
             return value
         width, known = self.sample_time, f"{name}_integral"

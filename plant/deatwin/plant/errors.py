@@ -1,4 +1,4 @@
-"""Errors that deatwin raises, and suggestions of near names."""
+"""Errors that deatwin raises, and suggestions for misspelt names."""
 
 import difflib
 from collections.abc import Iterable

@@ -147,7 +147,7 @@ class Parameter:
 
 
 def _grown(end: float, value: float, widest: float) -> float:
-    """The end of a range that holds the value, if the widest one does."""
+    """Return the end of a range, extended to include the value if the widest range allows it."""
     while value > end and end < widest:
         end = min(WIDER * end, widest)
     return end

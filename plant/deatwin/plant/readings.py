@@ -1,4 +1,4 @@
-"""Further readings of a rig beside its first one, such as the current into a film."""
+"""Further readings of a rig besides the first one, such as the current into a film."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Reading:
 
 
 def readings_from(described: Any) -> tuple[Reading, ...]:
-    """The further readings that a rig's plain data describe."""
+    """Return the further readings from a rig's plain data."""
     try:
         return tuple(Reading(**one) for one in described)
     except TypeError as error:

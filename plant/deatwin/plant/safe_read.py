@@ -57,7 +57,7 @@ def read_regular(path: str | os.PathLike[str], limit: int, refuse: Callable[[str
 
 
 def kind_of_file(path: str | os.PathLike[str]) -> str:
-    """Return the kind of a path that is not a plain file, as ``"a pipe"``."""
+    """Return the kind of a path that is not a plain file, such as ``"a pipe"``."""
     try:
         mode = os.stat(path).st_mode
     except (OSError, ValueError):
@@ -66,7 +66,7 @@ def kind_of_file(path: str | os.PathLike[str]) -> str:
 
 
 def in_words(count: float) -> str:
-    """Return a number of bytes with a unit.
+    """Write a number of bytes with a unit.
 
     >>> in_words(2_000_000_000), in_words(10_737_418_240), in_words(1_000_000), in_words(12)
     ('2 GB', '10.7 GB', '1 MB', '12 bytes')
@@ -78,7 +78,7 @@ def in_words(count: float) -> str:
 
 
 def clipped(text: object, length: int = 80) -> str:
-    r"""Return content of a file for an error text: printable and shortened.
+    r"""Return content of a file, printable and shortened, for an error text.
 
     >>> clipped("one"), clipped("x" * 100, 5), clipped("a\x1b[31m")
     ('one', 'xxxxx…', 'a\\x1b[31m')

@@ -37,7 +37,7 @@ rounding leaves some 1e-15, and each equation has a scale of its own."""
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SmallSignal:
-    r"""Deviations from rest, sample by sample.
+    r"""A sampled linear system for deviations from rest.
 
     .. math:: x_{k+1} = A x_k + \sum_l B_l u_{k-l}, \qquad y_k = C x_k + \sum_l D_l u_{k-l}
     """
@@ -57,7 +57,7 @@ class SmallSignal:
 def small_signals(
     plant: Plant, commands: Sequence[float] | np.ndarray, *, values: np.ndarray | None = None, time: float = 0.0
 ) -> tuple[SmallSignal | None, ...]:
-    """Linearise a sample of a plant about rest at `commands` (n,); what was held at the start stays held."""
+    """Linearise a sample of a plant about rest at `commands` (n,); quantities held at the start stay held."""
     wanted = np.atleast_1d(np.asarray(commands, dtype=float))
     if not (wanted.ndim == 1 and np.isfinite(wanted).all() and np.isfinite(time)):
         raise DataError(f"commands = {commands} and time = {time} must be finite numbers")
@@ -87,7 +87,7 @@ def small_signals(
 
 
 def _differentiated(equations: Equations, point: Point, time: float, sample_time: float) -> SmallSignal:
-    """One sample from rest, with all stages at rest, and its derivatives by the states at its start and by commands."""
+    """Return one sample from rest, with its derivatives by the states at its start and by the commands."""
     here, held, inputs, values = point
     functions, n_x = sample_functions(equations), len(equations.states)
     step, *second = [_step_derivatives(equations, point, time, part) for part in equations.steps(0.0, sample_time)]
@@ -112,7 +112,7 @@ def _differentiated(equations: Equations, point: Point, time: float, sample_time
 
 
 def _static_gain(equations: Equations, point: Point, time: float, sample_time: float) -> float:
-    """Slope of the reading by the command, along states of rest under a slowly changing command.
+    """Return the slope of the reading by the command, along states of rest under a slowly changing command.
 
     Where a combination of the equations says nothing, as of the memory of hysteresis that follows the motion, its
     time integral is conserved, and says how that state moves.

@@ -1,4 +1,4 @@
-"""The arguments that several commands share, each written once."""
+"""Arguments that several commands share, each defined once."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ AllowGaps = Annotated[bool, typer.Option("--allow-gaps", help="Split a record at
 
 
 def positive(complaint: str) -> Callable[[float | None], float | None]:
-    """Make the callback of an option that takes positive numbers only; the complaint may show the value."""
+    """Make the callback of an option that accepts positive numbers only; its error may show the value."""
 
     def require(value: float | None) -> float | None:
         if value is not None and not 0.0 < value < math.inf:
@@ -95,7 +95,7 @@ _BETWEEN = "\x1f"  # the unit separator: no file name holds it
 
 
 def complete_effects(incomplete: str) -> list[str]:
-    """Effects of the catalogue for the shell's completion, without loading them.
+    """List effects of the catalogue for the shell's completion, without loading them.
 
     >>> complete_effects("electrode_")
     ['electrode_loss', 'electrode_rc']
@@ -105,7 +105,7 @@ def complete_effects(incomplete: str) -> list[str]:
 
 
 def fold_experiments(arguments: list[str]) -> list[str]:
-    """Gather the files behind each ``--experiment`` into its one value.
+    """Join the files after each ``--experiment`` into one value.
 
     >>> folded = fold_experiments(["diagnose", "rig.toml", "--experiment", "a.csv", "b.csv", "--out", "d"])
     >>> [unfold_experiment(value) for value in folded][3]
@@ -128,10 +128,10 @@ def fold_experiments(arguments: list[str]) -> list[str]:
 
 
 def _closed(files: list[str] | None) -> list[str]:
-    """The option with its files; an empty value where it has none, so that it does not swallow the next option."""
+    """Return the option with its files; empty if there are none, so that it does not consume the next option."""
     return [] if files is None else ["--experiment", _BETWEEN.join(files)]
 
 
 def unfold_experiment(value: str) -> list[str]:
-    """The files of one ``--experiment``."""
+    """Return the files of one ``--experiment``."""
     return value.split(_BETWEEN)

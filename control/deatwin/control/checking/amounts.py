@@ -1,4 +1,4 @@
-"""Numbers in sentences: beyond some size all say the same, and a reader need not count their digits."""
+"""Write numbers in sentences. A number beyond a limit is written as "more than" that limit, without its many digits."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ LARGEST: Mapping[str, float] = {" %": 1000.0, " times": 100.0, " steps": 100.0}
 
 
 def amount(value: float, form: str, unit: str) -> str:
-    """A number as a sentence has it.
+    """Write a number for a sentence.
 
     >>> amount(12.34, ".1f", " %"), amount(3e7, ".1f", " %"), amount(999.7, ".3g", " %")
     ('12.3 %', 'more than 1000 %', '1000 %')

@@ -197,7 +197,7 @@ def _known(plant: Plant | CalibratedPlant) -> CalibratedPlant:
 
 
 def _points(model: NarxModel, controller: Controller, operating_inputs: ArrayLike | None) -> Array:
-    """Operating inputs at which margins are judged, the controller's own among them; each once."""
+    """Return the operating inputs at which margins are judged, each once, including that of the controller."""
     c = controller
     if operating_inputs is not None:
         points = real_numbers(operating_inputs, "operating_inputs").ravel()

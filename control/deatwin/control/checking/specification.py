@@ -202,5 +202,5 @@ class Specification:
 
 
 def _defaults() -> dict[str, Limit]:
-    """The limits as they are by default: they say in which sense each is meant."""
+    """Return the default limits; they show which limits are upper and which are lower."""
     return {field.name: field.default for field in fields(Specification) if isinstance(field.default, Limit)}

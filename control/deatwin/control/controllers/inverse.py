@@ -1,4 +1,4 @@
-"""A controller behind the inverse of the actuator's static curve: the loop sees a unit gain everywhere."""
+"""A controller behind the inverse of the actuator's static curve, which makes the loop's static gain uniform."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class StaticCurve(Described):
 
     @cached_property
     def _table(self) -> tuple[Array, Array, NDArray[np.intp]]:
-        """Inputs and outputs of many points, outputs increasing, and the piece of the cubic behind each point."""
+        """Return inputs and outputs of many points, sorted by output, and the cubic piece at each point."""
         shares = np.arange(_CELLS) / _CELLS
         inputs = np.append((self.inputs[:-1, None] + np.diff(self.inputs)[:, None] * shares).ravel(), self.inputs[-1])
         pieces = np.repeat(np.arange(self.inputs.size - 1), _CELLS)

@@ -231,7 +231,7 @@ class Law:
         )
 
     def _transfer(self, b: Array, d: float) -> Polynomials:
-        """``C (z - A)^-1 b + d``, by the determinant of a rank-one change."""
+        """Return ``C (z - A)^-1 b + d``, computed from the determinant of a matrix with a rank-one change."""
         denominator = _characteristic(self.a)
         # The change has the size of A whatever the units are, so that no digits cancel in the difference.
         size = float(np.linalg.norm(b) * np.linalg.norm(self.c)) or 1.0
@@ -240,5 +240,5 @@ class Law:
 
 
 def _characteristic(matrix: Array) -> Array:
-    """Coefficients of ``det(z - A)``, from the highest power on."""
+    """Return the coefficients of ``det(z - A)``, highest power first."""
     return np.atleast_1d(np.real(np.poly(matrix))) if matrix.size else np.ones(1)

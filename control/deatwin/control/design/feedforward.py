@@ -1,4 +1,4 @@
-"""A reference that is fed forward through the inverse of the actuator's linear dynamics."""
+"""Feed a reference forward through the inverse of the actuator's linear dynamics."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ def with_dynamics(controller: InverseController, filter: InverseFilter) -> Inver
 
 
 def _ridge(matrix: Complex, target: Complex) -> Array:
-    """Real least squares of complex equations, a little shrunk."""
+    """Solve complex equations for real unknowns by least squares with a small ridge penalty."""
     rows = np.vstack([matrix.real, matrix.imag])
     sizes = np.diag(_RIDGE * np.linalg.norm(rows, axis=0))
     wanted = np.concatenate([target.real, target.imag, np.zeros(rows.shape[1])])

@@ -1,4 +1,4 @@
-"""PI and PID laws with limits, from their gains."""
+"""Make PI and PID laws with limits from their gains."""
 
 from __future__ import annotations
 

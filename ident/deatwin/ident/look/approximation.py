@@ -1,4 +1,4 @@
-"""A best linear approximation: response, noise, odd and even nonlinear distortions, in words and in a figure."""
+"""The result of a best linear approximation (response, noise, odd and even distortions) in words and as a figure."""
 
 from __future__ import annotations
 

@@ -203,7 +203,7 @@ class Look:
         return chosen
 
     def _mark(self, axes: Axes) -> None:
-        """Shade the stretches of the first output that are at fault."""
+        """Shade the faulty stretches of the first output."""
         told = set()
         for finding in self.findings:
             kind = _MARKED.get(finding.kind)
@@ -301,7 +301,9 @@ def _extras(records: Sequence[Recording]) -> list[Array]:
 
 
 def _noise(records: Sequence[Recording], pieces: Sequence[Array]) -> float | None:
-    """Return the noise of a channel as the diagnosis estimates that of a residual: the channel holds the motion, too."""
+    """Estimate the noise of a channel by the diagnosis' method for residuals; here the channel also contains the
+    motion.
+    """
     if max(piece.size for piece in pieces) < _FEWEST:
         return None
     commands = [record.inputs[0] for record in records]
@@ -319,7 +321,7 @@ def _excited(record: Recording, row: int) -> Excitation | None:
 
 
 def _findings(records: Sequence[Recording]) -> tuple[Finding, ...]:
-    """Return what `inspect_recordings` finds in the pieces that are long enough for it."""
+    """Return the findings of `inspect_recordings` for all pieces that are long enough."""
     found: list[Finding] = []
     for record in records:
         try:

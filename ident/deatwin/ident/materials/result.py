@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Choice:
-    """An energy with a number of branches that was tried."""
+    """An energy and a number of branches that were tried."""
 
     energy: str
     branches: int

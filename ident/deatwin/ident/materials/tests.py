@@ -85,7 +85,7 @@ class MaterialTest:
             raise DataError(f"{self.name}: all times are equal")
 
     def _require_sound(self, arrays: dict[str, Array]) -> None:
-        """Refuse values that no test has."""
+        """Raise an error for impossible values."""
         positive = ("stretch", "frequencies", "storage")
         for name, values in arrays.items():
             bad = ~np.isfinite(values) | ((values <= 0.0) if name in positive else False)

@@ -1,4 +1,4 @@
-"""Tables and samples of a diagnosis as xarray datasets have them."""
+"""Tables and samples of a diagnosis in the form of xarray datasets."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Told = Mapping[str, tuple[str, ...]]
 
 
 def samples(experiments: Any) -> Variables:
-    """Coordinates of all samples of several experiments, one after another.
+    """Return coordinates of all samples of several experiments, one after another.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def samples(experiments: Any) -> Variables:
 
 
 def places(located: LocationSummary | None, amplitude: str) -> Variables:
-    """The tables of a location: one dimension for each side from which it is looked at."""
+    """Return the tables of a location: one dimension each for time, frequency, region and place."""
     if located is None:
         return {}
     found: dict[str, Any] = {}
@@ -64,7 +64,7 @@ def places(located: LocationSummary | None, amplitude: str) -> Variables:
 
 
 def table(dimension: str, rows: Iterable[Mapping[str, Any]], told: Told) -> Variables:
-    """A table as `columns` has it, each column with what it means beside its unit.
+    """Make a table like `columns`, with unit and meaning of each column.
 
     Parameters
     ----------

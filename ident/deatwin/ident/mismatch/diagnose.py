@@ -1,4 +1,4 @@
-"""From recordings to a verdict: gate, base refit, detect, name, verify, refit, say. Read it top to bottom."""
+"""From recordings to a verdict: check the recordings, base refit, detect, name, verify, refit, say. Read it top to bottom."""
 
 from __future__ import annotations
 
@@ -192,7 +192,7 @@ def diagnose(
 def _among_variants(
     problem: DiagnosisProblem, base: Base, seen: Detection, rng: np.random.Generator
 ) -> tuple[Base, Detection]:
-    """The base plant beside all its alternative variants, in the one to go on with, and what is seen there.
+    """Choose the rig variant in which the diagnosis continues; return base plant and detection in it.
 
     A mismatch was `seen` in the variant chosen.
     """
@@ -203,11 +203,11 @@ def _among_variants(
 def _as_filed(
     problem: DiagnosisProblem, base: Base, seen: Detection, rng: np.random.Generator
 ) -> tuple[Base, Detection]:
-    """The base plant in the rig file's own variant, and what is seen there; `seen` was a mismatch in the variant chosen.
+    """Return base plant and detection in the rig file's own variant, unless the mismatch in it is in doubt.
 
-    What is missing may be all that another reading of the file did, and badly: it is looked for from the file's on. And
-    if nothing is missing there, nothing is: another reading is no better for leaving something. Only where the plain
-    test of the calibration is certain that something is, and detection is not, the other one stays.
+    Another interpretation of the file may only imitate, and badly, what is missing. So the search starts from the file's
+    own variant; and if nothing is missing there, nothing is missing. The other variant is kept only if, in the file's
+    own, the calibration certainly leaves a mismatch that detection does not confirm.
     """
     filed = base.as_filed(problem.nominal.rig)
     if filed is base:
@@ -220,10 +220,10 @@ def _as_filed(
 def _in_a_variant_that_lacks_nothing(
     problem: DiagnosisProblem, base: Base, seen: Detection, rng: np.random.Generator
 ) -> tuple[Base, Detection]:
-    """The base plant in an alternative variant in which nothing is missing, where something was `seen` to be in the chosen one.
+    """Return base plant and detection in a variant without a mismatch, if there is one.
 
-    A mismatch that is too small for the calibration to be certain of it does not make it take another variant; but what
-    another reading of the rig file does is no missing physics, however small it is.
+    The calibration takes another variant only for a certain mismatch. But a mismatch that another interpretation of the
+    rig file removes is not missing physics, however small it is.
     """
     if not seen.mismatch:
         return base, seen

@@ -1,4 +1,4 @@
-"""Recordings beside simulations laid out along one axis of time, ready to be drawn and written."""
+"""Arrange recordings and simulations along one time axis for figures and tables."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Stretch:
 
 
 def laid_out(readings: Readings, size: float) -> tuple[Stretch, ...]:
-    """Lay out recordings beside simulations.
+    """Arrange recordings and simulations along one time axis.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def laid_out(readings: Readings, size: float) -> tuple[Stretch, ...]:
 
 
 def stretches_of_true(flags: np.ndarray) -> list[tuple[int, int]]:
-    """Runs of true samples.
+    """Return the runs of true samples.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def stretches_of_true(flags: np.ndarray) -> list[tuple[int, int]]:
 
 
 def draw_residuals(readings: Readings, unit: str, axes: Axes) -> None:
-    """Draw what the calibrated and the amended plant leave of the readings; the held-out part is shaded.
+    """Draw the residuals of the calibrated and of the amended plant, with the held-out part shaded.
 
     Parameters
     ----------

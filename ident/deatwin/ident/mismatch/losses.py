@@ -14,7 +14,7 @@ RESAMPLES = 2000
 
 
 def block_losses(residuals: np.ndarray) -> np.ndarray:
-    """Mean square of a residual in consecutive blocks.
+    """Return the mean square of a residual in consecutive blocks.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def block_losses(residuals: np.ndarray) -> np.ndarray:
 
 
 def exceeds(losses: np.ndarray, floor: float) -> float:
-    """Test that the mean loss is no larger than a floor.
+    """Test whether the mean loss is larger than a limit.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def exceeds(losses: np.ndarray, floor: float) -> float:
 
 
 def evidence(losses: np.ndarray, parameters: int) -> float:
-    """Logarithm of the evidence for a model, by Schwarz' approximation with one observation a block.
+    """Return the log evidence for a model, by Schwarz' approximation with one observation per block.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def evidence(losses: np.ndarray, parameters: int) -> float:
 
 
 def bootstrap_gain(before: np.ndarray, after: np.ndarray, rng: np.random.Generator) -> float:
-    """Lower 95 % bound of how much the rms error falls, by a paired moving-block bootstrap.
+    """Return the lower 95 % bound of the decrease of the rms error, by a paired moving-block bootstrap.
 
     Runs of as many neighbouring losses as the square root of their number are drawn together, since a slow
     residual ties neighbours.

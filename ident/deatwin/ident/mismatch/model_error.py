@@ -49,7 +49,9 @@ def model_error_of(plant: Plant, problem: DiagnosisProblem) -> float:
 
 
 def _not_followed(plant: Plant, experiment: Experiment) -> float:
-    """Rms of what a plant cannot follow of its finer equations, SI; 0 where these cannot be simulated soundly."""
+    """Return the rms difference of a plant from its finer equations after a refit, SI; 0 if these cannot be
+    simulated.
+    """
     try:
         return plant.model_error(experiment).rms
     except SimulationError:
@@ -57,7 +59,7 @@ def _not_followed(plant: Plant, experiment: Experiment) -> float:
 
 
 def error_in(rig: Rig, reading: Reading, records: Sequence[Recording]) -> float | None:
-    """Rms of a rig's own error in a further reading, SI; None where no recording has it."""
+    """Return the rms model error of a rig in a further reading, SI; None if no recording contains it."""
     rows = [record.reading(reading.name) for record in records]
     known = np.concatenate([row[np.isfinite(row)] for row in rows])
     return max(reading.model_error, rig.share_of_motion * float(known.std())) if known.size else None
@@ -81,7 +83,7 @@ def with_model_error(plant: Plant, error: float) -> Plant:
 
 
 def differences(rigs: Sequence[Rig]) -> tuple[dict[str, Any], ...]:
-    """Return what rigs state differently, their model errors aside: those are found, not stated.
+    """Return the fields in which rigs differ, apart from their model errors, which are found and not stated.
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ from deatwin.plant.records import Json, plain
 
 @dataclass(frozen=True, kw_only=True)
 class GateSummary:
-    """The state of the recordings."""
+    """State of the recordings."""
 
     soundness: str
     findings: tuple[str, ...]
@@ -110,7 +110,7 @@ FreeFormSummary
 
 
 def quality_step(checked: DataQuality) -> Step:
-    """The state of the recordings.
+    """Return the state of the recordings as a step.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def quality_step(checked: DataQuality) -> Step:
 
 
 def base_step(problem: DiagnosisProblem, base: Base) -> Step:
-    """The calibrated base plant.
+    """Return the calibrated base plant as a step.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def variants_tried(problem: DiagnosisProblem, base: Base) -> tuple[FormSummary, 
 
 
 def fit_step(problem: DiagnosisProblem, fit: Calibration, unseen: np.ndarray | None) -> Step:
-    """A plant that was fitted with further effects.
+    """Return a fit with further effects as a step.
 
     Parameters
     ----------
@@ -204,7 +204,7 @@ def fit_step(problem: DiagnosisProblem, fit: Calibration, unseen: np.ndarray | N
 
 
 def found_step(name: str, found: _Found[StepResult] | None) -> Step | None:
-    """Return what a step found, as ``diagnosis.json`` would hold it.
+    """Return the result of a step in the form of ``diagnosis.json``.
 
     Parameters
     ----------
@@ -242,7 +242,7 @@ def _remainder(problem: DiagnosisProblem, form: Candidate) -> FormSummary:
 
 
 def _form(problem: DiagnosisProblem, fit: Calibration) -> dict[str, Any]:
-    """Return how the rig file is interpreted where that departs from it or it is silent."""
+    """Return the interpretation of the rig file where it differs from the file, or the file is silent."""
     return differences([problem.nominal.rig, fit.plant.rig])[1]
 
 

@@ -57,7 +57,7 @@ _ADVICE: Mapping[Verdict, str] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Shown:
-    """A parameter as a person writes it, in a unit with a prefix."""
+    """A parameter in a unit with a prefix, for a reader."""
 
     value: float
     low: float

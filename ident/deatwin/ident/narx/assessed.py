@@ -1,4 +1,4 @@
-"""What a model carries of the recordings that it was identified from: what they excited, and how far it can be relied on.
+"""Facts on the recordings that a model stores: the bands they excited, and how reliable the model is.
 
 `deatwin identify` and whoever identifies from Python save the same file by it.
 """
@@ -95,7 +95,7 @@ def assessed(
 
 
 def band_excited(recordings: Sequence[Recording]) -> tuple[dict[str, str], tuple[str, ...]]:
-    """Return the bands that the inputs excited as a model keeps them, and where there is none, the reasons."""
+    """Return the bands that the inputs excited, as a model stores them, or the reasons why there are none."""
     found, faults = [], []
     for record in recordings:
         if np.ptp(record.inputs[0]) > 0:
@@ -107,7 +107,7 @@ def band_excited(recordings: Sequence[Recording]) -> tuple[dict[str, str], tuple
 
 
 def _largest_residual(model: NarxModel, judged: Sequence[Recording]) -> dict[str, str]:
-    """Return the free-run residual as a model keeps it; where a free run diverges, that."""
+    """Return the free-run residual as a model stores it; if a free run diverges, that fact."""
     try:
         found = [free_run_residual(model, record) for record in judged]
     except DivergedError:

@@ -1,4 +1,4 @@
-"""How far a model may be relied upon: what its residual tests said, and the gain error of its free run."""
+"""Judge how reliable a model is, from its residual tests and the gain error of its free run."""
 
 from __future__ import annotations
 

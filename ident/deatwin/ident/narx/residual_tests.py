@@ -1,4 +1,4 @@
-"""What is left of a NARX model: the five correlation tests of its residual, and its whiteness.
+"""Test the residual of a NARX model by five correlations, and for whiteness.
 
 References
 ----------
@@ -253,7 +253,7 @@ def _bartlett(a: Series, b: Series, count: int, reach: int) -> Array:
 
 
 def _skewness(series: Series) -> float:
-    """Return the skewness of a signal over n^(1/4): that of a sum of n products is the product of two of them."""
+    """Return the skewness of a signal over n^(1/4); a sum of n products has the product of two of these."""
     x = np.concatenate(series)
     x = x - x.mean()
     square = x * x

@@ -1,4 +1,4 @@
-"""How well the parameters of a model are known when its residuals are neither white nor of one size.
+"""Estimate the covariance of parameters from residuals that are neither white nor of constant size.
 
 Least squares gives a covariance that holds for white residuals. Where the terms leave out physics the residuals are
 correlated, and the parameters scatter more from record to record than that covariance says. Here a record is cut into
@@ -83,7 +83,9 @@ class Cosines:
         return replace(self, coefficients=read_only(self.coefficients @ np.asarray(directions, dtype=np.float64).T))
 
     def drift(self, shares: ArrayLike) -> Array:
-        """Drift of the series from their means by the slow cosines, (n_times, n_series); `shares` (n_times,)."""
+        """Return the drift of the series from their means by the slow cosines, (n_times, n_series); `shares`
+        (n_times,).
+        """
         return np.asarray(self._slow_shapes(shares).T @ self.slow, dtype=np.float64)
 
     def drift_scales(self, shares: ArrayLike) -> Array:

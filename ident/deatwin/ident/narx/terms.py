@@ -274,7 +274,7 @@ class TermTable:
 
     @cached_property
     def _plan(self) -> tuple[tuple[int | None, tuple[int, ...]], ...]:
-        """For each term the earlier one that it extends by a factor, if any, and the factors to multiply."""
+        """Return, for each term, the earlier term that it extends by a factor, if any, and the factors to multiply."""
         column = {variable: j for j, variable in enumerate(self.variables)}
         seen: dict[tuple[Variable, ...], int] = {}
         plan = []

@@ -141,7 +141,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         object.__setattr__(self, "theta_cov", covariance_of(cov, [f"theta[{i}]" for i in range(size)]))
 
     def _take_signals(self, counts: Mapping[str, int]) -> None:
-        """Complete and check what is said of inputs and outputs."""
+        """Complete and check the descriptions of inputs and outputs."""
         for side, count in counts.items():
             names = (side,) if count == 1 else tuple(f"{side}{i}" for i in range(1, count + 1))
             filled = {"names": names, "units": ("",) * count}
@@ -315,7 +315,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
     def _begun(
         self, given: Recording | ArrayLike, warmup: int | None, initial: ArrayLike | None
     ) -> tuple[Drive, Opening]:
-        """Return what drives a run, and the state that it begins from."""
+        """Return inputs and initial state of a run."""
         n, counts = self.n_states, {"n_inputs": len(self.input_names), "n_outputs": len(self.output_names)}
         if isinstance(given, Recording) and initial is None and given.output_names:
             require_suits(given, sample_time=self.sample_time, fewest=2, **counts)

@@ -116,7 +116,7 @@ class Pnlss(StateSpaceIdentifier):
         return basis, rates, readings
 
     def _begun(self, linear: Point, records: Sequence[Record]) -> list[Point]:
-        """Return the linear system with all terms, whose weights are zero, for each draw of the directions."""
+        """Return the linear system with all terms at weight zero, for each draw of the directions."""
         basis, rates, readings = self._basis(linear.system.basis.inputs)
         held, first = {"transition": rates, "output": readings}, basis.linear
         weights, free = {}, {}

@@ -34,7 +34,7 @@ of a 16 Hz ball mode after a step to 0.2 µm, five to 0.003 µm, for a third mor
 
 
 def radau(stages: int) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes and Butcher matrix of Radau IIA.
+    """Return nodes and Butcher matrix of Radau IIA.
 
     >>> radau(2)[1].round(12).tolist()
     [[0.416666666667, -0.083333333333], [0.75, 0.25]]
@@ -61,7 +61,7 @@ class StepFunctions:
 
 
 def step_functions(equations: Equations) -> StepFunctions:
-    """Write the implicit step over a sample, or those over its two parts."""
+    """Make the implicit step over a sample, or the steps over its two parts."""
     stages = Stages.of(equations, *radau(STAGES))
     n_all, n_x = len(equations.states), stages.n_x
     x = ca.MX.sym("x", n_all)
@@ -93,9 +93,7 @@ def step_functions(equations: Equations) -> StepFunctions:
 
 
 def _begun(step: ca.Function, rows: Sequence[int], equations: Equations, place: int) -> ca.Function:
-    """A step before which, where the sample begins, integrals over it are put to zero and values are passed on. `rows` the
-    arguments that have a row for each state: the states, and their derivatives; `place` of the time at which it begins.
-    """
+    """Return a step that first, at the start of a sample, resets integrals to zero and passes values on."""
     arguments = step.mx_in()
     u, t, h = arguments[-5:-2]
     begins = t - u[place] < h / 2  # not so in a shorter step that goes on within a sample
@@ -110,7 +108,7 @@ def _with_middle(u: ca.MX, place: int, middle: ca.MX) -> ca.MX:
 
 
 def _in_two(step: ca.Function, n_states: int, place: int) -> ca.Function:
-    """Two steps of half the width, each with its own middle; some of the first results pass to the second."""
+    """Return two steps of half the width, each with its own middle; some results of the first pass to the second."""
     arguments = step.mx_in()
     at, kept, (u, t, h, p, c) = arguments[:n_states], arguments[n_states:-5], arguments[-5:]
     errors = []

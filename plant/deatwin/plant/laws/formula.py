@@ -1,4 +1,4 @@
-"""An elastic energy of one's own, written as a formula: text that a file can hold, and no code."""
+"""A user's elastic energy as a formula: text that a file can store, without code."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ class Formula:
 
 
 def _value(node: ast.expr, values: Mapping[str, Symbol]) -> Symbol:
-    """Value of a part of a formula."""
+    """Evaluate a part of a formula."""
     if isinstance(node, ast.Constant):
         return float(node.value)  # type: ignore[arg-type]
     if isinstance(node, ast.Name):

@@ -301,7 +301,7 @@ class Rig(ABC):
 
 @contextmanager
 def written(rig: Rig, build: Builder) -> Iterator[Any]:
-    """Let a rig write its equations and give its reading; what its code raises here becomes one line."""
+    """Let a rig write its equations, and return its reading; exceptions from its code become one line."""
     build.share("sample_time", rig.sample_time)
     build.share("follows_at_once", rig.follows_at_once)
     build.share("reading_size", rig.reading_size)

@@ -1,4 +1,4 @@
-"""Hints for a rig file that is not valid TOML: the parser knows the place, not the remedy."""
+"""Suggest remedies for a rig file that is not valid TOML; the parser only knows where the error is."""
 
 import re
 from collections.abc import Callable
@@ -28,7 +28,7 @@ _SLIPS: tuple[tuple[re.Pattern[str], Callable[..., str]], ...] = (
 
 
 def slip_of(text: str) -> str:
-    r"""Return the first slip in a rig file: its line, its key, and what to write.
+    r"""Return the first error in a rig file: its line, its key, and what to write.
 
     >>> slip_of("[film]\nprestretch = 3,5")
     'line 2, prestretch: a number has a decimal point: write 3.5'

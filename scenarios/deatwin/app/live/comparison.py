@@ -1,4 +1,4 @@
-"""Verdicts of several folders beside each other, as a table with drawings."""
+"""Compare the verdicts of several folders in a table with drawings."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def compare(verdicts: Sequence[Verdict]) -> Comparison:
 
 
 def _drawn(number: int, verdict: Verdict, limit: float) -> str:
-    """Errors before and after, on the fitted and on the held-out part, beside the noise."""
+    """Draw errors before and after, on fitted and on held-out data, with the noise."""
     from deatwin.studies.report.svg import COLOURS, draw, inline
 
     with DRAWING, draw(SIZE) as figure:

@@ -1,4 +1,4 @@
-"""Nonlinear output frequency responses that were fitted, and what is to be said of them."""
+"""Result of estimating nonlinear output frequency responses, with its warnings."""
 
 from __future__ import annotations
 
@@ -255,13 +255,13 @@ def _summed_gradient(outputs: Sequence[FrequencyResponse], shares: Array) -> Com
 
 
 def _summed(evaluates: Sequence[Callable[[Array], Evaluated]], shares: Array, thetas: Array) -> Evaluated:
-    """The sum at other parameters; which of them have an equilibrium is the same for all orders."""
+    """Return the sum of orders at other parameters; all orders have an equilibrium at the same parameters."""
     found = [evaluate(thetas) for evaluate in evaluates]
     return replace(found[0], values=np.tensordot(shares, [each.values for each in found], axes=1))
 
 
 def _by_line(found: Nofrf) -> Variables:
-    """G_n, U_n and what the fit leaves; NaN at lines where a G_n does not exist."""
+    """Return G_n, U_n and the residual of the fit; NaN at lines where G_n does not exist."""
     shape, along = (found.highest, found.inputs[0].omega.size), ("order", "frequency")
     g, truncation = np.full(shape, np.nan, dtype=np.complex128), np.full(shape, np.nan)
     for n, (response, power) in enumerate(zip(found.orders, found.inputs, strict=True)):

@@ -54,7 +54,7 @@ def confusion(squared: float) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Memory:
-    """Information of recordings against a refit of the alternative, to first order about its fitted parameters.
+    """Information from earlier recordings, to first order, that limits a refit of the alternative.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class Memory:
 
     @classmethod
     def of(cls, truth: Calibration, alternative: Calibration, parts: Sequence[Part]) -> Memory:
-        """Compute it from the fits of both to the same recordings, without simulations.
+        """Compute the information from fits of both explanations to the same recordings, without simulations.
 
         Parameters
         ----------
@@ -93,7 +93,7 @@ class Memory:
         return replace(self.known, left=self.known.left - self.jacobian @ _step(self.jacobian, self.known.left))
 
     def beside(self, other: Memory) -> Memory:
-        """This memory and that of other recordings.
+        """Combine this information with that of other recordings.
 
         Parameters
         ----------
@@ -282,7 +282,7 @@ class _Imitation(Problem):
 
 
 def _step(jacobian: np.ndarray, left: np.ndarray) -> np.ndarray:
-    """A damped Gauss-Newton step."""
+    """Take a damped Gauss-Newton step."""
     scale = np.linalg.norm(jacobian, axis=0)
     scale[scale == 0] = 1.0
     scaled = jacobian / scale
@@ -290,10 +290,10 @@ def _step(jacobian: np.ndarray, left: np.ndarray) -> np.ndarray:
 
 
 def _contains(alternative: Plant, truth: Plant) -> bool:
-    """Return whether a plant is another one with further effects, on the same rig."""
+    """Return whether a plant is another plant plus further effects, on the same rig."""
     return set(alternative.effect_names) > set(truth.effect_names) and _form(alternative) == _form(truth)
 
 
 def _form(plant: Plant) -> dict[str, object]:
-    """Describe the rig without its errors."""
+    """Return the description of a rig without its errors."""
     return {k: v for k, v in plant.rig.to_dict().items() if k not in ("noise", "model_error")}

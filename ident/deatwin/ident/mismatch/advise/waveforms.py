@@ -62,7 +62,7 @@ class Limits:
     rest: float
 
     def at(self, share: float | np.ndarray) -> np.ndarray:
-        """Commands at shares of the working range.
+        """Return the commands at given shares of the working range.
 
         Parameters
         ----------
@@ -79,12 +79,12 @@ class Limits:
 
     @property
     def farthest(self) -> float:
-        """Return how far from rest the plant may be driven to either side, as far as it works on both."""
+        """Return how far from rest the plant may be driven, to each side on which it works."""
         sides = [reach for reach in (self.top - self.rest, self.rest - self.bottom) if reach > 0]
         return min(*sides, self.highest - self.rest, self.rest - self.lowest)
 
     def scaled(self, share: float) -> Limits:
-        """Return the same with all distances from rest lessened, as far as the drive goes.
+        """Return limits whose distances from rest are multiplied by a factor.
 
         Parameters
         ----------
@@ -106,7 +106,7 @@ Maker = Callable[[Limits, float, float, np.random.Generator], np.ndarray]
 
 
 def used_range(parts: Sequence[Part]) -> tuple[float, float]:
-    """The lowest and the highest command of recordings.
+    """Return the lowest and the highest command of recordings.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def used_range(parts: Sequence[Part]) -> tuple[float, float]:
 
 
 def limits_of(plant: Plant, parts: Sequence[Part]) -> Limits:
-    """Return what a rig's drive may give; where it does not say, what recordings have used, and rest, where all begin.
+    """Return the drive's limits or, if the rig states none, the range of the recordings, extended to rest.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def limits_of(plant: Plant, parts: Sequence[Part]) -> Limits:
 
 
 def safe_limits(plants: Sequence[Plant], limits: Limits) -> Limits | None:
-    """Lower a range until all plants bear its ends, each held, with some headroom.
+    """Reduce a range until all plants tolerate its ends, each held, with some headroom.
 
     Parameters
     ----------
@@ -196,7 +196,7 @@ def bears(plant: Plant, commands: np.ndarray, rest: float, headroom: float = HEA
 def waveform(
     name: str, limits: Limits, seconds: float, sample_time: float, rng: np.random.Generator
 ) -> np.ndarray | None:
-    """Commands of a waveform of the repertoire.
+    """Return the commands of a waveform of the repertoire.
 
     Parameters
     ----------
@@ -225,7 +225,7 @@ def waveform(
 
 
 def _middle(seconds: float, sample_time: float) -> float:
-    """A frequency halfway, on a logarithmic scale, between the slowest and the fastest, Hz: 0.6 for a minute."""
+    """Return the logarithmic mean of the slowest and the fastest frequency, Hz: 0.6 for a minute."""
     return float(np.sqrt(0.5 / sample_time / seconds))
 
 
@@ -234,7 +234,7 @@ def _fast(sample_time: float) -> float:
 
 
 def _multisine(seconds: float, sample_time: float, rng: np.random.Generator) -> np.ndarray:
-    """One period of odd harmonics up to a tenth of the sample rate, between -1 and 1; slow ones are the largest."""
+    """Return one period of odd harmonics up to a tenth of the sample rate, between -1 and 1, slow ones largest."""
     period = max(20, round(seconds / sample_time)) * sample_time
     lines = odd_harmonics(period, max(0.1 / sample_time, 1.01 / period))
     wave = random_phase_multisine(

@@ -120,7 +120,7 @@ def detect_in(left: Leftover, rng: np.random.Generator, *, draws: int = DRAWS) -
 
 
 def _taking_up_the_rest(base: Candidate, problem: DiagnosisProblem) -> Calibration | None:
-    """Refit the plant to all recordings; return the fit if it is adequate in fitted and in held-out data.
+    """Refit the plant to all recordings; return the fit if fitted and held-out data then show no mismatch.
 
     Parameters from the fitted data alone may amplify the model error in the held-out data. A fit that reaches further
     bounds is rejected.
@@ -133,7 +133,7 @@ def _taking_up_the_rest(base: Candidate, problem: DiagnosisProblem) -> Calibrati
 
 
 def _answering_late(base: Candidate, problem: DiagnosisProblem, size: float) -> Calibration | None:
-    """Refit the plant with a dead time; return the fit if it is adequate and the dead time within the timing error.
+    """Refit the plant with a dead time; return the fit if it is adequate and the dead time is a mere timing error.
 
     Triggers, filters and integrators of real rigs are slightly late, which is no missing physics. This is not tried if
     the residual's `size`, SI, is larger than such a dead time could cause.

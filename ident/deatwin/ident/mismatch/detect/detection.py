@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Curves:
-    """Curves of a detection that are drawn.
+    """Curves that a detection draws.
 
     Parameters
     ----------

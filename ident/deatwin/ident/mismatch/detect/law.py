@@ -128,6 +128,6 @@ class Law:
 
 
 def _moments(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and standard deviation over draws; a statistic that never varies says nothing, so it counts as 0."""
+    """Return mean and standard deviation over draws; a statistic that never varies counts as 0."""
     deviation = values.std(axis=0, ddof=1)
     return values.mean(axis=0), np.where(deviation > 1e-12, deviation, np.inf)

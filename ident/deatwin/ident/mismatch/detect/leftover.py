@@ -1,4 +1,4 @@
-"""Residual of a calibrated plant, with all that its tests need."""
+"""Residual of a calibrated plant, with the signals that its tests need."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Leftover:
-    """A free-run residual over all sound samples, recordings one after another, and how the refit bears on it.
+    """A free-run residual over all sound samples, recordings one after another, with the Jacobian of the refit.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ class Leftover:
 
     @property
     def of_first(self) -> Leftover:
-        """Return what is left of the first reading alone."""
+        """Return the residual of the first reading alone."""
         if self.first is None or self.first == self.residual.size:
             return self
         values = {field.name: getattr(self, field.name) for field in fields(self)}
@@ -116,7 +116,7 @@ class Leftover:
 
 
 def leftover_of(base: Candidate, problem: DiagnosisProblem) -> Leftover:
-    """Residual, Jacobian and signals of a calibrated plant on all that is on the problem.
+    """Return residual, Jacobian and signals of a calibrated plant on all recordings of the problem.
 
     Parameters
     ----------

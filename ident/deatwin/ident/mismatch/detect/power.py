@@ -12,7 +12,7 @@ FACTOR, STEPS, HALVINGS = 1.5, 40, 6
 
 
 class Power:
-    """Detection of an effect by its size and its correlations on the fitted part; the rest can only add to it.
+    """Detection of effects by size and correlation in the fitted data; held-out data would only add to it.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class Power:
         self._along = law.kept @ law.battery.regressors
 
     def smallest(self, change: np.ndarray, practical: float) -> float | None:
-        """Strength at which an effect is detected nine times in ten.
+        """Return the smallest strength at which an effect is detected nine times in ten.
 
         Parameters
         ----------
@@ -65,7 +65,9 @@ class Power:
         return float(high)
 
     def _detected(self, square: np.ndarray, along: np.ndarray, practical: float) -> np.ndarray:
-        """For each draw, given the fitted part's mean square and the amplitudes along the regressors."""
+        """Return whether each draw is detected, from its mean square and amplitudes along the regressors in fitted
+        data.
+        """
         law = self._law
         linear = along / np.sqrt(self._share * square + self._outside)[:, None]
         ratio = (np.log(square / law.left.floor) - law.ratios[0][0]) / law.ratios[1][0]

@@ -25,7 +25,7 @@ GROUPS = ("variance ratio", "cumulative periodogram", "correlation with the comm
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scores:
-    """All statistics of some residuals, before they are standardised.
+    """All statistics of several residuals, before standardisation.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class Scores:
 
     @classmethod
     def stacked(cls, pieces: Sequence[Scores]) -> Scores:
-        """Scores of several sets of residuals as one.
+        """Join the scores of several sets of residuals.
 
         Parameters
         ----------
@@ -62,7 +62,7 @@ class Scores:
 
 
 class Battery:
-    """The statistics of residuals on given recordings.
+    """Computes the statistics of residuals on given recordings.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ class Battery:
         self.lines = next_fast_len(left.residual.size, real=True)
 
     def __call__(self, residuals: np.ndarray) -> Scores:
-        """All statistics.
+        """Compute all statistics.
 
         Parameters
         ----------
@@ -112,7 +112,7 @@ class Battery:
 
 
 def _regressors(left: Leftover) -> tuple[tuple[str, ...], np.ndarray]:
-    """Command, its rate and their powers at several lags, and time; each with mean 0 and variance 1."""
+    """Return command, rate and their powers at several lags, and time, each with mean 0 and variance 1."""
     level = _standard(left.commands)
     rate = _standard(np.concatenate([np.gradient(level[r]) if level[r].size > 1 else level[r] for r in left.records]))
     signals = {
@@ -138,7 +138,7 @@ def _lags(left: Leftover) -> list[int]:
 
 
 def _delayed(signal: np.ndarray, records: Sequence[slice], lag: int) -> np.ndarray:
-    """A signal a while ago, 0 before its recording began."""
+    """Return a delayed signal, 0 before its recording began."""
     found = np.zeros(signal.size)
     for r in records:
         found[r.start + lag : r.stop] = signal[r.start : max(r.start, r.stop - lag)]

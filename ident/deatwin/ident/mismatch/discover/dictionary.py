@@ -1,4 +1,4 @@
-"""The functions among which a free form is sought, and their values along recordings."""
+"""The functions of which a free form may consist, and their values along recordings."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ POSITION, RATE = "displacement", "velocity"
 
 
 def signals_along(plant: Plant, part: Part, position: str) -> dict[str, Array]:
-    """The signals of which there are functions, along a plant's free run, as means over each sample.
+    """Return the signals on which a free form may depend, along a plant's free run, as means over each sample.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def signals_along(plant: Plant, part: Part, position: str) -> dict[str, Array]:
 
 
 def dictionary(along: Sequence[Signals], position: str) -> tuple[Primitive, ...]:
-    """Functions of state, input and time, with and without memory.
+    """Return functions of state, input and time, with and without memory.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def _rms(pieces: Sequence[Array]) -> float:
 
 
 def evaluated(terms: Sequence[Primitive], signals: Signals, sample_time: float) -> Array:
-    """Values of functions along one part.
+    """Evaluate functions along one part.
 
     Parameters
     ----------

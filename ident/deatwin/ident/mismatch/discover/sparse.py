@@ -32,7 +32,7 @@ FALSE_DISCOVERIES = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class Stable:
-    """A term that is chosen again and again.
+    """A term that is chosen in most resampled records.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class Stable:
 
 
 def stable_terms(columns: Array, target: Array, nuisances: Array, rng: np.random.Generator) -> tuple[Stable, ...]:
-    """Choose a few columns that make up a target.
+    """Choose the few columns that explain a target.
 
     Runs of neighbouring blocks of samples are drawn with replacement, and each record made so chooses its own columns.
     What is chosen in nine of ten is kept, if it gains more evidence than chance gives: of the terms that gain as
@@ -98,13 +98,13 @@ def stable_terms(columns: Array, target: Array, nuisances: Array, rng: np.random
 
 
 def _freed(target: Array, basis: Array) -> Array:
-    """Return what nuisances cannot make of a target, of length 1."""
+    """Return the part of a target that nuisances cannot explain, scaled to length 1."""
     left = taken_off(target, basis)
     return left / max(float(np.linalg.norm(left)), 1e-300)
 
 
 def _stable(chosen: Sequence[Sequence[int]], aliases: NDArray[np.bool_]) -> list[Stable]:
-    """Select the most frequent member of each group of aliases that is chosen often enough."""
+    """From each group of indistinguishable columns chosen often enough, take the most frequent."""
     number = len(aliases)
     own = np.array([sum(j in support for support in chosen) for j in range(number)])
     shared = np.array([sum(aliases[j, list(support)].any() for support in chosen) for j in range(number)])
@@ -118,7 +118,7 @@ def _stable(chosen: Sequence[Sequence[int]], aliases: NDArray[np.bool_]) -> list
 
 
 def _forward(products: Array, count: int) -> tuple[int, ...]:
-    """Choose columns one after another, as many as the evidence of so many blocks supports."""
+    """Choose columns one after another, as many as the evidence from the blocks supports."""
     from pysindy import FROLS
 
     rows = _rows_of(products)
@@ -136,7 +136,7 @@ def _forward(products: Array, count: int) -> tuple[int, ...]:
 
 
 def _gains(products: Array, support: Sequence[int], count: int) -> list[float]:
-    """Evidence that each term of a support adds to the others."""
+    """Return the evidence that each term of a set adds to the others."""
     whole = _evidence(products, support, count)
     return [whole - _evidence(products, [k for k in support if k != j], count) for j in support]
 
@@ -158,13 +158,13 @@ def _blocks(unit: Array, target: Array) -> Array:
 
 
 def _drawn(count: int, rng: np.random.Generator) -> NDArray[np.int_]:
-    """Return how often each block is drawn, in runs of as many as the square root of their number."""
+    """Return how often each block is drawn, in runs whose length is the square root of the number of blocks."""
     run = max(1, round(np.sqrt(count)))
     starts = rng.integers(0, count, size=-(-count // run))
     return np.bincount(((starts[:, None] + np.arange(run)) % count).ravel()[:count], minlength=count)
 
 
 def _rows_of(products: Array) -> Array:
-    """Return a square matrix with these sums of products."""
+    """Return a square matrix whose rows have the given sums of products."""
     values, vectors = np.linalg.eigh(products)
     return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)

@@ -16,7 +16,7 @@ from deatwin.plant.errors import DataError
 
 @dataclass(frozen=True, kw_only=True)
 class Process:
-    """A stationary sum of independent first-order processes: shares of the variance, and time constants in s."""
+    """A stationary sum of independent first-order processes, given by shares of the variance and time constants in s."""
 
     weights: tuple[float, ...]
     times: tuple[float, ...]
@@ -35,7 +35,7 @@ class Process:
 
 @dataclass(frozen=True, kw_only=True)
 class LogNormal:
-    """A positive scale that is known up to a factor; known exactly where the spread of its logarithm is 0."""
+    """A positive scale with a log-normal prior; it is known exactly if the spread is 0."""
 
     median: float
     spread: float = 0.0
@@ -86,7 +86,7 @@ class Reading:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prior:
-    """Standard normal coordinates, shape (m,): where the fit lies in them, and above which value each is allowed.
+    """Standard normal coordinates, shape (m,), with their values at the fit and their lower limits.
 
     An amplitude that cannot be negative is allowed above 0, which is half a normal; -inf allows everything.
     """
@@ -96,7 +96,7 @@ class Prior:
 
     @classmethod
     def of(cls, *blocks: tuple[int, np.ndarray | None], one_sided: Sequence[int] = ()) -> Self:
-        """Blocks of so many coordinates, fitted where given and 0 otherwise; numbers of those that stay above 0."""
+        """Join blocks of coordinates, at the fitted values or 0, and say which of them cannot be negative."""
         fitted = np.concatenate([np.zeros(m) if at is None else at for m, at in blocks])
         above = np.full(fitted.size, -np.inf)
         above[list(one_sided)] = 0.0

@@ -76,7 +76,7 @@ class Bands(Described):
 
 
 def locate_frequency(tracks: Sequence[Track], noise: float) -> Bands:
-    """Bands in which the residual's spectrum lies above white sensor noise.
+    """Find the bands in which the residual's spectrum exceeds white sensor noise.
 
     Welch's estimate over segments of twenty seconds, longer ones where samples are slow, averaged over records; each line is tested against the
     chi-squared law of an averaged periodogram, with the false-discovery rate held at 5 % over all lines, and must
@@ -132,5 +132,5 @@ def locate_frequency(tracks: Sequence[Track], noise: float) -> Bands:
 
 
 def _runs(lines: np.ndarray) -> list[np.ndarray]:
-    """Consecutive integers, in groups; a gap of one line does not part a group."""
+    """Group consecutive integers; a gap of one line does not split a group."""
     return [run for run in np.split(lines, np.flatnonzero(np.diff(lines) > 2) + 1) if run.size]

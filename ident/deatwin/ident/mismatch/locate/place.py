@@ -1,4 +1,4 @@
-"""Location of the mismatch in the plant: an unknown force is allowed at each place in turn."""
+"""Locate the mismatch in the plant: an unknown force is allowed at one place at a time."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class OpenedPlace:
 
     @property
     def summary(self) -> PlaceSummary:
-        """The place as a diagnosis has it."""
+        """Return the summary for a diagnosis."""
         return PlaceSummary(
             place=self.place,
             score=self.score,
@@ -84,7 +84,7 @@ class OpenedPlace:
 
 @dataclass(frozen=True, kw_only=True)
 class Places(Described):
-    """Places by how well something that enters there explains the mismatch.
+    """Places, ranked by how well an unknown force there explains the mismatch.
 
     Parameters
     ----------
@@ -104,17 +104,17 @@ class Places(Described):
 
     @property
     def repeatable(self) -> bool:
-        """Return whether the mismatch is a repeatable function of the signals anywhere."""
+        """Return whether the mismatch is a repeatable function of the signals at any place."""
         return self.closure_p_value < REPEATABLE
 
     @property
     def among_best(self) -> tuple[str, ...]:
-        """The places that the recordings do not tell apart, the best first; empty where nothing is repeatable."""
+        """Return the places that the recordings cannot distinguish, the best first; empty if nothing is repeatable."""
         return tuple(dict.fromkeys(o.place for o in self.opened if o.among_best)) if self.repeatable else ()
 
     @property
     def summary(self) -> tuple[PlaceSummary, ...]:
-        """The places as a diagnosis has them: each with its best signal, the best first."""
+        """Return the summary of each place with its best signal, the best place first."""
         best: dict[str, PlaceSummary] = {}
         for one in self.opened:
             best.setdefault(one.place, one.summary)
@@ -152,7 +152,7 @@ class Places(Described):
 
 
 def locate_place(base: Candidate, problem: DiagnosisProblem, rng: np.random.Generator) -> Places:
-    """Open one place of the plant after the other.
+    """Allow an unknown force at one place after another.
 
     For each place, two quantities are computed: how much likelier the readings are with a random force there, and
     whether that force is a repeatable function of the signals there. The second one ranks the places, because with one
@@ -209,7 +209,7 @@ def locate_place(base: Candidate, problem: DiagnosisProblem, rng: np.random.Gene
 
 
 def _openings(plant: Plant) -> tuple[Opening, ...]:
-    """Return the declared signals of a rig; without any, its parameters and states; for a foreign model, its reading."""
+    """Return the signals that a rig offers; without any, its parameters and states; for a foreign model, its reading."""
     if not plant.rig.equations_known:
         return ()
     offered = places(plant)

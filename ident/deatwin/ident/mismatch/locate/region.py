@@ -120,7 +120,7 @@ class Regions(Described):
 
 
 def locate_region(tracks: Sequence[Track], unit: float) -> Regions:
-    """Ranges of the operating signals in which the residual's mean is not zero.
+    """Find the ranges of the operating signals in which the residual's mean is not zero.
 
     Each signal is cut into bins of equal counts; the mean over a bin is tested with one independent value a
     second, and the false-discovery rate is held at 5 % over all bins of all signals.
@@ -164,7 +164,7 @@ def locate_region(tracks: Sequence[Track], unit: float) -> Regions:
 
 
 def _signals(track: Track) -> Mapping[str, np.ndarray]:
-    """The track's signals, the branch of the motion, and the time since the command stood still."""
+    """Return the track's signals, the branch of the motion, and the time since the command last rested."""
     made = {}
     rate = next((values for name, values in track.signals.items() if name.endswith(RATE)), None)
     if rate is not None:
@@ -176,7 +176,7 @@ def _signals(track: Track) -> Mapping[str, np.ndarray]:
 
 
 def _since_rest(command: np.ndarray, sample_time: float) -> np.ndarray:
-    """Time since a command last rested; since the beginning of the record before it ever did, s."""
+    """Return the time since a command last rested; before the first rest, since the record began; s."""
     samples = np.arange(command.size)
     moved = np.concatenate([[True], np.diff(command) != 0])
     still = samples - np.maximum.accumulate(np.where(moved, samples, 0))
@@ -185,7 +185,7 @@ def _since_rest(command: np.ndarray, sample_time: float) -> np.ndarray:
 
 
 def _bins(name: str, values: np.ndarray, residual: np.ndarray, seconds: np.ndarray) -> list[Bin]:
-    """Bins of equal counts, or one for each value where a signal has few."""
+    """Return bins of equal counts, or one bin per value if a signal has few values."""
     distinct = np.unique(values)
     if 1 < distinct.size <= BINS:
         between = (distinct[1:] + distinct[:-1]) / 2
@@ -215,7 +215,7 @@ def _bins(name: str, values: np.ndarray, residual: np.ndarray, seconds: np.ndarr
 
 
 def _mean_test(values: np.ndarray, seconds: np.ndarray) -> tuple[float, float, float]:
-    """Mean, its standard error and its two-sided p-value from the scatter of the means of whole seconds."""
+    """Return the mean, its standard error and two-sided p-value, from the scatter of the means of whole seconds."""
     _, inverse = np.unique(seconds, return_inverse=True)
     means = np.bincount(inverse, weights=values) / np.bincount(inverse)
     if means.size < 3:

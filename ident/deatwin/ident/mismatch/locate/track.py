@@ -1,4 +1,4 @@
-"""The residual of one record, and what may go with it."""
+"""The residual of one record, with the signals on which it may depend."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SI: Unit = ("SI", 1.0)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Track:
-    """The residual of one record and the signals that may go with it.
+    """The residual of one record and the signals on which it may depend.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def readings(plant: Plant, experiments: Sequence[Experiment], reading: str = "")
 
 
 def tracks(plant: Plant, experiments: Sequence[Experiment], reading: str = "") -> tuple[Track, ...]:
-    """Residual and operating signals of each record.
+    """Return residual and operating signals of each record.
 
     Parameters
     ----------

@@ -140,7 +140,7 @@ class Candidate:
 
 
 def judge(problem: DiagnosisProblem, calibration: Calibration, noise: float) -> Candidate | None:
-    """Free-run residuals of a fitted plant on the held-out part.
+    """Simulate a fitted plant on the held-out data, and return it with its residuals.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def judge(problem: DiagnosisProblem, calibration: Calibration, noise: float) -> 
 
 
 def noise_seen(fit: Calibration, parts: Sequence[Part]) -> float:
-    """The sensor's noise as the residuals of a fit show it.
+    """Estimate the sensor's noise from the residuals of a fit.
 
     Parameters
     ----------

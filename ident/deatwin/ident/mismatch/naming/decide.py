@@ -195,7 +195,7 @@ class Naming(Described):
 
 
 def normalised(weights: Mapping[tuple[str, ...], float]) -> dict[tuple[str, ...], float]:
-    """Probabilities of explanations.
+    """Scale the weights of explanations so that they add up to one.
 
     Parameters
     ----------
@@ -212,7 +212,7 @@ def normalised(weights: Mapping[tuple[str, ...], float]) -> dict[tuple[str, ...]
 
 
 def nothing_tried(base: Candidate) -> Naming:
-    """The naming of recordings that need none.
+    """Return the naming for recordings without a mismatch.
 
     Parameters
     ----------

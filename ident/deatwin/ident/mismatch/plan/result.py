@@ -150,7 +150,7 @@ class ExperimentPlan:
 
     @property
     def _more(self) -> str:
-        """Return what the best reading would tell that the rig does not have."""
+        """State what the best additional reading would distinguish."""
         best = next((one for one in self.readings if one.tells), None)
         if best is None:
             return ""

@@ -1,4 +1,4 @@
-"""Faults of each reading that stand out beside a calibrated plant: stretches in which it is held, and bursts of noise."""
+"""Faults that a comparison with a calibrated plant reveals: held readings and bursts of noise."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from deatwin.plant.model import Plant
 
 
 def without_faults(checked: DataQuality, plant: Plant) -> DataQuality:
-    """The recordings with the faults of each reading marked, which stand out beside a calibrated plant.
+    """Return recordings in which the faults revealed by a calibrated plant are marked.
 
-    The same object where there are none.
+    If there are none, the same object is returned.
     """
     outputs = [plant.simulate(experiment).require().outputs for experiment in checked.experiments]
     commands = [record.inputs[0] for experiment in checked.experiments for record in experiment.recordings]

@@ -1,4 +1,4 @@
-"""The sensor's noise, as recordings show it."""
+"""Estimate the sensor's noise from recordings."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class NoiseSource(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class NoiseFloor:
-    """The sensor's noise, and what each source says of it.
+    """The sensor's noise, with the estimate of each source.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class NoiseFloor:
 
     @property
     def sentence(self) -> str:
-        """Return where the level comes from, in one plain sentence."""
+        """Return a sentence that says where the noise level comes from."""
         return f"the noise is estimated from {self.source.value}"
 
 
@@ -87,13 +87,12 @@ def noise_level(
     commands: Sequence[np.ndarray] = (),
     repeats: Repeats | None = None,
 ) -> NoiseFloor:
-    """Ask every source for the sensor's noise; the one that says least is the best.
+    """Estimate the sensor's noise from every source; the smallest estimate is the best.
 
     Differences between repeats of a command are free of whatever the plant lacks; readings at rest are free of what it
-    lacks in motion; the top of the residual's spectrum is free of what it lacks at low frequencies. Each can only say
-    too much: repeats where a disturbance comes in, rests where it is there too, the spectrum where fast motion is
-    missing. The data sheet is believed unless all of them say clearly more: what a sensor does in a rig is seldom less.
-    Without a data sheet (0) the best one is believed.
+    lacks in motion; the top of the residual's spectrum is free of what it lacks at low frequencies. Each estimate can only be too large: repeats and rests because of a disturbance, the spectrum because of missing fast
+    motion. The data sheet is used unless all estimates are clearly larger, because noise in a rig is rarely smaller.
+    Without a data sheet (0), the smallest estimate is used.
 
     Parameters
     ----------
@@ -181,7 +180,9 @@ def noise_levels(
 
 
 def _bends(residual: np.ndarray) -> np.ndarray:
-    """Distance of each value from the cubic through its neighbours, of the noise's variance; nan where unknown."""
+    """Return the distance of each value from the cubic through its neighbours, with the noise's variance; NaN if
+    unknown.
+    """
     found = np.full(residual.size, np.nan)
     if residual.size >= MIDDLE.size:
         found[2:-2] = neighbours_deviation(residual)[2:-2] / np.linalg.norm(MIDDLE)
@@ -189,7 +190,9 @@ def _bends(residual: np.ndarray) -> np.ndarray:
 
 
 def _with_signal(logs: np.ndarray, signal: np.ndarray, known: np.ndarray) -> tuple[float, np.ndarray]:
-    """Log odds that log variances `logs` (k,), of the samples `known`, vary with a signal (n,); the variances (n,)."""
+    """Return log odds that log variances `logs` (k,), of the samples `known`, vary with a signal (n,); and the
+    variances (n,).
+    """
     from scipy.ndimage import convolve1d
 
     knots = np.unique(
@@ -213,7 +216,7 @@ def _with_signal(logs: np.ndarray, signal: np.ndarray, known: np.ndarray) -> tup
 
 
 def _is_white(bends: np.ndarray, some: np.ndarray) -> bool:
-    """Return whether at most a share of the power of some bends is of what is smooth, whose bends have the same sign."""
+    """Return whether at most a share of the deviations' power is smooth; smooth deviations keep their sign."""
     pairs = np.flatnonzero(some[1:] & some[:-1])
     if not pairs.size:
         return False
@@ -223,7 +226,7 @@ def _is_white(bends: np.ndarray, some: np.ndarray) -> bool:
 
 
 def rests(command: np.ndarray, sample_time: float) -> np.ndarray:
-    """Samples at which a command has stood still for four seconds.
+    """Return the samples at which a command has been constant for four seconds.
 
     Parameters
     ----------
@@ -249,7 +252,8 @@ def _at_rest(residual: np.ndarray, command: np.ndarray, sample_time: float) -> l
 
 
 def _white(pieces: Sequence[np.ndarray], above: float) -> float:
-    """Standard deviation of white noise with the median power density seen above a share of the Nyquist frequency.
+    """Return the standard deviation of white noise with the median power density above a share of the Nyquist
+    frequency.
 
     The median over the lines ignores tones and slow errors. The median over the segments ignores bursts, such as the
     error after each step of a plant that answers too early.

@@ -1,4 +1,4 @@
-"""Faults of single readings (stuck, lost, spiked, stepped), and stretches in which a command hides them."""
+"""Find faulty readings (stuck, lost, spikes, steps), and the stretches in which a command hides such faults."""
 
 from __future__ import annotations
 
@@ -55,11 +55,12 @@ LOST_SAMPLES = 3
 
 
 def stuck(record: Recording) -> np.ndarray:
-    """Runs of one and the same reading of a `record` while the command moves, longer than a second or up to a leap.
+    """Find runs of equal readings of a `record` that last over a second, or end in a jump, while the command moves.
 
-    Those up to a leap are longer than chance makes them. Readings in coarse steps stay the same over slow commands, too,
-    but then go on by a step or two. And dry friction holds a plant, whose reading stands still without any noise if it is
-    a counter's, until the command is large enough; or, if it sticks and slips, stands as often, and leaps as far, elsewhere.
+    A run that ends in a jump must be longer than chance makes it. Readings with coarse steps also stay equal under slow
+    commands, but then continue by a step or two. Dry friction holds a plant until the command is large enough; the
+    reading of a counter then has no noise. A plant that sticks and slips stands still as long, and jumps as far, at
+    other times.
     """
     reading, command = record.outputs[0], record.inputs[0]
     usual = reading[~spikes(reading)]
@@ -89,23 +90,21 @@ def stuck(record: Recording) -> np.ndarray:
 
 
 def _longest_by_chance(equal: np.ndarray) -> float:
-    """Readings that one run of equal ones may hold by chance, if each is `equal` to the next as often as any other is."""
+    """Return how many equal readings may follow each other by chance, given how often neighbours are `equal`."""
     share = float(equal.mean())
     return 1 + np.log(BY_CHANCE) / np.log(share) if 0.0 < share < 1.0 else np.inf
 
 
 def _is_likely(ways: np.ndarray, number: int) -> bool:
-    """Return whether a reading stands so long on the command's way by chance, if each bit of way may make it go on, as the
-    other ways on which it stood say.
+    """Return whether chance may make a reading stand still over so much travel of the command, given how far it stood still
+    elsewhere.
     """
     others = np.delete(ways, number)
     return bool(others.size and ways[number] < -np.log(BY_CHANCE) * others.mean())
 
 
 def _slips(reading: np.ndarray, command: np.ndarray, sample_time: float, run: tuple[int, int]) -> bool:
-    """Return whether a `run` of one `reading` under a command without leaps ends in a step as others: one of ten or more is
-    half as large where the command changed no faster.
-    """
+    """Return whether a `run` of one `reading`, under a command without jumps, ends in a step like others."""
     first, last = run
     speed = np.abs(np.diff(command, prepend=command[0]))
     if last == reading.size or speed[first + 1 : last + 1].max() > MOVES * np.ptp(command):
@@ -120,10 +119,10 @@ def _slips(reading: np.ndarray, command: np.ndarray, sample_time: float, run: tu
 def _may_be_held(
     reading: np.ndarray, command: np.ndarray, sample_time: float, run: tuple[int, int], near: float
 ) -> bool:
-    """Return whether friction may hold the plant in a `run` of one `reading`, from its first sample to before its last.
+    """Return whether friction may hold the plant during a `run` of one `reading`.
 
-    It lets go where the command leaps, or never did; and under commands as those of the run, which are too small for
-    it, it holds the plant at other times as well, within `near`, once that has had a second to come to rest.
+    Friction lets go when the command jumps, unless it never held. Under commands like those of the run, which are too
+    small to move the plant, it also holds the plant at other times, within `near`, after a second of rest.
     """
     first, last = run
     delay, settling = max(3, round(LETS_GO / sample_time)), samples_in(STUCK_SECONDS, sample_time)
@@ -144,11 +143,11 @@ def _may_be_held(
 def held(
     reading: np.ndarray, simulated: np.ndarray, command: np.ndarray, sample_time: float, noise: float
 ) -> np.ndarray:
-    """Runs in which a `reading` is but noise while the plant moves.
+    """Find runs in which a `reading` contains only noise although the plant moves.
 
-    A converter that holds its last value still has its noise. It comes back within a sample, to where the plant is by
-    then, or never. A leap that is larger than any motion within a sample, of plant and reading, is no motion. One that is
-    not may be: what the plant did in the last second may come late then, or friction have held it. Arrays of shape (n,);
+    A converter that holds its last value still has noise. It returns within a sample to the plant's present position, or
+    never. A jump larger than any motion of plant and reading within a sample proves the hold. A smaller jump may be
+    motion: the plant's motion of the last second may arrive late, or friction may have held the plant. Arrays of shape (n,);
     `simulated` is the calibrated plant's reading; `reading` is nan where unknown.
     """
     mask, known = np.zeros(reading.size, dtype=bool), np.flatnonzero(np.isfinite(reading))
@@ -181,9 +180,9 @@ def held(
 
 
 def lost(record: Recording) -> np.ndarray:
-    """Runs of one and the same reading of a `record`, far from those before and after: the sensor had no film to see.
+    """Find runs of equal readings of a `record`, far from those before and after: the sensor did not see the film.
 
-    No film leaps away and back by itself, each time within a sample, and stands still in between.
+    No film jumps away and back, each within a sample, and stands still in between.
     """
     reading = record.outputs[0]
     mask, still = np.zeros(reading.size, dtype=bool), quiet(record)
@@ -199,7 +198,7 @@ def lost(record: Recording) -> np.ndarray:
 
 
 def spikes(signal: np.ndarray) -> np.ndarray:
-    """Single values of a `signal` far from the cubic through their four neighbours."""
+    """Find single values of a `signal` far from the cubic through their four neighbours."""
     bend = _bends(signal)
     deviation = np.abs(bend)
     # A spike bends its neighbours' cubics too, by two thirds of its size: only the peak is the outlier.
@@ -212,12 +211,14 @@ def spikes(signal: np.ndarray) -> np.ndarray:
 
 
 def _bends(signal: np.ndarray) -> np.ndarray:
-    """Distance of each value from the cubic through its four neighbours, as if the signal went on at its ends."""
+    """Return the distance of each value from the cubic through its four neighbours, with the signal continued at its
+    ends.
+    """
     return neighbours_deviation(np.pad(signal, 2, mode="edge"))[2:-2]
 
 
 def _isolated(far: np.ndarray, bend: np.ndarray, typical: float) -> np.ndarray:
-    """The values `far` off with others as usual on both sides, and not in a burst of noise or at its edge.
+    """Keep those `far` values whose neighbours on both sides are usual, outside bursts of noise and their edges.
 
     `bend` is that of the signal without them, shape (n,).
     """
@@ -243,7 +244,7 @@ def _usual_share(squares: np.ndarray) -> float:
 
 
 def _beside(bend: np.ndarray) -> np.ndarray:
-    """Return how far the neighbours of each value lie off their cubics once it lies on its own: those have it, too."""
+    """Return how far the neighbours of each value lie from their cubics after it is moved onto its own."""
     padded = np.pad(bend, 2, constant_values=np.nan)
     shares = {1: 2 / 3, 3: 2 / 3, 0: -1 / 6, 4: -1 / 6}
     off = [np.abs(padded[k : k + bend.size] + share * bend) for k, share in shares.items()]
@@ -251,7 +252,7 @@ def _beside(bend: np.ndarray) -> np.ndarray:
 
 
 def jumps(signal: np.ndarray) -> np.ndarray:
-    """First values of a `signal` after a step that takes no longer than a sample."""
+    """Find the first values of a `signal` after steps that take no longer than a sample."""
     # The bend changes by the step's size at the step, and by two thirds of it, the other way, on either side.
     step = np.abs(np.diff(neighbours_deviation(signal), prepend=0.0))
     beside = np.pad(step, 1)
@@ -260,7 +261,8 @@ def jumps(signal: np.ndarray) -> np.ndarray:
 
 
 def _typical(deviation: np.ndarray, signal: np.ndarray) -> float:
-    """Standard deviation of normal values with the median absolute deviation seen; half a step of coarse readings.
+    """Return the standard deviation of normal values with the observed median deviation, at least half a step of
+    coarse readings.
 
     Where the readings stand still they say nothing of it.
     """
@@ -272,7 +274,7 @@ def _typical(deviation: np.ndarray, signal: np.ndarray) -> float:
 
 
 def clipped(record: Recording) -> np.ndarray:
-    """Readings of a `record` that pile up at a limit."""
+    """Find readings of a `record` that pile up at a limit."""
     mask = np.zeros(record.n_samples, dtype=bool)
     for rows in at_limit(record.outputs[0]).values():
         mask[np.concatenate(rows)] = True
@@ -280,7 +282,7 @@ def clipped(record: Recording) -> np.ndarray:
 
 
 def quiet(record: Recording) -> np.ndarray:
-    """Samples of a `record` away from jumps and corners of the command, after which the film rings."""
+    """Find samples of a `record` away from jumps and corners of the command, after which the film rings."""
     command = record.inputs[0]
     step = np.diff(command, prepend=command[0])
     bend = np.diff(step, prepend=0.0)

@@ -145,7 +145,7 @@ def calibrate_base(problem: DiagnosisProblem) -> Base:
 
 
 def beside_alternatives(problem: DiagnosisProblem, base: Base) -> Base:
-    """The base plant with its alternative variants, where none was asked because the first one was good enough.
+    """Return the base plant with its alternative variants, if these were not fitted because the first one was adequate.
 
     Parameters
     ----------

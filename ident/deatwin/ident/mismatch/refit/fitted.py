@@ -11,7 +11,7 @@ from deatwin.plant.model import Plant
 
 
 def fitted_parameters(nominal: Plant, fit: Calibration) -> dict[str, FittedParameter]:
-    """Each fitted parameter with its interval, and where it came from.
+    """Return each fitted parameter with its interval and its nominal value.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def fitted_parameters(nominal: Plant, fit: Calibration) -> dict[str, FittedParam
 
 
 def fitted_effect(plant: Plant, name: str) -> Effect:
-    """One of a plant's effects, with the values that it has in the plant.
+    """Return an effect of a plant with the plant's values.
 
     Parameters
     ----------

@@ -180,7 +180,7 @@ class Orders:
 
 
 def per_input(name: str, value: int | Sequence[int], n_inputs: int, least: int) -> tuple[int, ...]:
-    """Return an order for each input."""
+    """Return an order for each input; a single number holds for all."""
     values = tuple(value) if isinstance(value, Sequence | np.ndarray) else (value,) * n_inputs
     if len(values) != n_inputs or any(not isinstance(v, int | np.integer) or v < least for v in values):
         raise ModelError(
