@@ -28,7 +28,7 @@ class ContractError(DeatwinError, AssertionError):
 
 
 def check_identifier(identifier: Any, *, recordings: Sequence[Recording] | None = None) -> None:
-    """Raise unless an estimator keeps the contract of deatwin's identifiers.
+    """Raise an error unless an estimator fulfils the contract of deatwin's identifiers.
 
     The contract: arguments are stored untouched, and nothing else is set before a fit. ``get_params``, ``set_params``,
     `sklearn.base.clone` and `sklearn.utils.get_tags` work, and ``score`` ranks fits in a search over recordings.

@@ -133,7 +133,7 @@ class Discrepancy:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Return the discrepancy that `to_dict` described.
+        """Make the discrepancy from the data that `to_dict` returned.
 
         Parameters
         ----------

@@ -17,7 +17,7 @@ BEYOND = 1.01
 
 
 class Scale(Enum):
-    """Coordinate in which a fit moves a parameter, chosen so that the plant is nearly linear in it."""
+    """Coordinate in which a fit changes a parameter, chosen so that the plant is nearly linear in it."""
 
     LINEAR = "value"
     LOGARITHMIC = "ln(value)"
@@ -134,7 +134,7 @@ class Parameter:
 
     @property
     def beyond(self) -> float | None:
-        """Value just beyond the nearest end of the range, SI; None if physics ends there."""
+        """Value just beyond the nearest end of the range, SI; None if this end is a physical limit."""
         end = self.lower if self.is_low else self.upper
         open_end = self.widest is not None and 0.0 < abs(end) < self.widest and (end < 0.0 or not self.is_low)
         return BEYOND * end if open_end else None

@@ -21,7 +21,7 @@ ROWS = 3
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """One reading of a rig: its name, its unit, and how far it is to be trusted.
+    """One reading of a rig: its name, its unit, and its accuracy.
 
     Parameters
     ----------

@@ -94,7 +94,7 @@ class Material:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Return the material that `to_dict` described.
+        """Make the material from the data that `to_dict` returned.
 
         Parameters
         ----------

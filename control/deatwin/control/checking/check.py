@@ -103,8 +103,8 @@ def check(
     operating_input : float, optional
         Constant input about which the loop is closed, in its unit; the centre of the training data by default.
     operating_inputs : array_like, shape (n,), optional
-        Further operating points at which margins are judged, in the input's unit; by default five over the range in
-        which the references of the check move. The controller's own operating point is always included.
+        Further operating points at which margins are judged, in the input's unit; by default five that cover the commands
+        needed by the check's references. The controller's own operating point is always included.
     closed_loop_time : float, optional
         Wanted time constant lambda of the closed loop for the default design, s; see `lambda_tuning`.
     command_limits : (float, float), optional

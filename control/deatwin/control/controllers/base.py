@@ -80,7 +80,7 @@ class Controller(ABC):
 
     @abstractmethod
     def start(self) -> Array:
-        """State at the moment when the loop is closed, shape (states,)."""
+        """State when the loop is closed, shape (states,)."""
 
     @abstractmethod
     def command(self, reference: ArrayLike, reading: ArrayLike, state: Array) -> tuple[Array, Array]:

@@ -128,7 +128,7 @@ class Law:
 
     @property
     def feedback(self) -> Polynomials:
-        """Transfer function from minus the reading to the command; times the model's it is the loop gain."""
+        """Transfer function from minus the reading to the command; its product with the model is the loop gain."""
         return self._transfer(-self.b[:, READING], -self.d[READING])
 
     def feedback_response(self, omega: ArrayLike, sample_time: float) -> NDArray[np.complex128]:
@@ -152,7 +152,7 @@ class Law:
         return np.asarray(values, dtype=np.complex128)
 
     def lost_digits(self, sample_time: float) -> float:
-        """Return the largest relative difference between the response of `feedback` and that of the state equations.
+        """Return the largest relative error of `feedback`, compared with the response of the state equations.
 
         Roots of a polynomial that lie close together depend on the last digits of its coefficients.
 

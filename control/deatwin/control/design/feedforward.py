@@ -90,8 +90,7 @@ class InverseFilter:
 def inverse_filter(linear: LinearModel, band_Hz: float) -> InverseFilter:
     """Fit a causal filter to the inverse of a model's dynamics on a band.
 
-    The filter combines the present reference, the previous one and three first-order lags; least squares of ``F G/G(1) - 1`` from a
-    hundredth of the band to its end give the weights. The filter is stable wherever the model's zeros lie.
+    The filter combines the present reference, the previous one and three first-order lags. Their weights minimise ``F G/G(1) - 1`` in the least-squares sense, from a hundredth of the band to its end. The filter is stable wherever the model's zeros lie.
 
     Parameters
     ----------

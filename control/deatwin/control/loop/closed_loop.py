@@ -118,14 +118,14 @@ class ClosedLoop(Described):
 
     @property
     def effort(self) -> float:
-        """Mean path of the command, input unit by second."""
+        """Mean total variation of the command, input unit by second."""
         if self.command.size < 2:
             return 0.0
         return float(np.abs(np.diff(self.command)).sum() / (self.timepts[-1] - self.timepts[0]))
 
     @property
     def levels(self) -> tuple[Level, ...]:
-        """Levels of a step reference that the run reached, without the first one and without repeats."""
+        """Levels of a step reference that the run reached, without the first one and without repetitions."""
         still = np.flatnonzero(np.diff(self.reference) != 0.0)
         edges = np.concatenate([[-1], still, [self.reference.size - 1]]) + 1
         flat = [(int(a), int(b)) for a, b in pairwise(edges) if b - a >= _LEVEL]
@@ -137,7 +137,7 @@ class ClosedLoop(Described):
 
     @property
     def overshoot(self) -> float:
-        """Largest excursion beyond a new level of a step reference, as a share of its step."""
+        """Largest amount by which the output exceeds a new level of a step reference, as a share of the step."""
         over = [(self.output[v.first : v.stop] - self.reference[v.settled]) / v.step for v in self.levels]
         return max([0.0, *(float(share.max()) for share in over)])
 

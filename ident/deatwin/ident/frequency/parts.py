@@ -122,7 +122,7 @@ FORMS: Mapping[str, type[Tones]] = {"symmetric": Tones, "recursive": TonesInOrde
 
 
 class Orders:
-    """Orders of the output in the size of a periodic input, over a period. Shapes: `excitation` (..., n)."""
+    """Parts of a periodic output by order, that is, by the power of the input's size. Shapes: `excitation` (..., n)."""
 
     def __init__(self, excitation: Array, highest: int) -> None:
         self.excitation = np.atleast_2d(excitation)
@@ -131,19 +131,19 @@ class Orders:
         self._turn = np.exp(-2j * np.pi * np.arange(self.n_samples // 2 + 1) / self.n_samples)
 
     def splits(self, part: int) -> Iterable[tuple[int, int]]:
-        """All pairs of orders that make an order."""
+        """Return all pairs of orders that add up to an order."""
         return ((part - last, last) for last in range(1, part))
 
     def input(self, part: int, lag: int, row: int) -> Array | None:
-        """The delayed input, which is of order one only."""
+        """Return the delayed input, which belongs to order one only."""
         return np.roll(self.excitation[row], lag) if part == 1 else None
 
     def delayed(self, values: Array, part: int, lag: int) -> Array:
-        """Delay within the period. Shapes: `values` (..., n)."""
+        """Delay a part within the period. Shapes: `values` (..., n)."""
         return np.roll(values, lag, axis=-1)
 
     def filtered(self, values: Array, part: int, feedback: Feedback) -> Array:
-        """Filter in the frequency domain, which is exact in the steady state. Shapes: `values` (..., n)."""
+        """Filter a part in the frequency domain, which is exact in the steady state. Shapes: `values` (..., n)."""
         denominator = _denominator(feedback, self._turn, lambda lag: self._turn**lag)
         return np.fft.irfft(np.fft.rfft(values) / denominator, self.n_samples)
 

@@ -128,8 +128,8 @@ class FrequencyResponse(Described, Frozen):
     theta_dof : float
         Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
     inputs : tuple of str
-        Names of the inputs that the frequencies of H_n are in, or whose powers G_n and Y_n go with; empty for a model of
-        one input.
+        Names of the inputs that carry the frequencies of H_n, or to whose powers G_n and Y_n are proportional; empty for
+        a model of one input.
     """
 
     symbol: str = field(metadata=attribute())
@@ -219,12 +219,12 @@ class FrequencyResponse(Described, Frozen):
 
     @property
     def gain_deviation(self) -> Array:
-        """Standard deviation of the gain, shape (n,): the ellipse projected onto the direction of the value."""
+        """Standard deviation of the gain, shape (n,): that of the ellipse in the direction of the value."""
         return self._deviation(self._direction)
 
     @property
     def phase_deviation_deg(self) -> Array:
-        """Standard deviation of the phase, degrees, shape (n,): that across the direction of the value, by the gain.
+        """Standard deviation of the phase, degrees, shape (n,): that perpendicular to the value, divided by the gain.
 
         It holds to first order, like that of the gain; it is infinite if the gain is zero and uncertain.
         """

@@ -134,19 +134,20 @@ class Calibration(Described):
 
     @property
     def within_reach(self) -> float:
-        """Rms residual, SI; for a fit that ran out of simulations, the value that its linear model would reach."""
+        """Rms residual, SI; for a fit that ran out of simulations, the value predicted by its linear model."""
         return linearised_rms(self.residuals, self.jacobian) if self.status is FitStatus.STOPPED else self.rms
 
     @property
     def movable(self) -> np.ndarray:
-        """Jacobian of the parameters that a refit can change, shape (m, k), SI; parameters on a bound are left out."""
+        """Jacobian of the parameters that a refit can change, shape (m, k), SI; those on a bound are omitted."""
         return self.jacobian[:, [k for k, name in enumerate(self.names) if name not in self.at_bound]]
 
     @cached_property
     def undetermined(self) -> frozenset[str]:
         """Parameters that the readings do not determine, by themselves or because others have the same effect.
 
-        The criterion is how much the readings change when a parameter moves through its range, against the median one.
+        A parameter counts as undetermined if moving it through its range changes the readings far less than moving the
+        median parameter does.
         """
         widths = np.ptp(np.reshape([p.ends for p in _fitted(self)], (-1, 2)), axis=1)
         changes = self.jacobian * np.where(np.isfinite(widths), widths, 1.0)

@@ -127,12 +127,14 @@ class Part:
         return self.weight * np.concatenate([r.reading(self.reading)[m] for r, m in records])
 
     def row(self, rig: Rig) -> int:
-        """Number of the reading among those of a rig, from 0."""
+        """Position of the reading among those of a rig, from 0."""
         return row_of(rig, self.reading)
 
     @cached_property
     def history(self) -> tuple[object, ...]:
-        """All on which a simulation of the experiment depends, to tell parts that share one."""
+        """Everything on which a simulation of the experiment depends; parts with equal histories share one
+        simulation.
+        """
         return tuple(
             (r.start, r.inputs.tobytes(), *((name, row.tobytes()) for name, row in r.extras.items()))
             for r in self.experiment.recordings

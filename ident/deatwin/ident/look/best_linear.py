@@ -50,9 +50,9 @@ def best_linear_approximation(
 ) -> BestLinearApproximation:
     """Estimate the best linear approximation of a system from periodic recordings, with noise and distortions.
 
-    What differs between periods is noise; what differs between realisations of the input's phases (robust method), or
-    appears on lines that are not excited (fast method: one realisation of an odd random-phase multisine with detection
-    lines), is nonlinear distortion. Recordings of the same signal count as further periods.
+    Differences between periods are noise. Nonlinear distortion is what differs between realisations of the input's phases
+    (robust method), or appears on lines that are not excited (fast method: one realisation of an odd random-phase
+    multisine with detection lines). Recordings of the same signal count as further periods.
 
     Parameters
     ----------

@@ -127,7 +127,7 @@ class Look:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Describe the recording in lines of plain text."""
+        """Description of the recording, in lines of plain text."""
         found = [self.clock, *map(str, self.channels)]
         for pattern, excited in zip(self.patterns, self.excitations, strict=True):
             bands = "" if excited is None else ", ".join(f"{low:.3g} to {high:.3g} Hz" for low, high in excited.bands)

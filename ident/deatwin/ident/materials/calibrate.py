@@ -49,8 +49,8 @@ def calibrate_material(tests: Sequence[MaterialTest], about: Mapping[str, Any] |
 
     The equilibrium network is one of the energies of `deatwin.plant.laws`; Schwarz' criterion, an approximation of the
     evidence, chooses it and the number of Maxwell branches. If the odds of several energies differ by less than a
-    factor of 20, the one with the fewest parameters is chosen. Samples are weighed by their errors, which have an
-    absolute and a relative part, a factor of each specimen, and may hang together; all of these are estimated.
+    factor of 20, the one with the fewest parameters is chosen. Samples are weighted by their errors. These have an absolute and a relative part, a common factor for each specimen,
+    and may be correlated; all of this is estimated.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ FEWEST = 4
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MaterialTest:
-    """One test of one specimen, which was at rest and unstretched before.
+    """One test of a specimen that was at rest and unstretched before.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ class MaterialTest:
 
     @property
     def is_dma(self) -> bool:
-        """True for moduli over frequency."""
+        """Whether the test gives moduli over frequency."""
         return self.kind == "dma"
 
     @property
@@ -115,7 +115,7 @@ class MaterialTest:
 
     @property
     def clock(self) -> tuple[float, float] | None:
-        """Shortest and longest time that the test shows, s; None if it shows none."""
+        """Shortest and longest time scale that the test shows, s; None if it shows none."""
         if self.is_dma:
             turned = 2.0 * np.pi * np.asarray(self.frequencies)
             return float(1.0 / turned.max()), float(1.0 / turned.min())

@@ -206,7 +206,7 @@ class Diagnosis(Described):
     }
 
     def to_dict(self) -> dict[str, Any]:
-        """The content of ``diagnosis.json``."""
+        """Return the content of ``diagnosis.json``."""
         data = {"schema": SCHEMA, **plain(self)}
         data["locate"] = data["locate"] or plain(NOWHERE)
         for cause, held in zip(self.causes, data["causes"], strict=True):
@@ -241,7 +241,7 @@ class Diagnosis(Described):
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Return the diagnosis that `to_dict` described.
+        """Make the diagnosis from the data that `to_dict` returned.
 
         Parameters
         ----------

@@ -20,7 +20,7 @@ SPACE = 0.02
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Readings:
-    """Recorded readings and the simulated ones beside them; SI.
+    """Recorded readings with the simulated ones; SI.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class Readings:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stretch:
-    """One record with what was measured and simulated, in the unit that is reported.
+    """One record with measured and simulated readings, in the reported unit.
 
     Parameters
     ----------
@@ -54,13 +54,13 @@ class Stretch:
     clock : ndarray, shape (n,)
         Times on the experiment's own clock, s.
     axis : ndarray, shape (n,)
-        Times at which it is drawn, s.
+        Times on the axis of the figure, s.
     command, measured, base : ndarray, shape (n,)
         Command in its own unit; readings.
     amended : ndarray, shape (n,), or None
-        Readings of the amended plant, where there is one.
+        Readings of the amended plant; None if there is none.
     unseen : ndarray of bool, shape (n,)
-        Samples that no fit saw.
+        Held-out samples.
     sample_time : float
         s.
     """

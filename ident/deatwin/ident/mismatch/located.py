@@ -25,7 +25,7 @@ class Window:
 
 @dataclass(frozen=True, kw_only=True)
 class Band:
-    """A band of frequencies whose spectrum lies above the floor."""
+    """A band of frequencies in which the spectrum exceeds the noise."""
 
     from_Hz: float = field(metadata=variable(unit="Hz"))
     to_Hz: float = field(metadata=variable(unit="Hz"))

@@ -73,7 +73,7 @@ class ReadingSummary:
 
     @property
     def name(self) -> str:
-        """Name of the signal as it stands in a sentence."""
+        """Name of the signal for use in a sentence."""
         return self.reading.replace("_", " ")
 
 

@@ -104,7 +104,7 @@ FreeFormSummary
     model: CalibratedPlant | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the step as its file holds it; numbers that no fit determines are None."""
+        """Return the step as stored in its file; numbers that no fit determines are None."""
         found: dict[str, Any] = _finite(plain(self.result))
         return found
 

@@ -28,12 +28,12 @@ class Verdict(Enum):
 
     @property
     def advice(self) -> str:
-        """Return what to do next."""
+        """Advice on what to do next."""
         return _ADVICE[self]
 
     @property
     def has_causes(self) -> bool:
-        """Return whether effects are built into the amended plant."""
+        """Whether effects are built into the amended plant."""
         return self in (Verdict.NAMED, Verdict.AMBIGUOUS, Verdict.PARTLY)
 
 
@@ -84,7 +84,7 @@ class Interval:
 
     @property
     def shown(self) -> Shown:
-        """Return the interval, rounded as a person would write it.
+        """The interval, rounded for a reader.
 
         A value that is negligible compared with its interval about zero is shown as 0.
         """

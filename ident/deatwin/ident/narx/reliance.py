@@ -82,7 +82,7 @@ class Reliance:
 
     @property
     def caveats(self) -> tuple[str, ...]:
-        """Reasons not to rely on the model, each without its last full stop."""
+        """Reasons not to rely on the model, each as a sentence without its full stop."""
         found = []
         if self.status is None:
             found.append(

@@ -107,7 +107,7 @@ class CorrelationTest:
 
     @property
     def largest(self) -> float:
-        """Correlation of largest magnitude."""
+        """Correlation with the largest magnitude."""
         return float(self.values[np.argmax(np.abs(self.values))])
 
     def plot(self, ax: Axes | None = None) -> Axes:

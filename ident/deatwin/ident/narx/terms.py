@@ -219,7 +219,7 @@ class TermTable:
         return tuple(variable for variable in self.variables if variable.shape is not None)
 
     def in_units(self, scales: Mapping[str, Array]) -> TermTable:
-        """Return the table for signals that are counted in other units: only functions depend on them.
+        """Return the table for signals in other units; only functions depend on the units.
 
         Parameters
         ----------

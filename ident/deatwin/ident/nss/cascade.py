@@ -34,7 +34,7 @@ class Structure(StrEnum):
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class Cascade(StateSpaceIdentifier):
-    """Identify a cascade of linear dynamics and static functions, of one input and one output, by its free-run error.
+    """Identify a cascade of linear dynamics and static functions, with one input and one output, by its free-run error.
 
     The linear dynamics start from the best linear approximation, to which they are proportional if the input is
     Gaussian and the cascade has one linear block (Bussgang). For ``"LNL"`` all divisions of its poles and zeros between

@@ -64,7 +64,7 @@ class Formula:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names of the parameters, in the order in which they first stand in the text."""
+        """Names of the parameters, in the order of their first occurrence."""
         found = sorted(
             (node for node in ast.walk(self._tree) if isinstance(node, ast.Name)), key=lambda node: node.col_offset
         )

@@ -43,7 +43,7 @@ class ReadingTime(Enum):
 
     @property
     def other_end(self) -> ReadingTime:
-        """The end of the hold at which the reading may be taken instead."""
+        """The other end of the hold, at which the reading may have been taken instead."""
         return ReadingTime.START_OF_HOLD if self is ReadingTime.END_OF_HOLD else ReadingTime.END_OF_HOLD
 
 
@@ -143,7 +143,7 @@ class Rig(ABC):
         return StartProcedure()
 
     def starts_of(self, effects: tuple[Effect, ...]) -> tuple[Parameter, ...]:
-        """Return the parameters of a start that nobody knows: how far each memory is from rest when it begins.
+        """Return the parameters of an unknown start: how far each memory is from rest when the recording begins.
 
         Parameters
         ----------
@@ -201,7 +201,7 @@ class Rig(ABC):
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Return the rig that `to_dict` described.
+        """Make the rig from the data that `to_dict` returned.
 
         Parameters
         ----------
@@ -280,7 +280,7 @@ class Rig(ABC):
 
     @property
     def averages(self) -> bool:
-        """True if each row's readings are means over its hold."""
+        """Whether each row's readings are means over its hold."""
         return self.reading is ReadingTime.MEAN_OVER_HOLD
 
     @property
@@ -291,11 +291,13 @@ class Rig(ABC):
 
     @property
     def share_of_motion(self) -> float:
-        """Least rms error of the rig's equations in any of its readings, as a share of how that varies."""
+        """Rms error of the rig's equations in any of its readings, at least, as a share of how much the reading
+        varies.
+        """
         return max(self.model_share, SOLVED)
 
     def rivals(self) -> tuple[Rig, ...]:
-        """Return other rigs that fit what the experimenter stated; this rig is not among them."""
+        """Return other rigs that agree with what the experimenter stated."""
         return ()
 
 

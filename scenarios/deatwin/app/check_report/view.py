@@ -22,7 +22,7 @@ _DRAWN = 1000  # points of a line: a picture shows no more
 
 @dataclass(frozen=True, kw_only=True)
 class Look:
-    """Label and line of a source."""
+    """Label, colour and line style of a source."""
 
     label: str
     colour: str

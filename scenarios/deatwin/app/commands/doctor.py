@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """A package that deatwin can do without."""
+    """An optional package."""
 
     package: str
     use: str

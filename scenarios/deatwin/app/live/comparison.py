@@ -15,7 +15,7 @@ MOST = 6
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """Verdicts beside each other."""
+    """Several verdicts, side by side."""
 
     verdicts: tuple[Verdict, ...]
     limits: tuple[float, ...]
@@ -35,7 +35,7 @@ class Comparison:
 
 
 def compare(verdicts: Sequence[Verdict]) -> Comparison:
-    """Lay verdicts beside each other."""
+    """Arrange verdicts side by side."""
     taken = tuple(verdicts[:MOST])
     largest: dict[str, float] = {}
     for verdict in taken:

@@ -71,12 +71,12 @@ class Verdict:
 
     @property
     def recordings(self) -> frozenset[str]:
-        """SHA-256 of the recordings."""
+        """SHA-256 hashes of the recordings."""
         return frozenset(digest for file, digest in self.inputs.items() if file.lower().endswith(RECORDINGS))
 
     @property
     def errors(self) -> tuple[float, ...]:
-        """All errors and the noise, as far as they are known."""
+        """All known errors, and the noise."""
         return tuple(value for value in (*self.fitted, *self.unseen, self.noise) if value is not None)
 
 

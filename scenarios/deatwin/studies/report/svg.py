@@ -57,7 +57,7 @@ _SETTINGS: dict[Any, Any] = {
 
 @contextmanager
 def draw(size: tuple[float, float]) -> Iterator[Figure]:
-    """A figure to draw into, in the report's style."""
+    """Provide a figure to draw into, in the report's style."""
     from cycler import cycler
     from matplotlib import rc_context
     from matplotlib.figure import Figure

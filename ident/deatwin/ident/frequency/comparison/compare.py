@@ -73,7 +73,7 @@ class Difference:
 
     @property
     def p_value(self) -> float:
-        """The p-value of this test alone, not corrected."""
+        """The p-value of this test alone, without correction for the number of tests."""
         return self.test.p_value
 
     @property
@@ -124,7 +124,7 @@ class Drift:
 
     @property
     def p_value(self) -> float:
-        """The p-value of this test alone, not corrected."""
+        """The p-value of this test alone, without correction for the number of tests."""
         return self.test.p_value
 
 

@@ -106,9 +106,9 @@ class Nofrf(Described, Frozen):
         Change of each G_n when two more orders are fitted, shape (n,) as G_n and in its unit: about the error caused by
         orders that were not fitted. NaN if there are too few levels to know.
     advisable_level : float
-        Factor of the levels at which the truncation error of the orders of the output up to ``order`` would be about 1
-        % of them (root mean square over their lines, from its power law), and at which no level is known to diverge; 1
-        if both hold already, NaN if the truncation error is not known. At the ends of an order's range, where U_n is
+        Factor for the levels that would reduce the truncation error of all orders up to ``order`` to about 1 % (root mean
+        square over their lines, by extrapolation) and avoid levels that diverge; 1 if that is already so, NaN if the
+        truncation error is not known. At the ends of an order's range, where U_n is
         small, the error of G_n may be larger: see ``truncation``.
     status : NofrfStatus
         Most serious problem found, if any.
@@ -137,7 +137,7 @@ class Nofrf(Described, Frozen):
 
     @property
     def response(self) -> FrequencyResponse:
-        """Response G_n of the requested order."""
+        """Response G_n of the requested order n."""
         return self.orders[self.order - 1]
 
     @property

@@ -62,7 +62,7 @@ class Advice(Described):
         after the advised experiment; equal if there is none. The first is the larger of two estimates: first-order, and
         from refits to all recordings.
     undecided : tuple of str
-        Those of `alternatives` that the experiment leaves with another explanation nearby (d² below 16).
+        Entries of `alternatives` that the experiment would not distinguish from another one (d² below 16).
     tried : mapping of str to float
         First-order d² that each waveform would reach, all at the length used for screening.
     predicted : tuple of ndarray, each of shape (n,)

@@ -63,7 +63,7 @@ def advise(
     distances: Sequence[Distance] = (),
     progress: Callable[[float, str], None] | None = None,
 ) -> Advice | None:
-    """Find the shortest safe input that distinguishes all explanations, or one that distinguishes some of them.
+    """Find the shortest safe input that distinguishes all explanations or, if there is none, some of them.
 
     Parameters
     ----------

@@ -54,9 +54,9 @@ class LogNormal:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reading:
-    """One reading of a rig: its name, its unit, and its accuracy.
+    """Residual of one reading, with the columns and priors that the likelihood needs.
 
-    `times` (n,) in s; `records` (n,) is another number in each recording, which starts from the stationary process;
+    `times` (n,) are in s; `records` (n,) numbers the recordings, each of which starts from the stationary process;
     `residual` (n,) is measured minus fitted; `columns` (n, m) the derivative by each coordinate. All SI.
     """
 
@@ -80,7 +80,7 @@ class Reading:
 
     @property
     def rows(self) -> np.ndarray:
-        """The residual and the columns, one in each row, shape (m + 1, n)."""
+        """Residual and columns as rows, shape (m + 1, n)."""
         return np.ascontiguousarray(np.column_stack([self.residual, self.columns]).T)
 
 

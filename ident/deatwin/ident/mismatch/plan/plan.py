@@ -51,7 +51,7 @@ def plan_experiment(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> ExperimentPlan:
-    """Compute which effects an input would reveal, from which strength on, and which it could not distinguish.
+    """Compute which effects an input would reveal, at which strength, and which it could not distinguish.
 
     The computation is to first order about the nominal plant: its parameters are refitted, and its model error is
     allowed for. An effect counts as found if its expected evidence makes it 95 % probable, and if the part of it that

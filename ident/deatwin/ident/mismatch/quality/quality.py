@@ -115,7 +115,7 @@ class DataQuality(Described):
 
     @property
     def sound(self) -> Masks:
-        """For each experiment and record, the samples without a fault."""
+        """Samples without a fault, for each experiment and record."""
         return tuple(tuple(~mask for mask in masks) for masks in marked_in_any(self.stuck, self.outliers))
 
     @property
@@ -174,7 +174,7 @@ class DataQuality(Described):
 
     @property
     def soundness(self) -> Soundness:
-        """Return whether there is a fault: a stuck sensor or a burst is a fault, a single outlier is not."""
+        """Return whether the recordings are faulty: by a stuck sensor or a burst, but not by a single outlier."""
         masks = [mask for masks in self.sound for mask in masks]
         bad, total = sum(int((~m).sum()) for m in masks), sum(m.size for m in masks)
         return Soundness.FAULTY if bad > max(10, 1e-3 * total) else Soundness.SOUND

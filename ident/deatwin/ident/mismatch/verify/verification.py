@@ -130,7 +130,7 @@ class Verification(Described):
 
     @property
     def doubted(self) -> tuple[str, ...]:
-        """Effects of a set whose removal does not certainly raise the error on held-out data while others replace them.
+        """Effects of a set that others can replace: removing one does not certainly raise the error on held-out data.
 
         If all other tests are passed, the explanation is reported together with the one without that effect.
         """

@@ -48,13 +48,13 @@ class Orders:
 
     @property
     def least(self) -> Array:
-        """Errors at the lags and degree of the least mean error, shape (n_actuators,)."""
+        """Errors for the lags and degree with the smallest mean error, shape (n_actuators,)."""
         i, j = np.unravel_index(np.argmin(self.means), self.means.shape)
         return np.asarray(self.errors[:, i, j])
 
     @property
     def best(self) -> tuple[int, int]:
-        """Positions of lags and degree: of those as good as the best the ones with the fewest candidates."""
+        """Positions of lags and degree with the fewest candidates, among those as good as the best."""
         places = [(int(i), int(j)) for i, j in np.argwhere(as_good(self.errors, self.least[:, None, None]))]
         return min(places, key=lambda place: (_candidates(*place), self.means[place]))
 

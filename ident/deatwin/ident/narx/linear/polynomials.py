@@ -53,7 +53,7 @@ class Polynomials(NamedTuple):
         return max(p.size for p in (self.a, self.c, self.d, *self.b, *self.f))
 
     def by_power(self) -> Variables:
-        """Return all polynomials over the same powers."""
+        """Return all polynomials with coefficients for the same powers."""
 
         def whole(polynomial: Array) -> Array:
             return np.pad(polynomial, (0, self.longest - polynomial.size))

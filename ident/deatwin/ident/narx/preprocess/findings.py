@@ -31,7 +31,7 @@ FEWEST = 200  # samples below which nothing can be told from chance
 
 
 class FindingKind(Enum):
-    """Kind of irregularity; the value is a phrase that advises."""
+    """Kind of irregularity; each value is a phrase with advice."""
 
     TREND = "include a slow input or time in the model, or fit a stationary section"
     DRIFT = "fit a stationary section, or let parameters vary in time"

@@ -31,7 +31,7 @@ _BLOCKS = 10  # of the squared errors, whose means tell how certain their mean i
 
 
 class TrialStatus(Enum):
-    """Outcome of a trial. The value of each member says it in words."""
+    """Outcome of a trial; each value describes it."""
 
     DONE = "done"
     DIVERGED = "the free run over the held-out data diverged"
@@ -144,7 +144,7 @@ class OrderChoice(Described):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences against the chosen model: it has no input, or its lags end before an input acts."""
+        """Warnings about the chosen model: it has no input, or its lags end before an input acts."""
         if not self.done:
             return ()
         said, chosen = [], self.chosen

@@ -45,7 +45,7 @@ _FEWEST_SEGMENTS = 10  # with fewer, no order of them is improbable enough to be
 
 
 class SectionStatus(Enum):
-    """Basis of the choice of sections. The value of each member says it in words."""
+    """Reason for the choice of sections; each value describes it."""
 
     STATIONARY = "whole recordings pass the test of stationarity"
     PART = "only a part of the recordings passes the test; the table lists the excluded segments"
