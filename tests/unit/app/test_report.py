@@ -340,7 +340,10 @@ def test_a_diagnosis_draws_itself_or_says_why_not() -> None:
         (Verdict.NONE, "0.230, and the error exceeds the noise by 0.340 µm rms; a mismatch counts if"),
         (Verdict.PARAMETERS, "0.230, and the error exceeds the noise by 0.340 µm rms; a mismatch counts if"),
         (Verdict.UNKNOWN, "where 1.19 µm would count as a mismatch; no single effect explains more than 34 % of it."),
-        (Verdict.DISTURBANCE, "2 % of the mismatch's power repeats with the command (between -5 and 9 %,"),
+        (
+            Verdict.DISTURBANCE,
+            "2 % of the mismatch's power repeats with the command, at most 9 % (two standard deviations); below 30 %",
+        ),
         (Verdict.DATA_FAULT, "201 of 1000 samples (20.1 %) are at fault"),
         (Verdict.NOT_TESTABLE, "The command moves the reading by 3.00 µm rms; sensor noise is 2.00 µm"),
         (Verdict.NAMED, ""),

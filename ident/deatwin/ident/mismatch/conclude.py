@@ -238,7 +238,7 @@ def _causes(findings: Findings) -> tuple[Cause, ...]:
     causes, every = [], findings.problem.everywhere
     for effect in final.plant.effects:
         if effect.name not in findings.answer.effects:
-            continue  # the plant on the problem had it already
+            continue  # the nominal plant has it already
         parameters = {}
         for parameter in effect.parameters:
             low, high = findings.intervals.interval(parameter.name)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from deatwin.ident.mismatch.detect.detect import DRAWS
+from deatwin.ident.mismatch.detect.origin import FOREIGN, UNPREDICTED
 from deatwin.ident.mismatch.verdict import Verdict
 from deatwin.plant.amplitudes import amount, written_unit
 from deatwin.studies.report.quantities import three_digits
@@ -54,12 +55,19 @@ def _disturbance(diagnosis: Diagnosis) -> str:
     origin = diagnosis.detection.origin
     if origin is None or origin.by == "nothing":
         return _beyond_chance(diagnosis)
-    share, low, high = (f"{100 * x:.0f}" for x in (origin.share, origin.low, origin.high))
-    what = "repeats with the command" if origin.by == "repeats" else "can be predicted from command and motion"
+    repeats = origin.by == "repeats"
+    what = "repeats with the command" if repeats else "can be predicted from command and motion"
     return (
-        f"apart from slow drifts, single steps and pure tones, {share} % of the mismatch's power {what} (between {low} and "
-        f"{high} %, two standard deviations to either side)"
+        f"apart from slow drifts, single steps and pure tones, {_percent(origin.share)} % of the mismatch's power {what}, at "
+        f"most {_percent(origin.high)} % (two standard deviations); below {100 * (FOREIGN if repeats else UNPREDICTED):g} % it "
+        "counts as a disturbance"
     )
+
+
+def _percent(share: float) -> str:
+    """Write a share in per cent; an estimate below 0 counts as 0."""
+    percent = max(100 * share, 0.0)
+    return f"{percent:.1f}" if 0.05 <= percent < 1 else f"{percent:.0f}"
 
 
 def _beyond_chance(diagnosis: Diagnosis) -> str:

@@ -151,7 +151,7 @@ def safe_limits(plants: Sequence[Plant], limits: Limits) -> Limits | None:
     Parameters
     ----------
     plants : sequence of Plant
-        All that the plant on the problem may be.
+        Plants of all explanations.
     limits : Limits
         The drive's.
 
