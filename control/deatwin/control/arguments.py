@@ -21,7 +21,7 @@ Check = Callable[[Any, str], object]
 
 
 def taking(**checks: Check) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Decorate a function so that its arguments are checked first; one that is its own default is not."""
+    """Decorate a function so that its arguments are checked first; an argument equal to its default is not checked."""
 
     def decorate(taker: Callable[P, R]) -> Callable[P, R]:
         parameters = signature(taker)
@@ -45,7 +45,7 @@ def require_fields(owner: object, **checks: Check) -> None:
 
 
 def numbers(value: Any, name: str) -> None:
-    """Refuse what is no array of real numbers."""
+    """Raise an error unless a value is an array of real numbers."""
     try:
         real_numbers(value, name)
     except ModelError as error:
@@ -53,7 +53,7 @@ def numbers(value: Any, name: str) -> None:
 
 
 def coefficients(value: Any, name: str) -> None:
-    """Refuse what is not one list of finite numbers. Shapes: `value` (n,)."""
+    """Raise an error unless a value is one list of finite numbers. Shapes: `value` (n,)."""
     numbers(value, name)
     if np.ndim(value) > 1 or np.size(value) == 0:
         raise ControlError(f"{name} must be a list of coefficients; got {_kind(np.asarray(value))}")
@@ -62,35 +62,35 @@ def coefficients(value: Any, name: str) -> None:
 
 
 def number(value: Any, name: str) -> None:
-    """Refuse what is not one real number."""
+    """Raise an error unless a value is one real number."""
     kinds = int | float | np.integer | np.floating | np.ndarray
     if not isinstance(value, kinds) or np.ndim(value) or np.asarray(value).dtype.kind not in "iuf":
         raise ControlError(f"{name} must be a number; got {_kind(value)}")
 
 
 def finite(value: Any, name: str) -> None:
-    """Refuse what is not one finite number."""
+    """Raise an error unless a value is one finite number."""
     number(value, name)
     if not isfinite(value):
         raise ControlError(f"{name} is {float(value):g}: it must be finite")
 
 
 def positive(value: Any, name: str) -> None:
-    """Refuse what is not one finite number above 0."""
+    """Raise an error unless a value is one finite number above 0."""
     number(value, name)
     if not (isfinite(value) and value > 0.0):
         raise ControlError(f"{name} is {float(value):g}: it must be positive and finite")
 
 
 def not_negative(value: Any, name: str) -> None:
-    """Refuse what is not one finite number of 0 or more."""
+    """Raise an error unless a value is one finite number of 0 or more."""
     finite(value, name)
     if value < 0.0:
         raise ControlError(f"{name} is {float(value):g}: it must not be negative")
 
 
 def row(value: Any, name: str) -> None:
-    """Refuse what is not one row of finite numbers. Shapes: `value` (n,)."""
+    """Raise an error unless a value is one row of finite numbers. Shapes: `value` (n,)."""
     numbers(value, name)
     if np.ndim(value) != 1 or np.size(value) == 0:
         raise ControlError(f"{name} must be a row of one or more numbers; got {_kind(value)}")
@@ -99,7 +99,7 @@ def row(value: Any, name: str) -> None:
 
 
 def pair(value: Any, name: str) -> None:
-    """Refuse what is not two finite numbers."""
+    """Raise an error unless a value consists of two finite numbers."""
     if isinstance(value, str | Mapping) or np.shape(_or_none(value)) != (2,):
         raise ControlError(f"{name} must be two numbers, the least and the largest; got {_kind(value)}")
     for end, one in zip(("first", "second"), value, strict=True):
@@ -107,7 +107,7 @@ def pair(value: Any, name: str) -> None:
 
 
 def whole(least: int) -> Check:
-    """A check that refuses what is no integer, or below the least."""
+    """Return a check that accepts only integers of at least a given size."""
 
     def check(value: Any, name: str) -> None:
         if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:
@@ -118,7 +118,7 @@ def whole(least: int) -> Check:
 
 
 def instance(*kinds: type, hint: str = "") -> Check:
-    """A check that refuses objects of other classes."""
+    """Return a check that accepts only objects of given classes."""
     wanted = " or ".join(_with_article(kind.__name__) for kind in kinds)
 
     def check(value: Any, name: str) -> None:
@@ -129,7 +129,7 @@ def instance(*kinds: type, hint: str = "") -> Check:
 
 
 def each(check: Check) -> Check:
-    """A check of every member of a sequence."""
+    """Return a check that applies another check to every member of a sequence."""
 
     def check_all(value: Any, name: str) -> None:
         if not isinstance(value, list | tuple | np.ndarray):
@@ -141,18 +141,18 @@ def each(check: Check) -> Check:
 
 
 def generator(value: Any, name: str) -> None:
-    """Refuse what is no source of random numbers."""
+    """Raise an error unless a value is a source of random numbers."""
     instance(np.random.Generator, hint=", as numpy.random.default_rng(0)")(value, name)
 
 
 def function(value: Any, name: str) -> None:
-    """Refuse what cannot be called."""
+    """Raise an error unless a value can be called."""
     if not callable(value):
         raise ControlError(f"{name} must be a function; got {_kind(value)}")
 
 
 def _or_none(value: Any) -> Any:
-    """The value, or None where numpy makes no array of it."""
+    """Return the value as an array, or None if numpy cannot make one of it."""
     try:
         np.shape(value)
     except ValueError:
@@ -161,7 +161,7 @@ def _or_none(value: Any) -> Any:
 
 
 def _kind(value: Any) -> str:
-    """Describe a value in a word or two, since its own text may be long."""
+    """Describe the kind of a value in a word or two; the value itself may be too long for a message."""
     if value is None:
         return "None"
     if isinstance(value, str):

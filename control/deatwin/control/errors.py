@@ -1,4 +1,4 @@
-"""Errors of controllers and specifications."""
+"""Exceptions for controllers and specifications."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Identification: recordings -> models -> frequency responses; recordings against a plant -> diagnosis."""
+"""Identify models and frequency responses from recordings, and diagnose a plant that disagrees with a recording."""
 
 from deatwin.ident.parallel import run_jobs, spawn_generators
 from deatwin.ident.testing import ContractError, check_identifier, example_recordings

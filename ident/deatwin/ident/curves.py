@@ -1,4 +1,4 @@
-"""Shape, loops and spectra of a recording as numbers, simulated or measured."""
+"""Describe the shape, loops and spectra of a simulated or measured recording by numbers."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Line:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LinearShare:
-    """Spectra of an output, and of what the best linear model makes of the input."""
+    """Spectra of an output and of the part that the best linear model explains."""
 
     frequencies: Array  # shape (n,): Middle of each band, Hz
     inputs: Array  # shape (n,): Spectral density of the input, unit² / Hz
@@ -38,7 +38,7 @@ class LinearShare:
 
 
 def mean_curve(commands: ArrayLike, readings: ArrayLike, width: float = 0.05, least: int = 20) -> tuple[Array, Array]:
-    """Mean command, V, and mean reading, m, in bins of `width`, V, with at least `least` samples, (m,), (m,)."""
+    """Return mean command, V, and mean reading, m, (m,) each, in bins of `width` V with at least `least` samples."""
     u, y = np.asarray(commands, dtype=np.float64), np.asarray(readings, dtype=np.float64)
     number = np.floor((u - u.min()) / width + 1e-9).astype(int)
     count = np.bincount(number)
@@ -67,7 +67,7 @@ def local_gain(commands: ArrayLike, readings: ArrayLike, at: float, width: float
 
 
 def loop_area(commands: ArrayLike, readings: ArrayLike) -> float:
-    r"""Area :math:`\oint u\,dy` of a closed loop, over the rectangle around it."""
+    r"""Area :math:`\oint u\,dy` of a closed loop, divided by the area of the rectangle around it."""
     u, y = np.asarray(commands, dtype=np.float64), np.asarray(readings, dtype=np.float64)
     # A cycle begins where the command leaves its lowest value.
     lowest = np.isclose(u, u.min())
@@ -77,7 +77,7 @@ def loop_area(commands: ArrayLike, readings: ArrayLike) -> float:
 
 
 def linear_share(commands: ArrayLike, readings: ArrayLike, sample_time: float, width: float = 0.025) -> LinearShare:
-    """Spectra of output and best linear approximation by bands of `width`, Hz (Pintelon & Schoukens 2012, ch. 3)."""
+    """Return spectra of output and best linear approximation in bands of `width` Hz (Pintelon & Schoukens 2012)."""
     u, y = np.asarray(commands, dtype=np.float64), np.asarray(readings, dtype=np.float64)
     n = u.size
     if width * n * sample_time < 2:

@@ -23,7 +23,7 @@ DIVERGED = 20.0  # Times the largest residual seen: a correction beyond this has
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Track:
-    """Scaled signals on one clock: first the samples to learn from, then those to be judged on."""
+    """Scaled signals on one clock: training samples first, then test samples."""
 
     residual: Array  # shape (n,): Measured minus simulated
     reading: Array  # shape (n,): Simulated
@@ -34,29 +34,29 @@ class Track:
     size: float  # One unit of the residual, SI
 
     def part(self, first: int, last: int) -> Track:
-        """Cut out samples, all to learn from."""
+        """Return a range of samples, all of them for training."""
         names = ("residual", "reading", "rate", "drive")
         return replace(self, cut=last - first, **{name: getattr(self, name)[first:last] for name in names})
 
     @property
     def learned(self) -> Track:
-        """The samples to learn from."""
+        """The training samples."""
         return self.part(0, self.cut)
 
     @property
     def judged(self) -> Track:
-        """The samples to be judged on."""
+        """The test samples."""
         return self.part(self.cut, self.residual.size)
 
     @property
     def just_before(self) -> float:
-        """Residual when the samples to be judged on begin: mean of the last ones before."""
+        """Residual at the start of the test samples: mean of the last training samples."""
         return float(self.residual[max(self.cut - BEFORE, 0) : self.cut].mean())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Correction:
-    """A predicted residual."""
+    """A predicted residual, with which a free run is corrected."""
 
     predicted: Array
     term: str = ""  # Strongest term of the model, where it has terms
@@ -128,7 +128,7 @@ def _library() -> Any:
 
 
 def _monomials(track: Track, residual: Array) -> Array:
-    """Monomials of the variables, in pysindy's order, shape (n, terms)."""
+    """Return monomials of the variables in pysindy's order, shape (n, terms)."""
     return np.asarray(_library().transform(_variables(track, residual)))
 
 
@@ -160,7 +160,7 @@ def _coefficients(track: Track, threshold: float) -> Array:
 
 
 def _free(coefficients: Array, track: Track, start: float) -> Array | None:
-    """Run the residual's dynamics along the plant's free run; None if it runs away."""
+    """Simulate the residual's dynamics along the plant's free run; None if they diverge."""
     zero, up, down = (_monomials(track, np.full_like(track.residual, e)) @ coefficients for e in (0.0, 1.0, -1.0))
     curvature, slope = (up + down) / 2 - zero, (up - down) / 2  # exact: the degree is 2
     out = np.empty_like(track.residual)
@@ -225,7 +225,7 @@ MOST_TERMS = 12
 
 
 def narx(track: Track) -> Correction:
-    """Learn NARX models of the residual, and take the one whose free run does best on the last part."""
+    """Learn NARX models of the residual; return the one with the smallest free-run error on the last part."""
     from deatwin.ident.narx import Frols
 
     record = _as_recording(track.learned)

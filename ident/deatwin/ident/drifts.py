@@ -1,4 +1,4 @@
-"""Means, drifts and roughness of a recording, simulated or measured."""
+"""Measure mean, drift and roughness of a simulated or measured recording."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Shift:
 
     @property
     def significance(self) -> float:
-        """Shift over its standard error."""
+        """Shift divided by its standard error."""
         return self.size / self.error
 
 
@@ -40,7 +40,7 @@ class GainChange:
 
 
 def moving_mean(values: ArrayLike, samples: int) -> Array:
-    """Centred moving mean; NaN where its window is not whole."""
+    """Return the centred moving mean; NaN where the window is incomplete."""
     v = np.asarray(values, dtype=np.float64)
     mean = np.full(v.size, np.nan)
     if samples <= v.size:
@@ -51,7 +51,7 @@ def moving_mean(values: ArrayLike, samples: int) -> Array:
 
 
 def root_mean_square(values: ArrayLike) -> float:
-    """Root mean square of the magnitudes of all values."""
+    """Return the root mean square of the magnitudes of all values."""
     return float(np.sqrt(np.mean(np.abs(values) ** 2)))
 
 
@@ -72,7 +72,7 @@ def mean_shift(
 
 
 def at_same_input(commands: ArrayLike, readings: ArrayLike, sample_time: float) -> Array:
-    """Readings less what the command and its rate explain on average over the whole record, V and m."""
+    """Return readings minus the average effect of the command and its rate over the whole record, V and m."""
     y = np.asarray(readings, dtype=np.float64)
     return y - _expected(np.asarray(commands, dtype=np.float64), y, sample_time)
 
@@ -86,7 +86,7 @@ def gain_change(
     at: tuple[float, float] = (2.0, 3.0),
     blocks: int = 10,
 ) -> GainChange:
-    """Change of gain, and of the ratio of slopes at an upper and a lower command, from one time to another."""
+    """Return the change of the gain, and of the ratio of slopes at two commands, from one time to another."""
     u, y = np.asarray(commands, dtype=np.float64), np.asarray(readings, dtype=np.float64)
     expected = _expected(u, y, sample_time)
     levels = np.polynomial.Polynomial.fit(u, y, DEGREE)(np.array(at))
@@ -102,7 +102,7 @@ def gain_change(
 
 
 def fast_part(readings: ArrayLike, sample_time: float, above: float = 5.0) -> Array:
-    """Part of a reading above a frequency, Hz, without delay."""
+    """Return the part of a reading above a frequency, Hz, without delay."""
     from scipy.signal import butter, sosfiltfilt
 
     passed = butter(4, above, "highpass", fs=1 / sample_time, output="sos")
@@ -110,7 +110,7 @@ def fast_part(readings: ArrayLike, sample_time: float, above: float = 5.0) -> Ar
 
 
 def roughness(readings: ArrayLike, sample_time: float, window: Window, between: tuple[float, float]) -> float:
-    """Rms of the fast part of a reading, while it lies between two displacements."""
+    """Return the rms of the fast part of a reading while the reading lies between two displacements."""
     y = np.asarray(readings, dtype=np.float64)
     timepts = sample_time * np.arange(y.size)
     there = (timepts >= window[0]) & (timepts < window[1]) & (y > between[0]) & (y < between[1])
@@ -120,7 +120,7 @@ def roughness(readings: ArrayLike, sample_time: float, window: Window, between: 
 
 
 def _blocks(values: Array, sample_time: float, window: Window, length: float) -> Array:
-    """Cut a window into whole blocks, one a row."""
+    """Cut a window into complete blocks, one per row."""
     first, last = (round(edge / sample_time) for edge in window)
     size = round(length / sample_time)
     inside = values[first:last]
@@ -138,18 +138,18 @@ def _expected(u: Array, y: Array, sample_time: float) -> Array:
 
 
 def _jackknife(estimate: Callable[[Array, Array], Any], f: Array, r: Array) -> tuple[Any, Any]:
-    """An estimate from blocks, one a row, and its standard error."""
+    """Return an estimate from blocks, one per row, and its standard error."""
     replicas = np.array([estimate(np.delete(f, k, 0), np.delete(r, k, 0)) for k in range(len(f))])
     return estimate(f, r), np.sqrt((len(f) - 1) * replicas.var(axis=0))
 
 
 def _level(expected: Array, readings: Array) -> Any:
-    """Value of a line through the readings at an expected one of 0."""
+    """Return the value of a line through the readings where the expected reading is 0."""
     return np.polynomial.Polynomial.fit(expected.ravel(), readings.ravel(), 1)(0.0)
 
 
 def _log_slopes(expected: Array, readings: Array, levels: Array) -> Array:
-    """Logarithms of the slope of a line, and of the ratio of a parabola's slopes at two levels."""
+    """Return the logarithms of the slope of a line, and of the ratio of a parabola's slopes at two levels."""
     line, parabola = (np.polynomial.Polynomial.fit(expected.ravel(), readings.ravel(), k).deriv() for k in (1, 2))
     lower, upper = parabola(levels)
     return np.log([line(levels[0]), upper / lower])

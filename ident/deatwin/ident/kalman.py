@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Filtered:
-    """State that the filter knows after each sample."""
+    """State estimates of the filter after each sample."""
 
     model: StateSpace
     states: Array  # shape (n, n_states): Mean given the measurements up to and with each sample
@@ -44,24 +44,24 @@ class Filtered:
 
     @cached_property
     def n_measured(self) -> int:
-        """Number of measurements, the missing ones not counted."""
+        """Number of measurements, without the missing ones."""
         return int(np.isfinite(self.innovations).sum())
 
     @cached_property
     def log_likelihood(self) -> float:
-        """Exact log likelihood of the measurements under the model, start included."""
+        """Exact log likelihood of the measurements under the model, including the start."""
         variance, square = self.innovation_variances, self.innovations**2
         terms = np.where(np.isnan(square), 0.0, np.log(2 * pi * variance) + square / variance)
         return -0.5 * float(terms.sum())
 
     @property
     def variance_factor(self) -> float:
-        """Factor on all covariances together (R, Q and that of the start) that makes the likelihood largest."""
+        """Common factor on all covariances (R, Q and that of the start) that maximises the likelihood."""
         return float(np.nansum(self.innovations**2 / self.innovation_variances)) / self.n_measured
 
     @property
     def scaled_log_likelihood(self) -> float:
-        """Log likelihood after all covariances are multiplied with `variance_factor`."""
+        """Log likelihood after all covariances are multiplied by `variance_factor`."""
         logs = np.where(np.isnan(self.innovations), 0.0, np.log(self.innovation_variances))
         return -0.5 * (float(logs.sum()) + self.n_measured * (log(2 * pi * self.variance_factor) + 1.0))
 
@@ -78,7 +78,7 @@ class Filtered:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Smoothed:
-    """State given all measurements."""
+    """State estimates from all measurements."""
 
     states: Array  # shape (n, n_states): Means
     covariances: Array  # shape (n, n_states, n_states)
@@ -112,7 +112,7 @@ def adjoint(filtered: Filtered) -> tuple[Array, Array]:
 
 
 def kalman_smoother(filtered: Filtered) -> Smoothed:
-    """Return mean and covariance of every state given the whole record [4]_."""
+    """Return mean and covariance of each state, given the whole record [4]_."""
     _require_no_fading(filtered.model)
     states, covariances, gains = smooth(filtered.model, filtered.states, filtered.roots)
     return Smoothed(states=states, covariances=covariances, gains=gains, log_likelihood=filtered.log_likelihood)

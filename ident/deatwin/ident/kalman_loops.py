@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 
 def update_root(root: Array, row: Array, noise_variance: float) -> tuple[Array, Array, float]:
-    """Update gain (n_states,) and covariance root with a measurement by Potter's formula; `row` (n_states,)."""
+    """Include a measurement by Potter's formula; update gain (n_states,) and covariance root; `row` (n_states,)."""
     seen = row @ root
     variance = float(seen @ seen) + noise_variance
     if not variance > 0.0:
@@ -103,7 +103,7 @@ def _plain_forward(
     variances: Array,
     gains: Array,
 ) -> int:
-    """Filter as the kernel does; return the sample whose measurement was certain beforehand, or n."""
+    """Filter in Python; return the number of a sample whose measurement was certain beforehand, else n."""
     noise, values, fade = model.noise_variance.tolist(), outputs.T.tolist(), 1.0 / sqrt(model.fading)
     state = model.start
     for k in range(len(states)):
@@ -131,7 +131,7 @@ def _plain_forward(
 def _plain_backward(
     model: StateSpace, innovations: Array, variances: Array, gains: Array, vectors: Array, matrices: Array
 ) -> None:
-    """Run the adjoint as the kernel does."""
+    """Run the adjoint in Python."""
     p, n, m = model.rows.shape
     vector, matrix = np.zeros(m), np.zeros((m, m))
     for k in range(n - 1, -1, -1):
@@ -156,7 +156,7 @@ def _plain_backward(
 def _plain_smooth(
     model: StateSpace, filtered: Array, roots: Array, states: Array, covariances: Array, gains: Array
 ) -> None:
-    """Smooth as the kernel does."""
+    """Smooth in Python."""
     n, m = filtered.shape
     states[-1], covariances[-1] = filtered[-1], roots[-1] @ roots[-1].T
     for k in range(n - 2, -1, -1):
@@ -179,7 +179,7 @@ def _plain_smooth(
 
 
 def _step(model: StateSpace, k: int) -> tuple[Array | None, Array | None]:
-    """Return the transition, and the transposed root of the process covariance, from sample k to the next."""
+    """Return the transition from sample k to the next, and the transposed root of its process covariance."""
     transition, root = model.transition, model.process_root
     if transition is not None and transition.ndim == 3:
         transition = transition[k]
@@ -190,13 +190,13 @@ def _step(model: StateSpace, k: int) -> tuple[Array | None, Array | None]:
 
 
 def _ahead(model: StateSpace, k: int, transition: Array | None, state: Array) -> Array:
-    """Carry a state from sample k to the next."""
+    """Advance a state from sample k to the next."""
     moved = state if transition is None else transition @ state
     return moved if model.added is None else moved + model.added[k]
 
 
 class _Tables(ctypes.Structure):
-    """The kernel's ``model``, whose arrays the StateSpace keeps."""
+    """The model in the kernel's format; the StateSpace keeps its arrays alive."""
 
     _fields_ = [
         *((name, ctypes.c_int64) for name in ("p", "n", "m", "r")),
@@ -211,7 +211,7 @@ class _Tables(ctypes.Structure):
 
 
 def _tables(model: StateSpace) -> _Tables:
-    """Return the model as the kernel reads it."""
+    """Convert the model to the kernel's format."""
 
     def address(array: Array | None) -> int | None:
         return None if array is None else array.ctypes.data

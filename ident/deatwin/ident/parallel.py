@@ -1,4 +1,4 @@
-"""A minimal runner for independent jobs: one generator a job, one BLAS thread a worker, results in order."""
+"""Run independent jobs: one random generator per job, one BLAS thread per worker, results in order."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def run_jobs(
 def stream_jobs(
     function: Callable[..., Result], jobs: Iterable[tuple[Any, ...]], *, workers: int = 1
 ) -> Iterator[Result]:
-    """Call a function once for each tuple of arguments, and give each result as soon as it and those before it exist."""
+    """Call a function once per tuple of arguments; yield the results in order, each as soon as possible."""
     ended: dict[int, Result] = {}
     following = 0
     with closing(jobs_as_they_end(function, jobs, workers=workers)) as running:
@@ -95,7 +95,7 @@ def stream_jobs(
 def jobs_as_they_end(
     function: Callable[..., Result], jobs: Iterable[tuple[Any, ...]], *, workers: int = 1
 ) -> Generator[tuple[int, Result], None, None]:
-    """Call a function once for each tuple of arguments, and give the number and the result of each that has ended."""
+    """Call a function once per tuple of arguments; yield number and result of each call when it ends."""
     if workers < 1 and workers != -1:
         raise DataError(f"{workers} worker processes do nothing: give 1 or more, or -1 for all cores")
     tasks = list(jobs)
@@ -121,7 +121,7 @@ def jobs_as_they_end(
 
 
 def end_workers() -> None:
-    """End the worker processes that wait for jobs or still start: a program that ends would wait for them."""
+    """End worker processes that are idle or still starting, because a program would wait for them when it ends."""
     for worker in active_children():
         if worker.name.startswith("Loky"):  # joblib's; other pools look after their own
             worker.terminate()
@@ -131,7 +131,7 @@ def end_workers() -> None:
 
 
 def _in_worker(number: int, function: Callable[..., Result], task: tuple[Any, ...]) -> tuple[int, Result]:
-    """Run a job unless whoever wanted it was killed: jobs that wait would go on, against those of a new run."""
+    """Run a job unless the process that requested it was killed; waiting jobs would compete with a new run."""
     if current_process().name != "MainProcess":
         if os.getppid() != PARENT:
             os._exit(1)
@@ -140,7 +140,7 @@ def _in_worker(number: int, function: Callable[..., Result], task: tuple[Any, ..
 
 
 def _alone(function: Callable[..., Result], task: tuple[Any, ...]) -> Result:
-    """Run a job with one BLAS thread: workers must not fight for the cores, nor round differently."""
+    """Run a job with one BLAS thread, so that workers do not compete for cores or round differently."""
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(1):

@@ -1,4 +1,4 @@
-"""What single readings give away of a sensor: lone values, steps of resolution, limits. Used wherever data come in."""
+"""Detect sensor faults from single readings (isolated values, resolution, limits); used for all input data."""
 
 from __future__ import annotations
 
@@ -15,12 +15,14 @@ PILED_UP = 3  # A limit holds this many times the readings of any of its five ne
 
 
 def samples_in(seconds: float, sample_time: float) -> int:
-    """Samples of a stretch of so many seconds, and of a plant that is sampled slowly those of its rise."""
+    """Return the samples in a number of seconds, or in the rise time of a plant that is sampled slowly."""
     return max(RISE_SAMPLES, round(seconds / sample_time))
 
 
 def neighbours_deviation(signal: Array) -> Array:
-    """Distance of each value from the cubic through its four neighbours. Shapes: `signal` (n,); returns (n,)."""
+    """Return the distance of each value from the cubic through its four neighbours. Shapes: `signal` (n,); returns
+    (n,).
+    """
     deviation = np.zeros(signal.size)
     near, far = signal[1:-3] + signal[3:-1], signal[:-4] + signal[4:]
     deviation[2:-2] = signal[2:-2] - (4.0 * near - far) / 6.0
@@ -28,7 +30,7 @@ def neighbours_deviation(signal: Array) -> Array:
 
 
 def resolution(signal: Array) -> float:
-    """The step of which all differences are multiples. Shapes: `signal` (n,)."""
+    """Return the step of which all differences are multiples. Shapes: `signal` (n,)."""
     steps = np.diff(np.unique(signal))
     steps = steps[steps > 1e-9 * np.ptp(signal)]
     if steps.size < 2 or steps.size > signal.size / 2:
@@ -39,13 +41,15 @@ def resolution(signal: Array) -> float:
 
 
 def noise_of_bends(signal: Array) -> float:
-    """Standard deviation of white noise whose second differences are as large as the signal's. Shapes: `signal` (n,)."""
+    """Return the standard deviation of white noise with second differences as large as the signal's. Shapes: `signal`
+    (n,).
+    """
     bend = np.diff(signal, n=2)
     return 1.4826 * float(np.median(np.abs(bend - np.median(bend)))) / np.sqrt(6.0)
 
 
 def at_limit(signal: Array) -> dict[str, list[NDArray[np.intp]]]:
-    """Readings that pile up at the largest or the smallest value, three and more in a row. Shapes: `signal` (n,)."""
+    """Return three or more successive readings at the largest or the smallest value. Shapes: `signal` (n,)."""
     levels, counts = np.unique(signal, return_counts=True)
     if levels.size < FEWEST_LEVELS:
         return {}
@@ -58,6 +62,6 @@ def at_limit(signal: Array) -> dict[str, list[NDArray[np.intp]]]:
 
 
 def runs(flags: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
-    """Positions of each run of True. Shapes: `flags` (n,)."""
+    """Return the positions of each run of True. Shapes: `flags` (n,)."""
     where = np.flatnonzero(flags)
     return [run for run in np.split(where, np.flatnonzero(np.diff(where) > 1) + 1) if run.size]

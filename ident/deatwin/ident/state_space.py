@@ -17,7 +17,7 @@ _NOT_NEGATIVE = 1e-10  # eigenvalues of a correlation matrix below minus this ar
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StateSpace:
-    """A linear, time-varying state-space model over one record; one set of all that varies, or one for each sample."""
+    """A linear state-space model over one record; each matrix is constant or given per sample."""
 
     rows: Array  # h_ik, output unit by unit of the state, shape (n_outputs, n, n_states) or (n, n_states)
     noise_variance: Array  # R_i of the noise, uncorrelated between outputs, shape (n_outputs,) or ()

@@ -1,4 +1,4 @@
-"""`check_identifier`: whether an estimator keeps the contract that deatwin's tools build on; for authors of others.
+"""Test whether a user's estimator keeps the contract on which deatwin's tools rely.
 
 >>> from deatwin.ident.narx import Frols
 >>> check_identifier(Frols())
@@ -28,7 +28,7 @@ class ContractError(DeatwinError, AssertionError):
 
 
 def check_identifier(identifier: Any, *, recordings: Sequence[Recording] | None = None) -> None:
-    """Raise unless an estimator keeps the contract of deatwin's identifiers.
+    """Raise an error unless an estimator fulfils the contract of deatwin's identifiers.
 
     The contract: arguments are stored untouched, and nothing else is set before a fit. ``get_params``, ``set_params``,
     `sklearn.base.clone` and `sklearn.utils.get_tags` work, and ``score`` ranks fits in a search over recordings.
@@ -80,7 +80,7 @@ def _require(condition: bool, says: str) -> None:
 
 
 def _fresh(identifier: Any) -> Any:
-    """Return an unfitted estimator of the same arguments."""
+    """Return an unfitted estimator with the same arguments."""
     from sklearn.base import clone
 
     try:
@@ -94,7 +94,7 @@ def _learned(identifier: Any) -> set[str]:
 
 
 def _bytes(identifier: Any) -> bytes:
-    """Return the model's file."""
+    """Return the content of the model's file."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.json"
         identifier.model_.save(path)
@@ -106,7 +106,7 @@ def _predictions(identifier: Any, data: Sequence[Recording]) -> np.ndarray:
 
 
 def _apart(one: Any, other: Any, data: Sequence[Recording]) -> float:
-    """Return the largest difference of two models' predictions, relative to the outputs."""
+    """Return the largest difference between two models' predictions, relative to the outputs."""
     outputs = np.concatenate([record.outputs for record in data], axis=1)
     return float(np.abs(_predictions(one, data) - _predictions(other, data)).max() / outputs.std())
 
@@ -289,7 +289,7 @@ def _progress_is_told(identifier: Any, data: tuple[Recording, ...]) -> None:
 
 
 def _told(identifier: Any, data: tuple[Recording, ...]) -> list[tuple[float, str]]:
-    """Return all that a fit tells of its progress."""
+    """Return everything that a fit reports of its progress."""
     told: list[tuple[float, str]] = []
     _fresh(identifier).fit(data, progress=lambda share, doing: told.append((share, doing)))
     return told

@@ -1,4 +1,4 @@
-"""Actuation curves: the equilibrium of a plant under each command, up to pull-in."""
+"""Compute actuation curves: the equilibrium of a plant under each command, up to pull-in."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SHOWN = {"m": (1e3, "mm"), "N": (1e3, "mN")}
 
 
 class CurveEnd(Enum):
-    """Reason why a curve ends; the text is advice to the user."""
+    """Reason why a curve ends; each value is an advice to the user."""
 
     COMMAND = "the last command was reached"
     PULL_IN = "the film pulls in: there is no equilibrium nearby beyond this command"
@@ -39,7 +39,7 @@ class CurveEnd(Enum):
 
 
 def _along_the_command(curve: ActuationCurve) -> Variables:
-    """Watched signals and unknowns, SI, and the readings, which may be one of them."""
+    """Return watched signals and unknowns, SI, and the readings."""
     reading, unit = curve.axes[1]
     others = {**curve.unknowns, **curve.signals}
     return {
@@ -94,7 +94,7 @@ class ActuationCurve(Described):
         return self._crossing("tension", 0.0)
 
     def _crossing(self, name: str, limit: float) -> float | None:
-        """The command at which a signal leaves the side of a limit on which it started."""
+        """Return the command at which a signal crosses a limit."""
         excess = self.signals.get(name, np.empty(0)) - limit
         beyond = excess * np.sign(excess[:1]) < 0
         if not beyond.any():

@@ -1,4 +1,4 @@
-"""Unit in which results state amplitudes, and its notation beside an axis."""
+"""The unit in which results state amplitudes, and its notation on an axis."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ UNITS: Mapping[str, tuple[str, float]] = {"m": ("um", 1e-6), "1": ("", 1.0)}
 
 
 def amplitude_unit(output_unit: str) -> tuple[str, float]:
-    """Unit of amplitudes, and its SI size."""
+    """Return the unit of amplitudes and its SI size."""
     return UNITS.get(output_unit, (output_unit, 1.0))
 
 
 def written_amplitude(output_unit: str) -> tuple[str, float]:
-    """Unit of amplitudes on an axis, such as ``"µm"``, and its SI size."""
+    """Return the unit of amplitudes for an axis, such as ``"µm"``, and its SI size."""
     name, size = amplitude_unit(output_unit)
     return written_unit(name), size
 
 
 def written_unit(reported: str) -> str:
-    """A unit in which amplitudes are reported, as a person writes it.
+    """Write a unit of amplitudes for a reader.
 
     >>> written_unit("um"), written_unit("N")
     ('µm', 'N')
@@ -38,12 +38,12 @@ def amount(number: str, unit: str) -> str:
 
 
 def axis_label(name: str, unit: str) -> str:
-    """Label of an axis, with its unit in brackets if it has one."""
+    """Write the label of an axis, with its unit in brackets if it has one."""
     return name if unit in ("", "1") else f"{name} ({unit})"
 
 
 def reported_size(reported: str, output_unit: str) -> float:
-    """Size of the unit in which a result states amplitudes, in the unit of the readings.
+    """Return the size of a result's unit of amplitudes, in the unit of the readings.
 
     >>> reported_size("um", "m"), reported_size("um", "um"), reported_size("rpm", "rpm")
     (1e-06, 1.0, 1.0)

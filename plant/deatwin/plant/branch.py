@@ -35,7 +35,7 @@ Step = Callable[[float, np.ndarray], np.ndarray | None]
 
 
 def branch_step(equations: Equations, rest: RestState, start: float, values: np.ndarray) -> Step:
-    """Get from an equilibrium to one nearby under another command. Shapes: `values` (n_p,)."""
+    """Find an equilibrium near another one, under a changed command. Shapes: `values` (n_p,)."""
 
     def distance(one: np.ndarray, other: np.ndarray) -> float:
         return float(np.max(np.abs(one - other) / equations.scale, initial=0.0))
@@ -70,7 +70,7 @@ def followed(step: Step, at: float, here: np.ndarray, target: float, halvings: i
 def snap_throughs(
     equations: Equations, rest: RestState, unknowns: np.ndarray, inputs: np.ndarray, start: float, values: np.ndarray
 ) -> tuple[int, ...]:
-    """Samples from which on a film snaps from one equilibrium to another, or back; none without a fold."""
+    """Return samples at which a film begins to snap to another equilibrium or back; empty without a fold."""
     if ACTED_ON not in equations.signals or inputs.shape[1] == 0:
         return ()
     commands = inputs[0]
@@ -113,7 +113,7 @@ def _stable(
     values: np.ndarray,
     stable: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Samples that end in a stable state, and a flag for unstable states between each and the one before."""
+    """Return samples that end in a stable state, and whether unstable states lie between each and the one before."""
     told = inputs.copy()
     past = slice(0, 1 + equations.history)
     told[past] = np.clip(told[past], *ends)
@@ -136,7 +136,7 @@ def _stable(
 def _ends_of_rest(
     equations: Equations, start: float, limits: tuple[float, float], values_as_bytes: bytes
 ) -> tuple[float, float]:
-    """`_ends` of the equilibrium from which a simulation begins; cached, since most simulations ask for the same."""
+    """Return `_ends` of the equilibrium from which a simulation begins, cached because most simulations share it."""
     values = np.frombuffer(values_as_bytes)
     return _ends(equations, rest_state(equations, start, values), start, limits, values)
 
@@ -144,7 +144,7 @@ def _ends_of_rest(
 def _ends(
     equations: Equations, rest: RestState, command: float, limits: tuple[float, float], values: np.ndarray
 ) -> tuple[float, float]:
-    """Least and largest command to which an equilibrium can be followed within limits."""
+    """Return the smallest and largest command to which an equilibrium can be followed within limits."""
     step, first = branch_step(equations, rest, command, values), np.concatenate([rest.x, rest.z])
     reached = []
     for limit in limits:
@@ -156,7 +156,7 @@ def _ends(
 
 
 def _signs(equations: Equations, unknowns: np.ndarray, inputs: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Sign of the determinant of the tangent of the equations of rest at each column, shape (m,)."""
+    """Return the sign of the determinant of the tangent of the equations of rest at each column, shape (m,)."""
     kept, together = resting(equations), PIECE if unknowns.shape[1] > 1 else 1
     march, signs = March(_tangents(equations, together)), np.empty(unknowns.shape[1])
     w, u, p, c = march.arguments
@@ -173,7 +173,7 @@ def _signs(equations: Equations, unknowns: np.ndarray, inputs: np.ndarray, value
 
 @lru_cache(maxsize=64)
 def _tangents(equations: Equations, together: int) -> ca.Function:
-    """``(w, u, p, c) ->`` derivatives of the equations of rest by the unknowns, at several samples side by side."""
+    """Return the function ``(w, u, p, c) ->`` derivatives of the equations of rest, for several samples side by side."""
     n_x = len(equations.states)
     w, u = ca.SX.sym("w", equations.scale.size), ca.SX.sym("u", equations.held_inputs(0.0).size)
     p, c = ca.SX.sym("p", len(equations.parameters.free)), ca.SX.sym("c", equations.constants.size)

@@ -1,4 +1,4 @@
-"""Collector of the equations that rigs and effects write."""
+"""Collect the equations that rigs and effects write."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from deatwin.plant.written import State, Symbol, Written, is_same
 
 
 class Builder:
-    """Collector of the equations that a rig and its effects write.
+    """Collects the equations that a rig and its effects write.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class Builder:
         self.written = Written(parameters=parameters, symbols=symbols, command=self.command, time=self.time)
 
     def own(self, name: str) -> Symbol:
-        """Return the symbol of a parameter, which no effect has rewritten.
+        """Return the symbol of a parameter before any effect rewrites it.
 
         Parameters
         ----------
@@ -87,7 +87,7 @@ class Builder:
         return self.place(Place.PARAMETER, name, self.own(name))
 
     def constant(self, name: str, value: np.ndarray | float) -> Symbol:
-        """Add a constant of the rig, which no fit moves.
+        """Add a constant of the rig, which is never fitted.
 
         Parameters
         ----------
@@ -205,7 +205,7 @@ class Builder:
         return symbol
 
     def displace(self, owner: str, state: Symbol, displaced: Callable[[Symbol], Symbol]) -> None:
-        """Let a slow state start away from rest, if the history of the experiment is unknown.
+        """Let a slow state start away from rest, if the history before the experiment is unknown.
 
         Parameters
         ----------
@@ -241,7 +241,7 @@ class Builder:
         )
 
     def begin(self, state: Symbol, after: Symbol | None = None, *, at_rest: float = 1.0) -> None:
-        """Let a state begin each sample at zero, or with what another one has reached.
+        """Let a state start each sample at zero, or at the value that another state has reached.
 
         Parameters
         ----------
@@ -262,7 +262,7 @@ class Builder:
             self.written.shifts[name] = source
 
     def at_last(self, rewrite: Callable[[Symbol, Builder], Symbol]) -> None:
-        """Let an effect rewrite the reading behind all others and behind its mean over the sample.
+        """Let an effect rewrite the reading after all other effects, and after its mean over the sample.
 
         Parameters
         ----------
@@ -474,14 +474,14 @@ class Builder:
         return self.written.equations(output, further)
 
     def _average(self, name: str) -> None:
-        """Let a further reading be the mean of its level over the sample."""
+        """Replace a further reading by the mean of its level over the sample."""
         offered = {**{n: (value, 0.0, 1.0) for n, value in self.written.watched.items()}, **self.written.measured}
         if name in offered:  # or the equations are refused
             level, stored, share = offered[name]
             self.written.measured[name] = (self._mean(name, ca.SX(level), 1.0), stored, share)
 
     def _mean(self, name: str, value: Symbol, size: float) -> Symbol:
-        """The mean of a signal over the sample, from an integral that begins each sample at zero."""
+        """Return the mean of a signal over the sample, from an integral that restarts at each sample."""
         if value.is_constant():
             return value
         width, known = self.sample_time, f"{name}_integral"

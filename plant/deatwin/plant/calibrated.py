@@ -74,7 +74,7 @@ class Prediction:
 
 
 def _known(name: str) -> Callable[[CalibratedPlant], list[Any]]:
-    """A property of each parameter."""
+    """Return a property of each parameter, from its values by name."""
     return lambda known: [getattr(parameter, name) for parameter in known.plant.parameters.values()]
 
 
@@ -162,7 +162,7 @@ class CalibratedPlant(
         rows = [r + 1 for r in timeline.readings]
 
         def band(values: np.ndarray, slopes: np.ndarray | None, noise: float, model_error: float) -> Band:
-            """Of one reading; what was not reached is not a number."""
+            """Return the band of one reading; NaN where the simulation did not arrive."""
             whole = np.full((2, timeline.commands.size + 1), np.nan)
             whole[0, : values.size] = values
             if slopes is not None:
@@ -185,7 +185,7 @@ class CalibratedPlant(
         )
 
     def _spread(self, sensitivities: np.ndarray) -> np.ndarray:
-        """Variance of a reading by the uncertainty of the parameters; `sensitivities` (n, p), returns (n,)."""
+        """Return the variance of a reading due to the parameters; `sensitivities` (n, p), returns (n,)."""
         parameters = self.plant.parameters
         columns = [parameters.free.index(n) for n in self.names]
         slopes = np.array([parameters[n].scale.slope(parameters[n].value) for n in self.names])
@@ -207,7 +207,7 @@ class CalibratedPlant(
 
 
 def fields_of(data: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of the plant whose file it is, after checks of parameters and sizes."""
+    """Return the fields of the plant in a file, after checks of parameters and sizes."""
     plant, names = Plant.from_dict(data), tuple(data["calibration"]["names"])
     covariance = np.array(data["calibration"]["covariance"], dtype=float).reshape(len(names), len(names))
     _require_parameters(plant, data["parameters"])
@@ -226,7 +226,7 @@ def fields_of(data: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _require_parameters(plant: Plant, written: Mapping[str, Any]) -> None:
-    """Require all parameters, each in its unit: a missing one would silently take its published value."""
+    """Require every parameter with its unit, because a missing one would silently get its published value."""
     for parameter in plant.parameters.values():
         if parameter.name not in written:
             raise ModelError(f"the parameter {parameter.name} is missing")

@@ -170,7 +170,7 @@ class MeasuringChain:
 
 
 def _delayed(readings: NDArray[np.float64], samples: float) -> NDArray[np.float64]:
-    """Delay rows of readings by some samples."""
+    """Delay rows of readings by a number of samples."""
     now = np.arange(readings.shape[-1], dtype=np.float64)
     before = np.maximum(now - samples, 0.0)
     left, right = np.floor(before).astype(int), np.ceil(before).astype(int)

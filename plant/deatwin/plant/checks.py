@@ -1,4 +1,4 @@
-"""Checks of a recording before it is used; each raises one clear error."""
+"""Check a recording before it is used; each failure raises one clear error."""
 
 from collections.abc import Sequence
 
@@ -22,7 +22,7 @@ _MOST_SAMPLES = (5.0, 95.0)
 
 
 def require_excitation(recordings: Sequence[Recording]) -> None:
-    """Refuse recordings of which every input is constant; one constant record among others is a rest."""
+    """Raise an error if every input is constant in all recordings; one constant record among others is a rest."""
     if any(np.ptp(recording.inputs, axis=1).any() for recording in recordings if recording.n_samples):
         return
     files = ", ".join(label(recording) for recording in recordings) or "no recordings"
@@ -30,7 +30,7 @@ def require_excitation(recordings: Sequence[Recording]) -> None:
 
 
 def require_samples(recordings: Sequence[Recording], needed: int, what: str) -> None:
-    """Refuse recordings that are too short for a model, all of them together. `needed` the least number of samples."""
+    """Raise an error if recordings together are too short for a model. `needed` is the smallest number of samples."""
     found = sum(recording.n_samples for recording in recordings)
     if found < needed:
         names = ", ".join(dict.fromkeys(label(recording) for recording in recordings))
@@ -38,7 +38,7 @@ def require_samples(recordings: Sequence[Recording], needed: int, what: str) -> 
 
 
 def check_units(recording: Recording, rig: Rig) -> None:
-    """Refuse a recording whose input, output or further reading is stated in another unit than the rig's."""
+    """Raise an error if an input, output or further reading has another unit than in the rig."""
     rows = [("input", recording.input_names, recording.input_units, rig.input_unit)]
     rows += [("output", recording.output_names, recording.output_units, rig.output_unit)]
     further = {reading.name: reading.unit for reading in rig.further}
@@ -62,7 +62,7 @@ def check_units(recording: Recording, rig: Rig) -> None:
 
 
 def check_command_range(recording: Recording, drive: DriveSpec) -> None:
-    """Refuse commands more than half the rig's range (30 kV without one) beyond it."""
+    """Raise an error for commands beyond the rig's range by more than half of it (30 kV if there is none)."""
     ceiling = _HIGHEST_FILM_VOLTAGE / drive.gain
     low = -ceiling if drive.command_min is None else drive.command_min
     high = ceiling if drive.command_max is None else drive.command_max
@@ -91,7 +91,7 @@ def check_command_range(recording: Recording, drive: DriveSpec) -> None:
 
 
 def check_motion(recording: Recording, widest: float) -> None:
-    """Refuse displacements that no film makes. `widest` the longest dimension of the rig, m."""
+    """Raise an error for impossibly large displacements. `widest` is the longest dimension of the rig, m."""
     if recording.outputs.shape[0] == 0:
         return
     span = float(np.ptp(np.percentile(recording.outputs[0], _MOST_SAMPLES)))
@@ -107,7 +107,7 @@ def check_motion(recording: Recording, widest: float) -> None:
 
 
 def falls_with_voltage(recordings: Sequence[Recording]) -> bool:
-    """Return whether the readings mostly fall where the squared voltage, which moves a film, rises."""
+    """Return whether the readings mostly fall while the squared voltage, which moves a film, rises."""
     both = np.concatenate([[r.inputs[0] ** 2, r.outputs[0]] for r in recordings if len(r.outputs)], axis=1)
     both = both[:, np.isfinite(both).all(axis=0)]
     moves = both.shape[1] > 0 and np.ptp(both, axis=1).all()

@@ -1,4 +1,4 @@
-"""Results as xarray datasets, which NetCDF files hold: one place for units, complex numbers, tables and documents."""
+"""Convert results to xarray datasets for NetCDF files: units, complex numbers, tables and documents."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Variables = Mapping[str, tuple[Any, ...]]
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """How a field, or what is made of a result, stands in its dataset."""
+    """Description of how a field or a derived value is stored in a dataset."""
 
     role: str
     dims: tuple[str, ...] = ()
@@ -35,7 +35,7 @@ class Entry:
     kind: type | None = None
 
     def unit_in(self, result: Any) -> str:
-        """The unit, which may depend on the result."""
+        """Return the unit, which may depend on the result."""
         return self.unit if isinstance(self.unit, str) else self.unit(result)
 
 
@@ -50,37 +50,39 @@ def variable(*dims: str, **told: Any) -> Metadata:
 
 
 def coordinate(*dims: str, **told: Any) -> Metadata:
-    """Metadata of a coordinate, with the arguments of `variable`."""
+    """Make metadata of a coordinate; the arguments are those of `variable`."""
     return {_DATASET: Entry(role="coordinate", dims=dims, **told)}
 
 
 def attribute(**told: Any) -> Metadata:
-    """Metadata of an attribute of the dataset; `name` and `of` as for `variable`."""
+    """Make metadata of an attribute of the dataset; `name` and `of` as for `variable`."""
     return {_DATASET: Entry(role="attribute", **told)}
 
 
 def status_of(**told: Any) -> Metadata:
-    """Metadata of a status: its name as an attribute, its text as the attribute ``advice``."""
+    """Make metadata of a status: its name becomes an attribute, its text the attribute ``advice``."""
     return {_DATASET: Entry(role="status", **told)}
 
 
 def table_along(dimension: str, **told: Any) -> Metadata:
-    """Metadata of records whose fields become variables along a dimension; with `kind`, without any record too."""
+    """Make metadata of records whose fields become variables along a dimension; with `kind`, also without records."""
     return {_DATASET: Entry(role="table", dims=(dimension,), **told)}
 
 
 def nested() -> Metadata:
-    """Metadata of a result that stands in the same dataset."""
+    """Make metadata of an inner result that is stored in the same dataset."""
     return {_DATASET: Entry(role="nested")}
 
 
 def several(of: Callable[[Any], Variables], role: str = "variables") -> Metadata:
-    """Metadata of variables (or ``coords``) whose names or dimensions the result knows, as `dataset` takes them."""
+    """Make metadata of variables (or ``coords``) whose names or dimensions depend on the result, as `dataset` takes
+    them.
+    """
     return {_DATASET: Entry(role=role, of=of)}
 
 
 def document(of: Callable[[Any], Mapping[str, Any]]) -> Metadata:
-    """Metadata of the file that the result can be made of again."""
+    """Make metadata of the JSON document from which the result can be restored."""
     return {_DATASET: Entry(role="document", of=of)}
 
 
@@ -92,7 +94,7 @@ PART_COORDINATES: Mapping[str, Metadata] = {
 
 
 class Described:
-    """A result whose fields say in their metadata how they stand in a dataset."""
+    """Base of results whose fields describe, by metadata, how they are stored in a dataset."""
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {}  # The same of properties, and of what `Entry.of` makes of the result
 
@@ -105,7 +107,7 @@ class Described:
 
 @dataclass(kw_only=True)
 class _Made:
-    """A dataset that is put together."""
+    """A dataset under construction."""
 
     variables: dict[str, tuple[Any, ...]] = field(default_factory=dict)
     coords: dict[str, tuple[Any, ...]] = field(default_factory=dict)
@@ -113,7 +115,7 @@ class _Made:
     document: Mapping[str, object] | None = None
 
     def take(self, result: Any) -> None:
-        """Add what a result tells of itself."""
+        """Add the fields of a result."""
         for name, entry in _entries(type(result)).items():
             value = getattr(result, name) if entry.of is None else entry.of(result)
             shown = name if entry.name is None else entry.name
@@ -135,7 +137,7 @@ class _Made:
 
 
 def _told(kind: type) -> dict[str, Entry]:
-    """What stands in the dataset of a class, by field, property or name."""
+    """Return what a class stores in its dataset, by field, property or name."""
     told = {each.name: each.metadata for each in fields(kind)} if is_dataclass(kind) else {}
     for base in reversed(kind.__mro__):
         told |= vars(base).get("DERIVED", {})
@@ -146,7 +148,7 @@ _entries: Callable[[Any], dict[str, Entry]] = cache(_told)
 
 
 def rows(along: Entry, records: Iterable[Any], owner: Any = None) -> Variables:
-    """Records as the columns of a table, with the units and meanings that their fields tell, or their owner knows."""
+    """Return records as the columns of a table, with units and meanings from their fields or their owner."""
     (dimension,), listed = along.dims, list(records)
     before = f"{dimension}_" if along.name is None else along.name
     kind = type(listed[0]) if listed else along.kind
@@ -164,7 +166,7 @@ def rows(along: Entry, records: Iterable[Any], owner: Any = None) -> Variables:
 
 
 def _derived(record: Any, entries: Mapping[str, Entry]) -> dict[str, Any]:
-    """What is no field, or stands otherwise in a table."""
+    """Return entries that are no fields, or are stored differently in a table."""
     own = {each.name for each in fields(record)}
     return {
         name: getattr(record, name) if entry.of is None else entry.of(record)
@@ -190,7 +192,9 @@ def dataset(
 def columns(
     dimension: str, rows: Iterable[Mapping[str, Any]], units: Mapping[str, str] | None = None, before: str | None = None
 ) -> Variables:
-    """The columns of a table as variables along a dimension, each with a text, or the dimension's name, before its own."""
+    """Return the columns of a table as variables along a dimension; each name begins with a text or the dimension's
+    name.
+    """
     listed, prefix = list(rows), f"{dimension}_" if before is None else before
     found: dict[str, tuple[Any, ...]] = {}
     for key in dict.fromkeys(key for row in listed for key in row):
@@ -206,7 +210,7 @@ def columns(
 
 
 def clock(records: Sequence[Recording], dimension: str = "sample") -> Variables:
-    """Coordinates of all samples of several recordings, one after another. `dimension` along which the samples stand."""
+    """Return coordinates of all samples of several recordings, one after another, along `dimension`."""
     return {
         "time": (dimension, np.concatenate([record.timepts for record in records]), "s"),
         "record": (dimension, np.repeat(np.arange(len(records)), [record.n_samples for record in records])),
@@ -214,12 +218,12 @@ def clock(records: Sequence[Recording], dimension: str = "sample") -> Variables:
 
 
 def one_unit(result: Any) -> str:
-    """The unit of all outputs of a result; empty where they differ."""
+    """Return the unit of all outputs of a result; empty if they differ."""
     return str(result.units[0]) if len(set(result.units)) == 1 else ""
 
 
 def gain_unit(result: Any) -> str:
-    """The unit of a gain, output by input."""
+    """Return the unit of a gain, output by input."""
     divided = result.output_unit and result.input_unit
     return str(f"{result.output_unit}/{result.input_unit}" if divided else result.output_unit)
 
@@ -230,7 +234,7 @@ def squared(unit: str) -> str:
 
 
 def _parts(name: str, dimensions: Any, values: Any, *told: str) -> list[tuple[str, tuple[Any, ...]]]:
-    """A variable, or the two that a complex one becomes."""
+    """Return a variable, or the two variables that store a complex one."""
     array = np.asarray(values)
     if not np.iscomplexobj(array):
         return [(name, (dimensions, array, *told))]

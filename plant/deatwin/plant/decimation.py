@@ -1,4 +1,4 @@
-"""Decimation: a zero-phase low-pass filter, then a selection of rows."""
+"""Decimate recordings: a zero-phase low-pass filter, then a selection of rows."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def decimate(recording: Recording, factor: int, *, reading: ReadingTime = Readin
 
 
 def _averaged(recording: Recording, factor: int) -> Recording:
-    """Means of as many old rows as a new one has."""
+    """Return the mean of all old rows within each new row."""
     n = recording.n_samples // factor
 
     def means(signals: Array) -> Array:
@@ -130,7 +130,7 @@ def removed_share(recording: Recording, factor: int) -> dict[str, float]:
 
 
 def low_pass_gain(factor: int, frequencies: Array, reading: ReadingTime) -> Array:
-    """Gain of the filter, or of the mean, of `decimate`; `frequencies` in cycles per new sample, 0 to 0.5."""
+    """Return the gain of the filter, or of the mean, in `decimate`; `frequencies` in cycles per new sample, 0 to 0.5."""
     if factor == 1:
         return np.ones_like(frequencies)
     taps = np.full(factor, 1.0 / factor) if reading is ReadingTime.MEAN_OVER_HOLD else _low_pass(factor, 0)
@@ -139,7 +139,7 @@ def low_pass_gain(factor: int, frequencies: Array, reading: ReadingTime) -> Arra
 
 
 def _low_pass(factor: int, between: int) -> Array:
-    """Symmetric filter of gain 1 at zero frequency; of odd length, or of even length to fall between rows."""
+    """Return a symmetric filter with gain 1 at zero frequency, of odd length, or of even length between rows."""
     from scipy.signal import firwin, kaiserord
 
     taps, beta = kaiserord(_ATTENUATION_DB, (_STOPPED - _PASSED) / factor)
@@ -148,7 +148,7 @@ def _low_pass(factor: int, between: int) -> Array:
 
 
 def _filtered(signal: Array, low_pass: Array, rows: NDArray[np.intp]) -> Array:
-    """The filtered signal at rows, or half a row after them for a filter of even length."""
+    """Return the filtered signal at rows or, with a filter of even length, half a row after them."""
     from scipy.signal import fftconvolve
 
     middle = (low_pass.size - 1) // 2

@@ -1,4 +1,4 @@
-"""JSON documents with a schema: written atomically, read with one clear error."""
+"""Read and write JSON documents with a schema: written atomically, read with one clear error."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ Content = TypeVar("Content")
 
 
 def write_document(path: str | os.PathLike[str], document: Mapping[str, Any]) -> None:
-    """Write a document beside its target, then rename it."""
+    """Write a document to a temporary file, then rename it."""
     text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)
     write_text_atomic(Path(path), text + "\n")
 
 
 def read_document(path: str | os.PathLike[str], schema: str, build: Callable[[Mapping[str, Any]], Content]) -> Content:
-    """Read a document and make of it what it describes."""
+    """Read a document, and return the object that it describes."""
     document = read_json(path)
     found = document.get("schema") if isinstance(document, dict) else None
     if found is None:
@@ -54,13 +54,13 @@ def read_document(path: str | os.PathLike[str], schema: str, build: Callable[[Ma
 
 
 def _in_words(schema: str) -> str:
-    """Say what such a document holds, in brackets; empty for one that no package ships."""
+    """Describe the content of a kind of document in brackets; empty if no package ships it."""
     shipped = shipped_schema(schema) if re.fullmatch(r"deatwin/[a-z-]+/[0-9]+", schema) else None
     return "" if shipped is None else f" ({shipped['title'][0].lower()}{shipped['title'][1:]})"
 
 
 class Saved:
-    """A result with a file of its own, whose `schema` and the functions to and from plain data its class names."""
+    """Base of results with a file; the class names its `schema` and the conversions to and from plain data."""
 
     _file: ClassVar[tuple[str, Callable[[Any], Mapping[str, Any]], Callable[[Any], Mapping[str, Any]]]]
 
@@ -72,7 +72,7 @@ class Saved:
         fields: Callable[[Any], Mapping[str, Any]] = dict,
         **more: Any,
     ) -> None:
-        """Take how the file is made, and what it says of the fields; a subclass without them has its parent's."""
+        """Take schema and conversions from the class's arguments; without them, use those of the parent."""
         super().__init_subclass__(**more)
         if schema:
             cls._file = (schema, document, fields)
@@ -84,7 +84,7 @@ class Saved:
         return partial(type(self), **plain), ()
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write a JSON file, beside its target first and then renamed.
+        """Write a JSON file, first under a temporary name.
 
         Parameters
         ----------
@@ -118,7 +118,7 @@ _MALFORMED = (TypeError, ValueError, AttributeError, IndexError, ArithmeticError
 
 
 def read_json(path: str | os.PathLike[str]) -> Any:
-    """Read a JSON file of the user, of whatever content."""
+    """Read any JSON file of a user."""
     try:
         content = read_regular(path, DOCUMENT_BYTES, lambda fault: ModelError(f"{path}: {fault}"))
     except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""Helpers of all results that draw themselves."""
+"""Helpers for results that draw themselves."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 def axes_or_new(ax: Axes | None) -> Axes:
-    """Axes to draw on; matplotlib is loaded only if new ones are needed."""
+    """Return the given axes, or new ones; matplotlib is loaded only if they are needed."""
     if ax is not None:
         return ax
     from matplotlib import pyplot
@@ -29,7 +29,7 @@ def written_unit(unit: str) -> str:
 
 
 def envelope(timepts: Array, values: Array, columns: int = 500) -> tuple[Array, Array]:
-    """Return lowest and highest sample of each column of a picture. Shapes: `timepts, values` (n,)."""
+    """Return the lowest and the highest sample in each column of a picture. Shapes: `timepts, values` (n,)."""
     n = values.size
     if n <= 2 * columns:
         return timepts, values

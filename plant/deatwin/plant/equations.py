@@ -52,18 +52,18 @@ class Equations:
     channels: Mapping[str, float] = field(default_factory=dict)
 
     def outputs(self, *point: Any) -> Any:
-        """The reading, above the rows of the further readings."""
+        """Return the reading, followed by the rows of the further readings."""
         first = self.output(*point)
         return first if self.further is None else ca.vertcat(first, self.further(*point))
 
     @property
     def begins_at_zero(self) -> np.ndarray:
-        """Places of the states that begin each sample at zero, which are integrals of readings that are means."""
+        """Positions of states that start each sample at zero: integrals for readings that are means."""
         return np.array([self.states.index(name) for name in self.integrals], dtype=int)
 
     @property
     def begun(self) -> np.ndarray:
-        """The states with which a sample begins, by those at the end of the one before, shape (n_x, n_x)."""
+        """Return the matrix (n_x, n_x) from the states at the end of a sample to those at the start of the next."""
         matrix = np.eye(len(self.states))
         matrix[self.begins_at_zero] = 0.0
         for state, source in self.shifts.items():
@@ -72,11 +72,11 @@ class Equations:
 
     @property
     def moving(self) -> np.ndarray:
-        """Places of the unknowns that a step solves for: all but the states that only keep what another one reached."""
+        """Positions of the unknowns that a step solves for: all except states that only store a value."""
         return np.delete(np.arange(self.scale.size), [self.states.index(name) for name in self.shifts])
 
     def held_inputs(self, command: float) -> np.ndarray:
-        """Inputs under a command that has been constant for long. Shapes: returns (n_u,)."""
+        """Return the inputs under a command that has been constant for long. Shapes: returns (n_u,)."""
         return np.array([command] * (1 + self.history) + list(self.channels.values()))
 
     @property
@@ -106,7 +106,7 @@ class Equations:
         times: np.ndarray,
         measured: Mapping[str, np.ndarray] | None = None,
     ) -> np.ndarray:
-        """Inputs of each sample. Shapes: `commands` (n,); `times` (n,); `measured` (n,); returns (n_u, n)."""
+        """Return the inputs of each sample. Shapes: `commands` (n,); `times` (n,); `measured` (n,); returns (n_u, n)."""
         n = commands.size
         before = np.concatenate([np.full(self.history, rest_command), commands])
         past = [before[self.history - k : self.history - k + n] for k in range(self.history + 1)]
@@ -114,11 +114,11 @@ class Equations:
         return np.vstack([*past, *(known.get(name, np.full(n, value))[:n] for name, value in self.channels.items())])
 
     def steps(self, begin: float, width: float) -> tuple[Step, ...]:
-        """Steps in which a sample that begins at `begin` and lasts `width`, s, is solved: one, or two if divided."""
+        """Return the steps for a sample of `width` that starts at `begin`, s: one, or two if the sample is divided."""
         return (Step(begin, begin + width / 2, width),) if self.step_middle is None else halves(begin, width)
 
     def with_middle(self, inputs: np.ndarray, time: float) -> np.ndarray:
-        """Inputs of a step whose middle is at a time. Shapes: `inputs` (n_u,); returns (n_u,)."""
+        """Return the inputs of a step with a given middle time. Shapes: `inputs` (n_u,); returns (n_u,)."""
         told = inputs.copy()
         if self.step_middle is not None:
             told[self.step_middle] = time

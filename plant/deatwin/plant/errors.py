@@ -1,4 +1,4 @@
-"""Errors that deatwin raises, and suggestions of near names."""
+"""Errors that deatwin raises, and suggestions for misspelt names."""
 
 import difflib
 from collections.abc import Iterable
@@ -32,11 +32,11 @@ class RigError(DeatwinError, ValueError):
 
 
 class ModelError(DeatwinError, ValueError):
-    """Error in a model file, or samples from which no model can be made."""
+    """Error in a model file, or in samples from which no model can be made."""
 
 
 class SimulationError(DeatwinError, RuntimeError):
-    """Simulation that could not be finished, for example because of pull-in."""
+    """Raised if a simulation cannot be finished, for example because of pull-in."""
 
 
 def nearest(name: str, known: Iterable[str], *, likeness: float = 0.6) -> str:

@@ -1,4 +1,4 @@
-"""Film of a rig: points with volumes and stretches, energy and capacitance, and relaxing branches."""
+"""Film of a rig: points with volumes and stretches, energy and capacitance, and Maxwell branches."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def film_points(points: Sequence[FilmPoint], build: Builder) -> list[FilmPoint]:
 
 
 def point_capacitances(points: Sequence[FilmPoint], permittivity: Symbol, thickness: Symbol) -> list[Symbol]:
-    r"""Capacitance of each point, :math:`\varepsilon_r\varepsilon_0(\lambda_1\lambda_2/H)^2\,dV_0`."""
+    r"""Return the capacitance of each point, :math:`\varepsilon_r\varepsilon_0(\lambda_1\lambda_2/H)^2\,dV_0`."""
     factor = permittivity * VACUUM_PERMITTIVITY / thickness**2
     return [
         factor * p.coverage * p.volume * (p.stretches[0] * p.stretches[1]) ** 2 if p.active else ca.SX(0)
@@ -77,7 +77,7 @@ def point_capacitances(points: Sequence[FilmPoint], permittivity: Symbol, thickn
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AnyFilm(ABC):
-    """Film as effects at the place *film* see it; subclasses differ in how branches flow."""
+    """Interface of a film for effects at the place *film*; subclasses differ in how branches flow."""
 
     points: Sequence[FilmPoint]  # Points at which stretches are taken
     elastic: Symbol  # Energy of the equilibrium network, J
@@ -142,7 +142,7 @@ class Film(AnyFilm):
 
 
 def _unstrained(xi: Symbol, strain: Symbol) -> Symbol:
-    """Viscous stretch without the strain that it has in excess."""
+    """Return the viscous stretch without its excess strain."""
     return xi * ca.exp(-strain)
 
 

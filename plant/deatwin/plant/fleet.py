@@ -223,7 +223,7 @@ def fleet(seed: int = 0) -> tuple[Actuator, ...]:
 
 
 def _fabricate(rng: np.random.Generator) -> Plant:
-    """Actuator as fabricated: each quantity is drawn within its tolerance."""
+    """Fabricate an actuator: each quantity is drawn within its tolerance."""
     wished = specification()
     factors = {name: 1 + t.share * rng.uniform(-1, 1) for name, t in TOLERANCES.items()}
     geometry = {n: f * getattr(wished.rig, n) for n, f in factors.items() if hasattr(wished.rig, n)}

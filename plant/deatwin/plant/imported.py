@@ -1,4 +1,4 @@
-"""Objects of a user's own modules, named as ``module:name``."""
+"""Import objects of a user's modules, named as ``module:name``."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ RAISED = (Exception, SystemExit)  # Errors that a user's own code may raise; a s
 
 
 def imported(text: str) -> Any:
-    """The object that ``module:name`` names; modules are also looked for in the working folder."""
+    """Return the object named ``module:name``; modules are also searched in the working folder."""
     module_name, _, name = text.rpartition(":")
     if os.getcwd() not in sys.path:
         sys.path.insert(0, os.getcwd())  # stays there: worker processes import the module too

@@ -13,7 +13,7 @@ MISTAKEN = (SystemError, NotImplementedError)
 
 
 def obey() -> None:
-    """Raise the interrupt that was requested but has not ended the work."""
+    """Raise a requested interrupt that has not ended the work yet."""
     for number in ENDING:
         asked = getattr(signal.getsignal(number), "asked", None)
         if asked is not None and asked.is_set():
@@ -22,7 +22,7 @@ def obey() -> None:
 
 @contextmanager
 def obeying() -> Iterator[None]:
-    """Turn an error that CasADi made of an interrupt back into that interrupt."""
+    """Convert an error that CasADi made of an interrupt back to that interrupt."""
     try:
         yield
     except MISTAKEN:
@@ -48,5 +48,5 @@ def interrupts_held() -> Iterator[None]:
 
 
 def ignore_interrupts() -> None:
-    """Leave Ctrl-C to the process that waits for this one: for workers where no mask holds it back."""
+    """Leave Ctrl-C to the parent process, in workers whose mask does not block it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)

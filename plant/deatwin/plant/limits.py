@@ -60,14 +60,14 @@ class Event:
 
 
 def watch_limits(film: AnyFilm, squared_voltage: Symbol, build: Builder) -> None:
-    """Watch the film's margins to loss of tension and to breakdown, and their places."""
+    """Watch how near the film is to loss of tension and to breakdown, and where."""
     _watch_least(TENSION, _true_stresses(film, squared_voltage), [p for p in film.points for _ in (1, 2)], 1, build)
     if shares := breakdown_shares(film, build):
         _watch_least(BREAKDOWN, shares, [p for p in film.points if p.active], -1, build)
 
 
 def _true_stresses(film: AnyFilm, squared_voltage: Symbol) -> list[Symbol]:
-    """Stresses along the meridian and the hoop of each point in turn, Pa."""
+    """Return the stresses along meridian and hoop of each point in turn, Pa."""
     virtual = ca.vertcat(*(v for p in film.points for v in p.virtual or ()))
     work = film.force(virtual, squared_voltage)
     pairs = [(p.stretches[axis], p.volume) for p in film.points for axis in (0, 1)]
@@ -75,14 +75,14 @@ def _true_stresses(film: AnyFilm, squared_voltage: Symbol) -> list[Symbol]:
 
 
 def breakdown_shares(film: AnyFilm, build: Builder) -> list[Symbol]:
-    """Field at each point under the electrode, divided by the breakdown field there; empty where that is unknown."""
+    """Return the field at each electrode point divided by its breakdown field; empty if that is unknown."""
     thickness, voltage, law = build.parameter("thickness"), ca.fabs(build.signal("film_voltage")), film.breakdown
     points = [] if law is None else [(p, thickness / (p.stretches[0] * p.stretches[1])) for p in film.points]
     return [voltage / now / law.at(now, *p.stretches) for p, now in points if p.active]  # type: ignore[union-attr]
 
 
 def _watch_least(name: str, values: Sequence[Symbol], points: Sequence[FilmPoint], sign: int, build: Builder) -> None:
-    """Watch the smallest value (the largest, for a negative sign) and the place of its point."""
+    """Watch the smallest value (for a negative sign, the largest) and its point."""
     least, radius, active = values[0], points[0].mounted, float(points[0].active)
     for value, point in zip(values[1:], points[1:], strict=True):
         nearer = sign * value < sign * least

@@ -1,4 +1,4 @@
-"""Film materials by name: the published ones, and those of which only the energy is chosen."""
+"""Film materials by name: published ones, and energies for films of which nothing else is known."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ class Plant:
         return tuple(e.name for e in self.effects)
 
     def lacks(self, effect: Effect) -> bool:
-        """Tell if no effect of this plant is the given one, at whatever place.
+        """Return whether no effect of this plant is the given one, at any place.
 
         Parameters
         ----------
@@ -115,7 +115,7 @@ class Plant:
         return replace(self, effects=(*self.effects, *effects))
 
     def without_effects(self, *names: str) -> Plant:
-        """Return the plant without some or all of its effects; its other values stay.
+        """Return the plant without some or all of its effects; other values are unchanged.
 
         Parameters
         ----------
@@ -186,7 +186,7 @@ class Plant:
         return tuple(self._structure.equations.channels)
 
     def accepts(self, effect: Effect) -> bool:
-        """Tell if an effect can be added to this plant.
+        """Return whether an effect can be added to this plant.
 
         Parameters
         ----------
@@ -243,7 +243,7 @@ class Plant:
         return Timeline.of(experiment, self.rig.start, self.rig.sample_time, self.rig.reading)
 
     def given(self, timeline: Timeline, count: int | None = None) -> dict[str, Any]:
-        """Return the arguments with which a `runner` runs this plant along a timeline.
+        """Return the arguments with which a `runner` simulates this plant along a timeline.
 
         Parameters
         ----------
@@ -361,7 +361,7 @@ class Plant:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Return the plant that `to_dict` described.
+        """Make the plant from the data that `to_dict` returned.
 
         Parameters
         ----------

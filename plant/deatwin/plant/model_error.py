@@ -37,10 +37,10 @@ DIGITS = 2  # Step to which the parameters are rounded: within it the error chan
 
 @runtime_checkable
 class Refinable(Protocol):
-    """A rig that has finer equations."""
+    """A rig that offers finer equations."""
 
     def finer(self) -> Rig:
-        """Return the rig with finer equations and parameters of the same names."""
+        """Return the rig with finer equations, whose parameters have the same names."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -129,7 +129,7 @@ class Discrepancy:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Return the discrepancy that `to_dict` described.
+        """Make the discrepancy from the data that `to_dict` returned.
 
         Parameters
         ----------
@@ -155,7 +155,9 @@ class Discrepancy:
 
 
 def discrepancy(plant: Plant, experiment: Experiment) -> Discrepancy:
-    """Return the residual of a plant against its finer twin on the commands of an experiment; it is kept on disk."""
+    """Return the residual of a plant against its version with finer equations, on an experiment's commands; cached on
+    disk.
+    """
     commands = np.concatenate([record.inputs[0] for record in experiment.recordings])
     if not isinstance(plant.rig, Refinable):
         return _stated(plant.rig, commands)
@@ -198,7 +200,7 @@ def _computed(plant: Plant, finer: Rig, experiment: Experiment, commands: np.nda
 
 
 class _Refit:
-    """Least squares of a plant's free parameters on the readings of another."""
+    """Least-squares fit of a plant's free parameters to the readings of another plant."""
 
     def __init__(self, plant: Plant, experiment: Experiment, target: np.ndarray) -> None:
         self._plant, self._target = plant, target
@@ -209,7 +211,7 @@ class _Refit:
         self.start = np.array([p.scale.to_coordinate(p.value) for p in self._free])
 
     def rest(self) -> np.ndarray:
-        """Target minus readings after the fit, shape (n,), SI."""
+        """Target minus fitted readings, shape (n,), SI."""
         from scipy.optimize import least_squares  # not needed to simulate
 
         lower, upper = np.array([p.ends for p in self._free]).T
@@ -228,7 +230,9 @@ class _Refit:
         return self.residuals(found.x)
 
     def residuals(self, coordinates: np.ndarray) -> np.ndarray:
-        """Target minus readings, shape (n,), SI; very large where the plant fails, so that the fit turns back."""
+        """Return target minus readings, shape (n,), SI; very large values where the plant fails, so that the fit
+        avoids them.
+        """
         return self._evaluate(coordinates)[0]
 
     def _jacobian(self, coordinates: np.ndarray) -> np.ndarray:
@@ -258,7 +262,7 @@ def _rounded(plant: Plant) -> Plant:
 
 
 def _file(plant: Plant, experiment: Experiment) -> Path:
-    """File of a cached result, named by all on which the result depends."""
+    """Return the file of a cached result, named after everything on which the result depends."""
     rig = {name: value for name, value in plant.rig.to_dict().items() if name not in ("noise", "model_error")}
     content = plant.to_dict() | {"kind": plant.rig.kind, "rig": rig, "deatwin": version("deatwin"), "schema": SCHEMA}
     timeline = plant.timeline(experiment)

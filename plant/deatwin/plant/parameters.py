@@ -15,7 +15,7 @@ BEYOND = 1.01  # and that of the value from which on it is to the end that was r
 
 
 class Scale(Enum):
-    """Coordinate in which a fit moves a parameter, chosen so that the plant is nearly linear in it."""
+    """Coordinate in which a fit changes a parameter, chosen so that the plant is nearly linear in it."""
 
     LINEAR = "value"
     LOGARITHMIC = "ln(value)"
@@ -132,7 +132,7 @@ class Parameter:
 
     @property
     def beyond(self) -> float | None:
-        """Value just beyond the nearest end of the range, SI; None if physics ends there."""
+        """Value just beyond the nearest end of the range, SI; None if this end is a physical limit."""
         end = self.lower if self.is_low else self.upper
         open_end = self.widest is not None and 0.0 < abs(end) < self.widest and (end < 0.0 or not self.is_low)
         return BEYOND * end if open_end else None
@@ -145,7 +145,7 @@ class Parameter:
 
 
 def _grown(end: float, value: float, widest: float) -> float:
-    """The end of a range that holds the value, if the widest one does."""
+    """Return the end of a range, extended to include the value if the widest range allows it."""
     while value > end and end < widest:
         end = min(WIDER * end, widest)
     return end

@@ -1,4 +1,4 @@
-"""SI quantities shown with a suitable prefix."""
+"""Show SI quantities with a suitable prefix."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ PREFIXED = ("Pa", "s", "m", "N", "V", "A", "F", "Hz", "J", "W", "ohm")
 
 
 def prefixed(value: float, unit: str) -> tuple[float, str]:
-    """Size and name of the unit in which a value has one to three digits before the point.
+    """Return size and name of the unit in which a value has one to three digits before the point.
 
     >>> prefixed(26400.0, "Pa"), prefixed(54.0, "s"), prefixed(2e7, "N/m3"), prefixed(-0.1, "1")
     ((1000.0, 'kPa'), (1.0, 's'), (1000000.0, 'MN/m3'), (1.0, ''))
@@ -28,7 +28,7 @@ def prefixed(value: float, unit: str) -> tuple[float, str]:
 
 
 def with_unit(value: float, unit: str) -> str:
-    """A value to three digits, with a prefix to its SI unit; what is shown decides the prefix.
+    """Write a value with three digits and a prefix on its SI unit; the rounded value decides the prefix.
 
     >>> with_unit(1.2e-5, "m"), with_unit(0.9999e-3, "m"), with_unit(-2500.0, "V"), with_unit(0.5, "1")
     ('12 µm', '1 mm', '-2.5 kV', '0.5')
@@ -39,7 +39,8 @@ def with_unit(value: float, unit: str) -> str:
 
 
 def resolving(low: float, high: float) -> int:
-    """Number of significant digits that distinguish the ends of an interval: three, or to the first digit of its width.
+    """Return how many significant digits distinguish the ends of an interval: three, or to the first digit of its
+    width.
 
     >>> resolving(50.2, 59.3), resolving(24.98, 25.04), resolving(151.39, 151.47), resolving(2.0, 2.0)
     (3, 4, 5, 3)

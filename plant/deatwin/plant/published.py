@@ -51,7 +51,7 @@ def _permittivity(value: float, source: str) -> Parameter:
 
 
 def _branches(source: str, *values: tuple[float, float]) -> tuple[Branch, ...]:
-    """Branches of given (modulus in Pa, time in s); a fit may change a time by a factor of about 30 both ways."""
+    """Make branches from (modulus in Pa, time in s); a fit may change a time by a factor of about 30 either way."""
     names = ["branch", *(f"branch_{i}" for i in range(2, len(values) + 1))]
     return tuple(
         Branch(
@@ -92,7 +92,9 @@ _RANGE = _permittivity(4.5, "published values for stretched VHB lie between 3.5 
 
 
 def _common(name: str) -> Material:
-    """One relaxation and a modulus in the middle of the published values: start values for a rig of unknown history."""
+    """Return one relaxation and a modulus in the middle of the published values, as a start for a rig of unknown
+    history.
+    """
     return Material(
         name=name,
         energy=gent,
@@ -140,7 +142,9 @@ def _published() -> tuple[Material, ...]:
 
 
 def _elastic(name: str, value: float, lower: float, upper: float, source: str) -> Parameter:
-    """Elastic parameter: a modulus moves as its logarithm, a limit of stretch as its inverse, a small term linearly."""
+    """Make an elastic parameter, on a scale that suits it: moduli logarithmic, limits of stretch inverse, small terms
+    linear.
+    """
     is_limit = name in ("stretch_limit", "locking_stretch")
     scale = Scale.RECIPROCAL if is_limit else Scale.LOGARITHMIC if lower > 0.0 else Scale.LINEAR
     unit = "1" if is_limit or name.startswith("alpha") else "Pa"
@@ -286,7 +290,7 @@ _SOFT = "start of a fit: the middle of soft elastomers, from 10 kPa to 1 MPa"
 
 
 def _unknown() -> tuple[Material, ...]:
-    """An elastomer of each energy of which nothing is known."""
+    """Return, for each energy, an elastomer of which nothing else is known."""
     energies: dict[Callable[..., Any], tuple[Parameter, ...]] = {
         neo_hookean: (_elastic("shear_modulus", 100e3, 1e3, 2e6, _SOFT),),
         mooney_rivlin: (_elastic("C1", 40e3, 500.0, 1e6, _SOFT), _elastic("C2", 10e3, -100e3, 1e6, _SOFT)),

@@ -1,4 +1,4 @@
-"""Further readings of a rig beside its first one, such as the current into a film."""
+"""Further readings of a rig besides the first one, such as the current into a film."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ROWS = 3  # Rows of the equations for each further reading: level, stored quanti
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """One reading of a rig: its name, its unit, and how far it is to be trusted.
+    """One reading of a rig: its name, its unit, and its accuracy.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class Reading:
 
 
 def readings_from(described: Any) -> tuple[Reading, ...]:
-    """The further readings that a rig's plain data describe."""
+    """Return the further readings from a rig's plain data."""
     try:
         return tuple(Reading(**one) for one in described)
     except TypeError as error:

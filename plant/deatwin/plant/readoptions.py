@@ -9,7 +9,7 @@ from typing import Any
 
 @dataclass(frozen=True, kw_only=True)
 class ReadOptions:
-    """Options of `read_recordings`, by its names; None and False where one is not given."""
+    """Options of `read_recordings`, by its names; None or False means not given."""
 
     input_column: str | None = None
     output_column: str | None = None
@@ -20,12 +20,12 @@ class ReadOptions:
 
     @classmethod
     def of(cls, asked: Mapping[str, Any]) -> ReadOptions:
-        """Take the options from arguments of a command, which may have others too."""
+        """Take the options from the arguments of a command, ignoring others."""
         return cls(**{field.name: asked[field.name] for field in fields(cls) if field.name in asked})
 
     @property
     def given(self) -> dict[str, Any]:
-        """Those that are given."""
+        """Return the options that are given."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: value for name, value in values.items() if value is not None and value is not False}
 
@@ -33,21 +33,21 @@ class ReadOptions:
         return bool(self.given)
 
     def __or__(self, other: ReadOptions) -> ReadOptions:
-        """Both; where both give an option, the other's."""
+        """Combine two sets of options; where both give one, the second counts."""
         return replace(self, **other.given)
 
     def with_column(self, role: str, column: str) -> ReadOptions:
-        """These with another column as ``input``, ``output`` or ``time``."""
+        """Return the options with another column as ``input``, ``output`` or ``time``."""
         named: dict[str, Any] = {f"{role}_column": column}
         return replace(self, **named)
 
     def without(self, *names: str) -> ReadOptions:
-        """The others."""
+        """Return the options without some of them."""
         return ReadOptions(**{name: value for name, value in self.given.items() if name not in names})
 
     @property
     def flags(self) -> list[tuple[str, ...]]:
-        """Flags of the command line, each with its value if it takes one."""
+        """Return the flags of the command line, each with its value if it takes one."""
         found: list[tuple[str, ...]] = []
         for name, value in self.given.items():
             flag = f"--{name.replace('_', '-')}"
@@ -57,11 +57,11 @@ class ReadOptions:
 
     @property
     def words(self) -> tuple[str, ...]:
-        """Words of the command line."""
+        """Return the words of the command line."""
         return tuple(word for flag in self.flags for word in flag)
 
     def __str__(self) -> str:
-        """Return them as an error text shows them, with the columns in quotes."""
+        """Write the options for an error text, with columns in quotes."""
         return " ".join(
             f'{flag[0]} "{flag[1]}"' if flag[0].endswith("-column") else " ".join(flag) for flag in self.flags
         )

@@ -1,4 +1,4 @@
-"""Recordings and experiments, the common form of data in deatwin."""
+"""Recordings and experiments, the common form of all data in deatwin."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -367,7 +367,7 @@ def _labels(
 
 
 def _read_only(values: ArrayLike) -> NDArray[np.float64]:
-    """Return float64 values that cannot be written: the same array if it is so already, else a copy."""
+    """Return float64 values as a read-only array, without a copy if they are one already."""
     array = np.asarray(values, dtype=np.float64)
     if array.flags.writeable:
         array = array.copy()
@@ -376,7 +376,7 @@ def _read_only(values: ArrayLike) -> NDArray[np.float64]:
 
 
 def _require_finite(name: str, values: NDArray[np.float64]) -> None:
-    """Raise DataError where a channel holds a value that is not finite."""
+    """Raise DataError if a channel contains a value that is not finite."""
     finite = np.isfinite(values)
     if not finite.all():
         sample = int(np.argmin(finite))

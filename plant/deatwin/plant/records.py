@@ -1,4 +1,4 @@
-"""Typed records and the plain data that files hold: keys, optional fields and nesting follow from the fields."""
+"""Convert typed records to and from plain data for files, following the fields of their classes."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ UNBOUNDED = {_UNBOUNDED: True}  # Metadata of a number that may be infinite, whi
 
 
 def key(name: str) -> dict[str, str]:
-    """Metadata of a field that has another name in a file, as one that Python reserves."""
+    """Make metadata of a field with another name in the file, for instance because Python reserves it."""
     return {_KEY: name}
 
 
 def plain(value: Any) -> Any:
-    """The plain data of a record, of its fields in their order."""
+    """Return a record as plain data, fields in order."""
     if is_dataclass(value):
         held = ((each, getattr(value, each.name)) for each in fields(value) if _INTERNAL not in each.metadata)
         return {_name(each): plain(one) for each, one in held if one is not None or _OPTIONAL not in each.metadata}
@@ -43,7 +43,7 @@ def plain(value: Any) -> Any:
 
 
 def read(record: type[_Record], data: Any) -> _Record:
-    """The record that `plain` described; KeyError for a missing key, TypeError or ValueError for a wrong value."""
+    """Make a record from its plain data; KeyError for a missing key, TypeError or ValueError for a wrong value."""
     if not isinstance(data, Mapping):
         raise TypeError(f"{record.__name__} is no mapping: {data!r:.80}")
     hints, found = _hints(record), {}
@@ -66,7 +66,7 @@ def _name(each: Field[Any]) -> str:
 
 
 def _value(hint: Any, value: Any) -> Any:
-    """A plain value as its type."""
+    """Convert a plain value to its type."""
     origin, arguments = get_origin(hint), get_args(hint)
     if hint == Json:
         return value
@@ -89,7 +89,7 @@ def _value(hint: Any, value: Any) -> Any:
 
 
 def _of(kind: Any, value: Any) -> Any:
-    """The value, if it is of a kind; a text is no list, and a truth value no number."""
+    """Return the value if it has a given kind; a text is no list, and a truth value no number."""
     wrong = isinstance(value, bool) if kind is not bool and kind is not Mapping else False
     if wrong or (kind is Sequence and isinstance(value, str)) or not isinstance(value, kind):
         raise TypeError(f"{value!r:.80} is no {getattr(kind, '__name__', 'number')}")

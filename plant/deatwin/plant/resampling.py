@@ -42,7 +42,7 @@ _SAME = 1e-9  # of a step, for times that differ by rounding
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Resampling:
-    """Way in which samples are brought onto an even clock."""
+    """Result of planning how samples are brought onto an even clock."""
 
     sample_time: float
     factor: int  # The samples are brought onto a clock so many times finer, and then decimated
@@ -52,11 +52,11 @@ class Resampling:
 
     @property
     def steps(self) -> Floats:
-        """Times between rows of one piece, s."""
+        """Times between successive rows of one piece, s."""
         return np.concatenate([np.diff(self.timepts[first:last]) for first, last in self.rows])
 
     def bandwidth(self, reading: ReadingTime = ReadingTime.END_OF_HOLD) -> float:
-        """Frequency at which a reading has lost 3 dB, Hz; the new Nyquist frequency where it has not lost that much."""
+        """Frequency at which a reading has lost 3 dB, Hz; at most the new Nyquist frequency."""
         # Between rows that are finer than the old ones, interpolation leaves nothing at the old sampling rate.
         frequencies = np.linspace(0.0, min(0.5 / self.sample_time, 1.0 / float(np.median(self.steps))), 257)
         gain = np.abs(self._interpolation(frequencies))
@@ -65,7 +65,7 @@ class Resampling:
         return float(frequencies[np.argmax(lost)] if lost.any() else frequencies[-1])
 
     def sentence(self, reading: ReadingTime) -> str:
-        """Describe the resampling in one line. `reading` when a row is read."""
+        """Describe the resampling in one line. `reading` says when a row is read."""
         steps = self.steps
         usual, spread = float(np.median(steps)), float(np.std(steps))
         nyquist = 0.5 / self.sample_time
@@ -84,7 +84,7 @@ class Resampling:
         return np.interp(self.clocks[piece], self.timepts[first:last], values[first:last])
 
     def commands(self, piece: int, values: Floats) -> Floats:
-        """Return a command on the finer clock of a piece: a staircase by its levels, others by their means."""
+        """Return a command on the finer clock of a piece: levels of a staircase, means of any other."""
         first, last = self.rows[piece]
         times, levels, clock = self.timepts[first:last], values[first:last], self.clocks[piece]
         hold = self.sample_time / self.factor
@@ -95,7 +95,7 @@ class Resampling:
         return np.diff(np.interp([clock, clock + hold], ends, area), axis=0)[0] / hold
 
     def _interpolation(self, frequencies: Floats) -> NDArray[np.complex128]:
-        """Mean gain of the interpolation over the new rows, as the old ones lie around them."""
+        """Return the mean gain of the interpolation over the new rows, given the times of the old ones."""
         before, after = [], []
         for clock, (first, last) in zip(self.clocks, self.rows, strict=True):
             times = self.timepts[first:last]
@@ -113,7 +113,7 @@ class Resampling:
 def plan_resampling(
     timepts: Floats, sample_time: float, where: Callable[[int], str], *, allow_gaps: bool = False
 ) -> Resampling:
-    """Return how rows at these times come onto an even clock."""
+    """Plan how rows at these times are brought onto an even clock."""
     if not (math.isfinite(sample_time) and sample_time > 0.0):
         raise DataError(f"{where(0)}: resample is {sample_time} s; the sample time must be positive")
     if len(timepts) < 2:
@@ -177,7 +177,7 @@ def resampling_options(timepts: Floats, usual: float | None = None) -> ReadOptio
 
 
 def _clock(times: Floats, origin: float, sample_time: float, factor: int) -> Floats:
-    """Return the times of the finer clock within a piece, from one on that the new clock has."""
+    """Return the times of the finer clock within a piece, aligned with the new clock."""
     start = origin + sample_time * math.ceil((times[0] - origin) / sample_time - _SAME)
     fine = sample_time / factor
     count = math.floor((times[-1] - start) / fine + _SAME * len(times)) + 1

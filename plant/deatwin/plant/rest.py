@@ -81,7 +81,7 @@ def rest_state(
 
 
 def _scaled(equations: Equations, jacobian: np.ndarray, kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Jacobian in scaled unknowns and rows, and the rows' sizes: equations of unlike units must not decide the rank."""
+    """Return the Jacobian with scaled unknowns and rows, and the rows' sizes, so that units do not affect its rank."""
     matrix = (jacobian * equations.scale)[np.ix_(kept, kept)]
     rows = np.abs(matrix).max(axis=1, initial=0.0)
     rows[rows == 0.0] = 1.0
@@ -89,7 +89,7 @@ def _scaled(equations: Equations, jacobian: np.ndarray, kept: np.ndarray) -> tup
 
 
 def _slope(equations: Equations, w: np.ndarray, inputs: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Sensitivity of the state of rest to the parameters; an unknown that may stay anywhere moves with its guess."""
+    """Return the derivative of the state of rest by the parameters; a free integrator moves with its guess."""
     functions, kept = _functions(equations), resting(equations)
     jacobian, by_parameters = (np.asarray(v) for v in functions.slopes(w, inputs, values, equations.constants))
     w_p = np.asarray(functions.guess_slope(values, equations.constants))
@@ -102,7 +102,7 @@ def _slope(equations: Equations, w: np.ndarray, inputs: np.ndarray, values: np.n
 def undefined_ahead(
     equations: Equations, rest: RestState, path: np.ndarray, inputs: np.ndarray, values: np.ndarray
 ) -> str:
-    """Say which equation has no value where a run, `path` (n_x + n_z, n), was about to go; else empty."""
+    """Name the equation that becomes undefined just after a run, `path` (n_x + n_z, n); empty if there is none."""
     path = np.hstack([np.concatenate([rest.x, rest.z])[:, None], path])
     ahead = path[:, -1] - path[:, -2] if path.shape[1] > 1 else np.zeros(len(path))
     n_x = len(equations.states)
@@ -128,7 +128,7 @@ def undefined_ahead(
 
 
 def _blamed(which: str, equations: Equations, values: np.ndarray) -> str:
-    """Say which expression of the parameters takes an equation its value; empty where the parameters alone do not."""
+    """Name the parameter expression that makes an equation undefined; empty if it is not the parameters alone."""
     culprit = _undefined_by_parameters(equations, values)
     return culprit and f"{which}: {culprit}; give the parameter a range in which it has one"
 
@@ -144,7 +144,7 @@ def _undefined_at_guess(
 
 
 def _undefined(equations: Equations, residual: np.ndarray, jacobian: np.ndarray, w: np.ndarray) -> tuple[str, str]:
-    """Name the equation without a value or slope, and its arguments; empty if all have one."""
+    """Name the equation with an undefined value or slope, and its arguments; empty if all are defined."""
     at = ", ".join(f"{n} = {v:.4g}" for n, v in zip(equations.states + equations.coordinates, w, strict=True))
     missing, bent = ~np.isfinite(residual), ~np.isfinite(jacobian).all(axis=1)
     if not (missing.any() or bent.any()):
@@ -155,7 +155,7 @@ def _undefined(equations: Equations, residual: np.ndarray, jacobian: np.ndarray,
 
 
 def _unbalanced(equations: Equations, left: np.ndarray, matrix: np.ndarray, kept: np.ndarray) -> str:
-    """Name the states without an equilibrium where Newton's method stands still; empty if the equations hold."""
+    """Name the states without an equilibrium if Newton's method stalls; empty if the equations hold."""
     if np.max(np.abs(left), initial=0.0) < UNBALANCED:
         return ""
     if kept[np.argmax(np.abs(left))] >= len(equations.states):
@@ -172,7 +172,7 @@ def _unbalanced(equations: Equations, left: np.ndarray, matrix: np.ndarray, kept
 
 
 def _rootless(equations: Equations, closest: np.ndarray, kept: np.ndarray) -> str:
-    """Name the equation of rest that Newton's method left furthest from zero, by how close each came."""
+    """Name the equation of rest that Newton's method left farthest from zero, with the smallest values reached."""
     row = int(kept[np.argmax(closest)])
     start = ", or let the state start from a parameter (build.state(..., start=...))"
     return (
@@ -185,7 +185,7 @@ def _rootless(equations: Equations, closest: np.ndarray, kept: np.ndarray) -> st
 def has_equilibrium(
     equations: Equations, rest: RestState, rest_command: float, command: float, values: np.ndarray
 ) -> bool:
-    """True if the plant, brought slowly from rest to a command, has an equilibrium with its film in tension."""
+    """Return whether the plant, brought slowly from rest to a command, has an equilibrium with its film in tension."""
     state, share, step = rest, 0.0, 1.0 / CONTINUATION
     while share < 1.0 - 1e-12:
         at = rest_command + min(share + step, 1.0) * (command - rest_command)
@@ -202,7 +202,7 @@ def has_equilibrium(
 
 
 def _in_tension(equations: Equations, state: RestState, command: float, values: np.ndarray) -> bool:
-    """True if the film is in tension, or the rig does not watch its tension."""
+    """Return whether the film is in tension; also true if the rig does not watch its tension."""
     if TENSION not in equations.signals:
         return True
     inputs = equations.held_inputs(command)
@@ -212,7 +212,7 @@ def _in_tension(equations: Equations, state: RestState, command: float, values: 
 
 @lru_cache(maxsize=64)
 def resting(equations: Equations) -> np.ndarray:
-    """Mask of the unknowns that have a definite place to rest."""
+    """Return which unknowns have a definite state of rest, as a mask."""
     entries, n_x = _functions(equations).pattern, len(equations.states)
     kept = np.arange(equations.scale.size)
     while free := [k for k in kept if k < n_x and not entries[kept, k].any()]:
@@ -222,8 +222,7 @@ def resting(equations: Equations) -> np.ndarray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Functions:
-    """`residual`: ``(w, u, p, c) -> (r, by w)``; `slopes`: likewise by w and by p; `guess_slope`: ``(p, c) ->`` slope
-    of the guess; `held`: ``(w, p, c) -> (d, by w, by p)``; `pattern`: where the derivative of r by w has entries."""
+    """`residual`: ``(w, u, p, c) -> (r, by w)``; `slopes`: likewise by w and by p; `guess_slope`: ``(p, c) ->`` derivative of the guess by p; `held`: ``(w, p, c) -> (d, by w, by p)``; `pattern`: where the derivative of r by w has entries."""
 
     residual: ca.Function
     slopes: ca.Function
@@ -252,7 +251,7 @@ def _functions(equations: Equations) -> _Functions:
 
 
 def _undefined_by_parameters(equations: Equations, values: np.ndarray) -> str:
-    """Name the innermost expression of the parameters alone, shape (n_p,), without a finite value; empty if all have."""
+    """Name the innermost expression of parameters, shape (n_p,), without a finite value; empty if all are finite."""
     p = ca.vertcat(*map(ca.SX.sym, equations.parameters.free))
     x, z, d, u, t = (ca.SX.sym(name, equations.dynamics.size1_in(k)) for k, name in enumerate("xzdut"))
     c = ca.SX(equations.constants)
@@ -270,7 +269,7 @@ def _undefined_by_parameters(equations: Equations, values: np.ndarray) -> str:
 
 
 def _of_parameters_alone(roots: Any, p: Any) -> list[Any]:
-    """Operations in an expression that depend on parameters only, each after its own operands."""
+    """Return the operations in an expression that depend on parameters only, operands first."""
     alone = {symbol.element_hash(): True for symbol in ca.vertsplit(p)}
     found, waiting = [], [roots[k] for k in range(roots.numel())]
     while waiting:

@@ -24,7 +24,7 @@ SETTLED = 1e-12  # Change of the unknowns, relative to their scale, that ends Ne
 
 
 def rest_under(plant: Plant, command: float, *, time: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """State in which a plant rests after it was brought to a constant command. Shapes: returns (n_x,)."""
+    """Return the state in which a plant rests after it was brought to a constant command. Shapes: returns (n_x,)."""
     equations, start, values = plant.equations, plant.rig.start.rest_command, plant.free_values
     first = rest_state(equations, start, values)
     if not first.found:
@@ -41,7 +41,7 @@ def rest_under(plant: Plant, command: float, *, time: float = 0.0) -> tuple[np.n
 def held_rest(
     equations: Equations, here: np.ndarray, held: np.ndarray, command: float, values: np.ndarray
 ) -> np.ndarray:
-    """Move an equilibrium (n_x + n_z,) to where it is with what was `held` (n_d,) since the start."""
+    """Move an equilibrium (n_x + n_z,) to where it lies with quantities `held` (n_d,) since the start."""
     if not held.size:
         return here
     try:
@@ -51,7 +51,7 @@ def held_rest(
 
 
 class NoRestError(Exception):
-    """No state of rest is in reach."""
+    """Raised if no state of rest can be reached."""
 
 
 Point = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
@@ -61,7 +61,7 @@ Point = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 def settled(
     equations: Equations, here: np.ndarray, held: np.ndarray, command: float, values: np.ndarray, time: float
 ) -> Point:
-    """Let the rest settle, step by step, at its clock time and with the quantities held since the start."""
+    """Let the state of rest adapt, step by step, to its clock time and to quantities held since the start."""
     n_x = len(equations.states)
     own = np.asarray(equations.hold(here[:n_x], here[n_x:], values, equations.constants)).ravel()
     done, step = 0.0, 1.0
@@ -81,7 +81,7 @@ def settled(
 
 
 def _solved(equations: Equations, point: Point, time: float) -> np.ndarray | None:
-    """Equilibrium by Newton's method from the unknowns of a nearby point; None if it fails."""
+    """Find an equilibrium by Newton's method from the unknowns of a nearby one; None if it fails."""
     here, *known = point
     evaluate = sample_functions(equations).resting
     for _ in range(UPDATES):
@@ -97,7 +97,7 @@ def _solved(equations: Equations, point: Point, time: float) -> np.ndarray | Non
 
 
 def require_tension(equations: Equations, point: Point, time: float) -> None:
-    """Refuse a film without tension, which wrinkles so that the equations do not hold; a rig may not watch it."""
+    """Raise an error for a film without tension, for which the equations do not hold; a rig may not watch it."""
     if TENSION in equations.signals:
         (here, held, inputs, values), n_x = point, len(equations.states)
         seen = equations.watched(here[:n_x], here[n_x:], held, inputs, time, values, equations.constants)
@@ -106,7 +106,7 @@ def require_tension(equations: Equations, point: Point, time: float) -> None:
 
 
 def followed(equations: Equations, here: np.ndarray, start: float, command: float, values: np.ndarray) -> np.ndarray:
-    """Equilibrium under another command; raise NoRestError if the branch ends before, in a fold or by snapping."""
+    """Follow an equilibrium to another command; raise NoRestError if the branch ends first, in a fold or by snapping."""
     at, step, sign = start, command - start, _sign(equations, here, start, values)
     while at != command:
         target = command if abs(command - at) <= abs(step) else at + step
@@ -123,7 +123,7 @@ def followed(equations: Equations, here: np.ndarray, start: float, command: floa
 
 
 def _sign(equations: Equations, here: np.ndarray, command: float, values: np.ndarray) -> float:
-    """Sign of the determinant of the equations of rest, which changes at a fold."""
+    """Return the sign of the determinant of the equations of rest, which changes at a fold."""
     inputs = equations.held_inputs(command)
     slope = np.asarray(sample_functions(equations).rest_slope(here, inputs, values, equations.constants))
     kept = resting(equations)
@@ -131,7 +131,7 @@ def _sign(equations: Equations, here: np.ndarray, command: float, values: np.nda
 
 
 def _scaled_solution(slope: np.ndarray, value: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """Least-squares step in units of the scale; free unknowns, such as a memory at rest, stay in place."""
+    """Return a least-squares step in scaled units; unknowns without a definite rest, such as memories, stay in place."""
     scaled = slope * scale
     rows = np.abs(scaled).max(axis=1, initial=0.0)
     rows[rows == 0.0] = 1.0
@@ -139,7 +139,7 @@ def _scaled_solution(slope: np.ndarray, value: np.ndarray, scale: np.ndarray) ->
 
 
 def inputs_at(equations: Equations, inputs: np.ndarray, begin: float, middle: float) -> np.ndarray:
-    """Inputs of a sample that begins at a time, s, and of a step in it with its middle at another."""
+    """Return the inputs of a sample that begins at a time, s, and of a step in it with a given middle."""
     moved = equations.with_middle(inputs, middle)
     if equations.sample_start is not None:
         moved[equations.sample_start] = begin

@@ -1,4 +1,4 @@
-"""Errors in the equations of a user's rig, in one line that names the equation."""
+"""Report errors in the equations of a user's rig in one line that names the equation."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ WHERE_IN_CASADI = re.compile(r"^\S*\.(?:cpp|hpp|i):\d+:\s*")
 
 
 def number(value: Any, what: str) -> Symbol:
-    """Return an expression of one number, or raise RigError."""
+    """Return an expression as one number, or raise RigError."""
     if not isinstance(value, NUMBERS):
         kind = "casadi.MX; rigs are written in casadi.SX" if isinstance(value, ca.MX) else type(value).__name__
         raise RigError(f"{what} is of the type {kind}; it must be an expression of what the builder gave, or a number")
@@ -90,7 +90,7 @@ def _has_nan(value: Symbol) -> bool:
 
 @contextmanager
 def users_code(what: str) -> Iterator[None]:
-    """Make one line of whatever the code of a rig or an effect raises, or CasADi and NumPy that it calls."""
+    """Convert any exception from a rig's or effect's code, or from the CasADi and NumPy calls in it, to one line."""
     with _WRITING:
         to_float = ca.SX.__float__
 

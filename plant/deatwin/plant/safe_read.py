@@ -51,7 +51,7 @@ def read_regular(path: str | os.PathLike[str], limit: int, refuse: Callable[[str
 
 
 def kind_of_file(path: str | os.PathLike[str]) -> str:
-    """Return the kind of a path that is not a plain file, as ``"a pipe"``."""
+    """Return the kind of a path that is not a plain file, such as ``"a pipe"``."""
     try:
         mode = os.stat(path).st_mode
     except (OSError, ValueError):
@@ -68,7 +68,7 @@ def in_words(count: float) -> str:
 
 
 def clipped(text: object, length: int = 80) -> str:
-    r"""Return content of a file for an error text: printable and shortened.
+    r"""Return content of a file, printable and shortened, for an error text.
 
     >>> clipped("one"), clipped("x" * 100, 5), clipped("a\x1b[31m")
     ('one', 'xxxxx…', 'a\\x1b[31m')

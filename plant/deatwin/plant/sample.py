@@ -1,4 +1,4 @@
-"""One sample of a plant from any state, with shorter steps where one step does not solve it."""
+"""Simulate one sample of a plant from any state, in shorter steps if one step cannot be solved."""
 
 from __future__ import annotations
 
@@ -25,14 +25,16 @@ class Sample:
     def __call__(
         self, x: Any, z: Any, held: np.ndarray, inputs: np.ndarray, time: float
     ) -> tuple[ca.DM, ca.DM, float] | None:
-        """States, coordinates and reading, SI, at the sample's end; None if unsolved. `x, z` (n_x,); `held` (n_d,)."""
+        """Return states, coordinates and reading, SI, at the sample's end; None if unsolved. `x, z` (n_x,); `held`
+        (n_d,).
+        """
         tried = (self._in_steps(x, z, held, inputs, time, n) for n in (1, *SHORTER_STEPS))
         return next((found for found in tried if found is not None), None)
 
     def _in_steps(
         self, x: Any, z: Any, held: np.ndarray, inputs: np.ndarray, time: float, number: int
     ) -> tuple[ca.DM, ca.DM, float] | None:
-        """Solve the sample in a number of steps; None if one is not solved."""
+        """Solve the sample in several steps; None if one cannot be solved."""
         width, level = self.sample_time / number, ca.DM(np.nan)
         for count in range(number):
             begin = time + width * count
@@ -43,7 +45,9 @@ class Sample:
 
 
 def solved(error: np.ndarray | ca.DM, reading: np.ndarray | ca.DM, count: int) -> int:
-    """Number of samples at the beginning, of `count`, that were solved with finite readings; `error` (n, ...), `reading` (n, rows)."""
+    """Return how many of the first `count` samples were solved with finite readings; `error` (n, ...), `reading` (n,
+    rows).
+    """
     errors = np.asarray(error).ravel()
     readings = np.asarray(reading).reshape(errors.size, -1)[:count]
     bad = ~((errors[:count] <= SETTLED) & np.isfinite(readings).all(axis=1))

@@ -63,7 +63,7 @@ def shape_fault(document: Mapping[str, Any], name: str) -> str:
 
 
 def _faults(value: Any, schema: Mapping[str, Any], root: Mapping[str, Any], place: str) -> Iterator[str]:
-    """Yield the faults of a value and of what is in it."""
+    """Yield the faults of a value and of its parts."""
     if "$ref" in schema:
         yield from _faults(value, _referred(schema["$ref"], root), root, place)
     types = schema.get("type", ())
@@ -145,7 +145,7 @@ def _kind(value: Any) -> str:
 
 
 def _shown(value: Any) -> str:
-    """Return a value as it stands in the file; lists and objects by what they are."""
+    """Write a value as in the file; for lists and objects, only their type."""
     if isinstance(value, dict):
         return "{…}"
     if isinstance(value, list):

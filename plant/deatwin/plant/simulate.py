@@ -66,12 +66,12 @@ class Run:
 
     @cached_property
     def snaps(self) -> tuple[int, ...]:
-        """Samples in which the film snaps to another equilibrium (plain runs)."""
+        """Samples in which the film snaps to another equilibrium; only in runs without sensitivities."""
         return self.look_for_snaps()
 
 
 class Runner(Protocol):
-    """What a fit and a diagnosis ask of a plant: its readings under commands, and their derivatives."""
+    """Interface that fits and diagnoses need: a plant's readings under commands, and their derivatives."""
 
     def run(
         self,
@@ -100,7 +100,7 @@ class Runner(Protocol):
 
 
 class Simulator:
-    """A plant's equations, made ready to run."""
+    """A plant's equations, prepared for simulation."""
 
     def __init__(self, equations: Equations) -> None:
         self.equations = equations
@@ -110,13 +110,13 @@ class Simulator:
         self._march = recalled(MARCHES, key) or self._marches(key)
 
     def _marches(self, key: str | None) -> dict[str, ca.Function]:
-        """The step, plain and with sensitivities, repeated over a piece of a record."""
+        """Return the step, without and with sensitivities, repeated over a piece of a record."""
         step, (plain, sensitive) = self._single, MARCHES
         marches = {plain: repeated(step.plain, plain, 2), sensitive: repeated(step.sensitive, sensitive, 3)}
         return compile_functions(marches, in_lanes=step.in_lanes, key=key)
 
     def resting(self, channels: Mapping[str, float]) -> Simulator:
-        """The same with other values of further inputs at rest, by name."""
+        """Return the simulator with other values of further inputs at rest, by name."""
         other = copy(self)
         other.equations = replace(self.equations, channels={**self.equations.channels, **channels})
         return other
@@ -211,7 +211,9 @@ class Simulator:
         return replace(run, further=combined(rows, sample_time), further_slopes=changes)
 
     def stepper(self, values: np.ndarray, *, rest_command: float, start: float, sample_time: float) -> Stepper:
-        """A plant at rest that takes one command at a time, for a controller in the loop. Shapes: `values` (n_p,)."""
+        """Return a plant at rest that takes one command at a time, for a controller in the loop. Shapes: `values`
+        (n_p,).
+        """
         rest = rest_state(self.equations, rest_command, values)
         first = self._reading(rest, rest_command, start, values)[0]
         return Stepper(
@@ -226,12 +228,12 @@ class Simulator:
         )
 
     def sample(self, values: np.ndarray, sample_time: float) -> Sample:
-        """One sample of the plant from any state. Shapes: `values` (n_p,)."""
+        """Return one sample of the plant, to be solved from any state. Shapes: `values` (n_p,)."""
         return Sample(step=self._step, sample_time=sample_time, values=values, constants=self.equations.constants)
 
     @cached_property
     def _step(self) -> ca.Function:
-        """One sample, compiled only for steppers: the marches hold their own copy."""
+        """Return one sample, compiled only for steppers; longer runs use their own copy."""
         return compile_functions({"plain_step": self._single.plain}, in_lanes=self._single.in_lanes)["plain_step"]
 
     def _reading(self, rest: RestState, command: float, time: float, values: np.ndarray) -> ca.DM:
@@ -250,14 +252,14 @@ class Simulator:
         return np.vstack(pieces).T[None]
 
     def _why(self, rest: RestState, rest_command: float, command: float, values: np.ndarray) -> RunStatus:
-        """Reason why a sample could not be solved: the plant has no equilibrium there, or the step was too hard."""
+        """Return why a sample could not be solved: there is no equilibrium, or the step was too difficult."""
         exists = has_equilibrium(self.equations, rest, rest_command, float(command), values)
         return RunStatus.NOT_SOLVED if exists else RunStatus.PULL_IN
 
     def _fault(
         self, status: RunStatus, rest: RestState, path: np.ndarray, inputs: np.ndarray, values: np.ndarray
     ) -> str:
-        """Explain from the equations why a sample could not be solved; empty if the status says it all."""
+        """Explain from the equations why a sample could not be solved; empty if the status is explanation enough."""
         runs_away = status is RunStatus.PULL_IN and ACTED_ON not in self.equations.signals
         return undefined_ahead(self.equations, rest, path, inputs, values) or (NO_EQUILIBRIUM if runs_away else "")
 
@@ -283,7 +285,7 @@ def _run(
 
 
 class Stepper:
-    """A plant that is simulated sample by sample; `clock`: index of the clock time among the inputs (n_u,)."""
+    """A plant that is simulated sample by sample; `clock` is the index of the clock time among the inputs (n_u,)."""
 
     def __init__(
         self,
@@ -307,7 +309,7 @@ class Stepper:
 
     @property
     def status(self) -> RunStatus:
-        """True if all samples so far are valid."""
+        """Whether all samples so far are valid."""
         return self._status
 
     @property
@@ -317,13 +319,13 @@ class Stepper:
 
     @property
     def reading(self) -> float:
-        """The present noise-free reading, SI; after a failure the last valid one."""
+        """The present reading without noise, SI; after a failure, the last valid one."""
         if self._status is RunStatus.NO_REST:
             raise SimulationError(self._status.value)
         return self._reading
 
     def advance(self, command: float) -> RunStatus:
-        """Hold a command for one sample. returns A plant that has failed stays as it was before that sample."""
+        """Hold a command for one sample. After a failure, the plant stays as it was before that sample."""
         if self._status.ok:
             inputs = self._inputs.copy()
             inputs[: 1 + self._history] = [command, *self._inputs[: self._history]]

@@ -54,7 +54,7 @@ class Simulation:
 
     @classmethod
     def of(cls, run: Run, timeline: Timeline, names: Sequence[str], unit: str) -> Self:
-        """Return the simulation that a run over a timeline gives.
+        """Make the simulation from a run over a timeline.
 
         Parameters
         ----------

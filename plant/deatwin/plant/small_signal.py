@@ -46,7 +46,7 @@ class SmallSignal:
 def small_signals(
     plant: Plant, commands: Sequence[float] | np.ndarray, *, values: np.ndarray | None = None, time: float = 0.0
 ) -> tuple[SmallSignal | None, ...]:
-    """Linearise a sample of a plant about rest at `commands` (n,); what was held at the start stays held."""
+    """Linearise a sample of a plant about rest at `commands` (n,); quantities held at the start stay held."""
     wanted = np.atleast_1d(np.asarray(commands, dtype=float))
     if not (wanted.ndim == 1 and np.isfinite(wanted).all() and np.isfinite(time)):
         raise DataError(f"commands = {commands} and time = {time} must be finite numbers")
@@ -76,7 +76,7 @@ def small_signals(
 
 
 def _differentiated(equations: Equations, point: Point, time: float, sample_time: float) -> SmallSignal:
-    """One sample from rest, with all stages at rest, and its derivatives by the states at its start and by commands."""
+    """Return one sample from rest, with its derivatives by the states at its start and by the commands."""
     here, held, inputs, values = point
     functions, n_x = sample_functions(equations), len(equations.states)
     step, *second = [_step_derivatives(equations, point, time, part) for part in equations.steps(0.0, sample_time)]

@@ -1,4 +1,4 @@
-"""Sources of plants: a rig file, a ``model.json``, or a user's function."""
+"""Load plants from a rig file, a ``model.json``, or a user's function."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def load_plant(source: str | os.PathLike[str] | RigFile | ModelFile) -> Calibrat
 
 
 def read_described(source: str) -> RigFile | ModelFile:
-    """Read the file that describes a plant: a rig file or a model file; that of an FMU lies beside it."""
+    """Read the file that describes a plant: a rig file or a model file; for an FMU, the model file next to it."""
     if source.endswith(".fmu"):
         return ModelFile.beside(Path(source))
     file = TomlFile.read(source)

@@ -1,4 +1,4 @@
-"""Share equations, and the simulator that they are compiled to, among plants of one structure."""
+"""Share equations and compiled simulator among plants of the same structure."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _LOCK = RLock()
 
 @dataclass(frozen=True)
 class Structure:
-    """A plant, equal to others with the same equations: values that a fit can move do not count."""
+    """A plant that equals others with the same equations; values that a fit can change are ignored."""
 
     rig: Rig = field(compare=False)
     effects: tuple[Effect, ...] = field(compare=False)
@@ -59,12 +59,12 @@ class Structure:
 
     @property
     def equations(self) -> Equations:
-        """The equations, written when they are first asked for."""
+        """The equations, written when first needed."""
         return _equations(self)
 
     @property
     def simulator(self) -> Simulator:
-        """The simulator, compiled when it is first asked for."""
+        """The simulator, compiled when first needed."""
         with _LOCK:  # threads that start together would each write and compile the same equations
             return _simulator(self, compiler())
 

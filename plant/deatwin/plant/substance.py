@@ -94,7 +94,7 @@ class Material:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Return the material that `to_dict` described.
+        """Make the material from the data that `to_dict` returned.
 
         Parameters
         ----------
@@ -130,7 +130,7 @@ class Material:
 
 
 def energy_named(name: str) -> Callable[..., Symbol]:
-    """Return the energy of a name, of a formula, or of ``module:function`` where that module is imported already."""
+    """Return the energy with a given name or formula, or ``module:function`` if that module is already imported."""
     known = name.lower().replace("-", "_").replace(" ", "_")
     if known in ENERGIES:
         return ENERGIES[known]
@@ -150,7 +150,7 @@ def energy_named(name: str) -> Callable[..., Symbol]:
 
 
 def _name_of(energy: Callable[..., Symbol]) -> str:
-    """Return the name by which `energy_named` finds an energy again."""
+    """Return the name with which `energy_named` finds an energy."""
     if isinstance(energy, Formula):
         return energy.text
     name = getattr(energy, "__qualname__", type(energy).__name__)

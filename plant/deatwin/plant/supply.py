@@ -1,4 +1,4 @@
-"""Voltage source of a film whose limits are known: its largest current, what it takes back, the resistances around it."""
+"""Voltage source of a film with known limits: largest source and sink current, and resistances."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ class Supply:
         return voltage
 
     def _excess(self, ahead: Symbol, build: Builder) -> Symbol:
-        """Ratio of the current that the resistance would let through to that which the source gives."""
+        """Return the current that the resistance would allow, divided by the largest current of the source."""
         into = inf if self.current_limit is None else self.current_limit
         out = into if self.sink_current is None else max(self.sink_current, LEAST_SUNK)
         drops = [
@@ -121,7 +121,7 @@ class Supply:
 
 
 def supply_from(described: Mapping[str, Any]) -> Supply:
-    """The supply that a rig's plain data describe."""
+    """Return the supply from a rig's plain data."""
     try:
         return Supply(**described)
     except TypeError as error:

@@ -17,7 +17,7 @@ OFF_CLOCK = 0.01  # Largest error, as a share of a sample, by which a record may
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Timeline:
-    """Commands held for one sample each."""
+    """Commands of an experiment, each held for one sample."""
 
     commands: np.ndarray  # shape (n,): Commands from the start procedure through all recordings, in the command's unit
     start: float  # Clock time at which the first command is applied, s
@@ -29,7 +29,7 @@ class Timeline:
     def of(
         cls, experiment: Experiment, procedure: StartProcedure, sample_time: float, reading: ReadingTime
     ) -> Timeline:
-        """Lay out an experiment."""
+        """Arrange the commands of an experiment."""
         if abs(experiment.sample_time / sample_time - 1) > 1e-3:
             raise DataError(
                 f"the recording is sampled every {experiment.sample_time:g} s but the rig file says "
@@ -60,7 +60,9 @@ class Timeline:
 
 
 def _pause(before: Recording, record: Recording) -> int:
-    """Number of samples between two records, counted from the end of the first, so that errors do not add up."""
+    """Return the number of samples between two records, counted from the end of the first to avoid accumulating
+    errors.
+    """
     pause = (record.start - before.end) / before.sample_time
     if abs(pause - round(pause)) > OFF_CLOCK:
         raise DataError(
@@ -72,7 +74,7 @@ def _pause(before: Recording, record: Recording) -> int:
 
 
 def _channels(experiment: Experiment, rows: list[np.ndarray], count: int) -> dict[str, np.ndarray]:
-    """Extra channels on the experiment's clock; between measurements the last value is kept."""
+    """Return extra channels on the experiment's clock; between measurements, the last value is kept."""
     pairs = (pair for record in experiment.recordings for pair in record.extras.items())
     names = dict.fromkeys(name for name, values in pairs if np.isfinite(values).any())
     return {name: _kept(experiment, rows, count, name) for name in names}
@@ -89,7 +91,7 @@ def _kept(experiment: Experiment, rows: list[np.ndarray], count: int, name: str)
 
 
 def _start_commands(procedure: StartProcedure, first: float, sample_time: float) -> np.ndarray:
-    """Linear ramp, then hold. Each held value is the ramp's mean over its sample."""
+    """Return a linear ramp, then a hold. Each held value is the ramp's mean over its sample."""
     ramp = round(procedure.ramp / sample_time)
     hold = round(procedure.hold / sample_time)
     _require_few(ramp + hold, f"in the start procedure of {procedure.ramp + procedure.hold:g} s", sample_time)

@@ -1,4 +1,4 @@
-"""Equations as a rig and its effects wrote them: checked for completeness, and put together."""
+"""Check the equations that a rig and its effects wrote, and assemble them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Symbol = Any  # casadi.SX
 
 
 class State(NamedTuple):
-    """A differential state: its symbol, its typical size, and its value at rest if that is not where its rate is zero."""
+    """A differential state: symbol, typical size, and its value at rest if that is not where its rate is zero."""
 
     symbol: Symbol
     scale: float
@@ -28,7 +28,7 @@ class State(NamedTuple):
 
 @dataclass(kw_only=True)
 class Written:
-    """Hold all that a `Builder` has collected so far."""
+    """Everything that a `Builder` has collected so far."""
 
     parameters: ParameterSet
     symbols: dict[str, Symbol]  # Of the parameters
@@ -51,7 +51,7 @@ class Written:
     shifts: dict[str, str] = field(default_factory=dict)
 
     def equations(self, output: Symbol, further: Sequence[str]) -> Equations:
-        """Return the equations with a reading and further ones; errors name what is missing or wrong."""
+        """Assemble the equations with all readings; errors name what is missing or wrong."""
         self._check_complete()
         output = number(output, "what write returns, the reading,")
         x = _column(*(s for s, _, _ in self.states.values()))
@@ -101,7 +101,7 @@ class Written:
             )
 
     def _rows(self, further: Sequence[str]) -> Symbol:
-        """Rows of the further readings: all levels, then all stored quantities, then their shares."""
+        """Return the rows of the further readings: all levels, then all stored quantities, then their shares."""
         offered = {**{name: (value, 0.0, 1.0) for name, value in self.watched.items()}, **self.measured}
         for name in further:
             if name not in offered:
@@ -114,7 +114,7 @@ class Written:
         )
 
     def _check_symbols(self, arguments: list[Symbol], output: Symbol) -> None:
-        """Refuse equations that depend on symbols of another builder, or on symbols that they may not depend on."""
+        """Raise an error if equations depend on symbols of another builder, or on forbidden ones."""
         rates = {f"the rate of state {n}": rate for n, (rate, _) in self.rates.items()}
         balances = {f"balance {k}": value for k, value in enumerate(self.balances, start=1)}
         watched = {f"the watched signal {n}": value for n, value in self.watched.items()}
@@ -144,7 +144,7 @@ class Written:
             raise RigError(f"no balance depends on coordinate {', '.join(missing)}: nothing decides its value")
 
     def _on_the_clock(self, value: Symbol) -> Symbol:
-        """Replace the time by the clock time, which runs unevenly over the parts of a divided sample."""
+        """Replace the time by the clock time, which runs at different speeds in the parts of a divided sample."""
         return value if self.parts is None else ca.substitute(value, self.time, self.parts.clock(self.time))
 
     def _rest_residual(self, f: Symbol, g: Symbol, held: Symbol) -> Symbol:
@@ -156,7 +156,7 @@ class Written:
         return ca.substitute(ca.substitute(residual, held, self._held_at_start()), self.time, 0.0)
 
     def _at_rest(self, state: Symbol, rate: Symbol) -> Symbol:
-        """The equation of rest of a state: its rate, were no memory displaced."""
+        """Return the equation of rest of a state: its rate, with no memory displaced."""
         if not any(is_same(symbol, state) for symbol, _ in self.displaced):
             return rate
         symbols, others = zip(*self.displaced, strict=True)
@@ -167,10 +167,10 @@ class Written:
 
 
 def is_same(symbol: Symbol, other: Any) -> bool:
-    """Return whether two symbols are one."""
+    """Return whether two symbols are identical."""
     return isinstance(other, ca.SX) and other.shape == (1, 1) and bool(ca.is_equal(symbol, other))
 
 
 def _column(*parts: Symbol) -> Symbol:
-    """Stack the parts in one column, without rows if there are none."""
+    """Stack the parts in one column; without parts, it has no rows."""
     return ca.vertcat(ca.SX(0, 1), *parts)

@@ -1,4 +1,4 @@
-"""A check from files to files: what stands behind `deatwin check`."""
+"""Run a check from input files to output files; used by `deatwin check`."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ POINTS = 9  # Operating points of a range at which margins are judged
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CheckTask:
-    """Everything that a check starts from."""
+    """All inputs of a check."""
 
     model: NarxModel  # Identified
     plant: CalibratedPlant  # The physics
@@ -70,7 +70,7 @@ class CheckTask:
                 )
 
     def run(self, folder: ResultFolder, progress: Progress) -> Check:
-        """Design, judge, and write check, report, figures' data and the record of the run."""
+        """Design and judge the controller; write check, report, figures' data and run record."""
         inputs, specification = hashes(self.files), Specification()
         record = RunRecord(command=self.command, inputs=inputs, seed=self.seed, jobs=self.jobs)
         rig = self.plant.plant.rig
@@ -114,14 +114,14 @@ class CheckTask:
 
 
 def rival_files(plant: str, diagnosis: Path | None, sources: Sequence[str]) -> dict[str, str]:
-    """Files of the other plants that the actuator may be, by name."""
+    """Return the files of alternative plants, by name."""
     found = {} if diagnosis is None else _diagnosed(diagnosis)
     given = {**found, **{source: source for source in sources}}
     return {name: source for name, source in given.items() if Path(source).resolve() != Path(plant).resolve()}
 
 
 def _diagnosed(folder: Path) -> dict[str, str]:
-    """The plant that a diagnosis arrived at, and its rivals."""
+    """Return the plant found by a diagnosis, and its alternatives."""
     if not (folder / "diagnosis.json").is_file():
         raise DataError(f"{folder}: there is no diagnosis.json; give the folder that deatwin diagnose wrote")
     effects = read_document(folder / "diagnosis.json", SCHEMA, lambda content: [c["effect"] for c in content["causes"]])
@@ -131,5 +131,5 @@ def _diagnosed(folder: Path) -> dict[str, str]:
 
 
 def load_rivals(files: Mapping[str, str]) -> dict[str, CalibratedPlant]:
-    """Load the plants that `rival_files` found."""
+    """Load the alternative plants that `rival_files` returned."""
     return {name: load_plant(source) for name, source in files.items()}

@@ -1,4 +1,4 @@
-"""The command line. Each command stands in a module of its own and imports what it needs when it runs."""
+"""The command line. Each command is a module that imports what it needs only when it runs."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ from deatwin.studies.voice import complain
 
 
 class Commands(Group):
-    """The commands; one that is interrupted says so, and what it kept where it knows."""
+    """The group of commands; an interrupted command says so, and lists what it kept."""
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command that is named."""
+        """Run the named command."""
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt as stop:

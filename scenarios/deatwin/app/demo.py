@@ -56,7 +56,7 @@ SHARES = {"shear_modulus": 0.06, "permittivity": 0.04, "branch_modulus": 0.1, "b
 def run(
     folder: ResultFolder, effect: str, *, command: Sequence[str], jobs: int, seed: int, progress: Progress
 ) -> Diagnosis:
-    """Conceal an effect, diagnose, and tell the truth afterwards."""
+    """Conceal an effect, diagnose, and reveal the truth afterwards."""
     typical = effect_named(effect)
     folder.text("rig.toml", RIG)
     given = GivenPlant.load(str(folder.path / "rig.toml"))
@@ -84,7 +84,7 @@ def run(
 
 
 def _strong(effect: Effect, factor: float) -> Effect:
-    """An effect so many times as strong as usual, to be seen by eye in a short recording; early in it."""
+    """Return an effect several times as strong as usual, and early, so that a short recording shows it."""
     strength = effect.described(effect.strength)
     values = {effect.strength: float(np.clip(factor * strength.value, strength.lower, strength.upper))}
     if effect.event:
@@ -94,7 +94,7 @@ def _strong(effect: Effect, factor: float) -> Effect:
 
 
 def conceal(nominal: Plant, effect: Effect, rng: np.random.Generator) -> tuple[Plant, Experiment]:
-    """Make the recordings of a film that is not quite the nominal one and has an effect more."""
+    """Make the recordings of a film with slightly different material values and one additional effect."""
     values = {name: nominal.parameters[name].value * (1 + share * rng.uniform(-1, 1)) for name, share in SHARES.items()}
     truth = nominal.with_values(values).with_effects(effect)
     step = nominal.rig.sample_time

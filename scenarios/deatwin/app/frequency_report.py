@@ -1,4 +1,4 @@
-"""The files of `deatwin frequency`: tables, figures and a page."""
+"""Write the files of `deatwin frequency`: tables, figures and a page."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def _map_columns(response: FrequencyResponse, level: float) -> dict[str, Array]:
 
 
 def _fitted(found: Nofrf) -> Iterator[tuple[FrequencyResponse, Array]]:
-    """The orders that were asked for, with their truncation errors."""
+    """Return the requested orders with their truncation errors."""
     return zip(found.orders[: found.order], found.truncation, strict=False)
 
 
@@ -81,12 +81,12 @@ def _signal_columns(found: Responses, signal: TestSignal) -> dict[str, NDArray[n
 
 
 def _with_unit(columns: Mapping[str, Array], unit: str) -> dict[str, Array]:
-    """Columns of a response with its unit in the headers, as in ``gain_um_per_V2``."""
+    """Return columns of a response with its unit in the headers, such as ``gain_um_per_V2``."""
     return {f"{name}{_suffix(unit)}" if name in IN_ITS_UNIT else name: values for name, values in columns.items()}
 
 
 def _suffix(unit: str) -> str:
-    """The end of a header; empty where there is no unit."""
+    """Return the end of a header; empty without a unit."""
     above, *below = unit.split("/")
     divided = [part.replace("^", "") for part in below if not re.fullmatch(r"1(\^\d+)?", part)]
     parts = [*([] if above in ("", "1") else [above]), *(f"per_{part}" for part in divided)]
@@ -94,7 +94,7 @@ def _suffix(unit: str) -> str:
 
 
 def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
-    """Each figure goes into the page and into a file of its own."""
+    """Draw each figure, for the page and as a file."""
     from deatwin.ident.frequency.drawing import bode
 
     point, unit = float(found.first.point.operating_input[0]), found.model.input_units[0]
@@ -149,7 +149,7 @@ def _drawn(figure: Figure, folder: ResultFolder, name: str, title: str, caption:
 
 
 def _hatching(*responses: FrequencyResponse) -> str:
-    """Explain the hatches, if there are any."""
+    """Explain hatched areas, if there are any."""
     known = all(response.band().linear_law.all() for response in responses)
     return "" if known else " Hatched: the gain is below four standard deviations, so its band is unreliable."
 
@@ -178,7 +178,7 @@ def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
 
 
 def _reliance(known: Reliance) -> Measure:
-    """Show the caveats that held-out data gave the model."""
+    """Show the caveats from the validation on held-out data."""
     return Measure(
         "failed residual tests and bias of the model on held-out data",
         "none",
@@ -188,7 +188,7 @@ def _reliance(known: Reliance) -> Measure:
 
 
 def _rows(found: Responses) -> list[Measure]:
-    """List what a reader has to know before relying on a response."""
+    """List what readers must know before they rely on a response."""
     poles = "stable" if found.first.status.ok else "unstable"
     rows = [Measure(measure="operating point", demanded="stable", reached=poles, passed=found.first.status.ok)]
     if (known := Reliance.of_provenance(found.model.provenance)) is not None:

@@ -1,4 +1,4 @@
-"""Frequency responses of a model up to an order, and what there is to say of them."""
+"""Frequency responses of a model up to an order, with all messages about them."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ TOO_LARGE = (NofrfStatus.TRUNCATED, NofrfStatus.DIVERGED)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Responses:
-    """The frequency responses of a model."""
+    """The frequency responses of a model, with what is known of their validity."""
 
     model: NarxModel
     level: float  # Probability of the bands that are written
@@ -58,12 +58,12 @@ class Responses:
 
     @property
     def extrapolated(self) -> bool:
-        """True if H_1 goes beyond the band that the training input excited."""
+        """Whether H_1 extends beyond the band that the training input excited."""
         return self.excited_Hz is not None and self.excited_Hz < self.first.frequency_Hz.max()
 
     @property
     def beyond_training(self) -> tuple[float, float] | None:
-        """The training inputs, in the input's unit, where the operating input lies outside of them; else None."""
+        """Training inputs, in the input's unit, if the operating input lies outside their range; else None."""
         known = self.model.operating
         if known is None:
             return None
@@ -72,13 +72,13 @@ class Responses:
 
     @cached_property
     def caveats(self) -> tuple[str, ...]:
-        """Warnings that stand in the model's file."""
+        """Warnings in the model's file."""
         reliance = Reliance.of_provenance(self.model.provenance)
         return () if reliance is None else reliance.caveats
 
     @cached_property
     def laws(self) -> tuple[Propagated, ...]:
-        """The propagation of uncertainty for each of ``gfrfs``, with the status of its linear law."""
+        """Propagated uncertainty of each of ``gfrfs``, with its validity."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UncertaintyWarning)  # told among the lines
             return tuple(self._law(response) for response in self.gfrfs)
@@ -88,7 +88,7 @@ class Responses:
 
     @property
     def lines(self) -> Iterator[str]:
-        """All messages, a line each."""
+        """All messages, one per line."""
         point, unit = self.first.point, self.model.input_units[0]
         yield from self.caveats
         yield f"operating input {amount(f'{point.operating_input[0]:.4g}', unit)}: {self.first.status.value}"
@@ -132,7 +132,7 @@ class Responses:
             yield f"no NOFRFs: {self.missing}"
 
     def to_json(self) -> dict[str, Any]:
-        """Everything but the maps, as plain data: H_1 under the names of its table, which are without its unit."""
+        """Return everything except the maps as plain data; H_1 uses the column names of its table, without units."""
         point = self.first.point
         return {
             "operating_input": float(point.operating_input[0]),
@@ -198,7 +198,7 @@ def respond(
 
 
 def first_columns(response: FrequencyResponse, level: float) -> dict[str, Array]:
-    """The table of H_1. Shapes: returns (n,)."""
+    """Return the table of H_1. Shapes: returns (n,)."""
     columns = columns_of(response, level)
     law = columns.pop("linear_law")
     return {
@@ -211,7 +211,7 @@ def first_columns(response: FrequencyResponse, level: float) -> dict[str, Array]
 
 
 def columns_of(response: FrequencyResponse, level: float) -> dict[str, Array]:
-    """Values, gain and band of a response, for a table. Shapes: returns (n,)."""
+    """Return values, gain and band of a response for a table. Shapes: returns (n,)."""
     band = response.band(level)
     return {
         "real": response.values.real,
@@ -243,7 +243,7 @@ def _with_nofrfs(found: Responses, order: int, operating_input: float | None, am
 
 
 def _room(model: NarxModel, operating_input: float | None) -> float | None:
-    """Largest symmetric deviation of the input within the training data; None if these are not known."""
+    """Return the largest symmetric deviation of the input within the training data; None if these are unknown."""
     shifted = remove_dc(model, operating_input).operating
     if shifted is None:
         return None
@@ -256,7 +256,7 @@ def _room(model: NarxModel, operating_input: float | None) -> float | None:
 
 
 def _quiet(model: NarxModel, signal: TestSignal, order: int, operating_input: float | None) -> Nofrf:
-    """The status is said once, in its place."""
+    """Suppress warnings, because the status is reported elsewhere."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NofrfWarning)
         return nofrf(model, signal, order, operating_input=operating_input)
@@ -277,7 +277,7 @@ def _band(model: NarxModel, given: tuple[float, float] | None, excited: float | 
 
 
 def _map(order: int, band: tuple[float, float]) -> Array:
-    """A grid of the first two frequencies, of both signs, the others held in the middle of the band."""
+    """Return a grid of the first two frequencies, of both signs, with the others fixed in the middle of the band."""
     axis = np.linspace(-band[1], band[1], SIDE if order <= 3 else COARSE_SIDE)
     held = np.full(order - 2, (band[0] + band[1]) / 2)
     grid = frequency_grid(axis, axis)
@@ -285,7 +285,7 @@ def _map(order: int, band: tuple[float, float]) -> Array:
 
 
 def _truncated(found: Nofrf) -> Iterator[str]:
-    """Tell at how many lines orders beyond those fitted matter, unless the fit leaves rounding only."""
+    """State at how many lines higher orders matter, unless the fit leaves only rounding errors."""
     if found.residual[:, -1].max() < ROUNDING:
         return
     for g, error in zip(found.orders[: found.order], found.truncation, strict=False):
@@ -298,15 +298,15 @@ def _truncated(found: Nofrf) -> Iterator[str]:
 
 
 def symbol_of(response: FrequencyResponse) -> str:
-    """Symbol and order of a response in plain text."""
+    """Return symbol and order of a response as plain text."""
     return f"{response.symbol}{'₀₁₂₃₄₅₆₇₈'[response.order]}"
 
 
 def written(bands: Array) -> str:
-    """Bands as a person writes them. Shapes: `bands` (k, 2)."""
+    """Write bands as text. Shapes: `bands` (k, 2)."""
     return ", ".join(f"{low:.3g} to {high:.3g}" for low, high in bands)
 
 
 def _number(value: Any) -> float | None:
-    """JSON knows no infinity."""
+    """Return a number, or None if it is infinite, because JSON has no infinity."""
     return float(value) if math.isfinite(value) else None

@@ -1,4 +1,4 @@
-"""The plant and the recordings that a command is given."""
+"""Load the plant and the recordings given to a command."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from deatwin.plant.sources import load_plant, read_described
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GivenPlant:
-    """A plant as the command line named it."""
+    """A plant given on the command line."""
 
     source: str  # Rig file, ``model.json`` or ``module:function``
     model: CalibratedPlant  # The plant
@@ -68,14 +68,14 @@ class GivenPlant:
         return read
 
     def commands(self, file: str | Path) -> Recording:
-        """Read the commands of a file; readings in it are not looked at."""
+        """Read the commands of a file; its readings are ignored."""
         rig = self.model.plant.rig
         options = self.options.without("output_column", "allow_gaps").given
         return read_commands(file, **options, reading=rig.reading, input_unit=rig.input_unit, rig=self.described)
 
 
 def narx_model(file: str | Path) -> NarxModel:
-    """Read a NARX model, or say of a nonlinear state space what works instead."""
+    """Read a NARX model; for a nonlinear state space, say what works instead."""
     document = read_json(file)
     if isinstance(document, dict) and document.get("schema") == STATES:
         raise ModelError(
@@ -86,7 +86,7 @@ def narx_model(file: str | Path) -> NarxModel:
 
 
 def direction_notes(plant: GivenPlant, records: Sequence[Recording]) -> list[str]:
-    """Tell where the readings run against those of the rig file, in a sentence."""
+    """Return a sentence if the readings move against the direction stated in the rig file."""
     if plant.described is None or plant.described.sensor.direction == AGAINST or not falls_with_voltage(records):
         return []
     return [
@@ -96,7 +96,7 @@ def direction_notes(plant: GivenPlant, records: Sequence[Recording]) -> list[str
 
 
 def absent_readings(plant: GivenPlant, records: Sequence[Recording]) -> list[str]:
-    """Name the further readings of the rig that no recording has, in a sentence each."""
+    """Return a sentence for each further reading of the rig that no recording contains."""
     recorded = {name for record in records for name in record.extras}
     return [
         f'no recording has the reading "{reading.name}" of {plant.source}: it is left out'
@@ -106,12 +106,12 @@ def absent_readings(plant: GivenPlant, records: Sequence[Recording]) -> list[str
 
 
 def reading_column(rig: Rig) -> tuple[str, float]:
-    """Column header for a rig's first reading, and how many of its units one of the rig's is."""
+    """Return the column header for a rig's first reading, and the factor to the column's unit."""
     return column_of(rig.output_name, rig.output_unit)
 
 
 def column_of(name: str, unit: str) -> tuple[str, float]:
-    """Column header for a signal with an SI unit, and how many of its units one of the SI's is."""
+    """Return the column header for a signal with an SI unit, and the factor to the column's unit."""
     if name not in COLUMNS or usual_unit(name) != unit:  # of another kind, or in the rig's own unit
         return (name if unit in ("", "1") else f"{name}_{unit}"), 1.0
     shown = UNITS[split_unit(COLUMNS[name])[1]]
@@ -119,12 +119,12 @@ def column_of(name: str, unit: str) -> tuple[str, float]:
 
 
 def _own_column(name: str, unit: str) -> str | None:
-    """A signal that recordings do not usually have, or not in this unit, is looked for under its own name."""
+    """Return the header under a signal's own name, if it is unusual in recordings or has another unit."""
     return None if name in ("command", "displacement") and usual_unit(name) == unit else name
 
 
 def clock_notes(records: Iterable[Recording]) -> list[str]:
-    """Tell what was done to the clocks of recordings, a sentence each."""
+    """Return a sentence for each change made to the clock of a recording."""
     return [
         f"{label(record)}: {said}"
         for record in records

@@ -1,4 +1,4 @@
-"""Lags that compete in `deatwin identify`: of the input by the dead times, of the output by stability."""
+"""Choose the lags for `deatwin identify`: those of the input by dead times, those of the output by stability."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ OUTPUT_LAGS = 2  # Lags of the output, unless others are asked for
 
 @dataclass(frozen=True, kw_only=True)
 class InputLags:
-    """Input lags, and why these."""
+    """Input lags with the reason for their choice."""
 
     lags: tuple[int, ...]  # Samples, ascending
     dead_times: tuple[DeadTime, ...]
@@ -30,7 +30,7 @@ class InputLags:
 
     @property
     def document(self) -> list[dict[str, Any]]:
-        """The dead times as plain data."""
+        """Return the dead times as plain data."""
         return [
             {
                 "input": one.input_name,
@@ -45,7 +45,7 @@ class InputLags:
 
 
 def choose_input_lags(recordings: Sequence[Recording], first: int | None, last: int | None) -> InputLags:
-    """Return the input lags that compete: those that were asked for, else three from each dead time on."""
+    """Return the requested input lags or, without a request, three from each dead time on."""
     from deatwin.ident.narx.preprocess import DeadTimeStatus, estimate_dead_time, lags_after
 
     usual = tuple(range(FIRST if first is None else first, (LAST if last is None else last) + 1))
@@ -77,7 +77,7 @@ def choose_input_lags(recordings: Sequence[Recording], first: int | None, last: 
 
 
 def disagreements(model: NarxModel, found: InputLags, *, by_free_run: bool) -> list[str]:
-    """Return a sentence for each input that is not in the model, or begins outside its dead time's interval."""
+    """Return a sentence for each input that is not in the model, or starts outside the interval of its dead time."""
     from deatwin.ident.narx.preprocess import DeadTimeStatus
 
     acting = (DeadTimeStatus.FOUND, DeadTimeStatus.AT_ONCE, DeadTimeStatus.LOOP)
@@ -148,7 +148,7 @@ def _diverges(model: NarxModel, training: Sequence[Recording]) -> bool:
 
 
 def _written(lags: tuple[int, ...]) -> str:
-    """Lags, each run of them by its ends."""
+    """Write lags, with runs abbreviated to their ends."""
     starts = [lag for lag in lags if lag - 1 not in lags]
     ends = [lag for lag in lags if lag + 1 not in lags]
     runs = [f"{start} to {end}" if end > start else str(start) for start, end in zip(starts, ends, strict=True)]

@@ -1,4 +1,4 @@
-"""What biases a fit of `deatwin identify`: noise on the readings, found by fitting the free run, and lone wrong readings."""
+"""Find what biases a fit of `deatwin identify`: noise on the readings, and isolated wrong readings."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ one-step error, 1 % changes no decision."""
 
 
 def outlying(training: Sequence[Recording]) -> list[str]:
-    """Return a sentence for each output with lone readings far off that weigh in a fit by least squares."""
+    """Return a sentence for each output with isolated outliers that affect a fit by least squares."""
     from deatwin.ident.narx.preprocess.findings import FEWEST, FindingKind, inspect_recordings
 
     said = []

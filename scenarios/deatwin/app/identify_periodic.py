@@ -1,4 +1,4 @@
-"""What periodic recordings tell before a model is made: their best linear approximation, and the degree it asks for."""
+"""Best linear approximation of periodic recordings before modelling, and the degree that it suggests."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def approximated(records: Sequence[Recording]) -> BestLinearApproximation | None:
-    """Return the best linear approximation of all recordings; None where they are not periodic, or not alike."""
+    """Return the best linear approximation of all recordings; None if they are not periodic or not comparable."""
     try:
         return best_linear_approximation(records)
     except DataError:
@@ -25,7 +25,7 @@ def approximated(records: Sequence[Recording]) -> BestLinearApproximation | None
 
 
 def degree_remarks(found: BestLinearApproximation | None, degree: int) -> list[str]:
-    """Say that terms of an odd degree are worth trying, where odd distortion is above the noise and none are allowed."""
+    """Suggest terms of odd degree if odd distortion exceeds the noise and no such terms are allowed."""
     if found is None or degree != 2 or not found.odd_rms > max(found.noise_rms, found.even_rms):
         return []
     size = with_unit(found.odd_rms, found.output_unit)
@@ -36,7 +36,7 @@ def degree_remarks(found: BestLinearApproximation | None, degree: int) -> list[s
 
 
 def periodic_drawing(found: BestLinearApproximation) -> Drawing:
-    """Draw what the recordings say without a model."""
+    """Draw the best linear approximation, without a model."""
     with draw((7.4, 5.6)) as figure:
         found.plot(list(figure.subplots(2, 1)))
         figure.align_ylabels()

@@ -1,4 +1,4 @@
-"""The report of `deatwin identify --report`: the model beside held-out data."""
+"""The report of `deatwin identify --report`: the model compared with held-out data."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Tested:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Identified:
-    """A model and what it was judged on."""
+    """A model with the data on which it was judged."""
 
     model: NarxModel | NonlinearStateSpace
     told: str  # Its kind, size and method, in words
@@ -81,27 +81,27 @@ class Identified:
 
     @property
     def column(self) -> str:
-        """The unit as the end of a column's header."""
+        """Unit in the form of a column header's end."""
         name = amplitude_unit(self.model.output_units[0])[0]
         return "" if name in ("", "1") else f"_{name}"
 
     @property
     def steps(self) -> int | None:
-        """Steps ahead by which an unstable model is judged; None if its free run judges it."""
+        """Number of steps ahead on which an unstable model is judged; None if its free run is judged."""
         unstable = self.tested.pole
         return None if unstable is None else unstable.steps
 
     @property
     def judged(self) -> str:
-        """Name of the prediction that judges the model."""
+        """Name of the prediction on which the model is judged."""
         return "free run" if self.steps is None else f"prediction {self.steps} steps ahead"
 
     def run(self, part: Recording) -> NarxResponse:
-        """Run the prediction that judges the model over a recording."""
+        """Run the prediction on which the model is judged over a recording."""
         return self.model.simulate(part) if self.steps is None else self.model.predict(part, steps=self.steps)
 
     def amount(self, value: float) -> str:
-        """A size of an output, with its unit."""
+        """Write a size of an output with its unit."""
         return f"{value / self.scale:.3g} {self.unit}".rstrip()
 
 
@@ -158,14 +158,14 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
 
 
 def _beside(found: Identified) -> str:
-    """The largest error of the linear models, as the end of a sentence."""
+    """Return the largest error of the linear models, as the end of a sentence."""
     return f", and that of a linear model {found.amount(max(found.linear))} rms" if found.linear else ""
 
 
 def linear_errors(
     lags: Sequence[int], output_lags: int, training: Sequence[Recording], unseen: Sequence[Recording]
 ) -> list[float]:
-    """Free-run error, SI, on each held-out part of an output-error model with these lags; none where there is no such model."""
+    """Return free-run errors, SI, on each held-out part, of an output-error model with these lags; empty if it fails."""
     from deatwin.ident.narx.linear import OutputError
     from deatwin.plant.errors import ModelError
 
@@ -184,7 +184,7 @@ def _first(found: Identified, runs: Sequence[NarxResponse]) -> list[tuple[int, t
 
 
 def _free_run(found: Identified, number: int, part: Recording, run: NarxResponse) -> Drawing:
-    """Measured and simulated output of a held-out part, the residual, and the input."""
+    """Return measured and simulated output of a held-out part, residual and input."""
     name, title = f"free_run_{number}", f"{found.judged.capitalize()} on the held-out part of {label(part)}"
     timepts, measured, simulated = run.timepts, run.measured[0] / found.scale, run.outputs[0] / found.scale
     command = part.inputs[0][-timepts.size :]
@@ -207,7 +207,7 @@ def _free_run(found: Identified, number: int, part: Recording, run: NarxResponse
 
 
 def _terms(model: NarxModel) -> Drawing:
-    """Each parameter in units of its standard deviation: from two on it is told from zero."""
+    """Return each parameter in units of its standard deviation; from two on it differs from zero."""
     spread = np.sqrt(np.maximum(model.theta_cov.diagonal(), 0.0))
     certainty = np.abs(model.theta) / np.where(spread > 0, spread, np.nan)
     order = np.argsort(np.nan_to_num(certainty))

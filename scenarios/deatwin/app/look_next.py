@@ -1,4 +1,4 @@
-"""What to run after a look, with the exact command."""
+"""Recommend what to run after a look, with the exact command."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LEAST = 20  # Samples of which `deatwin identify` fits 14 and keeps 6: fewer lea
 
 @dataclass(frozen=True, kw_only=True)
 class Seen:
-    """A file, and the look at it."""
+    """A file with its description."""
 
     file: Understood
     look: Look | None = None  # None where the file could not be read
@@ -34,7 +34,7 @@ class Next:
 
 
 def next_step(seen: Sequence[Seen], rig: str | None = None) -> Next:
-    """Return what to run next. `rig` the rig file that is being filled in, if any."""
+    """Recommend what to run next. `rig` is the rig file to be filled in, if any."""
     read = [(one.file, one.look) for one in seen if one.look is not None]
     if not read:
         file = next((one.file for one in seen if one.file.placeholders), None)
@@ -63,7 +63,7 @@ def next_step(seen: Sequence[Seen], rig: str | None = None) -> Next:
 
 
 def _diagnosis(rig: str, alike: Sequence[tuple[Understood, Look]], left_out: str) -> Next:
-    """Return the diagnosis of recordings: of one experiment where they follow one another on one clock."""
+    """Recommend a diagnosis of the recordings, as one experiment if they follow each other on one clock."""
     file, look = alike[0]
     for role, names, units, wanted in (
         ("input", look.recordings[0].input_names, look.recordings[0].input_units, "V"),
@@ -89,7 +89,7 @@ def _diagnosis(rig: str, alike: Sequence[tuple[Understood, Look]], left_out: str
 
 
 def _fault(file: Understood, look: Look) -> Next | None:
-    """Return what to do first where a file gives no model; None where it may."""
+    """Recommend what to do first about a file that allows no model; None if it allows one."""
     if all(pattern.shape is InputShape.CONSTANT for pattern in look.patterns):
         return _other_columns(file, "the input never moves: name another column, or record with an input that does")
     if look.n_samples < LEAST:
@@ -102,7 +102,7 @@ def _fault(file: Understood, look: Look) -> Next | None:
 
 
 def _other_columns(file: Understood, sentence: str) -> Next:
-    """Return a look at another column that was passed over, if there is one that holds numbers."""
+    """Recommend another column that contains numbers, if there is one."""
     other = next((column.place for column in file.columns if column.numbers and not column.role), None)
     if other is None:
         return Next(sentence=sentence)
@@ -112,7 +112,7 @@ def _other_columns(file: Understood, sentence: str) -> Next:
 
 
 def _alike(one: Look, other: Look) -> bool:
-    """Return whether two recordings can be given to one model."""
+    """Return whether two recordings can be used for one model."""
     first, second = one.recordings[0], other.recordings[0]
     return abs(first.sample_time / second.sample_time - 1.0) < 1e-6 and all(
         getattr(first, kind) == getattr(second, kind)

@@ -1,4 +1,4 @@
-"""The files of `deatwin material`: the material, its figures and a page."""
+"""Write the files of `deatwin material`: the material, its figures and a page."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def _drawings(found: CalibratedMaterial, folder: ResultFolder) -> Iterator[Drawi
 
 
 def _data(found: CalibratedMaterial, name: str) -> str:
-    """Text of the figure's CSV file."""
+    """Return the text of the figure's CSV file."""
     dynamic = name == "frequency"
     rows = [f"test,{'frequency_Hz,modulus' if dynamic else 'time_s,stretch'},measured_Pa,modelled_Pa"]
     for block, place in zip(found.data.blocks, found.data.places, strict=True):

@@ -1,4 +1,4 @@
-"""The arguments that several commands share, each written once."""
+"""Arguments that several commands share, each defined once."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ AllowGaps = Annotated[bool, typer.Option("--allow-gaps", help="Split a record at
 
 
 def positive(complaint: str) -> Callable[[float | None], float | None]:
-    """Make the callback of an option that takes positive numbers only; the complaint may show the value."""
+    """Make the callback of an option that accepts positive numbers only; its error may show the value."""
 
     def require(value: float | None) -> float | None:
         if value is not None and not 0.0 < value < math.inf:
@@ -117,10 +117,10 @@ def fold_experiments(arguments: list[str]) -> list[str]:
 
 
 def _closed(files: list[str] | None) -> list[str]:
-    """The option with its files; an empty value where it has none, so that it does not swallow the next option."""
+    """Return the option with its files; empty if there are none, so that it does not consume the next option."""
     return [] if files is None else ["--experiment", _BETWEEN.join(files)]
 
 
 def unfold_experiment(value: str) -> list[str]:
-    """The files of one ``--experiment``."""
+    """Return the files of one ``--experiment``."""
     return value.split(_BETWEEN)

@@ -1,4 +1,4 @@
-"""The files of `deatwin plan`: the plan, its figure, a page, and the input that is advised."""
+"""Write the files of `deatwin plan`: the plan, its figure, a page, and the suggested input."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A plan from files to files: what ``deatwin plan`` and the live view share."""
+"""Make a plan from input files to output files, for ``deatwin plan`` and the live view."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All stories of this installation: the project's own and those of others, by entry points."""
+"""All installed scenarios: the project's own, and those of other packages by entry points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recordings that are sampled faster than a NARX model needs, decimated or said to be so."""
+"""Decimate recordings that are sampled faster than a NARX model needs, or warn about them."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Thinned:
 
 
 def thinned(records: list[Recording], wanted: str | None, reading: ReadingTime, *, held_out: float) -> Thinned:
-    """Decimate recordings of one sample time as asked; else say so if they are sampled too fast."""
+    """Decimate recordings of one sample time as requested; otherwise warn if they are sampled too fast."""
     if wanted not in (None, "auto"):
         made = [decimate(record, int(wanted), reading=reading) for record in records]
         return Thinned(records=made, notes=[_done(int(wanted), made)] if int(wanted) > 1 else [])
@@ -61,13 +61,13 @@ def thinned(records: list[Recording], wanted: str | None, reading: ReadingTime, 
 
 
 def advised(records: Sequence[Recording], choice: SamplingChoice) -> bool:
-    """Return whether recordings are sampled far too fast, and each still gives and judges a model once decimated."""
+    """Return whether recordings are sampled far too fast, and are long enough after decimation."""
     shortest = min(record.n_samples for record in records)
     return choice.factor >= _FAR and shortest >= (LEAST + _ENDS) * choice.factor
 
 
 def lost(model: NarxModel, unseen: Sequence[Recording], whole: Sequence[Recording]) -> list[str]:
-    """Return a sentence if a linear model of the `whole` recordings clearly beats the model of the decimated ones."""
+    """Return a sentence if a linear model of the `whole` recordings is clearly better than the decimated model."""
     from deatwin.app.identify_lags import OUTPUT_LAGS, choose_input_lags
     from deatwin.ident.narx import Frols
     from deatwin.ident.narx.assessed import hold_out
@@ -95,14 +95,14 @@ def lost(model: NarxModel, unseen: Sequence[Recording], whole: Sequence[Recordin
 
 
 def _free_run(model: NarxModel, parts: Sequence[Recording]) -> tuple[float, bool]:
-    """Rms error of free runs, and whether one diverges."""
+    """Return the rms error of free runs, and whether one diverges."""
     runs = [model.simulate(part) for part in parts]
     errors = np.concatenate([run.residuals[0] for run in runs])
     return float(np.sqrt(np.mean(errors**2))), not all(run.status.ok for run in runs)
 
 
 def _choice(records: Sequence[Recording]) -> SamplingChoice | None:
-    """The sampling time that suits; None where the output cannot tell."""
+    """Return a suitable sampling time; None if the output does not determine it."""
     try:
         return choose_sampling(records)
     except DataError:

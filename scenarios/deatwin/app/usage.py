@@ -11,10 +11,10 @@ from typer.core import TyperCommand, TyperGroup, TyperOption
 
 
 class Command(TyperCommand):
-    """A command in whose help no type stands beside a flag, which takes no value, or beside an argument's own word."""
+    """A command whose help shows no type for flags, which take no value, and for arguments with their own word."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the words of a command; an option that takes one value and is given twice is a mistake."""
+        """Parse the words of a command; a repeated single-valued option is an error."""
         *_, given = self.make_parser(ctx).parse_args(list(args))
         for option, times in Counter(given).items():
             single = isinstance(option, TyperOption) and not option.is_flag and not option.multiple
@@ -27,7 +27,7 @@ class Command(TyperCommand):
         return _untyped(super().get_params(*arguments, **named))
 
     def collect_usage_pieces(self, *arguments: Any, **named: Any) -> list[str]:
-        """Return the words of the usage line; where several of a kind may stand, the dots stand once."""
+        """Return the words of the usage line, with dots only once where several words may follow."""
         words = super().collect_usage_pieces(*arguments, **named)
         return [re.sub(r"\.\.\.([]}])\.\.\.$", r"\1...", word) for word in words]
 

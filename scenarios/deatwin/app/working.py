@@ -1,4 +1,4 @@
-"""Folder of results and exit status of a command."""
+"""Result folder and exit status of a command."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ DONE, WRONG_INPUT, INTERRUPTED = 0, 1, 130
 
 @contextmanager
 def results(out: Path, voice: Voice, doing: str) -> Iterator[tuple[ResultFolder, Progress]]:
-    """Give a folder for results and a bar of progress; an interrupt ends the command and says what was kept."""
+    """Provide a result folder and a progress bar; an interrupt ends the command and reports what was kept."""
     import typer
 
     from deatwin.studies.folder import ResultFolder
@@ -33,7 +33,7 @@ def results(out: Path, voice: Voice, doing: str) -> Iterator[tuple[ResultFolder,
 
 
 def exit_status(work: Callable[[], None]) -> int:
-    """Work, complain in one line about what the user or the machine got wrong, and return the status to exit with."""
+    """Run a command, report errors of the user or the machine in one line, and return the exit status."""
     try:
         work()
     except KeyboardInterrupt:

@@ -1,1 +1,1 @@
-"""The stories that `deatwin scenario NAME` runs: each a notebook page on plant, ident and control."""
+"""The scenarios of `deatwin scenario NAME`, each a study with plant, ident and control that ends in a page."""

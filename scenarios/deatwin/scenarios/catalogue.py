@@ -1,4 +1,4 @@
-"""The stories that deatwin brings, as its entry point of the group ``deatwin.scenarios`` offers them."""
+"""List of the scenarios that deatwin offers by its entry point in the group ``deatwin.scenarios``."""
 
 from __future__ import annotations
 

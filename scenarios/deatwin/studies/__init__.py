@@ -1,1 +1,1 @@
-"""What stories and commands share: running of studies, result folders, progress, run records, pages and figures."""
+"""Common parts of scenarios and commands: studies, result folders, progress, run records, pages, figures."""

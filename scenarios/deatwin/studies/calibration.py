@@ -1,4 +1,4 @@
-"""How well stated probabilities are borne out, and how well a median is known."""
+"""Test whether stated probabilities agree with observed rates, and compute intervals of medians."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Calibration:
 
 
 def median_interval(values: Sequence[float]) -> tuple[float, float]:
-    """Interval of order statistics that holds the median with at least 95 %."""
+    """Return the interval of order statistics that contains the median with a probability of at least 95 %."""
     from scipy.stats import binom
 
     ordered = np.sort(np.asarray(values, dtype=float))
@@ -33,7 +33,7 @@ def median_interval(values: Sequence[float]) -> tuple[float, float]:
 
 
 def reliability(stated: Sequence[tuple[float, bool]]) -> tuple[Calibration, ...]:
-    """Sort stated probabilities into bins, and count how often each bin was right."""
+    """Sort stated probabilities into bins, and count the right answers in each."""
     probabilities, happened = np.array(stated, dtype=float).reshape(-1, 2).T
     places = np.minimum((probabilities * BINS).astype(int), BINS - 1)
     return tuple(
@@ -44,7 +44,7 @@ def reliability(stated: Sequence[tuple[float, bool]]) -> tuple[Calibration, ...]
 
 
 def expected_calibration_error(bins: Sequence[Calibration]) -> float:
-    """Mean distance of stated probability from observed rate, weighted by the number in each bin."""
+    """Return the mean difference of stated probability and observed rate, weighted by the numbers in the bins."""
     total = sum(b.came_true.count for b in bins)
     if not total:
         return float("nan")
@@ -52,5 +52,5 @@ def expected_calibration_error(bins: Sequence[Calibration]) -> float:
 
 
 def brier_score(stated: Sequence[tuple[float, bool]]) -> float:
-    """Mean square of stated probability less outcome (Brier, Mon. Weather Rev. 78 (1950) 1)."""
+    """Return the mean squared difference of stated probability and outcome (Brier, Mon. Weather Rev. 78 (1950) 1)."""
     return float(np.mean([(p - happened) ** 2 for p, happened in stated])) if stated else float("nan")

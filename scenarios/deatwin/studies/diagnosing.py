@@ -1,4 +1,4 @@
-"""A diagnosis from files to files: what `deatwin diagnose`, the demo and the scenarios share."""
+"""Run a diagnosis from input files to output files; used by `deatwin diagnose`, the demo and the scenarios."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ WRITTEN = ("diagnosis.json", "model.json", INPUT_FILE, "report.html", "run.json"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DiagnosisTask:
-    """Everything that a diagnosis starts from."""
+    """All inputs of a diagnosis."""
 
     plant: Plant  # Nominal or amended
     experiments: Sequence[Experiment]  # Each from rest
@@ -36,7 +36,7 @@ class DiagnosisTask:
     seed: int = 0
 
     def run(self, folder: ResultFolder, progress: Progress, say: Callable[[str], None] | None = None) -> Diagnosis:
-        """Diagnose and write all files; `say` is told size and place of the mismatch as soon as they are known."""
+        """Diagnose and write all files; `say` receives size and place of the mismatch as soon as they are known."""
         for name in WRITTEN:
             require_unread(folder.path / name, self.files)
         inputs = hashes(self.files)
@@ -60,7 +60,7 @@ class DiagnosisTask:
         return written_amplitude(self.plant.rig.output_unit)[0]
 
     def _diagnosed(self, folder: ResultFolder, record: RunRecord, finished: FinishedSteps) -> Diagnosis:
-        """The diagnosis, written; or, where it is interrupted, the steps that were finished."""
+        """Write the diagnosis or, after an interrupt, the finished steps."""
         try:
             with obeying():
                 diagnosis = diagnose(

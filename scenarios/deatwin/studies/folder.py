@@ -1,4 +1,4 @@
-"""A folder of results that remembers what was written into it."""
+"""A result folder that keeps a list of the files written into it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from deatwin.plant.files.replacing import place_of
 
 
 class ResultFolder:
-    """A folder into which files appear whole or not at all."""
+    """A folder in which files appear complete or not at all."""
 
     def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
@@ -43,14 +43,14 @@ class ResultFolder:
         self.save(name, lambda path: write_csv(path, columns))
 
     def save(self, name: str, write: Callable[[Path], None]) -> None:
-        """Let something write itself."""
+        """Let an object write its own file."""
         target = self.path / name
         self._make(target.parent)
         write(target)
         self.written.append(name)
 
     def remove_former(self, pattern: str) -> None:
-        """Remove what a former run wrote, as its ``run.json`` tells, and this one has not."""
+        """Remove files of an earlier run, listed in its ``run.json``, that this run has not written."""
         try:
             former = json.loads((self.path / "run.json").read_text(encoding="utf-8"))["outputs"]
         except (OSError, ValueError, KeyError, TypeError, RecursionError):
@@ -62,11 +62,11 @@ class ResultFolder:
 
     @property
     def summary(self) -> str:
-        """List the files that were written, in words."""
+        """List the written files, in words."""
         return f"{self.path} holds {', '.join(self.written)}" if self.written else f"nothing was written to {self.path}"
 
     def _remove_empty(self) -> None:
-        """Remove the folders that were made here and hold nothing, the innermost first."""
+        """Remove empty folders that were created here, innermost first."""
         for path in reversed(self._made):
             with suppress(OSError):  # it holds something, or is gone
                 path.rmdir()
@@ -84,7 +84,7 @@ class ResultFolder:
 
 
 def require_place(file: Path | str, inputs: Iterable[Path | str]) -> None:
-    """Raise DataError unless a file can be written: before work begins, not after it."""
+    """Raise DataError unless a file can be written; called before work begins."""
     path = place_of(file)
     if not path.parent.is_dir():
         raise DataError(f"{path}: there is no folder {path.parent}; make it, or choose another")
@@ -93,7 +93,7 @@ def require_place(file: Path | str, inputs: Iterable[Path | str]) -> None:
 
 
 def require_unread(file: Path, inputs: Iterable[Path | str]) -> None:
-    """Raise DataError if a file that will be written is one of those that are read."""
+    """Raise DataError if an output file is also an input file."""
     if file.exists() and any(p.is_file() and file.samefile(p) for p in (Path(split_sheet(i)[0]) for i in inputs)):
         raise DataError(f"{file}: this command reads this file and would overwrite it; give another place or name")
 

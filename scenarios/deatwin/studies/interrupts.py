@@ -1,4 +1,4 @@
-"""Ctrl-C, and what a batch system sends before it kills, remembered for `deatwin.plant.interrupts.obey`."""
+"""Remember Ctrl-C and the signal of a batch system, for `deatwin.plant.interrupts.obey`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ORDINARY: dict[signal.Signals, Any] = {signal.SIGINT: signal.default_int_handler
 
 
 class _Remembering:
-    """Python's own handler of SIGINT, with an event that tells that it was called."""
+    """Python's handler of SIGINT, which also sets an event."""
 
     def __init__(self) -> None:
         self.asked = threading.Event()
@@ -27,7 +27,7 @@ class _Remembering:
 
 @contextmanager
 def forward_signals(*signals: signal.Signals) -> Iterator[None]:
-    """Remember Ctrl-C while a command runs, where it is what ends a program of Python; it is raised as ever."""
+    """Remember Ctrl-C while a command runs, if Python handles it; it is raised as usual."""
     ours = threading.current_thread() is threading.main_thread()
     taken = [s for s in signals or (signal.SIGINT,) if ours and signal.getsignal(s) is ORDINARY[s]]
     handler, hook = _Remembering(), sys.unraisablehook

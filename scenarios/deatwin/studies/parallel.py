@@ -1,4 +1,4 @@
-"""Independent jobs of a story that tell how far they are."""
+"""Run independent jobs of a scenario with progress reports."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ def between(progress: Progress, first: float, last: float) -> Progress:
 def run_told(
     function: Callable[..., Result], tasks: Iterable[tuple[object, ...]], jobs: int, progress: Progress, doing: str
 ) -> list[Result]:
-    """Call a function once for each tuple of arguments; results in order."""
+    """Call a function once per tuple of arguments; return results in order."""
     every = list(tasks)
     progress(0.0, doing)
     return run_jobs(function, every, workers=jobs, finished=lambda count: progress(count / len(every), doing))
 
 
 def call(function: Callable[..., Result], *arguments: object) -> Result:
-    """Call a function: the job of tasks that begin with functions of their own."""
+    """Call a function; used as the job for tasks that start with their own functions."""
     return function(*arguments)

@@ -1,4 +1,4 @@
-"""The finished steps of an interrupted diagnosis, in files that are no diagnosis."""
+"""Save the finished steps of an interrupted diagnosis, in files that cannot be mistaken for a diagnosis."""
 
 from __future__ import annotations
 
@@ -26,8 +26,19 @@ NOTE = (
 )
 
 
+STEP_WORDS = {
+    "gate": "check of the recordings",
+    "base": "fit of the base plant",
+    "detect": "test for a mismatch",
+    "locate": "location of the mismatch",
+    "verify": "tests of the explanation",
+    "advise": "next experiment",
+    "discover": "free form",
+}
+
+
 def first_words(step: Step, unit: str) -> str:
-    """What a step found, in a sentence for those who wait for the verdict; empty of a step that takes no time."""
+    """Return the result of a step in a sentence, shown before the verdict; empty for quick steps."""
     found = step.to_dict()
     if step.name == "base":
         left, noise, error = (amount(f"{found[k]:.3g}", unit) for k in ("fitted", "noise", "model_error"))
@@ -47,7 +58,7 @@ def first_words(step: Step, unit: str) -> str:
 
 
 class FinishedSteps:
-    """Collects what the steps of a diagnosis find, and how far it is."""
+    """Collects the results of a diagnosis' steps, and its progress."""
 
     def __init__(self, progress: Progress, unit: str = "", say: Callable[[str], None] | None = None) -> None:
         self.share, self.doing = 0.0, "beginning"
@@ -56,12 +67,12 @@ class FinishedSteps:
         self._steps: dict[tuple[str, str], Step] = {}
 
     def tell(self, share: float, doing: str) -> None:
-        """Take the progress, and pass it on."""
+        """Store the progress, and pass it on."""
         self._progress(share, doing)  # which raises where an interrupt was not heard before
         self.share, self.doing = share, doing
 
     def take(self, step: Step) -> None:
-        """Take a step that is through, in place of a former one of the same subject, and say which."""
+        """Store a finished step, replacing an earlier one of the same subject, and announce it."""
         self._steps[step.name, step.subject] = step
         known = first_words(step, self._unit)
         if known and known not in self._said:
@@ -71,7 +82,7 @@ class FinishedSteps:
             self._progress(self.share, f"{self.doing} ({step.subject})")
 
     def save(self, folder: ResultFolder, plant: Plant, record: RunRecord) -> str:
-        """Write the steps, in place of what was kept of a former interrupted run."""
+        """Write the steps, replacing those of an earlier interrupted run."""
         if not self._steps:
             return f"interrupted while {self.doing}; no step was finished, and nothing was written to {folder.path}"
         remove_partial(folder)
@@ -109,14 +120,14 @@ class FinishedSteps:
         }
 
     def _listed(self) -> str:
-        """The steps by name; of fits their number."""
+        """List the steps in words; for fits, give their number."""
         fits = sum(step.name == "fit" for step in self._steps.values())
-        counted = {"fit": f"{fits} fits with effects" if fits > 1 else "1 fit with effects"}
+        counted = STEP_WORDS | {"fit": f"{fits} fits with effects" if fits > 1 else "1 fit with effects"}
         return ", ".join(dict.fromkeys(counted.get(step.name, step.name) for step in self._steps.values()))
 
 
 def holds_only_partial(folder: Path) -> bool:
-    """Test if a folder holds the steps of an interrupted run, and nothing else."""
+    """Return whether a folder contains only the steps of an interrupted run."""
     if folder.is_symlink() or (folder / FOLDER).is_symlink():
         return False
     held = {path.relative_to(folder).as_posix() for path in folder.rglob("*")}
@@ -124,7 +135,7 @@ def holds_only_partial(folder: Path) -> bool:
 
 
 def remove_partial(folder: ResultFolder) -> None:
-    """Remove what was kept of an interrupted run; other files are left alone."""
+    """Remove the files of an interrupted run; other files stay."""
     place = folder.path / FOLDER
     for name in (STEPS, BASE_MODEL):
         (place / name).unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""``run.json``: everything about a run that may differ between equal runs."""
+"""``run.json``: everything that may differ between runs with equal results."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PACKAGES = ("deatwin", "numpy", "scipy", "casadi", "scikit-learn", "pysindy", "c
 
 
 def versions(packages: Iterable[str] = PACKAGES) -> dict[str, str]:
-    """Versions of installed packages and of Python; absent packages are left out."""
+    """Return the versions of installed packages and of Python."""
     found = {"python": platform.python_version()}
     for name in packages:
         try:
@@ -41,7 +41,7 @@ def hashes(files: Iterable[str | Path]) -> list[dict[str, str]]:
 
 @dataclass(frozen=True, kw_only=True)
 class RunRecord:
-    """A run: made when it starts, turned into data when it ends."""
+    """Record of a run, made at its start and written at its end."""
 
     command: Sequence[str]  # The command line
     inputs: Sequence[dict[str, str]]
@@ -51,7 +51,7 @@ class RunRecord:
     _tick: float = field(default_factory=time.monotonic)
 
     def finished(self, outputs: Sequence[str]) -> dict[str, Any]:
-        """The content of ``run.json``."""
+        """Return the content of ``run.json``."""
         from deatwin.plant.integrator.compiled import compiler
 
         return {

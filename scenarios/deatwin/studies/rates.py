@@ -1,4 +1,4 @@
-"""How often something happened, with exact bounds."""
+"""Rates of events, with exact bounds."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Rate:
 
     @property
     def share(self) -> float:
-        """Hits over count."""
+        """Number of hits divided by the number of cases."""
         return self.hits / self.count
 
     @property

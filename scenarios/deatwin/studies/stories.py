@@ -1,4 +1,4 @@
-"""A story that `deatwin scenario NAME` runs, and what it is given. Reading of stories loads no numbers."""
+"""Description of a scenario and its settings. It is loaded without numerical packages."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Story:
 
     @property
     def told(self) -> str:
-        """The line, the times of the sizes, and whether the story resumes."""
+        """Description, times of the sizes, and whether the scenario resumes."""
         sizes = ", ".join(f"{size} {_in_words(time)}" for size, time in zip(self.sizes, self.times, strict=True))
         about = "; ".join(text for text in (sizes, "resumes" if self.resumes else "") if text)
         return f"{self.line} ({about})" if about else self.line
@@ -66,7 +66,7 @@ class Story:
 
     @property
     def run(self) -> Callable[[Setting], Mapping[str, Any]]:
-        """The function that runs the story."""
+        """Return the function that runs the scenario."""
         function: Callable[[Setting], Mapping[str, Any]] = import_module(self.module).run
         return function
 

@@ -1,4 +1,4 @@
-"""Time left of a piece of work, from the share that is done."""
+"""Estimate the remaining time of work from the completed share."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _KEPT = 5.0  # An estimate grows at most once in so many seconds: on a terminal 
 
 
 class TimeLeft:
-    """An estimate of the time left, by the mean pace so far."""
+    """An estimate of the remaining time, from the mean pace so far."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
@@ -20,7 +20,7 @@ class TimeLeft:
         self._told: tuple[float, float] | None = None  # when, and the seconds that were told
 
     def tell(self, share: float) -> None:
-        """Take how far the work is."""
+        """Update with the completed share."""
         if self._first is None:
             self._first = (self._clock(), share)
         self._share = share
@@ -44,7 +44,7 @@ class TimeLeft:
 
     @property
     def text(self) -> str:
-        """The estimate in words; empty once nothing is left."""
+        """The estimate in words; empty when nothing remains."""
         if self._share > 1.0 - 1e-9:  # sums of shares round
             return ""
         seconds = self.seconds
@@ -52,7 +52,7 @@ class TimeLeft:
 
 
 def duration_in_words(seconds: float) -> str:
-    """A time in the unit that a person would use."""
+    """Write a time in a suitable unit."""
     minutes = seconds / 60
     if minutes >= 180:
         return f"{minutes / 60:.0f} h"

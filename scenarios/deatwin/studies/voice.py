@@ -1,4 +1,4 @@
-"""Output of commands: lines for people, JSON for machines, progress as a bar or, off a terminal, in lines."""
+"""Output of commands: lines for people, JSON for programs, progress as a bar or, without a terminal, as lines."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ EVERY = 30.0  # Off a terminal a line of progress comes so often, s
 
 @dataclass(frozen=True, kw_only=True)
 class Voice:
-    """Amount and form of a command's output."""
+    """How much a command prints, and in which form."""
 
     as_json: bool = False  # The result goes to stdout as JSON and nothing else does
     quiet: bool = False
@@ -35,13 +35,13 @@ class Voice:
             print(text)
 
     def result(self, data: Mapping[str, Any]) -> None:
-        """Print the result for machines, if asked for."""
+        """Print the result as JSON, if requested."""
         if self.as_json:
             print(json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False))
 
     @contextmanager
     def progress(self, title: str) -> Iterator[Progress]:
-        """A bar on stderr with the time left; where stderr is no terminal, a plain line from time to time."""
+        """Show a bar on stderr with the remaining time; without a terminal, a plain line from time to time."""
         from deatwin.plant.interrupts import obey  # which comes with numpy: help does without
 
         with self._shown(title) as show:
@@ -80,14 +80,14 @@ class Voice:
 
 
 class PlainProgress:
-    """Progress in lines, for files and pipes: what is being done, the share that is done, the time left."""
+    """Progress as lines, for files and pipes: current work, completed share, remaining time."""
 
     def __init__(self, title: str, clock: Callable[[], float] = time.monotonic) -> None:
         self._title, self._left = title, TimeLeft(clock)
         self._share, self._doing = 0.0, title
 
     def tell(self, share: float, text: str = "") -> None:
-        """Take how far the work is."""
+        """Update with the completed share."""
         self._left.tell(share)
         self._share, self._doing = share, text or self._title
 
@@ -102,7 +102,7 @@ class PlainProgress:
 
 
 def print_lines(progress: PlainProgress, wait: Callable[[float], bool]) -> None:
-    """Print a line of progress on stderr again and again. `wait` waits so many seconds."""
+    """Print a line of progress on stderr repeatedly. `wait` waits a number of seconds."""
     while not wait(EVERY):
         with suppress(OSError, ValueError):  # whoever listened is gone: the work goes on
             print(progress.line, file=sys.stderr, flush=True)
@@ -110,7 +110,7 @@ def print_lines(progress: PlainProgress, wait: Callable[[float], bool]) -> None:
 
 @contextmanager
 def _lines(progress: PlainProgress) -> Iterator[PlainProgress]:
-    """Print lines beside the work: a step of it may take long."""
+    """Print lines during the work, because one step of it may take long."""
     ended = threading.Event()
     printer = threading.Thread(target=print_lines, args=(progress, ended.wait), daemon=True, name="deatwin-progress")
     printer.start()

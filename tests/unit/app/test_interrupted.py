@@ -123,7 +123,7 @@ def test_ctrl_c_keeps_the_calibrated_plant(recorded: Path, validate: Callable[[s
     assert files(recorded / "result") == {"partial/steps.json", "partial/base_model.json"}
     line = err.splitlines()[-1]
     assert "error: interrupted while looking for a mismatch; there is no verdict" in line
-    assert "result/partial keeps the finished steps: gate, base" in line
+    assert "result/partial keeps the finished steps: check of the recordings, fit of the base plant" in line
     assert "Traceback" not in err
 
     steps = kept(recorded / "result")
@@ -189,7 +189,7 @@ def test_fits_are_kept_and_the_next_run_starts_anew(
     assert main([*DIAGNOSE, "again"]) == 130
     error = capsys.readouterr().err
     assert error.count("\n") == 1
-    assert "gate, base, detect, locate, 3 fits with effects (base_model.json, steps.json)" in error
+    assert "location of the mismatch, 3 fits with effects (base_model.json, steps.json)" in error
     steps = kept(on_bench / "again")["steps"]
     fits = {step["subject"]: step["result"] for step in steps if step["step"] == "fit"}
     assert len(fits) == 3
@@ -255,7 +255,7 @@ def test_a_fit_is_shown_where_no_share_is_told_and_kept_where_it_is_interrupted_
         (0.3, "building in effects (creep)"),
         (0.3, "building in effects (creep+slip)"),
     ]
-    assert "verify, 2 fits with effects" in finished._listed()
+    assert "tests of the explanation, 2 fits with effects" in finished._listed()
 
 
 def test_before_the_first_step_nothing_is_written(
@@ -281,7 +281,7 @@ def test_what_casadi_makes_of_an_interrupt_is_one(
 
     monkeypatch.setattr(partial.FinishedSteps, "take", taken_for_an_error)
     assert main([*DIAGNOSE, "mistaken"]) == 130
-    assert "mistaken/partial keeps the finished steps: gate" in capsys.readouterr().err
+    assert "mistaken/partial keeps the finished steps: check of the recordings" in capsys.readouterr().err
     assert files(on_bench / "mistaken") == {"partial/steps.json"}
 
 

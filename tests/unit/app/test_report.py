@@ -32,8 +32,10 @@ from deatwin.ident.mismatch.quality.quality import check_quality
 from deatwin.ident.mismatch.result import (
     Ablation,
     Errors,
+    Fault,
     FormSummary,
     IndistinguishablePair,
+    OriginSummary,
     Output,
     Statistic,
     TermSummary,
@@ -48,6 +50,7 @@ from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import ModelError
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
+from deatwin.studies.report.certainty import certainty
 from deatwin.studies.report.origin import Origin
 from deatwin.studies.report.page import write_report
 from deatwin.studies.report.quantities import in_interval, with_interval
@@ -329,3 +332,45 @@ def test_a_diagnosis_draws_itself_or_says_why_not() -> None:
     assert len(axes.patches) == 2  # one held-out part in each recording
     with pytest.raises(ModelError, match="no evidence"):
         DIAGNOSIS.plot()
+
+
+@pytest.mark.parametrize(
+    ("verdict", "said"),
+    [
+        (Verdict.NONE, "0.230, and the error exceeds the noise by 0.340 µm rms; a mismatch counts if"),
+        (Verdict.PARAMETERS, "0.230, and the error exceeds the noise by 0.340 µm rms; a mismatch counts if"),
+        (Verdict.UNKNOWN, "where 1.19 µm would count as a mismatch; no single effect explains more than 34 % of it."),
+        (
+            Verdict.DISTURBANCE,
+            "2 % of the mismatch's power repeats with the command, at most 9 % (two standard deviations); below 30 %",
+        ),
+        (Verdict.DATA_FAULT, "201 of 1000 samples (20.1 %) are at fault"),
+        (Verdict.NOT_TESTABLE, "The command moves the reading by 3.00 µm rms; sensor noise is 2.00 µm"),
+        (Verdict.NAMED, ""),
+    ],
+)
+def test_the_first_screen_says_how_sure_a_verdict_is(tmp_path: Path, verdict: Verdict, said: str) -> None:
+    detection = DetectionSummary(
+        p_value=0.23,
+        excess=0.34,
+        practical=1.19,
+        taken_up=False,
+        moved=3.0,
+        smallest_detectable={},
+        origin=OriginSummary(by="repeats", share=0.02, low=-0.05, high=0.09, left=1.0, conclusion="disturbance"),
+    )
+    silent = Recording.from_arrays(np.zeros(1000), np.zeros(1000), 0.02)
+    diagnosis = replace(
+        DIAGNOSIS,
+        verdict=verdict,
+        detection=detection,
+        location=LocationSummary(time=(), frequency=(), region=(), place=(PlaceSummary(place="film", score=0.34),)),
+        faults=(Fault(experiment=1, recording=1, file="a", fault="stuck", samples=201, from_s=0.0, to_s=4.0),),
+        readings=Readings(experiments=(Experiment(recordings=(silent,)),), base=(), amended=None, unseen=()),
+    )
+    assert said in certainty(diagnosis)[:1].upper() + certainty(diagnosis)[1:] + "."
+    folder = ResultFolder(tmp_path / "new")
+    write_report(folder, replace(diagnosis, readings=None), Origin(inputs=[], seed=3))
+    page = (folder.path / "report.html").read_text(encoding="utf-8")
+    header = page[: page.index("</header>")]
+    assert ("How sure is this?" in header) is (verdict not in (Verdict.NAMED, Verdict.DATA_FAULT))

@@ -1,1 +1,1 @@
-"""Would the controller survive the actuator?"""
+"""Check whether a controller would work on the actuator."""

@@ -1,4 +1,4 @@
-"""Numbers in sentences: beyond some size all say the same, and a reader need not count their digits."""
+"""Write numbers in sentences. A number beyond a limit is written as "more than" that limit, without its many digits."""
 
 from __future__ import annotations
 

@@ -102,8 +102,8 @@ def check(
     operating_input : float, optional
         Constant input about which the loop is closed, in its unit; the centre of the training data by default.
     operating_inputs : array_like, shape (n,), optional
-        Further operating points at which margins are judged, in the input's unit; by default five over the range in
-        which the references of the check move. The controller's own operating point is always included.
+        Further operating points at which margins are judged, in the input's unit; by default five that cover the commands
+        needed by the check's references. The controller's own operating point is always included.
     closed_loop_time : float, optional
         Wanted time constant lambda of the closed loop for the default design, s; see `lambda_tuning`.
     command_limits : (float, float), optional
@@ -196,7 +196,7 @@ def _known(plant: Plant | CalibratedPlant) -> CalibratedPlant:
 
 
 def _points(model: NarxModel, controller: Controller, operating_inputs: ArrayLike | None) -> Array:
-    """Operating inputs at which margins are judged, the controller's own among them; each once."""
+    """Return the operating inputs at which margins are judged, each once, including that of the controller."""
     c = controller
     if operating_inputs is not None:
         points = real_numbers(operating_inputs, "operating_inputs").ravel()

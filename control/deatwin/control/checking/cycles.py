@@ -80,7 +80,7 @@ def _none(of: str) -> Finding:
 
 
 def _with_plant_unmeasured(judged: list[Finding]) -> Finding:
-    """The worst of the findings on limits and codes, at best marginal: nothing is known of the plant itself."""
+    """Return the worst finding on limits and codes; at best marginal, because the plant itself was not measured."""
     least = f"{100 * SIZES[1]:g} % of the distance to the command's limits"
     why = f"the plant's own response to sines is not measured: the plant fails under sines of {least}"
     # Without a cycle there is no number: zero would be one.
@@ -90,7 +90,7 @@ def _with_plant_unmeasured(judged: list[Finding]) -> Finding:
 
 
 def _sizes_measured(response: SineResponse) -> str:
-    """A remark if the plant did not survive sines of all amplitudes."""
+    """Return a remark if the plant failed under the larger sines."""
     lived = [f"{100 * size:g}" for size in SIZES[: response.amplitudes.size]]
     if len(lived) == len(SIZES):
         return ""
@@ -99,7 +99,7 @@ def _sizes_measured(response: SineResponse) -> str:
 
 
 def _that_matter(found: list[_Found]) -> list[_Found]:
-    """All that are sustained, and the unstable ones beyond which no sustained one catches the loop."""
+    """Keep all sustained cycles, and each unstable one beyond which no sustained cycle limits the oscillation."""
     caught = max((amplitude for _, cycle, amplitude in found if cycle.stable), default=0.0)
     return [entry for entry in found if entry[1].stable or entry[2] > caught]
 
@@ -146,7 +146,7 @@ def _room(controller: Controller) -> float:
 
 
 def _crossover(controller: Controller, linear: LinearModel) -> float:
-    """Crossover of the linear loop, rad/s; the requested bandwidth if its gain is never one."""
+    """Return the crossover of the linear loop, rad/s; if its gain is never one, the requested bandwidth."""
     # A controller that hardly acts has its crossover at periods of days, which no run lasts.
     found = float(loop_margins(linear, controller.local(controller.operating_input)).crossover[0])
     asked = 1.0 / controller.closed_loop_time
@@ -159,7 +159,7 @@ def _loop(controller: Controller, linear: LinearModel) -> tuple[Array, Array]:
 
 
 def _after(room: float, cycle: LimitCycle, linear: LinearModel) -> float:
-    """Amplitude at the output of a cycle whose amplitude is known before the limits."""
+    """Return the amplitude of a cycle after the limits, given the amplitude before them."""
     amplitude, omega = np.asarray(cycle.amplitude), 2 * np.pi * cycle.frequency_Hz
     passed = saturation(room, amplitude) * linear.response([omega])[0]
     return float(cycle.amplitude * np.abs(passed))

@@ -30,11 +30,11 @@ SAME = 1e-9  # Operating inputs that differ by less, as a share of the range of 
 
 
 class UndesignedError(ControlError):
-    """A design finds no controller for the model: an answer to the check, not a mistake of the caller."""
+    """Raised if a design finds no controller: a result of the check, not a mistake of the caller."""
 
 
 def designed(design: Design, linear: LinearModel, command_limits: tuple[float, float]) -> Controller:
-    """Design a controller on a model, and turn foreign exceptions into a ControlError."""
+    """Design a controller on a model; raise exceptions of other libraries as ControlError."""
     try:
         controller = design(linear, command_limits=command_limits)
     except (ControlError, ModelError) as error:
@@ -56,14 +56,14 @@ def designed(design: Design, linear: LinearModel, command_limits: tuple[float, f
 
 
 def _name(design: Design) -> str:
-    """Name of a design for messages: that of the function, or of a callable object's class."""
+    """Return the name of a design for messages: that of the function, or of a callable object's class."""
     while isinstance(design, partial):
         design = design.func
     return str(getattr(design, "__name__", type(design).__name__))
 
 
 def require_others(value: Any, name: str) -> None:
-    """Raise ControlError unless further plants are plants, each by a name of its own."""
+    """Raise ControlError unless all further plants are plants with different names."""
     instance(Mapping, hint=" from names to plants")(value, name)
     for key, plant in value.items():
         instance(str)(key, f"a name in {name}")
@@ -75,7 +75,7 @@ def require_others(value: Any, name: str) -> None:
 
 
 def require_pair(model: NarxModel, plant: Plant) -> None:
-    """Raise ModelError unless model and plant belong together: sample time, units, no deviations."""
+    """Raise ModelError unless model and plant agree in sample time and units, and the model is none of deviations."""
     rig = plant.rig
     if abs(model.sample_time / rig.sample_time - 1.0) > 1e-6:
         raise ModelError(
@@ -102,7 +102,7 @@ def require_pair(model: NarxModel, plant: Plant) -> None:
 
 
 def require_controller(controller: Any, model: NarxModel) -> None:
-    """Raise ControlError unless what was given to be judged is a controller with the model's sample time."""
+    """Raise ControlError unless the object to be judged is a controller with the model's sample time."""
     if not isinstance(controller, Controller):
         instead = " (that is a model to design one on)" if isinstance(controller, LinearModel) else ""
         raise ControlError(
@@ -117,7 +117,7 @@ def require_controller(controller: Any, model: NarxModel) -> None:
 
 
 def require_laws(controller: Controller, operating_inputs: Iterable[float]) -> None:
-    """Raise ControlError unless a controller, perhaps of a class of one's own, has a law at operating points."""
+    """Raise ControlError unless a controller, possibly of a user's class, has a law at all operating points."""
     name = f"{type(controller).__name__}.local"
     for operating_input in operating_inputs:
         try:
@@ -154,20 +154,20 @@ def require_limits(limits: tuple[float, float], linear: LinearModel) -> None:
 
 
 def trained_range(model: NarxModel) -> tuple[float, float]:
-    """Least and largest input of the training data, in its unit."""
+    """Return the smallest and largest input of the training data, in its unit."""
     if model.operating is None:
         raise ModelError("the model does not know the range of its training data: give command_limits")
     return float(model.operating.input_min[0]), float(model.operating.input_max[0])
 
 
 def known_caveats(model: NarxModel) -> tuple[str, ...]:
-    """Caveats in the model's file."""
+    """Return the caveats that the model's file contains."""
     reliance = Reliance.of_provenance(model.provenance)
     return () if reliance is None else reliance.caveats
 
 
 def integral_only(controller: Controller) -> tuple[str, ...]:
-    """A sentence on a designed controller that came out without a proportional part."""
+    """Return a sentence if a designed controller has no proportional part."""
     gains = PidGains.of_law(controller.local(controller.operating_input), controller.sample_time)
     if gains is None or gains.proportional:
         return ()
@@ -178,12 +178,12 @@ def integral_only(controller: Controller) -> tuple[str, ...]:
 
 
 def known_excitation(model: NarxModel, recording: Recording | None) -> Excitation | None:
-    """Band that the recording excited; None if it is not known."""
+    """Return the band that the recording excited; None if it is unknown."""
     return Excitation.of_provenance(model.provenance) if recording is None else excitation(recording)
 
 
 def known_residual(model: NarxModel, recording: Recording | None) -> Residual | None:
-    """Residual of the model's free run; None if it is not known."""
+    """Return the residual of the model's free run; None if it is unknown."""
     carried = Residual.of_provenance(model.provenance)
     if recording is None:
         return carried

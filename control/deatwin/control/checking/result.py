@@ -35,7 +35,7 @@ _UNITS = {"time": "s", "phase_deg": "deg", "phase_low_deg": "deg", "delay": "s",
 
 
 def _tables(check: Check) -> Variables:
-    """Findings and margins as tables, and each run over a time of its own."""
+    """Return findings and margins as tables, and each run as a table over its own time."""
     found: dict[str, Any] = {
         **columns("finding", [{**asdict(f), "verdict": f.verdict.value} for f in check.findings]),
         **columns("margin", map(asdict, check.table), {**_UNITS, "operating_input": check.operating.input_unit}),
@@ -61,7 +61,7 @@ def _runs(check: Check) -> dict[str, ClosedLoop]:
 
 
 def to_document(check: Check) -> dict[str, Any]:
-    """A check as JSON can hold it; an infinite margin is null."""
+    """Return a check as plain data for JSON; an infinite margin becomes null."""
     runs = {name: run for name in _RUNS if (run := getattr(check, name)) is not None}
     predicted = check.predicted
     return {
@@ -92,7 +92,7 @@ def to_document(check: Check) -> dict[str, Any]:
 
 
 def from_document(document: Mapping[str, Any]) -> dict[str, Any]:
-    """The fields of the check that `to_document` described."""
+    """Return the fields of a check from the data that `to_document` made."""
     operating, controller, margins = (document[name] for name in ("operating", "controller", "margins"))
     status = LinearStatus[operating["status"].upper()]
     return {
@@ -193,7 +193,7 @@ class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_d
 
     @property
     def _where(self) -> str:
-        """The operating inputs at which margins were judged, in words."""
+        """Return the operating inputs at which margins were judged, in words."""
         points = [row.operating_input for row in self.table]
         if not points:
             return ""
@@ -227,7 +227,7 @@ class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_d
 
     @property
     def _warned(self) -> str:
-        """The caveats as sentences."""
+        """Return the caveats as sentences."""
         return "".join(f" {text[0].upper()}{text[1:]}." for text in self.caveats)
 
     def plot(self, ax: Axes | None = None) -> Axes:

@@ -123,7 +123,7 @@ def rows_of_family(
 
 
 def row_of_band(band: MarginBand, linear: LinearModel, crossover_Hz: float) -> MarginRow:
-    """Margins with limits from the model's covariance, linearised; `crossover_Hz` is the highest one."""
+    """Return margins with limits, by linear propagation of the model's covariance; `crossover_Hz` is the highest."""
     return MarginRow(
         source=BAND,
         operating_input=linear.operating_input,

@@ -1,4 +1,4 @@
-"""Judge whether the loop stays where its model holds: in the band and range of the data, and with the film in tension."""
+"""Judge whether the loop stays where its model is valid: in band and range of the data, with the film in tension."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def judge_band(crossovers_Hz: Sequence[float], excited: Excitation) -> Finding:
 def judge_rests(
     linear: LinearModel, amplitude: float, rests: NDArray[np.float64], runs: Runs, verdict: Verdict
 ) -> Finding | None:
-    """Find that a plant rests elsewhere than the model and so cannot follow the references; `rests` (3,)."""
+    """Return a finding if the plant's positions at rest, `rests` (3,), do not allow it to follow the references."""
     centre = linear.operating_output
     if centre is None or not np.isfinite(rests).all():
         return None
@@ -81,7 +81,7 @@ def judge_training(model: NarxModel, points: Sequence[float], commands: NDArray[
 
 
 def judge_unknown_band() -> Finding:
-    """The finding where nobody knows what the recording excited."""
+    """Return the finding for a recording whose excited band is unknown."""
     text = (
         "the frequencies that the recording excited are unknown: give the recording, or a model from `deatwin "
         "identify`, which states them"
@@ -90,7 +90,7 @@ def judge_unknown_band() -> Finding:
 
 
 def judge_film(source: str, plants: Sequence[Plant], commands: NDArray[np.float64], controller: Controller) -> Finding:
-    """Judge whether the film bears what the controller commands, and what it might command. Shapes: `commands` (n,)."""
+    """Judge whether the film tolerates the commands of the controller, given and possible. Shapes: `commands` (n,)."""
     # A run may leap over a pull-in from one sample to the next, so the largest and the smallest command must have a
     # state of rest too.
     from deatwin.ident.mismatch.advise.waveforms import HEADROOM, bears  # which takes half a second

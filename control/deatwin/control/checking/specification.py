@@ -26,7 +26,7 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Limit:
-    """Two limits of a number: up to the first it passes, and beyond the second it fails.
+    """Two limits of a number: it passes within the first, is marginal within the second, and fails otherwise.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ class Limit:
 
     @property
     def more_is_better(self) -> bool:
-        """True if the good value lies above the poor one."""
+        """Whether larger values are better: the good limit is above the poor one."""
         return self.good > self.poor
 
     @property
@@ -123,8 +123,8 @@ class Specification:
     delay_samples : Limit
         Delay margin, samples: a command that comes one sample late must not upset the loop.
     disk : Limit
-        Symmetric disk margin; 2/3 and 0.4 hold gain margins of 2 and 1.5 for all changes of gain and phase at
-        once that lie in the disk.
+        Symmetric disk margin. Values of 2/3 and 0.4 correspond to gain margins of 2 and 1.5, but also allow simultaneous
+        changes of the phase.
     stable_share : Limit
         Share of the posterior's draws with a stable closed loop.
     overshoot : Limit
@@ -202,5 +202,5 @@ class Specification:
 
 
 def _defaults() -> dict[str, Limit]:
-    """The limits as they are by default: they say in which sense each is meant."""
+    """Return the default limits; they show which limits are upper and which are lower."""
     return {field.name: field.default for field in fields(Specification) if isinstance(field.default, Limit)}

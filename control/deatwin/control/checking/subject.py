@@ -1,4 +1,4 @@
-"""A controller with all that it is judged on, and the judgement: margins, prediction, runs on the physics."""
+"""A controller with the models and plants on which it is judged, and its judgement."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ TIME_SAMPLES = 50  # Draws at each time of a model that varies
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Subject:
-    """A controller with all that it is judged on."""
+    """A controller with the models and plants on which it is judged."""
 
     model: NarxModel
     linear: LinearModel
@@ -75,7 +75,7 @@ class Subject:
         return None if self.excited is None else self.excited.highest_Hz
 
     def judged(self, progress: Progress | None) -> Check:
-        """Margins first, then the prediction, then the physics."""
+        """Return the findings: on margins first, then on the prediction, then on runs on the plant."""
         spec, linear = self.specification, self.linear
         trial = Trial(controller=self.controller, linear=self.linear, rng=self.rng)
         here, rows = self._model_rows()
@@ -126,7 +126,7 @@ class Subject:
         )
 
     def _judged_runs(self, trial: Trial, runs: Runs, sine_predicted: float, plant: Plant) -> list[Finding]:
-        """Return the findings on runs on a plant; if they fail because it rests elsewhere than the model, that comes first."""
+        """Return the findings on runs on a plant; the first says if the plant rests elsewhere than the model."""
         findings = list(judge_runs(runs, sine_predicted, self.specification.on_a_stand_in))
         c = self.controller
         if worst(findings).verdict is Verdict.PASS:
@@ -137,7 +137,7 @@ class Subject:
         return findings if apart is None else [apart, *findings]
 
     def _model_rows(self) -> tuple[MarginRow, tuple[MarginRow, ...]]:
-        """Margins at the controller's own point, and at all points and times."""
+        """Return margins at the controller's own operating point, and at all points and times."""
         reading = self.plant.plant.rig.reading
         thetas = np.vstack([self.model.theta, draw(self.model, self.rng, self.samples)])
         family = linearise_many(self.model, self.points, thetas).in_loop(reading)
@@ -151,14 +151,14 @@ class Subject:
         return here, (*rows, *self._along(self.trajectory, reading))
 
     def _along(self, trajectory: ThetaTrajectory, reading: ReadingTime) -> tuple[MarginRow, ...]:
-        """Margins along time."""
+        """Return margins at each time of a varying model."""
         along = linearise_along(
             trajectory, self.controller.operating_input, rng=self.rng, samples=min(self.samples, TIME_SAMPLES)
         )
         return rows_of_family("model", along.family.in_loop(reading), self.controller, along.timepts.tolist())
 
     def _plant_rows(self, source: str, plants: tuple[Plant, ...]) -> tuple[MarginRow, ...]:
-        """Margins for small motions, and, where something sticks, for large ones as well."""
+        """Return margins for small motions and, if the plant has friction, also for large ones."""
         reading = plants[0].rig.reading
         small = rows_of_family(source, linearise_plants(plants, self.points).in_loop(reading), self.controller)
         sticking = [name for name in STICKING if name in plants[0].effect_names]
@@ -168,7 +168,7 @@ class Subject:
         return (*small, *rows_of_family(f"{source} in large motions", loose.in_loop(reading), self.controller))
 
     def _sine_error(self, trial: Trial, progress: Progress | None) -> float:
-        """Rms error on the sine that the model predicts; by its linear part where no residual is known."""
+        """Return the rms error that the model predicts for the sine; by its linear part if its residual is unknown."""
         predicted = self._predicted(trial.sine_reference, progress)
         if predicted is None or predicted.diverged == 1.0:
             return trial.sine_error()
@@ -192,7 +192,7 @@ class Subject:
     def _on_plant(
         self, trial: Trial, steps: ClosedLoop, predicted: PredictedLoop | None, progress: Progress | None
     ) -> list[Finding]:
-        """Further findings if the plant survived the steps."""
+        """Return further findings for a plant that survived the steps."""
         spec, plant = self.specification, self.plant.plant
         factors = (spec.gain.poor, spec.gain.good)
         raised = [
@@ -209,12 +209,12 @@ class Subject:
 
 
 def _commands(runs: Runs) -> Array:
-    """All commands of the runs."""
+    """Return the commands of all runs, one after another."""
     return np.concatenate([runs.steps.command, runs.sine.command])
 
 
 def _judged(rows: Sequence[MarginRow], linear: LinearModel, specification: Specification) -> list[Finding]:
-    """Findings on the margins of each source in the rows."""
+    """Return the findings on the margins of each source."""
     sources = dict.fromkeys(row.source for row in rows)
     return [
         finding

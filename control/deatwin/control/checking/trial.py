@@ -1,4 +1,4 @@
-"""The references of a check, run on the physics plant."""
+"""Run the references of a check, steps and a sine, on the physics plant."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LONGEST = 200_000  # Samples of steps and sine together, at most: each draw of t
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trial:
-    """A controller, and the references to try it with."""
+    """A controller with the references on which it is tested."""
 
     controller: Controller
     linear: LinearModel
@@ -72,14 +72,14 @@ class Trial:
         return Runs(source=source, steps=steps, sine=sine)
 
     def raised(self, plant: Plant, factor: float, progress: Progress | None = None) -> ClosedLoop:
-        """Run the steps with another loop gain. `plant` with the controller's sample time."""
+        """Run the steps with a larger loop gain. `plant` must have the controller's sample time."""
         return self._run(plant, self.controller.scaled(factor), self.step_reference, progress)
 
     def _run(self, plant: Plant, controller: Controller, reference: Array, progress: Progress | None) -> ClosedLoop:
         return closed_loop(plant, controller, reference, rng=self.rng, progress=progress)
 
     def sine_error(self) -> float:
-        """Rms error on the sine that the model predicts: its amplitude times the sensitivity function."""
+        """Return the rms error that the model predicts for the sine: its amplitude times the sensitivity function."""
         omega = 2 * np.pi * self.frequency_Hz
         law = self.controller.local(self.controller.operating_input)
         loop = law.feedback_response([omega], self.controller.sample_time) * self.linear.response([omega])
@@ -99,6 +99,6 @@ def require_short_runs(controller: Controller) -> None:
 
 
 def _rounded_down(value: float) -> float:
-    """Round down to three digits, so that the printed value is allowed."""
+    """Round down to three digits, so that the printed number still satisfies the limit."""
     unit = 10.0 ** (np.floor(np.log10(value)) - 2)
     return float(np.floor(value / unit) * unit)

@@ -45,7 +45,7 @@ class Finding:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Runs:
-    """Runs of one controller on one physics plant."""
+    """The simulated runs of one controller on one physics plant."""
 
     source: str
     steps: ClosedLoop  # Run of a step reference; `sine` is that of a slow sine
@@ -53,7 +53,7 @@ class Runs:
 
     @property
     def where(self) -> str:
-        """Return in words where the runs were made."""
+        """Return, in words, on which plant the runs were made."""
         return f"in simulation with {'the plant model' if self.source == 'plant' else self.source}"
 
     def subject(self, name: str) -> str:
@@ -62,7 +62,7 @@ class Runs:
 
 
 def worst(findings: Sequence[Finding]) -> Finding:
-    """The finding that decides: the first of the most severe ones; where all pass, the one that is nearest its limit."""
+    """Return the most severe finding, the first of equals; if all pass, the one nearest its limit."""
     decides = max(findings, key=lambda finding: finding.verdict.severity)
     if decides.verdict is not Verdict.PASS:
         return decides
@@ -70,7 +70,7 @@ def worst(findings: Sequence[Finding]) -> Finding:
 
 
 def judge_margins(rows: Sequence[MarginRow], linear: LinearModel, specification: Specification) -> tuple[Finding, ...]:
-    """Judge the margins of one source where they are worst."""
+    """Judge the margins of one source at its worst operating point."""
     spec, unit = specification, linear.input_unit
     least = min(rows, key=lambda row: row.stable_share)
     text = _stable(rows, unit) if least.stable_share == 1.0 else _partly_stable(least, unit)
@@ -118,20 +118,20 @@ def judge_runs(runs: Runs, sine_predicted: float, specification: Specification) 
 
 
 def judge_draws(predicted: PredictedLoop, specification: Specification) -> Finding:
-    """Judge whether the model's own closed loop stays together."""
+    """Judge whether the closed loop of the model's draws remains stable."""
     text = f"{100 * predicted.diverged:.0f} % of the model's own closed loops diverge"
     return _finding("model in closed loop", predicted.diverged, specification.diverged, text)
 
 
 def judge_width(predicted: PredictedLoop, step: float, specification: Specification) -> Finding:
-    """Judge whether the predicted band is narrow enough: anything lies inside a band that is wide enough."""
+    """Judge whether the predicted band is narrow enough; a wide band would contain any run."""
     share = float(np.median(predicted.half_width)) / abs(step)
     text = f"the predicted band extends {amount(share, '.3g', ' steps')} to either side"
     return _finding("width of the prediction", share, specification.width, text)
 
 
 def judge_prediction(predicted: PredictedLoop, achieved: ClosedLoop, specification: Specification) -> Finding:
-    """Judge whether the physics plant did what the model predicted."""
+    """Judge whether the physics plant behaved as the model predicted."""
     share = predicted.inside(achieved)
     where = f"in simulation with the plant model{_beyond(predicted.trained, achieved)}"
     text = f"{where}, {100 * share:.1f} % of the output lies inside the band that the identified model predicts"
@@ -139,7 +139,7 @@ def judge_prediction(predicted: PredictedLoop, achieved: ClosedLoop, specificati
 
 
 def judge_raised(raised: Sequence[tuple[float, ClosedLoop]], specification: Specification) -> Finding:
-    """Judge the gain margin measured on the plant model, which may have a fast mode that the model lacks."""
+    """Judge the gain margin measured on the plant model, which may have a fast mode that the identified model lacks."""
     calm: list[float] = []
     for factor, run in sorted(raised, key=lambda entry: entry[0]):
         if not (run.status.ok and run.ripple <= specification.ripple.poor):
@@ -154,12 +154,12 @@ def judge_raised(raised: Sequence[tuple[float, ClosedLoop]], specification: Spec
 
 
 def late_rms_error(run: ClosedLoop) -> float:
-    """Rms error over the last two thirds of a run, when it has settled. `run` with at least three samples."""
+    """Return the rms error over the last two thirds of a run. `run` has at least three samples."""
     return float(np.sqrt(np.mean(run.error[run.error.size // 3 :] ** 2)))
 
 
 def _beyond(trained: tuple[float, float] | None, achieved: ClosedLoop) -> str:
-    """Sentence on how far a run left the output range of the training data; empty if it did not."""
+    """Return a sentence on how far a run left the output range of the training data; empty if it did not."""
     low, high = float(achieved.output.min()), float(achieved.output.max())
     if trained is None or trained[0] <= low <= high <= trained[1]:
         return ""
@@ -170,7 +170,7 @@ def _beyond(trained: tuple[float, float] | None, achieved: ClosedLoop) -> str:
 
 
 def _failed(runs: Runs, run: ClosedLoop) -> Finding:
-    """The finding on a run that did not reach its end."""
+    """Return the finding on a run that ended early."""
     when = "before" if not run.timepts.size else f"{run.timepts[-1]:.2f} s after"
     who = "the plant model" if runs.source == "plant" else runs.source
     text = f"{who} failed {when} the loop was closed: {run.status.value}"
@@ -182,7 +182,7 @@ def _subject(name: str, row: MarginRow) -> str:
 
 
 def _margin(name: str, size: str, row: MarginRow, unit: str) -> str:
-    """A margin with its operating point and its source, in words."""
+    """Return a margin with its operating point and source, in words."""
     where = _where(row, unit)
     if row.source == BAND:
         # The band does not bound an infinite margin.
@@ -206,18 +206,18 @@ def _partly_stable(row: MarginRow, unit: str) -> str:
 
 
 def _where(row: MarginRow, unit: str) -> str:
-    """Operating point of a row of margins, in words."""
+    """Return the operating point of a row of margins, in words."""
     when = "" if row.time is None else f" and {row.time:.0f} s after the start"
     return f"at an input of {with_unit(f'{row.operating_input:.3g}', unit)}{when}"
 
 
 def _draws(row: MarginRow) -> str:
-    """The draws of a row in words."""
+    """Return in words from which draws a row comes."""
     return "models drawn from the posterior" if row.source == "model" else f"draws of {_whose(row)}"
 
 
 def _whose(row: MarginRow) -> str:
-    """A source in words."""
+    """Return in words from which source a margin comes."""
     names = {"model": "the model", "plant": "the plant model"}
     for name, words in names.items():
         if row.source == name or row.source.startswith(f"{name} "):
@@ -226,7 +226,7 @@ def _whose(row: MarginRow) -> str:
 
 
 def _stable(rows: Sequence[MarginRow], unit: str) -> str:
-    """The finding that the loops of one source are stable, in words."""
+    """Return the finding that all loops of one source are stable, in words."""
     if rows[0].source == BAND:
         where = _where(rows[0], unit)
         return f"{where}, every loop inside the 95 % band of the model (linearised from its covariance) is stable"

@@ -80,7 +80,7 @@ class Controller(ABC):
 
     @abstractmethod
     def start(self) -> Array:
-        """State at the moment when the loop is closed, shape (states,)."""
+        """State when the loop is closed, shape (states,)."""
 
     @abstractmethod
     def command(self, reference: ArrayLike, reading: ArrayLike, state: Array) -> tuple[Array, Array]:
@@ -172,6 +172,6 @@ class Controller(ABC):
 
 
 def require_factor(factor: float) -> None:
-    """Raise ControlError unless a loop gain can be multiplied by a factor and divided by it again."""
+    """Raise ControlError unless a factor for a loop gain is finite and not zero."""
     if not isfinite(factor) or factor == 0.0:
         raise ControlError(f"a loop gain cannot be multiplied by {factor:g}: the factor must be finite and not 0")

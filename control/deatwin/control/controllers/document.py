@@ -1,4 +1,4 @@
-"""A controller as plain data, and back."""
+"""Convert a controller to plain data and back."""
 
 from __future__ import annotations
 

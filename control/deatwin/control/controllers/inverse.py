@@ -1,4 +1,4 @@
-"""A controller behind the inverse of the actuator's static curve: the loop sees a unit gain everywhere."""
+"""A controller behind the inverse of the actuator's static curve, which makes the loop's static gain uniform."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class StaticCurve(Described):
 
     @cached_property
     def _table(self) -> tuple[Array, Array, NDArray[np.intp]]:
-        """Inputs and outputs of many points, outputs increasing, and the piece of the cubic behind each point."""
+        """Return inputs and outputs of many points, sorted by output, and the cubic piece at each point."""
         shares = np.arange(_CELLS) / _CELLS
         inputs = np.append((self.inputs[:-1, None] + np.diff(self.inputs)[:, None] * shares).ravel(), self.inputs[-1])
         pieces = np.repeat(np.arange(self.inputs.size - 1), _CELLS)
@@ -200,7 +200,7 @@ _INNER = ("name", "operating_input", "command_min", "command_max")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InverseController(Controller):
-    """A controller that computes the wanted output and passes it through the inverse of the static curve.
+    """A controller that computes the desired output and converts it to a command by the inverse static curve.
 
     The reference is fed forward through the inverse, so feedback only has to correct what the curve does not describe:
     dynamics, drift and hysteresis. Because the inverse cancels the slope of the curve, the loop gain is the same at all
@@ -232,7 +232,7 @@ class InverseController(Controller):
         return self.feedback.states
 
     def start(self) -> Array:
-        """State at the moment when the loop is closed: zeros, shape (states,)."""
+        """State when the loop is closed: zeros, shape (states,)."""
         return self.feedback.start()
 
     def command(self, reference: ArrayLike, reading: ArrayLike, state: Array) -> tuple[Array, Array]:

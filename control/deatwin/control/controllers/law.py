@@ -127,7 +127,7 @@ class Law:
 
     @property
     def feedback(self) -> Polynomials:
-        """Transfer function from minus the reading to the command; times the model's it is the loop gain."""
+        """Transfer function from minus the reading to the command; its product with the model is the loop gain."""
         return self._transfer(-self.b[:, READING], -self.d[READING])
 
     def feedback_response(self, omega: ArrayLike, sample_time: float) -> NDArray[np.complex128]:
@@ -151,7 +151,7 @@ class Law:
         return np.asarray(values, dtype=np.complex128)
 
     def lost_digits(self, sample_time: float) -> float:
-        """Return the largest relative difference between the response of `feedback` and that of the state equations.
+        """Return the largest relative error of `feedback`, compared with the response of the state equations.
 
         Roots of a polynomial that lie close together depend on the last digits of its coefficients.
 
@@ -230,7 +230,7 @@ class Law:
         )
 
     def _transfer(self, b: Array, d: float) -> Polynomials:
-        """``C (z - A)^-1 b + d``, by the determinant of a rank-one change."""
+        """Return ``C (z - A)^-1 b + d``, computed from the determinant of a matrix with a rank-one change."""
         denominator = _characteristic(self.a)
         # The change has the size of A whatever the units are, so that no digits cancel in the difference.
         size = float(np.linalg.norm(b) * np.linalg.norm(self.c)) or 1.0
@@ -239,5 +239,5 @@ class Law:
 
 
 def _characteristic(matrix: Array) -> Array:
-    """Coefficients of ``det(z - A)``, from the highest power on."""
+    """Return the coefficients of ``det(z - A)``, highest power first."""
     return np.atleast_1d(np.real(np.poly(matrix))) if matrix.size else np.ones(1)

@@ -1,4 +1,4 @@
-"""Laws for several operating points, between which the present command chooses."""
+"""A controller with several linear laws, one for each operating point; the present command selects among them."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ class ScheduledController(Controller):
         return int(self.laws[0].c.size) + 1
 
     def start(self) -> Array:
-        """State at the moment when the loop is closed: zeros and the operating input, shape (states,)."""
+        """State when the loop is closed: zeros and the operating input, shape (states,)."""
         return np.append(np.zeros(self.states - 1), self.operating_input)
 
     def command(self, reference: ArrayLike, reading: ArrayLike, state: Array) -> tuple[Array, Array]:
@@ -134,12 +134,12 @@ class ScheduledController(Controller):
 
     @cached_property
     def _tables(self) -> tuple[Array, ...]:
-        """A, B, C, D and L of all laws, the points last: shapes (n, n, m), (n, 2, m), (n, m), (2, m) and (n, m)."""
+        """Return A, B, C, D and L of all laws, points last: (n, n, m), (n, 2, m), (n, m), (2, m) and (n, m)."""
         laws = tuple(np.stack([getattr(law, name) for law in self.laws], axis=-1) for name in ("a", "b", "c", "d"))
         return (*laws, self.windup.T)
 
     def _at(self, command: Array) -> tuple[Array, ...]:
-        """A, B, C, D and L at commands, their points replaced by the shape of the commands."""
+        """Return A, B, C, D and L at given commands; the last axes have the shape of the commands."""
         inside = np.clip(command, self.points[0], self.points[-1])
         place = np.clip(np.searchsorted(self.points, inside, side="right") - 1, 0, self.points.size - 2)
         share = (inside - self.points[place]) / (self.points[place + 1] - self.points[place])
@@ -147,7 +147,7 @@ class ScheduledController(Controller):
 
 
 def _rest_alike(first: Law, other: Law) -> bool:
-    """True if two laws, with reading equal to reference, share their states of rest and the command there."""
+    """Return whether two laws have the same states of rest, and the same command there, at equal references."""
     units = np.maximum(np.abs(first.b).max(axis=1), np.abs(other.b).max(axis=1))
     units[units == 0.0] = 1.0  # states differ by many orders of magnitude
     manifolds = []

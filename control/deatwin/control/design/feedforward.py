@@ -1,4 +1,4 @@
-"""A reference that is fed forward through the inverse of the actuator's linear dynamics."""
+"""Feed a reference forward through the inverse of the actuator's linear dynamics."""
 
 from __future__ import annotations
 
@@ -90,8 +90,7 @@ class InverseFilter:
 def inverse_filter(linear: LinearModel, band_Hz: float) -> InverseFilter:
     """Fit a causal filter to the inverse of a model's dynamics on a band.
 
-    The filter combines the present reference, the previous one and three first-order lags; least squares of ``F G/G(1) - 1`` from a
-    hundredth of the band to its end give the weights. The filter is stable wherever the model's zeros lie.
+    The filter combines the present reference, the previous one and three first-order lags. Their weights minimise ``F G/G(1) - 1`` in the least-squares sense, from a hundredth of the band to its end. The filter is stable wherever the model's zeros lie.
 
     Parameters
     ----------
@@ -157,7 +156,7 @@ def with_dynamics(controller: InverseController, filter: InverseFilter) -> Inver
 
 
 def _ridge(matrix: Complex, target: Complex) -> Array:
-    """Real least squares of complex equations, a little shrunk."""
+    """Solve complex equations for real unknowns by least squares with a small ridge penalty."""
     rows = np.vstack([matrix.real, matrix.imag])
     sizes = np.diag(_RIDGE * np.linalg.norm(rows, axis=0))
     wanted = np.concatenate([target.real, target.imag, np.zeros(rows.shape[1])])

@@ -20,7 +20,7 @@ _ROUNDS = 20  # of delay and zeros, which depend on each other
 
 @dataclass(frozen=True, kw_only=True)
 class SecondOrderDelay:
-    """``gain * exp(-delay s) / ((first_lag s + 1) (second_lag s + 1))``."""
+    """A model with two lags and a delay: ``gain * exp(-delay s) / ((first_lag s + 1) (second_lag s + 1))``."""
 
     gain: float
     first_lag: float  # s, the longer first
@@ -56,14 +56,14 @@ def reduce_to_second_order(linear: LinearModel) -> SecondOrderDelay:
 
 
 def _times(roots: Complex, h: float) -> Array:
-    """Time constants of the real ones between 0 and 1, the longest first, s."""
+    """Return the time constants, s, of the real poles or zeros between 0 and 1, longest first."""
     rates = np.log(roots[roots != 0.0].astype(np.complex128))
     real = rates.real[(rates.real < 0.0) & (np.abs(rates.imag) <= _REAL * np.abs(rates.real))]
     return np.asarray(np.sort(-h / real)[::-1])
 
 
 def _without_leads(lags: Array, leads: Array, delay: float) -> tuple[float, Array]:
-    """Gain factor and lags after each lead was cancelled with a lag beside it."""
+    """Cancel each lead against a neighbouring lag; return the gain factor and the remaining lags."""
     kept, factor = [float(lag) for lag in lags], 1.0
     for lead in leads:
         if not kept:
@@ -80,7 +80,7 @@ def _without_leads(lags: Array, leads: Array, delay: float) -> tuple[float, Arra
 
 
 def _smaller_lag(lead: float, lag: float, delay: float) -> tuple[float, float]:
-    """``(lead s + 1)/(lag s + 1)`` with the lead above the lag as a gain (rules T1, T1a and T1b)."""
+    """Approximate ``(lead s + 1)/(lag s + 1)`` by a gain if the lead exceeds the lag (rules T1, T1a and T1b)."""
     return max(lead, delay) / max(lag, delay), 0.0
 
 

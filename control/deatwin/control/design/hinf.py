@@ -33,7 +33,7 @@ _HALVINGS = 12
 
 @dataclass(frozen=True, kw_only=True)
 class MixedSensitivity:
-    """Bounds on the sensitivity S and on C S, as weights whose stacked norm has to stay below one."""
+    """Weights on the sensitivity S and on C S; a design keeps the norm of both weighted functions below one."""
 
     # |S| <= |(w + b l)/(w/M + b)| and |C S G(1)| <= effort / |1 + w/(2 b)|, with b the bandwidth, |w| = tan(omega h /
     # 2) and l = 1e-4 in place of the integrator.
@@ -55,7 +55,7 @@ class MixedSensitivity:
 
     @property
     def _coefficients(self) -> tuple[tuple[list[float], list[float]], tuple[list[float], list[float]]]:
-        """Numerator and denominator of both weights in w, from the highest power on."""
+        """Return numerator and denominator of both weights in w, highest power first."""
         b = float(np.tan(np.pi * self.bandwidth_Hz * self.sample_time))
         corner = _ROLL_OFF * b
         first = [1.0 / self.max_sensitivity, b], [1.0, b * _LEAK]
@@ -63,14 +63,14 @@ class MixedSensitivity:
         return first, second
 
     def weights(self) -> tuple[TransferFunction, TransferFunction]:
-        """Both weights in the w plane, as continuous systems of python-control."""
+        """Return both weights in the w plane, as continuous systems of python-control."""
         import control
 
         first, second = self._coefficients
         return control.tf(*first), control.tf(*second)
 
     def values(self, omega: ArrayLike) -> tuple[Array, Array]:
-        """Absolute values of both weights. Shapes: `omega` (n,); returns (n,)."""
+        """Return the absolute values of both weights. Shapes: `omega` (n,); returns (n,)."""
         w = 1j * np.tan(0.5 * np.asarray(omega, dtype=np.float64) * self.sample_time)
         first, second = (np.abs(np.polyval(top, w) / np.polyval(bottom, w)) for top, bottom in self._coefficients)
         return first, second
@@ -155,7 +155,7 @@ def _require_slycot() -> None:
 
 
 def _to_w(states: States) -> StateSpace:
-    """The model in the w plane, with a static gain of one."""
+    """Transform the model to the w plane, with a static gain of one."""
     import control
 
     inverse = np.linalg.inv(states.a + np.eye(states.b.size))
@@ -165,7 +165,7 @@ def _to_w(states: States) -> StateSpace:
 
 
 def _from_w(system: StateSpace) -> Law:
-    """A law of the error from the w plane."""
+    """Transform a law of the error back from the w plane."""
     a, b, c, d = (np.asarray(matrix) for matrix in (system.A, system.B, system.C, system.D))
     identity = np.eye(len(a))
     inverse = np.linalg.inv(identity - a)
@@ -176,7 +176,7 @@ def _from_w(system: StateSpace) -> Law:
 
 
 def _synthesis(plant: StateSpace, bounds: MixedSensitivity) -> StateSpace | None:
-    """The central controller, in the w plane, with which the stacked norm is below one; None where there is none."""
+    """Return a controller, in the w plane, that keeps the weighted norm below one; None if there is none."""
     import control
 
     p = _weighted(plant, bounds)
@@ -206,7 +206,7 @@ def _weighted(plant: StateSpace, bounds: MixedSensitivity) -> StateSpace:
 
 
 def _why_not(plant: StateSpace, bounds: MixedSensitivity) -> str:
-    """Up to which bandwidth the other bounds can be met."""
+    """Explain up to which bandwidth the other bounds can be met."""
     low, high = 0.0, bounds.bandwidth_Hz
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
@@ -220,7 +220,7 @@ def _why_not(plant: StateSpace, bounds: MixedSensitivity) -> str:
 
 
 def _follower(law: Law) -> Array:
-    """Gain with which the law's states follow the applied command: a Kalman filter that sees the command alone."""
+    """Return the gain by which the law's states follow the applied command, by a Kalman filter."""
     from scipy.linalg import solve_discrete_are
 
     b, size = law.b[:, 0], float(law.c @ law.b[:, 0])

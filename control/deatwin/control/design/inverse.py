@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 
 class Design(Protocol):
-    """A design function whose other settings are chosen, such as ``partial(lambda_tuning, closed_loop_time=0.5)``."""
+    """A design function with fixed settings, such as ``partial(lambda_tuning, closed_loop_time=0.5)``."""
 
     def __call__(self, linear: LinearModel, *, command_limits: Limits) -> LinearController:
         """Design on a model."""
@@ -186,7 +186,7 @@ def with_inverse(
 
 
 def _behind(linear: LinearModel, curve: StaticCurve, slope: float) -> LinearModel:
-    """The model from a wanted output to the output."""
+    """Return the model from a desired output to the output, with the inverse curve in front."""
     scale = np.ones(len(linear.covariance))
     scale[: linear.numerator.size] = 1.0 / slope
     return replace(

@@ -28,7 +28,7 @@ _FILTER_SHARE = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class FirstOrderDelay:
-    """``gain * exp(-delay s) / (time_constant s + 1)``: what lambda tuning needs to know of a plant."""
+    """A model with one lag and a delay, as lambda tuning needs it: ``gain * exp(-delay s) / (time_constant s + 1)``."""
 
     gain: float  # Output unit by input unit
     time_constant: float  # s
@@ -36,7 +36,7 @@ class FirstOrderDelay:
 
 
 def reduce_to_first_order(linear: LinearModel) -> FirstOrderDelay:
-    """Gain, lag and delay by two points of the step response (Smith, Digital Computer Process Control, 1972)."""
+    """Find gain, lag and delay from two points of the step response (Smith, Digital Computer Process Control, 1972)."""
     slowest = float(np.abs(linear.require().poles).max(initial=0.0))
     decay = np.log(_SETTLED) / np.log(slowest) if slowest > 0.0 else 0.0
     count = int(min(max(decay, 0.0), _LONGEST)) + linear.numerator.size + linear.denominator.size + 1
@@ -47,7 +47,7 @@ def reduce_to_first_order(linear: LinearModel) -> FirstOrderDelay:
 
 
 def _first_time(values: np.ndarray, level: float) -> float:
-    """Sample, with its fraction, at which a level is first reached."""
+    """Return the sample, with its fraction, at which a level is first reached."""
     after = int(np.argmax(values >= level))
     if after == 0:
         return 0.0
@@ -177,13 +177,13 @@ def lambda_tuning_pid(
 
 
 def default_closed_loop_time(linear: LinearModel, band_Hz: float | None = None) -> float:
-    """Closed-loop time constant that `lambda_tuning` chooses by itself; `band_Hz` the recording excited."""
+    """Return the closed-loop time that `lambda_tuning` uses by default; the recording excited `band_Hz`."""
     plant, h = reduce_to_first_order(linear), linear.sample_time
     return _default_time(h, plant.time_constant, plant.delay + 0.5 * h, band_Hz)
 
 
 def require_time(wanted: float | None, sample_time: float) -> float | None:
-    """A closed-loop time, if it makes sense or none is given."""
+    """Return a closed-loop time after a check; None if none is given."""
     if wanted is None or (isfinite(wanted) and wanted >= sample_time):
         return wanted
     raise ControlError(
@@ -197,6 +197,6 @@ def _default_time(h: float, lag: float, delay: float, band_Hz: float | None) -> 
 
 
 def _largest_gain(linear: LinearModel, horizon: float) -> float:
-    """Largest gain up to the crossover at 1/horizon, with the sign of the static gain."""
+    """Return the largest gain at frequencies up to 1/horizon, with the sign of the static gain."""
     frequencies = np.linspace(0.0, min(1.0 / horizon, np.pi / linear.sample_time), 200)
     return float(np.copysign(np.abs(linear.response(frequencies)).max(), linear.static_gain))

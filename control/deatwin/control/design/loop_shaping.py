@@ -1,4 +1,4 @@
-"""PI and PID controllers by shaping the loop: most integral gain under bounds on robustness."""
+"""Design PI and PID controllers by loop shaping: the largest integral gain within bounds on robustness."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _FILTER = 10.0  # The derivative time by its filter's time constant
 
 @dataclass(frozen=True, kw_only=True)
 class Robustness:
-    """Bounds that a loop has to keep."""
+    """Bounds on robustness that a loop must keep."""
 
     max_sensitivity: float  # Largest |1/(1 + L)|, above 1
     phase_margin_deg: float  # Least phase margin, degrees
@@ -43,7 +43,7 @@ class Robustness:
             )
 
     def largest_gain(self, loops: Complex) -> Array:
-        """Factor (n,) up to which loops (n, n_frequencies) may be raised before a bound is reached."""
+        """Return the factors (n,) by which loops (n, n_frequencies) may be multiplied before they reach a bound."""
         # The lower root k of |1 + k L|² = 1/M², or |k L| = 1 where the phase of L is within the margin of -180°. Below
         # the least over all frequencies the locus never touches the circle about -1.
         real, square = loops.real, np.abs(loops) ** 2
@@ -204,7 +204,7 @@ class _Loops:
         return np.array(rows)
 
     def fastest(self) -> tuple[float, float]:
-        """The largest integral gain within the bounds, and its time constant."""
+        """Return the largest integral gain within the bounds, and the time constant that belongs to it."""
         times, values = self.times, self.table
         for _ in range(3):  # each time between the neighbours of the best
             largest = self.bounds.largest_gain(values)
@@ -220,7 +220,7 @@ class _Loops:
         return float(self.omega[above[-1]])
 
     def at(self, crossover: float) -> tuple[float, float]:
-        """The largest integral gain with a crossover within the bounds, and its time constant."""
+        """Return the largest integral gain within the bounds for a given crossover, and its time constant."""
         nyquist = np.pi / self.linear.sample_time
         if not 0.0 < crossover < nyquist:
             raise ControlError(
@@ -242,7 +242,7 @@ class _Loops:
         return float(needed[best]), float(self.times[best])
 
     def _needed(self, crossover: float) -> Array:
-        """Integral gain with which the loop gain is one at the crossover, for all time constants."""
+        """Return, for each time constant, the integral gain that makes the loop gain one at the crossover."""
         return np.asarray(1.0 / np.abs(self.values(self.times, np.array([crossover]))[:, 0]))
 
     def _crosses_above(self, needed: Array, crossover: float) -> NDArray[np.bool_]:
@@ -270,7 +270,7 @@ class _Loops:
 
 
 def _frequencies(linear: LinearModel) -> Array:
-    """Frequencies from far below all time constants to half the sampling rate, dense about the poles, rad/s."""
+    """Return frequencies, rad/s, from far below all time constants to half the sampling rate, dense near the poles."""
     poles = linear.poles[np.abs(linear.poles) > 0.0]
     grid = [np.geomspace(_LOWEST, np.pi, _POINTS), np.linspace(0.0, np.pi, _POINTS + 1)[1:]]
     for pole in poles[poles.imag > 0.0]:

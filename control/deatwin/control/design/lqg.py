@@ -29,14 +29,14 @@ _OBSERVER_SHARE = 0.5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LqgGains:
-    """A regulator for steps of the command and an observer with an output that drifts."""
+    """Gains of a regulator that weights changes of the command, and of an observer for an output that drifts."""
 
     states: States
     regulator: Array
     observer: Array
 
     def law(self) -> tuple[Law, Array]:
-        """Law from reference and reading to command, and how it follows the applied command, (n + 2,)."""
+        """Return the law from reference and reading to command, and the follower gains (n + 2,)."""
         n, gain, m = self.states.b.size, self.states.gain, self.observer
         a, c = _with_drift(self.states)
         forward = float(self.regulator[:n] @ self.states.rest + self.regulator[n])
@@ -132,7 +132,7 @@ def lqg(
 
 
 def lqg_gains(linear: LinearModel, closed_loop_time: float, drift_by_noise: float) -> LqgGains:
-    """Both gains of an LQG controller; `drift_by_noise` standard deviation of drift per sample over noise."""
+    """Return both gains of an LQG controller; `drift_by_noise` is the drift per sample divided by the noise."""
     states = States.of(linear)
     if linear.realisation is not None:  # of a plant's many states most answer alike: the response keeps eight digits
         states = states.balanced()
@@ -144,13 +144,13 @@ def lqg_gains(linear: LinearModel, closed_loop_time: float, drift_by_noise: floa
 
 
 def _in_steps(states: States) -> tuple[Array, Array]:
-    """The model with the last command as a further state, driven by steps of the command."""
+    """Return the model with the last command as an additional state; its input is the change of the command."""
     a = np.block([[states.a, states.b[:, None]], [np.zeros((1, states.b.size)), np.ones((1, 1))]])
     return a, np.append(states.b, 1.0)
 
 
 def _with_drift(states: States) -> tuple[Array, Array]:
-    """The model with an output that wanders."""
+    """Return the model with a random walk added to its output."""
     n = states.b.size
     a = np.eye(n + 1)
     a[:n, :n] = states.a
@@ -158,7 +158,7 @@ def _with_drift(states: States) -> tuple[Array, Array]:
 
 
 def _regulator(states: States, samples: float, sample_time: float) -> Array:
-    """The gain whose closed loop takes so many samples for 63 % of a step."""
+    """Return the gain whose closed loop reaches 63 % of a step in a given number of samples."""
     from scipy.optimize import brentq
 
     def excess(logarithm: float) -> float:
@@ -179,7 +179,7 @@ def _regulator(states: States, samples: float, sample_time: float) -> Array:
 
 
 def _regulator_of(states: States, weight: float) -> Array:
-    """The linear quadratic gain for a weight of the command's steps."""
+    """Return the linear quadratic gain for a given weight on changes of the command."""
     from scipy.linalg import solve_discrete_are
 
     a, b = _in_steps(states)
@@ -189,7 +189,7 @@ def _regulator_of(states: States, weight: float) -> Array:
 
 
 def _rise(states: States, regulator: Array, limit: float) -> float:
-    """Samples after the delay until a step is answered by 63 %, or the limit."""
+    """Return the number of samples after the delay until the response to a step reaches 63 %, or the limit."""
     a, b = _in_steps(states)
     closed = a - np.outer(b, regulator)
     gap = -np.append(states.rest, 1.0)  # from the target
@@ -204,7 +204,7 @@ def _rise(states: States, regulator: Array, limit: float) -> float:
 
 
 def _observer(states: States, drift: float) -> Array:
-    """The stationary Kalman gain, filter form, for a reading with unit noise."""
+    """Return the stationary Kalman gain in filter form, for a reading with unit noise."""
     from scipy.linalg import solve_discrete_are
 
     a, c = _with_drift(states)

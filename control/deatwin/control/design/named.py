@@ -40,7 +40,7 @@ SLOWER = (1.0, 0.7, 0.5, 0.35, 0.25)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Wanted:
-    """Requirements of a design beyond the linear model and the limits that `deatwin.control.check` gives it."""
+    """Requirements of a design, besides the linear model and the limits that `deatwin.control.check` gives it."""
 
     model: NarxModel  # Identified
     reading: ReadingTime  # Instant within a row at which its reading is taken
@@ -54,11 +54,11 @@ class Wanted:
         return default_closed_loop_time(linear, self.band_Hz) if asked is None else asked
 
     def bandwidth_Hz(self, linear: LinearModel) -> float:
-        """Frequency that belongs to `time`, Hz."""
+        """Bandwidth that corresponds to `time`, Hz."""
         return 1.0 / (2 * pi * self.time(linear))
 
     def known_range(self, limits: Limits) -> Limits:
-        """Inputs that are asked for, or else those of the training data inside the limits."""
+        """Requested inputs; by default, those of the training data inside the limits."""
         if self.operating_range is not None:
             return self.operating_range
         trained = self.model.operating
@@ -68,7 +68,7 @@ class Wanted:
 
 
 def design_named(name: str, wanted: Wanted) -> Callable[..., Controller]:
-    """Return the design of that name, one of `DESIGNS`, as `deatwin.control.check` takes it."""
+    """Return the design with a given name from `DESIGNS`, in the form that `deatwin.control.check` expects."""
     return partial(DESIGNS[name], wanted)
 
 

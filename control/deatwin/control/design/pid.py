@@ -1,4 +1,4 @@
-"""PI and PID laws with limits, from their gains."""
+"""Make PI and PID laws with limits from their gains."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ class PidGains:
         )
 
     def windup(self, sample_time: float) -> np.ndarray:
-        """Return the back-calculation gain: it unloads the integral in the integral time, at once for I controllers.
+        """Return the back-calculation gain: the integral decays within the integral time, or at once for I controllers.
 
         Parameters
         ----------

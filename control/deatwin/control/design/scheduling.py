@@ -1,4 +1,4 @@
-"""One controller from designs at several operating points."""
+"""Combine designs at several operating points into one controller."""
 
 from __future__ import annotations
 

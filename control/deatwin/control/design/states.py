@@ -1,4 +1,4 @@
-"""A linear model in states, for designs that think in states."""
+"""A linear model in state-space form, for designs that need states."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _HARDLY = 5e-9  # of the largest Hankel singular value; what is left out counts 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class States:
-    """``x(k+1) = A x(k) + B u(k)``, ``y(k) = gain C x(k)`` with a static gain of one from B to C."""
+    """State-space model ``x(k+1) = A x(k) + B u(k)``, ``y(k) = gain C x(k)``, whose static gain from B to C is one."""
 
     a: Array  # shape (n, n): A
     b: Array  # shape (n,): B and C; the states are in the input's unit
@@ -29,7 +29,7 @@ class States:
 
     @classmethod
     def of(cls, linear: LinearModel) -> States:
-        """The states of a model by matrices, or the observable canonical form of one by coefficients."""
+        """Return states of a model: its own matrices, or the observable canonical form of its coefficients."""
         gain = linear.require().static_gain
         if linear.numerator[0] != 0.0:
             raise ControlError(
@@ -52,7 +52,7 @@ class States:
         return np.asarray(np.linalg.solve(np.eye(self.b.size) - self.a, self.b))
 
     def balanced(self) -> States:
-        """Balanced realisation, hardly hidden states left out (Laub et al., IEEE Trans. Automat. Control 32 (1987))."""
+        """Return a balanced realisation without nearly hidden states (Laub et al., IEEE TAC 32 (1987))."""
         from scipy.linalg import solve_discrete_lyapunov
 
         a, b, c = self.a, self.b, self.c
@@ -67,7 +67,7 @@ class States:
 
     @property
     def delay(self) -> int:
-        """Samples from a command to the first reading that answers to it, at least 1."""
+        """Number of samples from a command to the first reading that responds to it, at least 1."""
         moved, samples = self.b, 1
         while abs(self.c @ moved) <= _NO_ANSWER and samples <= self.b.size:
             moved, samples = self.a @ moved, samples + 1
@@ -75,13 +75,13 @@ class States:
 
 
 def _root(gramian: Array) -> Array:
-    """A factor F with F F' = W, of a matrix that is positive but for rounding."""
+    """Return a factor F with F F' = W, for a matrix W that is positive semidefinite up to rounding."""
     values, vectors = np.linalg.eigh(0.5 * (gramian + gramian.T))
     return np.asarray(vectors * np.sqrt(values.clip(min=0.0)))
 
 
 def integrating(law: Law) -> Law:
-    """A law with its pole next to z = 1 moved there."""
+    """Return a law whose pole nearest to z = 1 is moved exactly there."""
     values, right = np.linalg.eig(law.a)
     nearest = int(np.argmin(np.abs(values - 1.0)))
     left = np.linalg.inv(right)[nearest].real

@@ -69,7 +69,7 @@ def controller_source(
 
 
 def _parts(controller: Controller, fields: dict[str, object]) -> tuple[tuple[str, ...], Mapping[str, ArrayLike]]:
-    """Templates behind the head, and constant arrays; numbers of the kind go into the fields."""
+    """Return the templates after the head, and constant arrays; the numbers of this controller fill the fields."""
     if isinstance(controller, LinearController):
         fields |= _inner(controller)
         return (templates.LAW, templates.LINEAR_STEP), _law_tables(controller)
@@ -90,7 +90,7 @@ def _parts(controller: Controller, fields: dict[str, object]) -> tuple[tuple[str
 
 
 def _inner(controller: LinearController) -> dict[str, object]:
-    """Centre and limits of the law's own command, which is an output if an inverse follows."""
+    """Return centre and limits of the law's own command; with an inverse curve, this command is a desired output."""
     return {
         "centre": float(controller.operating_input),
         "low": float(controller.command_min),
@@ -104,7 +104,7 @@ def _law_tables(controller: LinearController) -> dict[str, ArrayLike]:
 
 
 def _curve_tables(curve: StaticCurve) -> dict[str, ArrayLike]:
-    """Points, and the coefficients of the monotone cubic behind each, the highest power first."""
+    """Return the points of the curve and the coefficients of the monotone cubic after each, highest power first."""
     from scipy.interpolate import PchipInterpolator
 
     cubic = PchipInterpolator(curve.inputs, curve.outputs)

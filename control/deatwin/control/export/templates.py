@@ -1,4 +1,4 @@
-"""The C code of controllers, to be filled in with `deatwin.plant.export.sampled.filled`."""
+"""Templates of the C code of controllers; `deatwin.plant.export.sampled.filled` fills them in."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Linear systems of python-control as the linear models that controllers are designed on and checked with."""
+"""Convert linear systems of python-control to the linear models on which controllers are designed and checked."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def _sample_time(system: LTI) -> float:
 
 
 def _of_fraction(system: TransferFunction) -> tuple[Array, Array]:
-    """Coefficients in powers of z^-1 from those in falling powers of z."""
+    """Return coefficients in powers of z^-1 from those in falling powers of z."""
     top, bottom = (_leading(part[0][0]) for part in (system.num, system.den))
     if top.size > bottom.size:
         raise ControlError(
@@ -122,7 +122,7 @@ def _leading(coefficients: Any) -> Array:
 
 
 def _trimmed(coefficients: Array) -> Array:
-    """Strip trailing zeros: poles and zeros at z = 0 that cancel or do not matter."""
+    """Strip trailing zeros: poles and zeros at z = 0 that cancel or have no effect."""
     return coefficients[: max(np.flatnonzero(coefficients), default=0) + 1]
 
 

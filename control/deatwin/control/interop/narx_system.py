@@ -1,4 +1,4 @@
-"""A NARX model as a state space: its states are the past outputs and inputs that its terms hold."""
+"""A NARX model as a state space, whose states are the past outputs and inputs that its terms contain."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ Lagged = tuple[str, int, int]  # Kind "y" or "u", row of the channel, lag in sam
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NarxSystem:
-    """``x(k+1) = (past of x(k), u(k), y(k))``, ``y(k) = sum_m theta_m term_m(x(k), u(k))``."""
+    """A NARX model in states: ``x(k+1) = (past of x(k), u(k), y(k))``, ``y(k) = sum_m theta_m term_m(x(k), u(k))``."""
 
     model: NarxModel  # Without noise terms
 
     @cached_property
     def states(self) -> tuple[Lagged, ...]:
-        """States: all lags from 1 to the largest of each channel, outputs first."""
+        """Signal and lag of each state: all lags from 1 to the largest of each channel, outputs first."""
         depth: dict[tuple[str, int], int] = {}
         for v in self.model.table.variables:
             depth[v.kind, v.index] = max(depth.get((v.kind, v.index), 0), v.reach)
@@ -47,19 +47,19 @@ class NarxSystem:
 
     @cached_property
     def _places(self) -> dict[Lagged, int]:
-        """Index of each lagged signal in (x, u, y)."""
+        """Return the position of each lagged signal in (x, u, y)."""
         counts = {"u": len(self.model.input_names), "y": self.model.n_outputs}
         present = [(kind, row, 0) for kind, count in counts.items() for row in range(count)]
         return {lagged: place for place, lagged in enumerate([*self.states, *present])}
 
     @cached_property
     def _shift(self) -> NDArray[np.intp]:
-        """Index of each next state in (x, u, y)."""
+        """Return the position of each next state in (x, u, y)."""
         return np.array([self._places[kind, row, lag - 1] for kind, row, lag in self.states], dtype=np.intp)
 
     @cached_property
     def _weights(self) -> Array:
-        """Parameters by output and term."""
+        """Return the parameters by output and term."""
         weights = np.zeros((self.model.n_outputs, self.model.theta.size))
         weights[list(self.model.equations), np.arange(self.model.theta.size)] = self.model.theta
         return weights
@@ -111,7 +111,7 @@ class NarxSystem:
         )
 
     def past(self, inputs: Array, outputs: Array) -> Array:
-        """The state after some rows. Shapes: `inputs, outputs` (n_inputs, n); returns (n_states,)."""
+        """Return the state after some rows. Shapes: `inputs, outputs` (n_inputs, n); returns (n_states,)."""
         signals = {"y": outputs, "u": inputs}
         return np.array([signals[kind][row, -lag] for kind, row, lag in self.states])
 

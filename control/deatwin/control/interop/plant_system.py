@@ -1,4 +1,4 @@
-"""The physics plant as a state space: one implicit step of its equations a sample."""
+"""The physics plant as a state space that advances one sample at a time by one implicit step."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ After = tuple[Array, float]  # State after a sample, and the reading there, SI
 
 
 class PlantSystem:
-    """A plant sample by sample, from any state."""
+    """A plant that is simulated sample by sample, from any state."""
 
     # States are deviations from the rig's rest in typical sizes: python-control starts at zeros, and the fixed steps of
     # `control.linearize` suit all of them.
@@ -55,7 +55,7 @@ class PlantSystem:
         return [*self._equations.states, *self._equations.coordinates, *past]
 
     def state(self, x: Array, z: Array, command: float) -> Array:
-        """State (n_states,) of the system after a long constant command. Shapes: `x, z` (n_x,)."""
+        """Return the system's state (n_states,) after a long constant command. Shapes: `x, z` (n_x,)."""
         unknowns = (np.concatenate([x, z]) - self._at_rest) / self._equations.scale
         return np.concatenate([unknowns, np.full(self._memory, command - self._rest_command)])
 
@@ -70,7 +70,7 @@ class PlantSystem:
         return self.state(*found[:2], command)
 
     def output(self, t: float, x: Array, u: Array, params: Params) -> Array:
-        """The reading of a row, as the rig takes it. Shapes: `x` (n_states,); `u` (1,); returns (1,)."""
+        """Return the reading of a row, when the rig reads it. Shapes: `x` (n_states,); `u` (1,); returns (1,)."""
         if not self._reads_before:
             return np.array([self._after(t, x, u)[1]])
         self._require_finite(t, x, u)
@@ -100,7 +100,7 @@ class PlantSystem:
         )
 
     def _after(self, t: float, x: Array, u: Array) -> After:
-        """State after a sample and its reading, cached so that output and update solve the sample once."""
+        """Return the state after a sample, and its reading; cached, because output and update both need them."""
         self._require_finite(t, x, u)
         command = float(np.ravel(u)[0])  # of a plant without memory python-control may give a bare number
         key = (float(t), np.asarray(x, dtype=np.float64).tobytes(), command)
@@ -121,13 +121,13 @@ class PlantSystem:
         return np.concatenate([(there - self._at_rest) / self._equations.scale, kept]), reading
 
     def _split(self, state: Array) -> tuple[Array, Array]:
-        """Unknowns in SI and past commands in their unit."""
+        """Split a state into unknowns, SI, and past commands, in their unit."""
         # A plant without memory is given an empty list.
         values, n = np.asarray(state, dtype=np.float64), self._at_rest.size
         return self._at_rest + self._equations.scale * values[:n], self._rest_command + values[n : n + self._memory]
 
     def _inputs(self, commands: Array, begin: float) -> Array:
-        """Inputs of a sample from its command and the ones before, with the clock time at which it begins, s."""
+        """Return the inputs of a sample from its command, the earlier commands and the time at which it begins, s."""
         inputs = self._equations.held_inputs(self._rest_command)
         count = 1 + self._equations.history
         inputs[:count] = commands[:count]
@@ -146,5 +146,5 @@ class PlantSystem:
         return f"{where}: {RunStatus.NOT_SOLVED.value}, or the state that it started from is none of the plant's"
 
     def _bears(self, command: float) -> bool:
-        """True if there is an equilibrium under a command with the film in tension."""
+        """Return whether there is an equilibrium with the film in tension under a command."""
         return has_equilibrium(self._equations, self._rest, self._rest_command, command, self._values)

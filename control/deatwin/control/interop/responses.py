@@ -1,4 +1,4 @@
-"""Frequency responses as ``control.frd``, with the covariance that python-control has no place for."""
+"""Convert frequency responses to ``control.frd``, and keep the covariance that python-control cannot hold."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""NARX models and plants as nonlinear systems of python-control, and as a controller in the loop sees them."""
+"""Convert NARX models and plants to nonlinear systems of python-control, also as a controller in the loop sees them."""
 
 from __future__ import annotations
 

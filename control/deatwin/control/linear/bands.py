@@ -1,4 +1,4 @@
-"""Gain and modes of a family of linear models, with bands over its samples."""
+"""Bands of gain and modes over the samples of a family of linear models."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Banded:
 
     @classmethod
     def over_samples(cls, values: Array) -> Banded:
-        """Take the band. Shapes: `values` (n_points, 1 + n_samples, ...)."""
+        """Compute the band over the samples. Shapes: `values` (n_points, 1 + n_samples, ...)."""
         own, samples = values[:, 0], values[:, 1:] if values.shape[1] > 1 else values
         known = np.isfinite(samples)
         # An order statistic of what is finite: NaN is sorted to the end.
@@ -51,7 +51,7 @@ class Banded:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Modes:
-    """Modes over operating points or times; those of one column belong together."""
+    """Modes over operating points or times; each column follows one mode."""
 
     poles: Complex
     time_constant: Banded  # shape (n_points, n_modes): In which the mode decays to 1/e, s; negative where it grows
@@ -61,7 +61,7 @@ class Modes:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FamilyBands(Described):
-    """Gain and modes of a family of linear models."""
+    """Gain and modes of a family of linear models, with bands."""
 
     family: LinearFamily  # Its first sample is the model itself; the bands are those of the samples after it
 
@@ -104,14 +104,14 @@ class FamilyBands(Described):
 
     @cached_property
     def slowest(self) -> Banded:
-        """Time constants (n_points,) of the pole nearest to the unit circle, s; negative if it grows."""
+        """Time constant (n_points,) of the pole nearest to the unit circle, s; negative if this mode grows."""
         poles = self.family.poles
         times = _time_constant(np.abs(poles).max(axis=2, initial=0.0), self.family.sample_time)
         return Banded.over_samples(np.where(self.family.exists, times, np.nan))
 
     @cached_property
     def modes(self) -> Modes:
-        """Poles as time constants, frequencies and damping ratios, each mode followed over points and samples."""
+        """Time constants, frequencies and damping ratios of the poles, each mode followed over points and samples."""
         poles = _sorted_out(self.family.poles)
         interval = self.family.sample_time
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -131,7 +131,7 @@ class FamilyBands(Described):
 
     @property
     def _along(self) -> tuple[Array, str]:
-        """Operating inputs or times, shape (n_points,), and the label of their axis."""
+        """Return operating inputs or times, shape (n_points,), and the label of their axis."""
         unit = self.family.input_unit
         return self.operating_inputs, f"operating {self.family.input_name}" + (f" ({unit})" if unit else "")
 
@@ -201,7 +201,7 @@ class FamilyBands(Described):
 
 
 def _drawn(poles: Complex) -> list[int]:
-    """Columns of modes without those that are everywhere the lower one of a pair."""
+    """Remove the columns that are everywhere the lower member of a complex pair."""
     lower = (poles.imag < -_REAL) | np.isnan(poles)
     return [k for k in range(poles.shape[1]) if not lower[:, k].all()]
 
@@ -215,25 +215,25 @@ def _mode_name(modes: Modes, k: int) -> str:
 
 
 def _legend_above(ax: Axes) -> None:
-    """Over the axes, where it hides nothing."""
+    """Put the legend above the axes, where it hides nothing."""
     ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.01), ncols=2, fontsize="small", frameon=False, borderaxespad=0.0)
 
 
 def _gain_unit(family: LinearFamily) -> tuple[float, str]:
-    """Factor and unit in which a gain is shown."""
+    """Return the factor and the unit for showing a gain."""
     factor, output = _SHOWN.get(family.output_unit, (1.0, family.output_unit))
     unit = f"{output}/{family.input_unit}" if family.input_unit else output
     return factor, written_unit(unit)
 
 
 def _time_constant(sizes: Array, interval: float) -> Array:
-    """-T/ln|z|, s: 0 at z = 0, negative outside of the unit circle."""
+    """Return -T/ln|z|, s: 0 at z = 0, negative outside the unit circle."""
     with np.errstate(divide="ignore"):
         return np.asarray(-interval / np.log(sizes) + 0.0)
 
 
 def _sorted_out(poles: Complex) -> Complex:
-    """Poles so permuted that those of one mode stand in one column, over points and samples."""
+    """Permute the poles so that each column follows one mode over points and samples."""
     from scipy.optimize import linear_sum_assignment
 
     found = poles.copy()
@@ -254,7 +254,7 @@ def _sorted_out(poles: Complex) -> Complex:
 
 
 def _quantities(bands: FamilyBands) -> Variables:
-    """Gain, modes and stability along operating points or times."""
+    """Return gain, modes and stability at all operating points or times."""
     family, modes, along = bands.family, bands.modes, bands.ALONG
     each = (along, "mode")
     quantities = (

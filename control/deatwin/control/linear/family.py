@@ -1,4 +1,4 @@
-"""Linear models over operating points and samples, as arrays: what margins over an uncertain model are made of."""
+"""Linear models at all operating points and samples, as arrays, for the margins of an uncertain model."""
 
 from __future__ import annotations
 
@@ -323,7 +323,7 @@ def linearise_many(model: NarxModel, operating_inputs: ArrayLike, thetas: ArrayL
 
 
 def _at_one_point(model: NarxModel, level: float, thetas: Array) -> tuple[Array, Array, Array, Booleans]:
-    """Outputs at rest, numerators, denominators, and whether there is an equilibrium, for each sample."""
+    """Return, for each sample, the output at rest, numerator, denominator, and whether there is an equilibrium."""
     variables = model.table.variables
     lags = {kind: max((v.lag for v in variables if v.kind == kind), default=0) for kind in "uy"}
     numerators, denominators = np.zeros((len(thetas), lags["u"] + 1)), np.zeros((len(thetas), lags["y"] + 1))
@@ -351,7 +351,7 @@ def _at_one_point(model: NarxModel, level: float, thetas: Array) -> tuple[Array,
 
 
 def _realisations(models: Sequence[Sequence[LinearModel]]) -> tuple[tuple[Realisation | None, ...], ...]:
-    """Realisations of the models, if all models with an equilibrium have one."""
+    """Return the realisations of the models, if every model with an equilibrium has one."""
     if any(m.realisation is None and m.operating_output is not None for row in models for m in row):
         return ()
     return tuple(tuple(m.realisation for m in row) for row in models)

@@ -1,4 +1,4 @@
-"""A linear model about an operating point: what a controller is designed on."""
+"""A linear model about an operating point, on which controllers are designed."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ _text = instance(str)
 
 
 def _covariance(values: Array, n_b: int) -> Array:
-    """The covariance of b_0, b_1, ..., a_1, a_2, ..., symmetric to the last bit."""
+    """Return the covariance of b_0, b_1, ..., a_1, a_2, ..., made exactly symmetric."""
     if not np.isfinite(values).all():
         raise ModelError("the covariance of a linear model must be finite")
     names = [f"b_{i}" if i < n_b else f"a_{i - n_b + 1}" for i in range(len(values))]

@@ -1,4 +1,4 @@
-"""A NARX model about an operating point, as the linear model on which a controller is designed."""
+"""Linearise a NARX model about an operating point, for the design of controllers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The physics plant about its state of rest, as the sampled linear model on which a controller is designed."""
+"""Linearise and sample the physics plant about its state of rest, for the design of controllers."""
 
 from __future__ import annotations
 
@@ -186,7 +186,7 @@ def _model(plant: Plant, operating_input: float, small: SmallSignal | None) -> L
 
 
 def _lost(seen: Realisation, numerator: Array, denominator: Array, plant: Plant) -> str:
-    """A remark on the digits that the coefficients have lost."""
+    """Return a remark on the digits that the coefficients have lost by rounding."""
     interval = plant.rig.sample_time
     omega = np.geomspace(min(2 * np.pi * _LOWEST, 0.1 * np.pi / interval), np.pi / interval, _POINTS)
     delay = np.exp(-1j * omega * interval)

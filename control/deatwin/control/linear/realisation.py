@@ -29,7 +29,7 @@ largest would keep, and 11 bits more than that."""
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Realisation:
-    """``x(k+1) = A x(k) + sum_l B_l u(k-l)``, ``y(k) = C x(k) + sum_l D_l u(k-l)``."""
+    """State space with input lags: ``x(k+1) = A x(k) + sum_l B_l u(k-l)``, ``y(k) = C x(k) + sum_l D_l u(k-l)``."""
 
     a: Array  # shape (n, n): Of the states, which are of like size
     b: Array  # shape (n, n_lags): A column for each lag of the input, by unit of the input
@@ -43,7 +43,7 @@ class Realisation:
 
     @cached_property
     def static_gain(self) -> float:
-        """C (I - A)^-1 B + D, output unit by input unit; infinite where a mode integrates."""
+        """Return C (I - A)^-1 B + D, output unit by input unit; infinite if a mode integrates."""
         try:
             return float(self.c @ self._rest(self.b.sum(axis=1)) + self.d.sum())
         except np.linalg.LinAlgError:
@@ -51,14 +51,14 @@ class Realisation:
 
     @property
     def mean_delay(self) -> float:
-        """Mean of the impulse response over time, samples: of lags and delays their sum, leads counted negative."""
+        """Return the mean time of the impulse response, in samples: the sum of lags and delays minus the leads."""
         lags, rest = np.arange(self.d.size), self._rest(self.b.sum(axis=1))
         late = self.c @ (self._rest(rest) + self._rest(self.b @ lags)) + self.d @ lags
         return float(late / self.static_gain)
 
     @property
     def zeros(self) -> Complex:
-        """Zeros in the z plane, those at infinity left out, shape (n_zeros,)."""
+        """Return the finite zeros in the z plane, shape (n_zeros,)."""
         from scipy.linalg import eigvals
 
         a, b, c, d = self.joined()
@@ -72,7 +72,7 @@ class Realisation:
         return np.asarray(np.linalg.solve(np.eye(len(self.a)) - self.a, pushed))
 
     def joined(self) -> tuple[Array, Array, Array, float]:
-        """A, B, C and D with the past inputs among the states."""
+        """Return A, B, C and D of the system whose states include the past inputs."""
         n, late = len(self.a), self.d.size - 1
         a, b = np.zeros((n + late, n + late)), np.zeros(n + late)
         a[:n, :n], a[:n, n:], b[:n] = self.a, self.b[:, 1:], self.b[:, 0]
@@ -106,14 +106,14 @@ class Realisation:
 
     @cached_property
     def _triangular(self) -> tuple[Complex, Complex, Complex]:
-        """A as an upper triangle by a unitary change of states, and B and C in those: nothing is lost in it."""
+        """Return A as an upper triangle after a unitary change of states, which loses no digits, with B and C."""
         from scipy.linalg import schur
 
         upper, turn = schur(self.a, output="complex")
         return upper, turn.conj().T @ self.b, self.c @ turn
 
     def response(self, delay: Complex) -> Complex:
-        """The transfer function from the matrices themselves. Shapes: `delay` (n_points,); returns (n_points,)."""
+        """Return the transfer function, from the matrices. Shapes: `delay` (n_points,); returns (n_points,)."""
         lags = delay[:, None] ** np.arange(self.d.size)
         found = lags @ self.d
         if not self.c.size:
@@ -125,7 +125,7 @@ class Realisation:
         return np.asarray(c @ states + found, dtype=np.complex128)
 
     def minimal(self) -> Realisation:
-        """Minimal realisation: without modes that are not controllable or not observable."""
+        """Return a minimal realisation: without modes that are uncontrollable or unobservable."""
         found = self
         while found.a.size:
             hidden = _hidden(found.a, found.b)
@@ -140,7 +140,7 @@ class Realisation:
         return found
 
     def coefficients(self) -> tuple[Array, Array]:
-        """Numerator (n + n_lags,) and denominator (n + 1,) in powers of z^-1, exact but for one rounding."""
+        """Return numerator (n + n_lags,) and denominator (n + 1,) in powers of z^-1, exact but for one rounding."""
         n, n_lags = self.b.shape
         (a, unit_a), (b, unit_b), (c, unit_c), (d, unit_d) = (_integers(m) for m in (self.a, self.b, self.c, self.d))
         identity = np.array([[int(i == j) for j in range(n)] for i in range(n)], dtype=object).reshape(n, n)
@@ -163,7 +163,7 @@ class Realisation:
 
 
 def _integers(matrix: Array) -> tuple[NDArray[Any], Fraction]:
-    """A matrix in whole multiples of a power of two, and that power."""
+    """Write a matrix as integer multiples of a power of two; return the integers and this power."""
     largest = float(np.abs(matrix).max(initial=0.0))
     unit = Fraction(2) ** (int(np.frexp(largest)[1]) - _BITS)
     whole = [round(Fraction(float(value)) / unit) for value in matrix.ravel()]
@@ -171,7 +171,7 @@ def _integers(matrix: Array) -> tuple[NDArray[Any], Fraction]:
 
 
 def _hidden(a: Array, b: Array) -> Array | None:
-    """A left eigenvector that no column of b excites, as an orthonormal basis of one or two columns; None without."""
+    """Return a basis, of one or two columns, of a left eigenvector that b does not excite; None if there is none."""
     values, vectors = np.linalg.eig(a.T)
     size = float(np.linalg.norm(b))
     excited = np.abs(vectors.T @ b).max(axis=1, initial=0.0) / (size if size > 0.0 else 1.0)
@@ -184,5 +184,5 @@ def _hidden(a: Array, b: Array) -> Array | None:
 
 
 def _complement(basis: Array) -> Array:
-    """Orthonormal basis of what is orthogonal to some columns."""
+    """Return an orthonormal basis of the space orthogonal to some columns."""
     return np.asarray(np.linalg.qr(basis, mode="complete")[0][:, basis.shape[1] :])

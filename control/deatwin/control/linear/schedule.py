@@ -1,4 +1,4 @@
-"""Gain and poles over operating points, with bands: what a scheduled controller is made from."""
+"""Gain and poles at several operating points, with bands, from which a scheduled controller is made."""
 
 from __future__ import annotations
 

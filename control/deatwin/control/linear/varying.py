@@ -1,4 +1,4 @@
-"""Linear models of a NARX model whose parameters change with time: at each time as if they stayed so."""
+"""Linear models of a NARX model whose parameters change with time; each takes them as constant."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def _of_one_time(model: NarxModel, level: float, rng: np.random.Generator, sampl
 
 
 def _emptied(family: LinearFamily) -> LinearFamily:
-    """The family marked as without equilibrium, because the branch that was followed has ended."""
+    """Mark the family as without equilibrium, because the branch that was followed has ended."""
     nowhere = np.zeros_like(family.exists)
     denominators = np.zeros_like(family.denominators)
     denominators[:, :, 0] = 1.0
@@ -126,7 +126,7 @@ def _emptied(family: LinearFamily) -> LinearFamily:
 
 
 def _joined(families: list[LinearFamily]) -> LinearFamily:
-    """Families of one point each, as one."""
+    """Join families of one point each into one."""
     names = ("operating_inputs", "operating_outputs", "numerators", "denominators", "exists", "stable", "has_gain")
     joined: dict[str, Any] = {name: np.concatenate([getattr(f, name) for f in families]) for name in names}
     return replace(families[0], **joined)

@@ -1,4 +1,4 @@
-"""A sampled controller around the physics plant, and what is measured on it."""
+"""Simulate a sampled controller with the physics plant, and measure the closed loop."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _SERIES = ("timepts", "reference", "output", "measured", "command")
 
 @dataclass(frozen=True, kw_only=True)
 class Level:
-    """A level of a step reference, as samples of a run."""
+    """A constant stretch of a step reference, as a range of samples of a run."""
 
     first: int  # Samples at which the reference leaves the level before, reaches the new one, and leaves that
     settled: int
@@ -118,14 +118,14 @@ class ClosedLoop(Described):
 
     @property
     def effort(self) -> float:
-        """Mean path of the command, input unit by second."""
+        """Mean total variation of the command, input unit by second."""
         if self.command.size < 2:
             return 0.0
         return float(np.abs(np.diff(self.command)).sum() / (self.timepts[-1] - self.timepts[0]))
 
     @property
     def levels(self) -> tuple[Level, ...]:
-        """Levels of a step reference that the run reached, without the first one and without repeats."""
+        """Levels of a step reference that the run reached, without the first one and without repetitions."""
         still = np.flatnonzero(np.diff(self.reference) != 0.0)
         edges = np.concatenate([[-1], still, [self.reference.size - 1]]) + 1
         flat = [(int(a), int(b)) for a, b in pairwise(edges) if b - a >= _LEVEL]
@@ -137,7 +137,7 @@ class ClosedLoop(Described):
 
     @property
     def overshoot(self) -> float:
-        """Largest excursion beyond a new level of a step reference, as a share of its step."""
+        """Largest amount by which the output exceeds a new level of a step reference, as a share of the step."""
         over = [(self.output[v.first : v.stop] - self.reference[v.settled]) / v.step for v in self.levels]
         return max([0.0, *(float(share.max()) for share in over)])
 
@@ -316,20 +316,20 @@ def closed_loop(
 
 
 def _measured(rig: Rig, before: float, now: float, rng: np.random.Generator) -> float:
-    """Reading with sensor noise, from two successive samples."""
+    """Return the reading with sensor noise, from two successive samples."""
     if rig.chain is None:
         return now + rig.noise * float(rng.standard_normal())
     return float(rig.chain.record([before, now], rng, sample_time=rig.sample_time)[-1])
 
 
 def approach(plant: Plant, command: float, count: int) -> Timeline:
-    """The commands of a plant's start procedure and of further samples of the operating input."""
+    """Return the commands of a plant's start procedure, followed by samples of the operating input."""
     still = Recording.from_arrays(np.full(count, command), np.zeros(count), plant.rig.sample_time)
     return plant.timeline(Experiment(recordings=(still,)))
 
 
 def at_operating_point(plant: Plant, command: float, count: int) -> Stepper:
-    """The plant after its start procedure and further samples of the operating input."""
+    """Return the plant after its start procedure and further samples of the operating input."""
     timeline = approach(plant, command, count)
     stepper = plant.simulator.stepper(
         plant.free_values,

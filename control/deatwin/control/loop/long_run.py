@@ -1,4 +1,4 @@
-"""A plant that takes its commands in pieces and keeps none of its signals: for runs too long to be held in memory."""
+"""Simulate a plant in pieces without storing its signals, for runs that are too long for memory."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 
 class LongRun:
-    """A plant from rest on, as `Simulator.run` simulates it, without a record of the run."""
+    """A run of a plant from rest, computed like `Simulator.run` but without a record of the signals."""
 
     def __init__(self, plant: Plant, start: float) -> None:
         values, command = plant.free_values, plant.rig.start.rest_command
@@ -29,11 +29,11 @@ class LongRun:
 
     @property
     def reading(self) -> float:
-        """Before the next command, without noise, SI; after a failure the last one known."""
+        """Return the reading before the next command, without noise, SI; after a failure, the last known reading."""
         return self._reading
 
     def readings(self, commands: Array) -> Array | None:
-        """Go on, with a reading before each command. Shapes: `commands` (n,); returns (n,)."""
+        """Continue the run; return the reading before each command. Shapes: `commands` (n,); returns (n,)."""
         after = self._ends(self._inputs(commands)) if self._lives else None
         if after is None:
             self._lives = False
@@ -43,7 +43,7 @@ class LongRun:
         return before
 
     def _inputs(self, commands: Array) -> Array:
-        """Inputs of each sample, shape (n_u, n); the past commands among them may be those of the piece before."""
+        """Return the inputs of each sample, shape (n_u, n), including past commands from the previous piece."""
         known = np.concatenate([self._past, commands])
         number = np.arange(-self._past.size, commands.size, dtype=np.float64)
         times = self._time + self._sample.sample_time * number
@@ -52,7 +52,7 @@ class LongRun:
         return inputs
 
     def _ends(self, inputs: Array) -> Array | None:
-        """Readings at the end of each sample; None where one is not solved."""
+        """Return the readings at the end of each sample; None if one cannot be solved."""
         pieces = marched(self._march, 2, inputs, self._time, self._sample.sample_time)
         found = np.concatenate([np.empty(0), *(levels[:, 0] for *_, levels, _ in pieces)])
         return found if found.size == inputs.shape[1] else None

@@ -1,4 +1,4 @@
-"""The closed loop that an identified model promises, with its simultaneous band."""
+"""The closed loop as an identified model predicts it, with a simultaneous band."""
 
 from __future__ import annotations
 
@@ -272,14 +272,14 @@ def predict_loop(
 
 
 def _trained(model: NarxModel) -> tuple[float, float] | None:
-    """Least and largest output of the training data, in the output's unit."""
+    """Return the smallest and largest output of the training data, in the output's unit."""
     if model.operating is None:
         return None
     return float(model.operating.output_min[0]), float(model.operating.output_max[0])
 
 
 def _far(model: NarxModel, rest: float, reference: Array) -> float:
-    """Distance from rest at which a free run has diverged, in the output's unit."""
+    """Return the distance from rest beyond which a free run counts as diverged, in the output's unit."""
     trained = _trained(model)
     if trained is None:
         return divergence_limit(None, np.append(reference, rest))
@@ -287,7 +287,7 @@ def _far(model: NarxModel, rest: float, reference: Array) -> float:
 
 
 class _Terms:
-    """A model's recursion for many parameters at once. Shapes: `theta` (draws, n_terms)."""
+    """A model's recursion, evaluated for many parameters at once. Shapes: `theta` (draws, n_terms)."""
 
     def __init__(
         self, model: NarxModel, theta: Array, reading: ReadingTime, output: float, command: float, far: float
@@ -317,7 +317,7 @@ class _Terms:
         return self._y[0] + self._origin_y
 
     def advance(self, command: Array) -> None:
-        """Take one row with a command, shape (draws,)."""
+        """Advance by one row with given commands, shape (draws,)."""
         self._u = np.concatenate([command[None] - self._origin_u, self._u[:-1]])
 
         def lagged(v: Variable, lag: int) -> Array:

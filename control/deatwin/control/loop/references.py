@@ -84,7 +84,7 @@ def sine_reference(centre: float, amplitude: float, frequency_Hz: float, sample_
 
 
 def _frequencies(value: Any, name: str) -> None:
-    """Refuse what is not one list of frequencies, or one frequency."""
+    """Raise an error unless a value is one frequency or one list of frequencies."""
     numbers(value, name)
     given = np.asarray(value)
     if given.ndim > 1 or given.size == 0 or not np.all(np.isfinite(given) & (given > 0.0)):

@@ -1,4 +1,4 @@
-"""The response of the physics plant to sines of several sizes: a describing function that holds all its physics."""
+"""The plant's response to sines of several amplitudes: a describing function measured on the complete plant model."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class SineResponse:
         return RegularGridInterpolator(axes, table, bounds_error=False, fill_value=None)
 
     def __call__(self, amplitude: ArrayLike, omega: ArrayLike) -> Complex:
-        """Between the points measured, linear in logarithms; outside, at the nearest end. `omega` rad/s."""
+        """Interpolate linearly in logarithms; outside the measured points, take the nearest. `omega` in rad/s."""
         size = np.clip(amplitude, self.amplitudes[0], self.amplitudes[-1])
         rate = np.clip(omega, self.omega[0], self.omega[-1])
         points = np.stack(np.broadcast_arrays(np.log(size), np.log(rate)), axis=-1)
@@ -83,7 +83,7 @@ class SineResponse:
 
 
 def _increasing(value: Any, name: str, below: float = np.inf) -> None:
-    """Refuse what is no axis of a response."""
+    """Raise an error unless values can be an axis of a response."""
     numbers(value, name)
     axis = np.asarray(value, dtype=np.float64)
     if axis.ndim != 1 or axis.size < 2 or not (axis[0] > 0.0 and np.all(np.diff(axis) > 0.0) and axis[-1] < below):
@@ -92,7 +92,7 @@ def _increasing(value: Any, name: str, below: float = np.inf) -> None:
 
 
 def _complex(value: Any, name: str) -> None:
-    """Refuse what is no array of numbers, real or complex."""
+    """Raise an error unless a value is an array of real or complex numbers."""
     try:
         kind = np.asarray(value).dtype.kind
     except ValueError:
@@ -166,7 +166,7 @@ class _Sine:
         return cls(angle=omega * sample_time, first=first, count=first + max(round(_MEASURE * period), _FEWEST))
 
     def basis(self, number: Array) -> Array:
-        """Sine, cosine, a mean and a drift over what is measured, shape (n, 4)."""
+        """Return sine, cosine, a mean and a drift over the measured samples, shape (n, 4)."""
         clock, last = self.angle * number, self.count - 1
         drift = (2.0 * number - self.first - last) / (last - self.first)
         return np.stack([np.sin(clock), np.cos(clock), np.ones_like(clock), drift], axis=1)
@@ -175,7 +175,7 @@ class _Sine:
 def _of_frequency(
     plant: Plant, operating_input: float, sizes: Array, sine: _Sine, progress: Progress | None
 ) -> Complex:
-    """One size after another, in one run; NaN from where the plant fails."""
+    """Measure one amplitude after another in one run; values are NaN from the one at which the plant fails."""
     found = np.full(sizes.size, np.nan + 0j)
     ends = np.linspace(0.0, 1.0, sizes.size + 2).tolist()
     before = approach(plant, operating_input, 1)
@@ -189,7 +189,7 @@ def _of_frequency(
 
 
 def _gain(run: LongRun, centre: float, size: float, sine: _Sine, progress: Progress | None) -> complex:
-    """Fundamental of the reading over that of the command; NaN where the plant fails."""
+    """Return the fundamental of the reading over that of the command; NaN if the plant fails."""
     # By least squares, since periods need not be whole numbers of samples; mean and drift are removed.
     level, triangle = run.reading, np.empty((0, 6))  # without what is constant the sums lose fewer digits
     for number in _pieces(sine.count, progress):
@@ -204,7 +204,7 @@ def _gain(run: LongRun, centre: float, size: float, sine: _Sine, progress: Progr
 
 
 def _pieces(count: int, progress: Progress | None) -> Iterator[Array]:
-    """The numbers of so many samples, a piece at a time; tells of each when the next is asked for."""
+    """Yield consecutive blocks of sample numbers; report progress whenever the next block is requested."""
     for begin in range(0, count, _PIECE):
         end = min(begin + _PIECE, count)
         yield np.arange(begin, end, dtype=np.float64)

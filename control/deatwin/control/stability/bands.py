@@ -169,7 +169,7 @@ class MarginBand(Described):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Loop:
-    """The loop at some angles: value, slope by the angle, gradient by the model's coefficients."""
+    """The loop at given angles: its value, slope by the angle, and gradient by the model's coefficients."""
 
     value: Complex
     slope: Complex
@@ -323,7 +323,7 @@ def _gain(at: partial[_Loop], angle: Array, covariance: Array, level: float) -> 
 
 
 def _phase_gradient(loop: _Loop) -> tuple[Array, Array]:
-    """Gradients of the phase at gain crossings, rad, and of the crossings, rad a sample."""
+    """Return gradients of the phase at gain crossings, rad, and of the crossings, rad per sample."""
     shift = -loop.log_gradient.real / loop.log_slope.real[:, None]
     return loop.log_gradient.imag + loop.log_slope.imag[:, None] * shift, shift
 
@@ -367,7 +367,7 @@ def _scheffe(covariance: Array, level: float) -> float:
 
 
 def _distance(response: FrequencyResponse, radius: float) -> Array:
-    """Distance of -1 from the ellipses: along each axis d of length s the nearest point is at d s²/(s² + l)."""
+    """Return the distance of -1 from the ellipses; the nearest point on an axis of length s is at d s²/(s² + l)."""
     ellipses = Ellipses.of(response.covariance)
     away = 1.0 + response.values
     along = np.stack([away.real * ellipses.axes[:, 0, i] + away.imag * ellipses.axes[:, 1, i] for i in (0, 1)], axis=-1)
@@ -385,6 +385,6 @@ def _distance(response: FrequencyResponse, radius: float) -> Array:
 
 
 def _evenly_along(values: Complex, count: int) -> NDArray[np.intp]:
-    """Points that are evenly apart along a curve."""
+    """Return positions of points at equal distances along a curve."""
     way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(values)))])
     return np.unique(np.searchsorted(way, np.linspace(0.0, way[-1], count)).clip(max=values.size - 1))

@@ -35,7 +35,7 @@ _TINY = np.finfo(float).tiny
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Places:
-    """Places on the unit circle."""
+    """Points on the unit circle, each with the number of its loop."""
 
     loops: Index  # shape (n_places,): Which loop
     angle: Array  # shape (n_places,): Where, rad a sample, between 0 and pi
@@ -46,7 +46,7 @@ class Places:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Nearest:
-    """Least distance of each loop, and its place."""
+    """Smallest distance of each loop from -1, and where it occurs."""
 
     distance: Array  # shape (n,): Dimensionless
     angle: Array  # shape (n,): Where, rad a sample
@@ -54,7 +54,7 @@ class Nearest:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Search:
-    """Crossings and nearest points from which margins are computed."""
+    """Crossings and nearest points, from which margins are computed."""
 
     gain: Places  # Frequencies with |L| = 1
     real: Places  # Frequencies with Im L = 0, without z = 1 and z = -1
@@ -91,7 +91,7 @@ def _search(top: Array, bottom: Array) -> Search:
     deep = _descend(plus, ones, _at(grid, cells["deep"]), _width(grid, cells["deep"]))[0]
 
     def nearest(name: str, under: Array) -> Nearest:
-        """The minima of the grid, and those of |A|, beside which a sharp one may hide from the grid."""
+        """Return the refined minima of the grid, and of |A|, because a sharp minimum may lie between grid points."""
         starts = _at(grid, cells[name]) + deep
         width = np.concatenate([_width(grid, cells[name]), _width(grid, cells["deep"])])
         found, squares = _descend(plus, under, starts, width)
@@ -121,7 +121,7 @@ def _grid(size: int) -> Array:
 
 
 def _scan(grid: Array, plus: Array, minus: Array) -> dict[str, Cells]:
-    """Cells of the grid that hold something: the loop, and the point at or before it."""
+    """Return the cells of the grid that contain a solution: the loop, and the grid point at or before it."""
     lags = np.arange(plus.shape[1])
     cosines, sines = np.cos(np.outer(lags, grid)), np.sin(np.outer(lags, grid))
     sines[:, -1] = 0.0
@@ -160,7 +160,7 @@ def _changes(values: Array, first: int = 0) -> Cells:
 
 
 def _valleys(values: Array) -> Cells:
-    """Local minima, the ends too."""
+    """Return the local minima, including the ends."""
     falls = np.ones((len(values), values.shape[1] + 1), dtype=np.bool_)
     np.less(values[:, 1:], values[:, :-1], out=falls[:, 1:-1])
     falls[:, -1] = False
@@ -175,7 +175,7 @@ def _inner_valleys(values: Array) -> Cells:
 
 
 def _dips(values: Array) -> Cells:
-    """Cells in which a polynomial has an extremum without a change of sign, so that it may cross zero twice."""
+    """Return cells in which a polynomial has an extremum and may cross zero twice without a change of sign."""
     loops, points = _inner_valleys(np.abs(values))
     before, at, after = (values[loops, points + shift] for shift in (-1, 0, 1))
     same = (before * at > 0.0) & (after * at > 0.0)
@@ -187,13 +187,13 @@ def _at(grid: Array, cells: Cells) -> Places:
 
 
 def _width(grid: Array, cells: Cells) -> Array:
-    """Largest distance of a refined place from its grid point, rad a sample."""
+    """Return the largest distance of a refined point from its grid point, rad per sample."""
     gaps = np.diff(grid)
     return np.maximum(gaps[np.maximum(cells[1] - 1, 0)], gaps[np.minimum(cells[1], gaps.size - 1)])
 
 
 def _level(above: Array, below: Array, angle: Array) -> tuple[Array, Array, Array]:
-    """|N|² - |D|² with two derivatives."""
+    """Return |N|² - |D|² with its first two derivatives."""
     values = []
     for columns in (above, below):
         f, df, ddf = jet(columns, angle, 2)
@@ -203,7 +203,7 @@ def _level(above: Array, below: Array, angle: Array) -> tuple[Array, Array, Arra
 
 
 def _height(above: Array, below: Array, angle: Array) -> tuple[Array, Array, Array]:
-    """Im(N D*) with two derivatives."""
+    """Return Im(N D*) with its first two derivatives."""
     (n, dn, ddn), (d, dd, ddd) = jet(above, angle, 2), jet(below, angle, 2)
     first = dn * d.conj() + n * dd.conj()
     second = ddn * d.conj() + 2 * dn * dd.conj() + n * ddd.conj()
@@ -229,7 +229,7 @@ def _crossings(above: Array, below: Array, grid: Array, cells: Cells, dips: Cell
 
 
 def _roots(top: Array, bottom: Array, low: Array, high: Array, measure: Measure) -> tuple[Array, Index]:
-    """Roots by Newton's method, or by bisection where its step leaves the bracket; in which brackets there are some."""
+    """Find roots by Newton's method, or bisection outside the bracket; return which brackets contain a root."""
     positive = measure(top, bottom, low)[0] > 0.0
     kept = np.flatnonzero(positive != (measure(top, bottom, high)[0] > 0.0))
     low, high, positive, top, bottom = low[kept], high[kept], positive[kept], top[:, kept], bottom[:, kept]
@@ -251,7 +251,7 @@ def _roots(top: Array, bottom: Array, low: Array, high: Array, measure: Measure)
 
 
 def _descend(over: Array, under: Array, starts: Places, width: Array) -> tuple[Places, Array]:
-    """Local minima of |over/under|² by Newton's method with shorter steps where it fails to descend."""
+    """Find local minima of |over/under|² by Newton's method, with shorter steps if the value does not decrease."""
     top, bottom = over[:, starts.loops], under[:, starts.loops]
     angle, left = starts.angle.copy(), np.arange(starts.loops.size)
     value, slope, bend = _square(top, bottom, angle)
@@ -279,7 +279,7 @@ def _newton_step(slope: Array, bend: Array, width: Array) -> Array:
 
 
 def _square(top: Array, bottom: Array, angle: Array) -> tuple[Array, Array, Array]:
-    """|top/bottom|² with two derivatives; infinite without slope where the denominator is zero."""
+    """Return |top/bottom|² with two derivatives; infinite with zero slope where the denominator is zero."""
     (a, da, dda), (b, db, ddb) = jet(top, angle, 2), jet(bottom, angle, 2)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         w = a / b

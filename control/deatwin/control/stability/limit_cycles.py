@@ -197,7 +197,7 @@ def limit_cycles(
             return np.asarray(np.polyval(top[::-1], shift) / np.polyval(bottom[::-1], shift))
 
     def logarithm(log_size: Array, log_rate: Array) -> Complex:
-        """ln(-N L), zero at a limit cycle."""
+        """Return ln(-N L), which is zero at a limit cycle."""
         omega = np.exp(log_rate)
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(np.log(-describing_function(np.exp(log_size), omega) * loop(omega)))
@@ -224,7 +224,7 @@ def _axis(values: ArrayLike, name: str, limit: float) -> Array:
 
 
 def _cells(values: Complex) -> NDArray[np.intp]:
-    """Lower corners of cells that may hold a zero, shape (n, 2)."""
+    """Return the lower corners of cells that may contain a zero, shape (n, 2)."""
     corners = np.stack([values[:-1, :-1], values[1:, :-1], values[:-1, 1:], values[1:, 1:]])
     gain, phase = corners.real, corners.imag
     gains = (np.nanmin(gain, axis=0) <= 0.0) & (np.nanmax(gain, axis=0) >= 0.0)
@@ -275,7 +275,7 @@ def _refined(
 def _tangent(
     logarithm: Callable[[Array, Array], Complex], at: Array, low: Array, high: Array
 ) -> tuple[Complex, tuple[Complex, Complex], Array]:
-    """Value, slopes by both logarithms, and Loeb's determinant, positive at a stable cycle."""
+    """Return value, slopes by both logarithms, and Loeb's determinant, which is positive at a stable cycle."""
     # With X = U + jV = 1 + NL a cycle is stable where dU/dA dV/dw - dU/dw dV/dA > 0; ln(-NL) is -X to first order.
     slopes = []
     for row in (0, 1):

@@ -88,7 +88,7 @@ def _margins(plant: Realisation, law: Law, sample_time: float) -> Margins:
 
 
 def _unstable(loop: Loop, plant: Realisation, law: Law, sample_time: float) -> Margins:
-    """All margins zero; the crossover is there all the same."""
+    """Return margins of zero, with the crossover of the unstable loop."""
     angle = _grid(np.concatenate([plant.modes, np.linalg.eigvals(law.a)]))
     crossover = _gain_crossings(loop, angle, loop(angle)).max(initial=0.0) / sample_time
     found = _one(gain=0.0, phase_deg=0.0, delay=0.0, crossover=crossover, disk=0.0, modulus=0.0)
@@ -100,7 +100,7 @@ def _one(**values: float) -> Margins:
 
 
 def _closed(plant: Realisation, law: Law) -> Array | None:
-    """Matrix of the closed loop; None of an algebraic loop of gain -1, which has no solution."""
+    """Return the closed loop's matrix; None for an algebraic loop of gain -1, which has no solution."""
     a, b, c, d = plant.joined()
     back, through = -law.b[:, READING], -float(law.d[READING])
     around = 1.0 + d * through
@@ -118,7 +118,7 @@ def _closed(plant: Realisation, law: Law) -> Array | None:
 
 
 def _grid(poles: Complex) -> Array:
-    """Angles from far below all time constants to half the sampling rate, dense about the poles."""
+    """Return angles from far below all time constants to half the sampling rate, dense near the poles."""
     grid = [np.geomspace(_LOWEST, np.pi - _LOWEST, _POINTS), np.linspace(0.0, np.pi, _POINTS + 1)[1:-1]]
     for pole in poles[(poles.imag > 0.0) & (np.abs(poles) > 0.0)]:
         width = max(abs(np.log(abs(pole))), np.finfo(float).eps)
@@ -128,7 +128,7 @@ def _grid(poles: Complex) -> Array:
 
 
 def _ends(loop: Loop, feedback: Realisation) -> Complex:
-    """The loop at 0 Hz and at half the sampling rate, where it is real, but for a pole of the controller."""
+    """Return the loop at 0 Hz and at half the sampling rate, where it is real unless the controller has a pole."""
     away = [np.abs(feedback.modes - end).min(initial=np.inf) > _INTEGRATES for end in (1.0, -1.0)]
     return loop(np.array([0.0, np.pi])[away])
 
@@ -138,7 +138,7 @@ def _gain_crossings(loop: Loop, angle: Array, value: Complex) -> Array:
 
 
 def _crossings(function: Callable[[Array], Array], angle: Array, value: Array) -> Array:
-    """Angles at which a function changes its sign."""
+    """Return the angles at which a function changes its sign."""
     at = np.flatnonzero(np.sign(value[:-1]) * np.sign(value[1:]) < 0.0)
     low, high, sign = angle[at], angle[at + 1], np.sign(value[at])
     shares = np.linspace(0.0, 1.0, _DIVIDED + 1)
@@ -153,7 +153,7 @@ def _crossings(function: Callable[[Array], Array], angle: Array, value: Array) -
 
 
 def _least(function: Callable[[Array], Array], angle: Array) -> float:
-    """Least value of a function, each minimum of the grid refined."""
+    """Return the smallest value of a function, after refining each minimum of the grid."""
     value = function(angle)
     least = float(value.min())
     padded = np.concatenate([[np.inf], value, [np.inf]])

@@ -127,13 +127,13 @@ def margins(numerators: ArrayLike, denominators: ArrayLike, sample_time: float) 
 
 
 def _with_ends(places: Places, count: int) -> Places:
-    """Add 0 Hz and half the sampling rate, where every loop is real."""
+    """Add the frequencies 0 and half the sampling rate, where every loop is real."""
     loops = np.arange(count)
     return places + Places(loops=loops, angle=np.zeros(count)) + Places(loops=loops, angle=np.full(count, np.pi))
 
 
 def _values(top: Array, bottom: Array, places: Places) -> tuple[Complex, NDArray[np.bool_]]:
-    """Loops at places, and which of these can be crossings: no pole on the unit circle, and no loop of no gain."""
+    """Return the loops at points, and which points can be crossings: no pole on the circle, no zero gain."""
     # With slow lags close together the last digits of a denominator are rounding; a margin without such crossings would
     # be unsafe.
     values, sizes, above_rounding = [], [], []

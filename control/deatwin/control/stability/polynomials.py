@@ -53,7 +53,7 @@ def _lead(one: Array, other: Array) -> tuple[int, ...]:
 
 
 def loop_polynomials(numerators: ArrayLike, denominators: ArrayLike) -> tuple[Array, Array, tuple[int, ...]]:
-    """Lay loops out as rows of equal length. Shapes: `numerators, denominators` (..., n_b); returns (n, m)."""
+    """Arrange loops as rows of equal length. Shapes: `numerators, denominators` (..., n_b); returns (n, m)."""
     top, bottom = (np.atleast_2d(np.asarray(c, dtype=np.float64)) for c in (numerators, denominators))
     lead = _lead(top, bottom)
     size = max(top.shape[-1], bottom.shape[-1])
@@ -72,7 +72,9 @@ def loop_polynomials(numerators: ArrayLike, denominators: ArrayLike) -> tuple[Ar
 
 
 def jet(columns: Array, angle: Array, order: int) -> tuple[Complex, ...]:
-    """Polynomials on the unit circle with derivatives by the angle, (n,). Shapes: `columns` (m, n); `angle` (n,)."""
+    """Return polynomials (n,) on the unit circle with derivatives by the angle. Shapes: `columns` (m, n); `angle`
+    (n,).
+    """
     turn = np.exp(-1j * angle)
     found = []
     for power in range(order + 1):
@@ -85,7 +87,7 @@ def jet(columns: Array, angle: Array, order: int) -> tuple[Complex, ...]:
 
 
 def stable_loops(numerators: Array, denominators: Array) -> NDArray[np.bool_]:
-    """True where all closed-loop poles lie inside the unit circle, (n,). Shapes: (n, m)."""
+    """Return whether all closed-loop poles lie inside the unit circle, (n,). Shapes: (n, m)."""
     # Schur and Cohn's recursion decides, for polynomials shrunk and grown a little too; where they disagree,
     # eigenvalues decide.
     closed = numerators + denominators

@@ -1,4 +1,4 @@
-"""Frequencies cut into blocks, so that memory is bounded; on a grid a set of tones is computed once for its own."""
+"""Split frequencies into blocks, to limit memory. On a grid, each combination of tones is computed only once."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def _cut(count: int, length: int) -> list[slice]:
 
 
 def _axes(angles: Array) -> list[Array] | None:
-    """The frequencies of each tone, if the points are all combinations of them, the last running fastest."""
+    """Return the frequencies of each tone if the points are all their combinations, the last one varying fastest."""
     lengths, stride = [], len(angles)
     for column in angles.T:
         changed = column != column[0]

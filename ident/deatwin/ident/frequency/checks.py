@@ -1,4 +1,4 @@
-"""Checks of what is given to the functions of frequency: numbers, probabilities, and the order of a response."""
+"""Check arguments of the functions in `deatwin.ident.frequency`: numbers, probabilities, the order of a response."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def real_numbers(values: ArrayLike, name: str) -> NDArray[np.float64]:
 
 
 def real_number(value: Any, name: str) -> float:
-    """Return one real number."""
+    """Return a value as one real number, after a check."""
     given = real_numbers(value, name)
     if given.ndim:
         raise ModelError(f"{name} must be one number; got an array of shape {given.shape}")
@@ -34,7 +34,7 @@ def real_number(value: Any, name: str) -> float:
 
 
 def probability(level: Any, name: str = "level") -> float:
-    """Return a probability that is neither 0 nor 1."""
+    """Return a probability, after a check that it lies between 0 and 1."""
     found = real_number(level, name)
     if not 0.0 < found < 1.0:
         raise ModelError(f"{name} = {level}; it must lie between 0 and 1")
@@ -42,7 +42,7 @@ def probability(level: Any, name: str = "level") -> float:
 
 
 def whole_number(value: Any, name: str, least: int = 1, most: int | None = None) -> int:
-    """Return an integer."""
+    """Return an integer, after a check."""
     is_whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
     if not is_whole or value < least or (most is not None and value > most):
         wanted = f"of at least {least}" if most is None else f"from {least} to {most}"
@@ -51,14 +51,14 @@ def whole_number(value: Any, name: str, least: int = 1, most: int | None = None)
 
 
 def narx_model(model: Any) -> NarxModel:
-    """Return a model that is a NarxModel."""
+    """Return a model, after a check that it is a NarxModel."""
     if not isinstance(model, NarxModel):
         raise ModelError(f"a {type(model).__name__} is no NarxModel; frf computes the response of a linear model")
     return model
 
 
 def polynomial_model(model: Any) -> NarxModel:
-    """Return a NarxModel whose terms hold no functions, which have no finite number of orders."""
+    """Return a NarxModel, after a check that its terms are polynomial; other functions have infinitely many orders."""
     if narx_model(model).table.functions:
         raise ModelError(
             f"frequency analysis takes a polynomial; the model's terms hold {model.table.functions[0]}: identify it without "
@@ -69,5 +69,5 @@ def polynomial_model(model: Any) -> NarxModel:
 
 
 def whole_order(order: Any, highest: int | None = None) -> int:
-    """Return the order of a response."""
+    """Return the order of a response, after a check."""
     return whole_number(order, "order", 1, highest)

@@ -26,7 +26,7 @@ SAMPLE_TIME = 1.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ClosedForm:
-    """A system and its frequency responses."""
+    """A system whose frequency responses have closed forms."""
 
     name: str
     shown: str  # Its equation as a person writes it
@@ -40,7 +40,7 @@ class ClosedForm:
         return NarxModel.from_terms(self.equation, sample_time=SAMPLE_TIME)
 
     def errors(self) -> dict[int, float]:
-        """Largest errors of computed responses on grids over both signs of all frequencies, over the largest gain."""
+        """Return the largest error of computed responses on grids, relative to the largest gain."""
         errors = {}
         for order, response in self.responses.items():
             axis = np.linspace(-3.0, 3.1, 401 if order == 1 else 11 if order < 4 else 7)
@@ -52,12 +52,12 @@ class ClosedForm:
 
 
 def _turn(angles: Array, lag: int = 1) -> Complex:
-    """E of the module's text, to the power of a lag."""
+    """Return E (see the module) to the power of a lag."""
     return np.asarray(np.exp(-1j * lag * angles.sum(axis=1)))
 
 
 def _mean(values: Callable[[Array], Complex], angles: Array) -> Complex:
-    """Average over all orders of the frequencies."""
+    """Average over all permutations of the frequencies."""
     every = [values(angles[:, list(order)]) for order in permutations(range(angles.shape[1]))]
     return np.asarray(np.mean(every, axis=0))
 

@@ -1,4 +1,4 @@
-"""Operating points of a NARX model: equilibria, the linear part there, the model of deviations from it."""
+"""Find operating points of a NARX model: its equilibria, its linear part there, and the model of deviations."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def equilibrium(model: NarxModel, operating_input: ArrayLike | None = None) -> E
 
 
 def _nearest_to_data(model: NarxModel, target: Array, roots: Array) -> int:
-    """Follow the branch that the data are near to the target input; return the root where it ends."""
+    """Follow the equilibrium branch near the data to the target input; return the root where the branch ends."""
     if roots.size == 1:
         return 0
     start = np.zeros_like(target) if model.operating is None else model.operating.input_centre
@@ -108,7 +108,7 @@ def _nearest_to_data(model: NarxModel, target: Array, roots: Array) -> int:
 
 
 def _real_equilibria(model: NarxModel, inputs: Array) -> Array:
-    """Return the real roots of f(y, ..., y; u) - y, increasing."""
+    """Return the real roots of f(y, ..., y; u) - y in increasing order."""
     if model.table.functions:
         return _crossings(model, inputs)
     is_output = np.array([v.kind == "y" for v in model.table.variables], dtype=bool)
@@ -167,7 +167,7 @@ def _output_size(model: NarxModel) -> float:
 
 
 def _newton(coefficients: Array, roots: Array) -> Array:
-    """Polish real roots; three steps suffice from the accuracy of eigenvalues. At a double root no step helps."""
+    """Refine real roots by three Newton steps, enough after eigenvalues. At a double root no step helps."""
     slope = polynomial.polyder(coefficients)
     for _ in range(3):
         steepness, residual = polynomial.polyval(roots, slope), polynomial.polyval(roots, coefficients)
@@ -179,7 +179,7 @@ def _newton(coefficients: Array, roots: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Deviations(Frozen):
-    """A model of the deviations v = y - ybar and w = u - ubar from an equilibrium."""
+    """A model of the deviations v = y - ybar and w = u - ubar from an equilibrium, with this equilibrium."""
 
     model: NarxModel
     jacobian: Array

@@ -76,13 +76,13 @@ def bode(response: FrequencyResponse, axes: Sequence[Axes] | None = None) -> tup
 
 
 def drawn_points(response: FrequencyResponse) -> NDArray[np.bool_]:
-    """Return where the gain is more than rounding, bool of shape (n,)."""
+    """Return at which points the gain exceeds rounding errors, bool of shape (n,)."""
     gain = np.where(np.isfinite(response.gain), response.gain, 0.0)
     return np.asarray(gain > _ROUNDING * gain.max(initial=0.0), dtype=bool)
 
 
 def say_zero(drawn: NDArray[np.bool_], axes: Axes) -> None:
-    """Write into the axes that there is nothing to draw, if so."""
+    """Write into the axes that the response is zero, if it is."""
     if not drawn.any():
         axes.text(0.5, 0.5, "zero everywhere", transform=axes.transAxes, ha="center", va="center")
 
@@ -103,7 +103,7 @@ def _plot_gain(response: FrequencyResponse, axes: Axes) -> Axes:
 
 
 def _shade(response: FrequencyResponse, drawn: NDArray[np.bool_], axes: Axes, colour: Any) -> None:
-    """The band of the gain; hatched where it cannot be trusted."""
+    """Draw the band of the gain, hatched where it cannot be trusted."""
     band = response.band()
     bottom = 0.3 * response.gain[drawn].min(initial=np.inf)  # a lower limit of zero has no place on a log axis
     low, doubtful = np.maximum(band.low, bottom), drawn & ~band.linear_law
@@ -125,5 +125,5 @@ def _hatched(colour: Any) -> dict[str, Any]:
 
 
 def _style(response: FrequencyResponse) -> dict[str, Any]:
-    """Lines of a spectrum are points; a ratio of spectra has gaps between which points may stand alone."""
+    """Return the line style: points for lines of a spectrum, and also for isolated points of a ratio of spectra."""
     return {"Y": {"linestyle": "none", "marker": "."}, "G": {"marker": "."}}.get(response.symbol, {})

@@ -1,4 +1,4 @@
-"""The frequency response of a linear model as that of any other."""
+"""The frequency response of a linear model, in the form used for all models."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def _of_many(orders: Orders, channel: int, angle: Array, thetas: Array) -> Evalu
 
 
 def _at_rest(model: LinearModel) -> Equilibrium:
-    """The equilibrium of no input; infinite where the model integrates its offset, undefined without one."""
+    """Return the equilibrium for zero input; infinite if the model integrates its offset, NaN if there is none."""
     stiffness = float(model.a.sum())
     with np.errstate(divide="ignore", invalid="ignore"):
         output = np.divide(model.offset, stiffness)
@@ -90,7 +90,7 @@ def _at_rest(model: LinearModel) -> Equilibrium:
 
 
 def _transfer(orders: Orders, theta: Array, angle: Array, channel: int) -> Complex:
-    """B_i/(A F_i) for one or many parameter vectors. Shapes: `theta` (..., n_theta); `angle` (n,); (..., n)."""
+    """Return B_i/(A F_i) for one or many parameter vectors. Shapes: `theta` (..., n_theta); `angle` (n,); (..., n)."""
     a, b, f = _rows(orders, theta, angle, channel)
     return np.asarray(b / (a * f))
 
@@ -107,7 +107,7 @@ def _transfer_gradient(orders: Orders, theta: Array, angle: Array, channel: int)
 
 
 def _rows(orders: Orders, theta: Array, angle: Array, channel: int) -> tuple[Complex, Complex, Complex]:
-    """A, B_i and F_i on the unit circle, each of shape (..., n)."""
+    """Return A, B_i and F_i on the unit circle, each of shape (..., n)."""
     in_a, in_b, in_f = _slots(orders, channel)
     a = 1.0 + theta[..., in_a] @ _powers(angle, 1, orders.na).T
     b = theta[..., in_b] @ _powers(angle, orders.nk[channel], orders.nb[channel]).T
@@ -124,5 +124,5 @@ def _slots(orders: Orders, channel: int) -> tuple[slice, slice, slice]:
 
 
 def _powers(angle: Array, first: int, count: int) -> Complex:
-    """q^-k on the unit circle, shape (n, count)."""
+    """Return q^-k on the unit circle, shape (n, count)."""
     return np.asarray(np.exp(-1j * angle[:, None] * np.arange(first, first + count)))

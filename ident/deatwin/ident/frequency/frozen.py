@@ -1,4 +1,4 @@
-"""Results that nobody changes: arrays that are read-only, in copies too."""
+"""Immutable results: their arrays are read-only, also in copies."""
 
 from __future__ import annotations
 

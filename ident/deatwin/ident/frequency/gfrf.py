@@ -129,7 +129,7 @@ def frequency_grid(*axes: ArrayLike) -> Array:
 
 
 def require_one_input(model: NarxModel, else_take: str) -> None:
-    """Raise ModelError unless a model is polynomial and has one input; `else_take` works for several."""
+    """Raise ModelError unless a model is polynomial with one input; `else_take` serves several inputs."""
     polynomial_model(model)
     if len(model.input_names) != 1:
         raise ModelError(
@@ -138,7 +138,7 @@ def require_one_input(model: NarxModel, else_take: str) -> None:
 
 
 def input_row(model: NarxModel, name: str) -> int:
-    """Return the row of an input, given by its name or by its position, as u2."""
+    """Return the row of an input that is given by its name or by its position, such as u2."""
     placed = {f"u{row + 1}": row for row in range(len(model.input_names))}
     known = (placed if len(placed) > 1 else {"u": 0, **placed}) | {n: row for row, n in enumerate(model.input_names)}
     if name not in known:
@@ -149,7 +149,7 @@ def input_row(model: NarxModel, name: str) -> int:
 
 
 def names_of(model: NarxModel, rows: Sequence[int]) -> tuple[str, ...]:
-    """Return the names of inputs as equations write them; none for a model with one input."""
+    """Return the names of inputs as equations write them; empty for a model with one input."""
     symbols = symbols_of(model.input_names, model.output_names)
     return tuple(symbols["u", row] for row in rows) if len(model.input_names) > 1 else ()
 
@@ -225,7 +225,7 @@ def gradient_at(about: Deviations, angles: Array, form: str, rows: Sequence[int]
 def _blocks(
     about: Deviations, angles: Array, form: type[Tones], numbers: int, rows: Sequence[int]
 ) -> tuple[tuple[int, ...], Iterator[tuple[tuple[slice, ...], Tones]]]:
-    """Cut the frequencies so that memory is bounded, where each product is ``numbers`` numbers at a frequency."""
+    """Split the frequencies to limit memory; at each frequency, a product needs ``numbers`` numbers."""
     held = len(form(angles[:0]).order) * products_of(about.model.terms)
     size = max(1, min(_BLOCK, _HELD // held) // numbers)
     return blocks_of(angles, form, size, rows)

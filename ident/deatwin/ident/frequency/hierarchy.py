@@ -32,20 +32,20 @@ class Jet(NamedTuple):
 
 
 class Parts(Protocol):
-    """Into what input and output are taken apart, and how a linear filter acts on a part."""
+    """A way to split input and output into parts, with the action of a linear filter on each part."""
 
     @property
     def order(self) -> Sequence[int]:
-        """The parts, each after those that it may be made of."""
+        """Return the parts, each after those of which it may be composed."""
 
     def splits(self, part: int) -> Iterable[tuple[int, int]]:
-        """All ways to make a part of two others."""
+        """Return all ways to compose a part of two others."""
 
     def input(self, part: int, lag: int, row: int) -> Array | None:
-        """The part of the input of a row after a delay. Shapes: returns (..., n)."""
+        """Return the part of a delayed input, given its row. Shapes: returns (..., n)."""
 
     def delayed(self, values: Array, part: int, lag: int) -> Array:
-        """Delay an output's part. Shapes: `values` (..., n)."""
+        """Delay a part of an output. Shapes: `values` (..., n)."""
 
     def filtered(self, values: Array, part: int, feedback: Feedback) -> Array:
         """Solve (1 - sum_l a_l q^-l) v = values. Shapes: `values` (..., n); `feedback` (..., 1)."""
@@ -79,7 +79,9 @@ class _Solver:
         return self.outputs
 
     def slope(self, value: Array, part: int, products: Mapping[int, Jet], linear: Mapping[int, int]) -> Array:
-        """Derivative of the equation by each parameter: what it multiplies, and how the products change with it."""
+        """Return the derivative of the equation by each parameter: the factor it multiplies, and the change of the
+        products.
+        """
         slope = np.zeros((len(self.terms), *value.shape), dtype=value.dtype)
         for m, lag in linear.items():
             slope[m] = self.parts.delayed(value, part, lag)
@@ -90,7 +92,7 @@ class _Solver:
         return slope
 
     def product(self, chain: _Chain, part: int) -> Jet | None:
-        """The part of a product of lagged signals."""
+        """Return a part of a product of lagged signals."""
         if part not in chain.known:
             if chain.split is None:
                 chain.known[part] = self.factor(chain.last, part)
@@ -99,7 +101,9 @@ class _Solver:
         return chain.known[part]
 
     def longer(self, earlier: _Chain, last: _Chain, part: int) -> Jet | None:
-        """The part of a product of more than one factor: all ways to share it between the last one and the others."""
+        """Return a part of a product of several factors, summed over all ways to split it between the last factor and
+        the others.
+        """
         total: Jet | None = None
         for first, second in self.parts.splits(part):
             a = self.product(earlier, first)
@@ -120,13 +124,13 @@ class _Solver:
 
 
 def products_of(terms: Iterable[Term]) -> int:
-    """Return how many products of factors are kept for each part: those of the terms, and what they are made of."""
+    """Return how many products of factors are kept for each part: those of the terms and their sub-products."""
     return len(_chains(terms)[1])
 
 
 @dataclass(eq=False)
 class _Chain:
-    """A product of lagged signals: its last factor, for more than one the split before it, and the parts known."""
+    """A product of lagged signals: its last factor, the product of the others, and the parts computed so far."""
 
     last: Variable
     split: tuple[_Chain, _Chain] | None
@@ -138,7 +142,7 @@ class _Chain:
 
 
 def _chains(terms: Iterable[Term]) -> tuple[list[_Chain], dict[tuple[Variable, ...], _Chain]]:
-    """The products of the terms; and all that there are, each once, by their factors."""
+    """Return the products of the terms, and all their sub-products, each once, by their factors."""
     made: dict[tuple[Variable, ...], _Chain] = {}
 
     def chain(factors: tuple[Variable, ...]) -> _Chain:
@@ -151,7 +155,7 @@ def _chains(terms: Iterable[Term]) -> tuple[list[_Chain], dict[tuple[Variable, .
 
 
 def _arranged(term: Term) -> tuple[Variable, ...]:
-    """Outputs from the last to the first, then inputs from the first to the last, as the recursion takes them."""
+    """Sort factors as the recursion needs them: outputs from last to first, then inputs from first to last."""
     outputs = [v for v in term.expanded if v.kind == "y"]
     return (*reversed(outputs), *(v for v in term.expanded if v.kind == "u"))
 

@@ -114,7 +114,7 @@ def linear_part(model: NarxModel, operating_input: ArrayLike, output: float) -> 
 
 
 def levels(model: NarxModel, inputs: Array, output: float) -> Array:
-    """Arguments (n_variables,) of a model at an equilibrium, counted from its origin; `inputs` (n_inputs,)."""
+    """Return the arguments (n_variables,) of a model at an equilibrium, relative to its origin; `inputs` (n_inputs,)."""
     moved_in, moved_out = inputs - model.input_origin, output - model.output_origin[0]
 
     def lagged(v: Variable, lag: int) -> Array:
@@ -140,7 +140,7 @@ def _applied(model: NarxModel, arguments: Array) -> tuple[Array, Array, Array]:
 
 
 def _gathering(model: NarxModel) -> tuple[tuple[tuple[str, int, int], ...], Array]:
-    """Lagged signals by kind, row and lag, and the matrix (n_lagged, n_variables) of slopes by them."""
+    """Return lagged signals by kind, row and lag, and the matrix (n_lagged, n_variables) of the slopes by them."""
     held = [
         [(v.kind, v.index, v.lag)] + ([(v.kind, v.index, v.reach)] if v.reach > v.lag else [])
         for v in model.table.variables
@@ -161,7 +161,7 @@ def _slopes(model: NarxModel, arguments: Array) -> Array:
 
 
 def _bends(model: NarxModel, arguments: Array) -> Array:
-    """Return the derivative of the slopes along the output of the equilibrium, shape (n_variables, n_terms)."""
+    """Return the change of the slopes with the output at equilibrium, shape (n_variables, n_terms)."""
     values, slopes, curvatures = _applied(model, arguments)
     exponents = model.table.exponents
     moving = [j for j, v in enumerate(model.table.variables) if v.kind == "y" and v.reach == v.lag]
@@ -185,13 +185,13 @@ def feedback(model: NarxModel, arguments: Array) -> tuple[NDArray[np.int64], Arr
 
 
 def require_finite(coefficients: Array) -> None:
-    """Refuse coefficients that have overflowed."""
+    """Raise an error if coefficients have overflowed."""
     if not np.all(np.isfinite(coefficients)):
         raise ModelError("the model's coefficients overflow at this operating input; choose one near the training data")
 
 
 def motion(model: NarxModel, arguments: Array) -> Array:
-    """dy/dtheta = terms / (1 - sum a) of the equilibrium, (n_terms,). Shapes: `arguments` (n_variables,)."""
+    """Return dy/dtheta = terms / (1 - sum a) of the equilibrium, (n_terms,). Shapes: `arguments` (n_variables,)."""
     # The stiffness of slow poles p, prod (1 - p), is small by nature. At a fold it is zero only to the square root of
     # rounding.
     a = feedback(model, arguments)[1]
@@ -210,7 +210,7 @@ def motion(model: NarxModel, arguments: Array) -> Array:
 
 
 def _along_output(model: NarxModel, values: Array) -> tuple[NDArray[np.int64], float]:
-    """Return the degree of each term in the output, and the size of the second derivative of f(y) there."""
+    """Return the degree of each term in the output, and the size of the second derivative of f(y)."""
     is_output = np.array([v.kind == "y" for v in model.table.variables], dtype=bool)
     degrees = model.table.exponents[:, is_output].sum(axis=1)
     if model.table.functions:  # as bent as a parabola; how much is not known

@@ -36,7 +36,7 @@ _SETTLED = 1e-9  # of the equation, relative to its terms
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Evaluated(Frozen):
-    """A frequency response at many parameters."""
+    """A frequency response, computed for many parameter vectors."""
 
     values: Complex  # shape (n_draws, n): NaN where there is no equilibrium
     exists: NDArray[np.bool_]  # shape (n_draws,): Whether there is one
@@ -45,7 +45,7 @@ class Evaluated(Frozen):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Many:
-    """Models of the deviations from their equilibria, for the draws that have one."""
+    """Models of deviations from equilibrium, for those draws that have an equilibrium."""
 
     terms: Sequence[Term]
     theta: Array  # shape (n_terms, n_kept): Their parameters
@@ -101,14 +101,14 @@ def _or_zero(jet: Jet | None) -> Array:
 
 
 def _blocks(many: _Many, n: int) -> Iterator[tuple[NDArray[np.int64], Array]]:
-    """Cut the draws that have an equilibrium; yield where they stand, and their parameters."""
+    """Split the draws that have an equilibrium; yield their positions and parameters."""
     kept, size = np.flatnonzero(many.exists), max(1, _BLOCK // n)
     for first in range(0, kept.size, size):
         yield kept[first : first + size], many.theta[:, first : first + size]
 
 
 def _deviations(model: NarxModel, point: Equilibrium, thetas: Array) -> _Many:
-    """Expand the model at each parameters' equilibrium, as `deatwin.ident.frequency.dc.deviations` does at one."""
+    """Expand the model at the equilibrium of each parameter vector, like `deatwin.ident.frequency.dc.deviations`."""
     outputs, exists = follow_equilibrium(model, point, thetas)
     theta, outputs = thetas[exists].T, outputs[exists]
     inputs = point.operating_input - model.input_origin

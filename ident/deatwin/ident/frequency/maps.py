@@ -153,7 +153,7 @@ def slice_of(response: FrequencyResponse, held_Hz: ArrayLike) -> FrequencyRespon
 
 
 class _Grid(NamedTuple):
-    """All pairs of two lists of frequencies in Hz, and where each pair stands among the points."""
+    """All pairs of two lists of frequencies in Hz, and the position of each pair among the points."""
 
     first: Array
     second: Array
@@ -164,7 +164,7 @@ class _Grid(NamedTuple):
 
 
 def _grid(response: FrequencyResponse) -> _Grid | None:
-    """The grid that the first two frequencies make, if they do."""
+    """Return the grid that the first two frequencies form; None if they form none."""
     if not _is_slice(response):
         return None
     first, row = np.unique(response.frequency_Hz[:, 0], return_inverse=True)
@@ -177,7 +177,7 @@ def _grid(response: FrequencyResponse) -> _Grid | None:
 
 
 def _is_slice(response: FrequencyResponse) -> bool:
-    """True if the frequencies after the second are constant."""
+    """Return whether all frequencies after the second are constant."""
     return response.omega.ndim == 2 and bool(np.all(response.omega[:, 2:] == response.omega[:1, 2:]))
 
 
@@ -189,7 +189,7 @@ def _middle_slice(response: FrequencyResponse) -> FrequencyResponse:
 
 
 def _held(response: FrequencyResponse) -> Array:
-    """The different frequencies after the second, Hz."""
+    """Return the distinct frequencies after the second, Hz."""
     return np.unique(response.frequency_Hz[:, 2:], axis=0)
 
 
@@ -205,14 +205,14 @@ def _require_more_than_two(response: FrequencyResponse) -> None:
 
 
 def _decibels(response: FrequencyResponse) -> Array:
-    """Gain in dB relative to 1 unit; NaN where there is none."""
+    """Return the gain in dB relative to 1 unit; NaN where there is no value."""
     decibels = np.full(response.gain.shape, np.nan)
     np.log10(response.gain, out=decibels, where=drawn_points(response))
     return np.round(20 * decibels, 9)  # what is constant has no contours
 
 
 def _levels(decibels: Array) -> Array:
-    """Round levels of contours that hold all values."""
+    """Return round contour levels that cover all values."""
     from matplotlib.ticker import MaxNLocator
 
     known = decibels[np.isfinite(decibels)]

@@ -1,4 +1,4 @@
-"""Domains on which the equations are solved: sets of tones, runs of tones, and orders of a periodic output."""
+"""Three ways to split signals into parts: sets of tones, runs of tones, and orders of a periodic output."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ _ROUNDING = 64 * np.finfo(float).eps  # what is left of a sum of that many round
 
 
 class Tones:
-    """Sets of tones, each a bit of the part's number; `angles` (n, order), `rows` (order,) their inputs."""
+    """Parts that are sets of tones, each a bit of the part's number; `angles` (n, order), `rows` (order,) their
+    inputs.
+    """
 
     # The input is a sum of tones e^(jw_i k); the part of all n tones in the output is n! times the symmetric H_n.
 
@@ -29,7 +31,7 @@ class Tones:
 
     @classmethod
     def on_grid(cls, axes: Sequence[Array], rows: Sequence[int] = ()) -> Self:
-        """All combinations of the tones' frequencies, each set computed once. Shapes: `axes` (n_i,)."""
+        """Make all combinations of the tones' frequencies; each set is computed once. Shapes: `axes` (n_i,)."""
         tones = cls.__new__(cls)
         tones._take(np.meshgrid(*axes, indexing="ij", sparse=True), rows)
         return tones
@@ -43,7 +45,7 @@ class Tones:
 
     @property
     def repeats(self) -> int:
-        """Multiplicity of H_n in the component of all tones."""
+        """Number of times that H_n occurs in the component of all tones."""
         return factorial(self.count)
 
     @cached_property
@@ -52,19 +54,21 @@ class Tones:
         return sorted(range(1, self.whole + 1), key=lambda part: part.bit_count())
 
     def splits(self, part: int) -> Iterable[tuple[int, int]]:
-        """All ways to split a set in two, either being the first."""
+        """Return all ways to split a set in two; either part may come first."""
         last = (part - 1) & part
         while last:
             yield part ^ last, last
             last = (last - 1) & part
 
     def input(self, part: int, lag: int, row: int) -> Array | None:
-        """A delayed tone; sets of several tones are not in the input."""
+        """Return a delayed tone; zero for a set of several tones, which the input does not contain."""
         alone = part.bit_count() == 1 and self._rows[part.bit_length() - 1] == row
         return self._shift(part, lag) if alone else None
 
     def delayed(self, values: Array, part: int, lag: int) -> Array:
-        """Turn a part's phase by the sum of its tones' frequencies. Shapes: `values` (..., n)."""
+        """Multiply a part by the phase factor of a delay at the sum of its tones' frequencies. Shapes: `values` (...,
+        n).
+        """
         return values * self._shift(part, lag)
 
     def filtered(self, values: Array, part: int, feedback: Feedback) -> Array:
@@ -72,7 +76,7 @@ class Tones:
         return values / _denominator(feedback, self._shift(part, 1), lambda lag: self._shift(part, lag))
 
     def _shift(self, part: int, lag: int) -> Array:
-        """e^(-jwl) of the set's sum of frequencies, made of the tones' own by products."""
+        """Return e^(-jwl) at the sum of a set's frequencies, as a product over its tones."""
         if (part, lag) not in self._powers:
             if lag == 0:
                 shift = np.ones_like(self._single[0])
@@ -92,7 +96,7 @@ class TonesInOrder(Tones):
 
     @property
     def repeats(self) -> int:
-        """Multiplicity of H_n in the component of all tones."""
+        """Number of times that H_n occurs in the component of all tones."""
         return 1
 
     @cached_property
@@ -102,7 +106,7 @@ class TonesInOrder(Tones):
         return [((1 << size) - 1) << first for size in sizes for first in range(self.count - size + 1)]
 
     def splits(self, part: int) -> Iterable[tuple[int, int]]:
-        """All ways to cut a run."""
+        """Return all ways to cut a run in two."""
         first = part & -part
         rest = first
         while rest != part:
@@ -115,7 +119,7 @@ FORMS: Mapping[str, type[Tones]] = {"symmetric": Tones, "recursive": TonesInOrde
 
 
 class Orders:
-    """Orders of the output in the size of a periodic input, over a period. Shapes: `excitation` (..., n)."""
+    """Parts of a periodic output by order, that is, by the power of the input's size. Shapes: `excitation` (..., n)."""
 
     def __init__(self, excitation: Array, highest: int) -> None:
         self.excitation = np.atleast_2d(excitation)
@@ -124,19 +128,19 @@ class Orders:
         self._turn = np.exp(-2j * np.pi * np.arange(self.n_samples // 2 + 1) / self.n_samples)
 
     def splits(self, part: int) -> Iterable[tuple[int, int]]:
-        """All pairs of orders that make an order."""
+        """Return all pairs of orders that add up to an order."""
         return ((part - last, last) for last in range(1, part))
 
     def input(self, part: int, lag: int, row: int) -> Array | None:
-        """The delayed input, which is of order one only."""
+        """Return the delayed input, which belongs to order one only."""
         return np.roll(self.excitation[row], lag) if part == 1 else None
 
     def delayed(self, values: Array, part: int, lag: int) -> Array:
-        """Delay within the period. Shapes: `values` (..., n)."""
+        """Delay a part within the period. Shapes: `values` (..., n)."""
         return np.roll(values, lag, axis=-1)
 
     def filtered(self, values: Array, part: int, feedback: Feedback) -> Array:
-        """Filter in the frequency domain, which is exact in the steady state. Shapes: `values` (..., n)."""
+        """Filter a part in the frequency domain, which is exact in the steady state. Shapes: `values` (..., n)."""
         denominator = _denominator(feedback, self._turn, lambda lag: self._turn**lag)
         return np.fft.irfft(np.fft.rfft(values) / denominator, self.n_samples)
 
@@ -158,19 +162,19 @@ class CrossOrders(Orders):
         return sum(power * self._base**row for row, power in enumerate(powers))
 
     def splits(self, part: int) -> Iterable[tuple[int, int]]:
-        """All ways to share the powers of a part among two, either being the first."""
+        """Return all ways to divide the powers of a part between two parts; either may come first."""
         for each in product(*(range(power + 1) for power in self._powers[part])):
             first = self._number(each)
             if first not in (0, part):
                 yield first, part - first
 
     def input(self, part: int, lag: int, row: int) -> Array | None:
-        """The delayed input of a row, which goes with its own first power."""
+        """Return the delayed input of a row as the part with its first power."""
         return np.roll(self.excitation[row], lag) if part == self._base**row else None
 
 
 def _denominator(feedback: Feedback, turn: Array, shift: Callable[[int], Array]) -> Array:
-    """1 - sum_l a_l e^(-jwl), which must not be zero; ``turn`` is e^(-jw) and ``shift(l)`` e^(-jwl)."""
+    """Return 1 - sum_l a_l e^(-jwl), which must not be zero; ``turn`` is e^(-jw) and ``shift(l)`` is e^(-jwl)."""
     denominator, size = np.ones_like(turn), np.ones(1)
     for lag, a in feedback:
         denominator = denominator - a * shift(lag)

@@ -1,4 +1,4 @@
-"""Removal of the DC component of a model, beside the mistake of deleting its constant."""
+"""Compare the correct removal of a model's DC component with deleting its constant term."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Removal:
-    """A model before and after its DC component is removed, with free runs over a held-out section."""
+    """A model before and after its DC component is removed, with free runs over held-out data."""
 
     model: NarxModel
     shifted: Deviations  # Model about the equilibrium at the mean of the training commands
@@ -28,18 +28,20 @@ class Removal:
 
     @property
     def error(self) -> float:
-        """Largest difference that the removal makes of the free run, over its stroke."""
+        """Largest change of the free run due to the correct removal, relative to its stroke."""
         return float(np.abs(self.shifted_run - self.run).max() / np.ptp(self.run))
 
     @property
     def deleted_error(self) -> float:
-        """Root mean square of the difference that deleting makes, over that of the run about its mean; at most 100."""
+        """Rms change of the free run due to deleting the constant, relative to the run's standard deviation; at most
+        100.
+        """
         difference = np.nan_to_num(self.deleted_run - self.run, nan=np.inf)
         return min(float(np.sqrt(np.mean(np.clip(difference, -1, 1) ** 2)) / self.run.std()), 100.0)
 
 
 def remove(model: NarxModel, section: Recording) -> Removal:
-    """Remove the DC component in the right way and in the wrong one, and run all three models free."""
+    """Remove the DC component correctly and by deletion, and simulate all three models."""
     shifted = deviations(model)
     moved, level = shifted.seen(section), shifted.point.output
     kept = [place for place, term in enumerate(model.terms) if term != Term(())]

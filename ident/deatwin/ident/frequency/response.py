@@ -1,4 +1,4 @@
-"""A frequency response of any order, its gain and phase, and the uncertainty that the parameters give it."""
+"""A frequency response of any order with gain, phase, and the uncertainty due to the parameters."""
 
 from __future__ import annotations
 
@@ -82,17 +82,17 @@ class Band(Frozen):
 
 @dataclass(frozen=True, eq=False)
 class Pointwise(Frozen):
-    """A function of points, to be called at some of them."""
+    """A function of frequency points that can be evaluated at a selection of them."""
 
     function: Callable[..., Any]  # Takes the points first
     points: Array  # shape (n, ...): Where
 
     def __call__(self, *arguments: Any) -> Any:
-        """Return the function of the points."""
+        """Evaluate the function at its points."""
         return self.function(self.points, *arguments)
 
     def at(self, chosen: NDArray[np.intp]) -> Pointwise:
-        """Return the function of fewer points. Shapes: `chosen` (n_chosen,)."""
+        """Return the function restricted to chosen points. Shapes: `chosen` (n_chosen,)."""
         return Pointwise(self.function, self.points[chosen])
 
 
@@ -127,8 +127,8 @@ class FrequencyResponse(Described, Frozen):
     theta_dof : float
         Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
     inputs : tuple of str
-        Names of the inputs that the frequencies of H_n are in, or whose powers G_n and Y_n go with; empty for a model of
-        one input.
+        Names of the inputs that carry the frequencies of H_n, or to whose powers G_n and Y_n are proportional; empty for
+        a model of one input.
     """
 
     symbol: str = field(metadata=attribute())
@@ -218,12 +218,12 @@ class FrequencyResponse(Described, Frozen):
 
     @property
     def gain_deviation(self) -> Array:
-        """Standard deviation of the gain, shape (n,): the ellipse projected onto the direction of the value."""
+        """Standard deviation of the gain, shape (n,): that of the ellipse in the direction of the value."""
         return self._deviation(self._direction)
 
     @property
     def phase_deviation_deg(self) -> Array:
-        """Standard deviation of the phase, degrees, shape (n,): that across the direction of the value, by the gain.
+        """Standard deviation of the phase, degrees, shape (n,): that perpendicular to the value, divided by the gain.
 
         It holds to first order, like that of the gain; it is infinite if the gain is zero and uncertain.
         """
@@ -234,7 +234,7 @@ class FrequencyResponse(Described, Frozen):
 
     @property
     def _direction(self) -> Complex:
-        """Unit vectors of the values; 1 for a value of zero."""
+        """Return the values divided by their magnitudes; 1 for a value of zero."""
         gain = self.gain
         return np.where(gain == 0, 1.0, self.values / np.where(gain == 0, 1.0, gain))
 
@@ -244,7 +244,7 @@ class FrequencyResponse(Described, Frozen):
 
     @property
     def _longest_deviation(self) -> Array:
-        """Standard deviation along the longer axis of the ellipse, the root of the larger eigenvalue."""
+        """Return the standard deviation along the longer axis of the ellipse."""
         real, cross, imag = self.covariance[:, 0, 0], self.covariance[:, 0, 1], self.covariance[:, 1, 1]
         return np.sqrt((real + imag) / 2 + np.hypot((real - imag) / 2, cross))
 
@@ -302,5 +302,5 @@ def _columns(evaluate: Callable[[Array], Evaluated], where: NDArray[np.intp], th
 
 
 def _plain(values: Array) -> float | list[float]:
-    """One number or a list of several, as files keep them: they read a list of one as a number."""
+    """Return a single number as a number, and several as a list, as files store them."""
     return float(values[0]) if values.size == 1 else [float(value) for value in values]

@@ -1,4 +1,4 @@
-"""The output's spectrum, order by order, in the steady state of a periodic input."""
+"""Spectrum of each order of the output in the steady state of a periodic input."""
 
 from __future__ import annotations
 
@@ -100,26 +100,26 @@ def line_frequencies(n_samples: int, sample_time: float) -> Array:
 
 
 def spectrum_of(values: ArrayLike) -> Complex:
-    """Fourier coefficients of whole periods, (1/n) sum_k x(k) e^(-jwkT), (..., n // 2 + 1)."""
+    """Return Fourier coefficients of complete periods, (1/n) sum_k x(k) e^(-jwkT), (..., n // 2 + 1)."""
     given = np.asarray(values, dtype=np.float64)
     return np.asarray(np.fft.rfft(given) / given.shape[-1], dtype=np.complex128)
 
 
 def excited_lines(spectrum: Complex) -> NDArray[np.bool_]:
-    """True for lines that hold more than rounding. Shapes: `spectrum`, as the result (n_lines,)."""
+    """Return which lines exceed rounding errors. Shapes: `spectrum`, as the result (n_lines,)."""
     size = np.abs(spectrum)
     return np.asarray(size > _EXCITED * size.max(), dtype=np.bool_)
 
 
 def representable(values: Complex, what: str) -> Complex:
-    """Return what was computed of an excitation after a check."""
+    """Return a computed result, after a check that it is finite."""
     if not np.all(np.isfinite(values)):
         raise ModelError(f"the excitation is so large that {what} overflows; lower its amplitude")
     return values
 
 
 def one_period(excitation: ArrayLike, sample_time: float, n_inputs: int = 1) -> Array:
-    """Return a period of inputs after a check. Shapes: (n_samples,) or (n_inputs, n_samples), as the result."""
+    """Return a period of inputs, after a check. Shapes: (n_samples,) or (n_inputs, n_samples), as the result."""
     values = real_numbers(excitation, "the excitation")
     wanted = "(n_samples,)" if n_inputs == 1 else f"({n_inputs}, n_samples)"
     several = values.ndim == 2 and values.shape[0] == n_inputs
@@ -145,7 +145,7 @@ def one_period(excitation: ArrayLike, sample_time: float, n_inputs: int = 1) -> 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Steady:
-    """The orders of the output in the steady state; derivatives when they are first asked for."""
+    """Orders of the output in the steady state; derivatives are computed when first needed."""
 
     model: NarxModel
     about: Deviations
@@ -213,7 +213,7 @@ def cross_order(
 def inner_lines(
     model: NarxModel, excitation: Array, order: int, operating_input: ArrayLike | None = None
 ) -> FrequencyResponse:
-    """An order of the output where it is complex and not zero: there its covariance has two dimensions."""
+    """Return the lines at which an order is complex and not zero, so that its covariance has two dimensions."""
     whole = output_orders(model, excitation, order, operating_input=operating_input)[-1]
     inner = np.arange(1, whole.values.size - 1)
     kept = inner[whole.gain[inner] > 1e-9 * whole.gain.max()]

@@ -1,4 +1,4 @@
-"""The first-order frequency response of a plant, measured by tones in simulation."""
+"""Measure the first-order frequency response of a plant in simulation, by tones."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ PERIODS = 3  # Periods of the lowest tone; the first ones let the plant settle
 def tone_response(
     plant: Plant, frequency_Hz: Sequence[float], size: float, operating_input: float
 ) -> NDArray[np.complex128]:
-    """Probe a plant by tones of either sign, so that even orders cancel, (n_frequencies,); `size` in input units."""
+    """Measure the response to tones of both signs, so that even orders cancel, (n_frequencies,); `size` in input
+    units.
+    """
     step = plant.rig.sample_time
     n = round(1 / frequency_Hz[0] / step)
     lines = np.round(np.array(frequency_Hz) * n * step).astype(int)

@@ -33,20 +33,22 @@ def covariance(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
 
 
 def with_errors(spread: np.ndarray, jacobian: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Covariance (p, p) of least squares that also meets errors along `columns` (n, k); `jacobian` (n, p)."""
+    """Return the covariance (p, p) of least squares with errors along `columns` (n, k) as well; `jacobian` (n, p)."""
     scaled, scale = _unit_columns(jacobian)
     carried = np.linalg.lstsq(scaled, columns, rcond=np.sqrt(RANK))[0] / scale[:, None]
     return np.asarray(spread + carried @ carried.T)
 
 
 def beside(jacobian: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Return what least squares leaves of columns. Shapes: `jacobian` (n, p); `columns` and the result (n, k)."""
+    """Return the part of columns that least squares cannot explain. Shapes: `jacobian` (n, p); `columns` and result
+    (n, k).
+    """
     scaled, _ = _unit_columns(jacobian)
     return np.asarray(columns - scaled @ np.linalg.lstsq(scaled, columns, rcond=np.sqrt(RANK))[0])
 
 
 def white_variances(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
-    """Variances (n,) of the coordinates if the residuals (m,) were white noise; `jacobian` (m, n)."""
+    """Return the variances (n,) of the coordinates for white residuals (m,); `jacobian` (m, n)."""
     scaled, scale = _unit_columns(jacobian)
     freedom = max(residuals.size - scale.size, 1)
     bread = np.linalg.pinv(scaled.T @ scaled, rcond=RANK)
@@ -54,7 +56,7 @@ def white_variances(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
 
 
 def _unit_columns(jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The Jacobian with columns of length 1, and their lengths; 1 of one that is none."""
+    """Return the Jacobian with columns of length 1, and the original lengths; 1 for a zero column."""
     scale = np.linalg.norm(jacobian, axis=0)
     scale[scale < NOTHING] = 1.0
     return jacobian / scale, scale

@@ -41,7 +41,7 @@ REFINEMENTS = 25  # Likelihoods for the refinement of amplitude and memory
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Opened:
-    """A plant with one place opened, and how likely that makes the recordings."""
+    """A plant with an unknown input at one place, and the resulting likelihood of the recordings."""
 
     opening: Opening | None  # Place that is opened, if any
     amplitude: float  # Standard deviation of what enters once it has forgotten its start, SI
@@ -52,7 +52,7 @@ class Opened:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Latent:
-    """Smoothed estimate of the unknown input of a plant, given all readings."""
+    """Smoothed estimate of a plant's unknown input, given all readings."""
 
     opening: Opening  # Place at which it enters
     timepts: Array  # shape (n,): Clock times at the ends of the samples, one part after another, s
@@ -74,7 +74,7 @@ def filter_likelihood(
     amplitude: float = 0.0,
     memory: float = 1.0,
 ) -> Opened:
-    """Likelihood of the readings with one place opened."""
+    """Compute the likelihood of the readings with an unknown input at one place."""
     terms = []
     for linear in linears:
         filtered = _filtered(linear, floor, opening, amplitude, memory)
@@ -87,7 +87,7 @@ def filter_likelihood(
 
 
 def open_place(linears: Sequence[Linear], floor: Floor, opening: Opening | None) -> Opened:
-    """Open a place with the amplitude and the memory that make the readings likeliest."""
+    """Add an unknown input at a place, with the amplitude and the memory that maximise the likelihood."""
     joined = _few_steps(linears)
     best = filter_likelihood(joined, floor)
     if opening is None:
@@ -136,7 +136,7 @@ def open_place(linears: Sequence[Linear], floor: Floor, opening: Opening | None)
 def latent(
     plant: Plant, parts: Sequence[Part], opening: Opening, *, floor: Floor | None = None, opened: Opened | None = None
 ) -> Latent:
-    """Smooth what entered a plant at one place."""
+    """Estimate the unknown input of a plant at one place, by smoothing."""
     linears = linearise(plant, parts, (opening,))
     known = Floor.of(linears) if floor is None else floor
     process = open_place(linears, known, opening) if opened is None else opened
@@ -144,7 +144,7 @@ def latent(
 
 
 def smoothed(linears: Sequence[Linear], floor: Floor, process: Opened) -> Latent:
-    """Smooth what entered, from a plant that is linearised already."""
+    """Estimate the unknown input by smoothing, for a plant that is already linearised."""
     opening = process.opening
     if opening is None or not process.amplitude > 0:
         raise ModelError("nothing enters where nothing is opened: the readings are as likely without")
@@ -177,7 +177,7 @@ def _few_steps(linears: Sequence[Linear]) -> tuple[Linear, ...]:
 
 
 def _gains(linears: Sequence[Linear], opening: Opening, memories: Array) -> Array:
-    """Rms of the readings over that of what enters, if that is a sine of one radian a memory."""
+    """Return the rms of the readings divided by that of an unknown input that is a sine of one radian per memory."""
     squares, count = np.zeros(memories.size), 0
     for linear in linears:
         elapsed = linear.timepts - linear.timepts[0]
@@ -189,7 +189,7 @@ def _gains(linears: Sequence[Linear], opening: Opening, memories: Array) -> Arra
 
 
 def _filtered(linear: Linear, floor: Floor, opening: Opening | None, amplitude: float, memory: float) -> Filtered:
-    """The filter over states, constant parameters, model error and what enters, in this order."""
+    """Run the filter over states, constant parameters, model error and unknown input, in this order."""
     n, (n_x, n_p) = linear.residual.size, linear.start_by_parameter.shape
     m = n_x + n_p + 2
     error, entering = m - 2, m - 1
@@ -222,7 +222,7 @@ def _filtered(linear: Linear, floor: Floor, opening: Opening | None, amplitude: 
 
 
 def _wander(transition: Array, state: int, amplitude: float, memory: float, interval: float) -> float:
-    """Let a state forget; returns the variance that it takes up in a step."""
+    """Let a state forget a part of its past; return the variance that is added in a step."""
     if not memory > 0:
         raise ModelError(f"a memory of {memory:g} s: it must be positive")
     kept = exp(-interval / memory)

@@ -14,7 +14,7 @@ from deatwin.plant.model import Plant
 
 
 def linearise(plant: Plant, parts: Sequence[Part], openings: Sequence[Opening] | None = None) -> tuple[Linear, ...]:
-    """Linearise a plant along its free run."""
+    """Linearise a plant along its free run; of a model written elsewhere, only the reading is known."""
     if plant.rig.equations_known:
         return with_equations(plant, parts, openings)
     return tuple(readings_alone(plant, part) for part in parts)

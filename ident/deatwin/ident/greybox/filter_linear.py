@@ -53,7 +53,7 @@ class Linear:
 
     @property
     def counted(self) -> NDArray[np.bool_]:
-        """True where a reading is used at the end of a sample, shape (n,)."""
+        """Whether the reading at the end of each sample is used, shape (n,)."""
         return self.counts > 0
 
     @cached_property
@@ -64,7 +64,7 @@ class Linear:
         return np.array([_spread(parameter) ** 2 for parameter in free])
 
     def joined(self, size: int) -> Linear:
-        """Model with several samples joined into one, in which the unknown input is constant."""
+        """Return a model in which several samples are joined into one, with a constant unknown input."""
         if size == 1:
             return self
         n_x, n_p = self.start_by_parameter.shape
@@ -110,7 +110,7 @@ class Linear:
         )
 
     def parameter_response(self) -> Array:
-        """The readings' derivative by parameters that were other from the beginning, shape (n, n_p)."""
+        """Derivative of the readings by parameters that differ from the beginning on, shape (n, n_p)."""
         answers, x = self.rows_by_parameter.copy(), self.start_by_parameter.copy()
         for k, (row, step) in enumerate(zip(self.rows, self.transition, strict=True)):
             answers[k] += row @ x
@@ -118,7 +118,7 @@ class Linear:
         return answers
 
     def response(self, number: int, entering: Array) -> Array:
-        """The readings' answer to something that enters. Shapes: `entering` (n, m); returns (n, m)."""
+        """Return the response of the readings to an unknown input. Shapes: `entering` (n, m); returns (n, m)."""
         answers = self.rows_entering[:, number, None] * entering
         drive = self.entering[:, :, number, None] * entering[:, None]
         x = np.zeros(drive.shape[1:])
@@ -146,7 +146,7 @@ def _blocks(array: Array, size: int) -> Array:
 def with_equations(
     plant: Plant, parts: Sequence[Part], openings: Sequence[Opening] | None = None
 ) -> tuple[Linear, ...]:
-    """Linearise a plant whose equations are known along its free run."""
+    """Linearise a plant with known equations along its free run."""
     chosen = tuple(places(plant) if openings is None else openings)
     step = linear_step(plant, chosen)
     return tuple(_linearised(plant, part, chosen, step) for part in parts)
@@ -197,7 +197,7 @@ def _linearised(plant: Plant, part: Part, openings: tuple[Opening, ...], step: L
 
 
 def without_repeats(linears: Sequence[Linear]) -> tuple[Linear, ...]:
-    """Leave out openings that do the same as one before them, up to a factor."""
+    """Remove places whose effect equals that of an earlier place, up to a factor."""
     entering = [np.concatenate([x.entering, x.rows_entering[:, None]], axis=1) for x in linears]
     sizes = np.max([np.abs(e).max(axis=(0, 2)) for e in entering], axis=0)
     columns = np.concatenate([(e / np.maximum(sizes, 1e-300)[:, None]).reshape(-1, e.shape[2]) for e in entering])
@@ -217,7 +217,7 @@ def without_repeats(linears: Sequence[Linear]) -> tuple[Linear, ...]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Columns:
-    """Columns of the derivatives."""
+    """Positions of the columns of the derivatives."""
 
     free: list[int]
     held: list[int]
@@ -241,7 +241,7 @@ class _Columns:
 
 @dataclass(frozen=True, kw_only=True)
 class Floor:
-    """Noise and model error that explain a residual with nothing opened."""
+    """Noise and model error that explain a residual without any unknown input."""
 
     noise: float  # Standard deviation of the sensor's white noise, SI
     model_error: float = 0.0  # Rms of the plant's own error in the reading, SI
@@ -249,14 +249,16 @@ class Floor:
 
     @classmethod
     def of(cls, linears: Sequence[Linear], noise: float | None = None) -> Floor:
-        """The floor of a plant: a static error moves as the motion does."""
+        """Return noise and model error of a plant; the model error has the time scale of the motion."""
         rig = linears[0].plant.rig
         memory = float(np.median([_correlation_time(linear) for linear in linears]))
         return cls(noise=rig.noise if noise is None else noise, model_error=rig.model_error, memory=memory)
 
 
 def _correlation_time(linear: Linear) -> float:
-    """Correlation time of the states, weighted by their contribution to the reading, or of the reading, s."""
+    """Return the correlation time, s, of the states, weighted by their contribution to the reading, or of the
+    reading.
+    """
     still = np.zeros(linear.residual.size) if linear.state_names else linear.states[linear.plant.rig.output_name]
     motion = sum(
         (np.abs(linear.rows[:, k]).mean() * linear.states[name] for k, name in enumerate(linear.state_names)),

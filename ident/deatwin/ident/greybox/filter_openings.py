@@ -1,4 +1,4 @@
-"""Places at which an unknown input may enter a plant: signals that its rig declares, its parameters, its states."""
+"""Places where an unknown input may act on a plant: signals that its rig offers, parameters, states."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ LAST = (Place.SENSOR.value, Place.PARAMETER.value, STATE)
 
 @dataclass(frozen=True, kw_only=True)
 class Opening:
-    """A place at which an unknown, wandering quantity d may enter a plant."""
+    """A place where an unknown input, a slowly wandering quantity d, may act on a plant."""
 
     place: str
     signal: str  # Name of the signal, the parameter or the state
@@ -41,7 +41,7 @@ class Opening:
 
 
 def places(plant: Plant) -> tuple[Opening, ...]:
-    """Places that can be opened in a plant."""
+    """Return all places of a plant where an unknown input may act."""
     declared, equations = dict.fromkeys([COMMAND, *_heard(plant), READING]), plant.equations
     of_a_sample = {*equations.integrals, *equations.shifts, *equations.shifts.values()}
     states = [name for name in equations.states if name not in of_a_sample]
@@ -54,7 +54,7 @@ def places(plant: Plant) -> tuple[Opening, ...]:
 
 
 def opened_equations(plant: Plant, openings: Sequence[Opening], ghosts: Sequence[str]) -> Equations:
-    """The equations of a plant with a further parameter, zero, for what may enter at each signal."""
+    """Return a plant's equations with an additional zero parameter for the unknown input at each signal."""
     built_in = [o for o in openings if o.place not in (Place.PARAMETER.value, STATE)]
     added = [
         Parameter(name=name, value=0.0, unit="1", lower=-1e300, upper=1e300)
@@ -67,7 +67,7 @@ def opened_equations(plant: Plant, openings: Sequence[Opening], ghosts: Sequence
 
 
 class _Listener(Builder):
-    """Hears which signals a rig offers."""
+    """A builder that records which signals a rig offers."""
 
     def __init__(self, parameters: ParameterSet, effects: Sequence[Effect]) -> None:
         super().__init__(parameters, effects)
@@ -94,7 +94,7 @@ def _heard(plant: Plant) -> list[tuple[str, str]]:
 
 
 class _Opened(Builder):
-    """Adds what may enter to each signal, after the effects there."""
+    """A builder that adds the unknown input to each signal, after the effects there."""
 
     def __init__(self, parameters: ParameterSet, effects: Sequence[Effect], openings: Sequence[Opening]) -> None:
         super().__init__(parameters, effects)
@@ -114,7 +114,7 @@ class _Opened(Builder):
         return 0.0 if name is None else self.own(name)
 
     def finish(self, output: Any, further: Sequence[str] = ()) -> Equations:
-        """Close the system; command and first reading are opened here where the rig itself does not offer them."""
+        """Close the system; add unknown inputs to command and first reading if the rig does not offer them."""
         reading, command = (self._entering(*place) for place in (READING, COMMAND))
         equations = super().finish(output + reading)
         if isinstance(command, float):
@@ -123,7 +123,7 @@ class _Opened(Builder):
 
 
 def _with_command(equations: Equations, entering: Any) -> Equations:
-    """Equations whose present command has the unknown input added."""
+    """Return equations in which the unknown input is added to the present command."""
     inputs = equations.held_inputs(0.0).size
     u, present = ca.SX.sym("u", inputs), ca.DM(np.eye(inputs)[0])
     x, z = ca.SX.sym("x", len(equations.states)), ca.SX.sym("z", len(equations.coordinates))

@@ -24,17 +24,17 @@ SHORTER_STEPS = (4, 16, 64)
 
 
 def start_ghost(state: str) -> str:
-    """Name of the parameter that stands for a state at the start of a step."""
+    """Return the name of the auxiliary parameter for a state at the start of a step."""
     return f"start.{state}"
 
 
 def held_ghost(name: str) -> str:
-    """Name of the parameter that stands for a held quantity."""
+    """Return the name of the auxiliary parameter for a held quantity."""
     return f"held.{name}"
 
 
 class _Key:
-    """Plant and openings as the key of the compiled step; what a fit can move does not count."""
+    """Cache key of the compiled step: plant and places, without values that a fit changes."""
 
     def __init__(self, plant: Plant, openings: tuple[Opening, ...]) -> None:
         self.plant, self.openings = plant, openings
@@ -49,7 +49,7 @@ class _Key:
 
 
 def linear_step(plant: Plant, openings: tuple[Opening, ...]) -> LinearStep:
-    """The compiled step, shared by all plants of the same structure in this process."""
+    """Return the compiled step; plants of the same structure share it within this process."""
     return _step(_Key(plant, openings))
 
 
@@ -100,7 +100,7 @@ class LinearStep:
         return x_all, z_all, slopes.swapaxes(1, 2), reading_slopes[:, :, 0]
 
     def _in_shorter(self, march: March, rest: RestState, n_p: int, time: float, sample_time: float) -> list[Array]:
-        """A sample that is not solved in one step, in shorter ones, whose derivatives are chained."""
+        """Replace a sample that cannot be solved in one step by shorter steps, and chain their derivatives."""
         _, _, _, _, _, _, t, h, _, _ = march.arguments
         n_x = rest.x.size
         first = n_p - n_x - rest.d.size
@@ -120,7 +120,7 @@ class LinearStep:
 
 
 def _chained(slopes: Array, before: Array, first: int) -> Array:
-    """Derivatives of something after a short step, by what they were derivatives of before the sample."""
+    """Return derivatives after a short step, with respect to the state at the start of the sample."""
     n_x = before.shape[0]
     direct = slopes.copy()
     direct[..., first : first + n_x] = 0.0
@@ -128,17 +128,17 @@ def _chained(slopes: Array, before: Array, first: int) -> Array:
 
 
 def _shapes(rest: RestState, n_p: int) -> list[tuple[int, ...]]:
-    """Shape of each result of the march for one sample, transposed."""
+    """Return the transposed shape of each result for one sample."""
     n_x, n_z = rest.x.size, rest.z.size
     return [(n_x,), (n_z,), (n_p, n_x), (1,), (n_p, 1), (1,)]
 
 
 def _advanced(march: March, shapes: Sequence[tuple[int, ...]]) -> list[Array]:
-    """Results of the next samples, one after another along the first axis."""
+    """Return the results of the next samples, stacked along the first axis."""
     return [r.reshape(CHUNK, *shape).copy() for r, shape in zip(march.advance(), shapes, strict=True)]
 
 
 def _solved(results: list[Array], count: int) -> int:
-    """Number of leading samples that were solved."""
+    """Return the number of leading samples that were solved."""
     bad = ~((results[-1][:count, 0] <= SETTLED) & np.isfinite(results[3][:count, 0]))
     return int(np.argmax(bad)) if bad.any() else count

@@ -132,19 +132,20 @@ class Calibration(Described):
 
     @property
     def within_reach(self) -> float:
-        """Rms residual, SI; for a fit that ran out of simulations, the value that its linear model would reach."""
+        """Rms residual, SI; for a fit that ran out of simulations, the value predicted by its linear model."""
         return linearised_rms(self.residuals, self.jacobian) if self.status is FitStatus.STOPPED else self.rms
 
     @property
     def movable(self) -> np.ndarray:
-        """Jacobian of the parameters that a refit can change, shape (m, k), SI; parameters on a bound are left out."""
+        """Jacobian of the parameters that a refit can change, shape (m, k), SI; those on a bound are omitted."""
         return self.jacobian[:, [k for k, name in enumerate(self.names) if name not in self.at_bound]]
 
     @cached_property
     def undetermined(self) -> frozenset[str]:
         """Parameters that the readings do not determine, by themselves or because others have the same effect.
 
-        The criterion is how much the readings change when a parameter moves through its range, against the median one.
+        A parameter counts as undetermined if moving it through its range changes the readings far less than moving the
+        median parameter does.
         """
         widths = np.ptp(np.reshape([p.ends for p in _fitted(self)], (-1, 2)), axis=1)
         changes = self.jacobian * np.where(np.isfinite(widths), widths, 1.0)
@@ -283,7 +284,9 @@ def descend(
     hopeless: float = np.inf,
     response: Response | None = None,
 ) -> Calibration:
-    """Calibrate by one descent, as a step of longer work, which an interrupt ends; a known `response` at its start."""
+    """Calibrate by a single descent, which an interrupt ends; `response` may give residuals and Jacobian at its
+    start.
+    """
     problem = replace(_problem(plant, records, None, unwatched()), response=response)
     return _calibrated(problem, 1, evaluations=evaluations, tolerance=tolerance, hopeless=hopeless)
 
@@ -316,7 +319,7 @@ def _calibrated(
 
 
 def _calibration(problem: Problem, search: Search) -> Calibration:
-    """The best fit of a search."""
+    """Make a calibration from the best fit of a search."""
     found = search.best
     lower, upper = problem.bounds()
     span = 1e-4 * (upper - lower)
@@ -339,7 +342,7 @@ def _calibration(problem: Problem, search: Search) -> Calibration:
 def _surveyed(
     problem: Problem, search: Search, fit: Calibration, options: Mapping[str, Any]
 ) -> tuple[Search, Calibration]:
-    """A fit with the ranges that a survey found for its parameters; of a better minimum if there is one."""
+    """Return a fit with the parameter ranges found by a survey, or a better minimum if the survey found one."""
     for _ in range(SURVEYS):
         known = np.array([n not in fit.undetermined and n not in fit.plant.event_times for n in fit.names])
         found, spent = survey(problem, search.best, known, TWO_SIDED_95)
@@ -356,12 +359,12 @@ def _surveyed(
 
 
 def _is_exact(fit: Calibration, problem: Problem) -> bool:
-    """True if what is left is rounding, whose gradient means nothing."""
+    """Return whether the residual consists of rounding errors, so that its gradient means nothing."""
     return fit.rms <= EXACT * float(np.std(np.concatenate([part.measured for part in problem.parts])))
 
 
 def _ended(fit: Calibration, problem: Problem, search: Search, tolerance: float | None) -> FitStatus:
-    """Outcome of a fit: settled only if its gradient is small and no other start contradicts it."""
+    """Return the status of a fit: settled only if its gradient is small and no other start contradicts it."""
     if fit.status is not FitStatus.SETTLED:
         return fit.status
     moves = [s and name not in fit.at_bound for name, s in zip(fit.names, problem.smooth(), strict=True)]

@@ -154,7 +154,7 @@ class _Side:
 
 
 def _side(calibration: Calibration, parts: Sequence[Part], name: str, sign: int) -> _Side:
-    """Value at which the deviance reaches its limit, by steps that are exact for a parabola."""
+    """Find the value at which the deviance reaches its limit, by steps that are exact for a parabola."""
     parameter, scale = calibration.plant.parameters[name], calibration.plant.parameters[name].scale
     deviation, white = _deviations(calibration, name)
     centre = scale.to_coordinate(parameter.value)
@@ -180,7 +180,7 @@ def _side(calibration: Calibration, parts: Sequence[Part], name: str, sign: int)
 
 
 def _next_step(step: float, deviance: float, inner: float, outer: float) -> float:
-    """Next step: to where the parabola through the last point reaches the limit, or between enclosing points."""
+    """Return the next step: where the parabola through the last point reaches the limit, or between enclosing points."""
     guess = step * np.sqrt(LIMIT / max(deviance, 1e-2 * LIMIT))
     if inner < guess < outer:
         return float(guess)
@@ -188,7 +188,7 @@ def _next_step(step: float, deviance: float, inner: float, outer: float) -> floa
 
 
 def _deviations(calibration: Calibration, name: str) -> tuple[float, float]:
-    """Standard deviations of a coordinate by the calibration's covariance, and under white residuals."""
+    """Return standard deviations of a coordinate from the calibration's covariance, and for white residuals."""
     k = calibration.names.index(name)
     white = white_variances(calibration.residuals, calibration.jacobian)[k]
     return float(np.sqrt(calibration.covariance[k, k])), float(np.sqrt(white))
@@ -200,7 +200,9 @@ def _variance(calibration: Calibration) -> float:
 
 
 def _deviance(best: Calibration, parts: Sequence[Part], name: str, value: float) -> float:
-    """Twice the loss of log likelihood with one parameter held, the others fitted; infinite without a fit."""
+    """Return twice the loss of log likelihood with one parameter fixed and the others fitted; infinite if no fit
+    succeeds.
+    """
     problem, k = Problem(plant=best.plant, parts=tuple(parts), names=best.names), best.names.index(name)
     at = best.plant.parameters[name].scale.to_coordinate(value)
     refit = held(problem, problem.start(), best.covariance, k, at, evaluations=EVALUATIONS, tolerance=1e-6)

@@ -1,4 +1,4 @@
-"""Nonlinear least squares over simulations, some of which fail."""
+"""Minimise nonlinear least squares over simulations, some of which may fail."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Minimum:
 
 
 class Interrupted(KeyboardInterrupt):
-    """An interrupt that came when a fit had something to keep."""
+    """Raised by an interrupt during a fit that already has a result to keep."""
 
     def __init__(self, best: Minimum) -> None:
         super().__init__()
@@ -80,17 +80,17 @@ def minimise(
 
 
 def settled_at(tolerance: float | None, samples: int) -> float:
-    """Relative change of the squared residual at which a fit has settled: the one that is asked for, or by `NEAR`."""
+    """Return the relative change of the squared residual at which a fit has settled: as requested, or from `NEAR`."""
     # At a distance of d standard errors the squared residual is d**2 variances of one sample above its least.
     return min(NEAR / samples, MOST) if tolerance is None else tolerance
 
 
 class _NowhereToGo(Exception):
-    """The solver begins at a point that cannot be simulated."""
+    """Raised if the starting point cannot be simulated."""
 
 
 class _GivenUp(Exception):
-    """The best point when it was clear that the fit would not be good enough."""
+    """Raised, with the best point, when the fit will clearly not be good enough."""
 
     def __init__(self, x: np.ndarray, found: tuple[np.ndarray, np.ndarray]) -> None:
         super().__init__()
@@ -98,7 +98,7 @@ class _GivenUp(Exception):
 
 
 class _Memory:
-    """Residuals and Jacobian of the last simulation and of the best one, to which the solver comes back."""
+    """Residuals and Jacobian of the last simulation and of the best one, which the solver may request again."""
 
     def __init__(self, problem: Problem, hopeless: float) -> None:
         self.problem, self.hopeless = problem, hopeless
@@ -141,7 +141,7 @@ class _Memory:
         return found
 
     def _look(self, x: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray) -> None:
-        """Give up where the first points agree that the minimum is too high."""
+        """Give up if the first points show that the minimum is too high."""
         if not np.isfinite(self.hopeless):
             return
         if linearised_rms(residuals, jacobian[:, self._smooth]) <= self.hopeless:

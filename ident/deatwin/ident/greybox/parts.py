@@ -1,4 +1,4 @@
-"""Selected samples of experiments, and the simulated readings of a plant there."""
+"""Select samples of experiments, and simulate a plant's readings there."""
 
 from __future__ import annotations
 
@@ -127,12 +127,14 @@ class Part:
         return self.weight * np.concatenate([r.reading(self.reading)[m] for r, m in records])
 
     def row(self, rig: Rig) -> int:
-        """Number of the reading among those of a rig, from 0."""
+        """Position of the reading among those of a rig, from 0."""
         return row_of(rig, self.reading)
 
     @cached_property
     def history(self) -> tuple[object, ...]:
-        """All on which a simulation of the experiment depends, to tell parts that share one."""
+        """Everything on which a simulation of the experiment depends; parts with equal histories share one
+        simulation.
+        """
         return tuple(
             (r.start, r.inputs.tobytes(), *((name, row.tobytes()) for name, row in r.extras.items()))
             for r in self.experiment.recordings
@@ -144,14 +146,14 @@ LEAST_COUNTED = 0.9
 
 
 def settled(experiment: Experiment, rig: Rig) -> tuple[np.ndarray, ...]:
-    """Mask, for each recording, the samples that come after the uncounted time of an unknown start."""
+    """Return, for each recording, which samples come after the ignored time of an unknown start."""
     lasts = experiment.recordings[-1].end - experiment.start
     since = experiment.start + min(rig.start.uncounted, (1 - LEAST_COUNTED) * lasts) - rig.sample_time / 2
     return tuple(r.timepts >= since for r in experiment.recordings)
 
 
 def row_of(rig: Rig, reading: str) -> int:
-    """Number of a reading among those of a rig, from 0; that of the first one if the name is empty."""
+    """Return the position of a reading among those of a rig, from 0; 0 if the name is empty."""
     return [one.name for one in rig.further].index(reading) + 1 if reading else 0
 
 
@@ -177,12 +179,12 @@ Records = Part | Experiment | Recording | Sequence[Part | Experiment | Recording
 
 
 def first_only(parts: Sequence[Part]) -> tuple[Part, ...]:
-    """The parts of the first reading, which stand before all others."""
+    """Return the parts of the first reading; they precede all others."""
     return tuple(part for part in parts if not part.reading)
 
 
 def parts_of(records: Records, rig: Rig) -> tuple[Part, ...]:
-    """Whatever counts, as parts: those of further readings behind all that are given."""
+    """Return all samples that count as parts; those of further readings come last."""
     listed = (records,) if isinstance(records, Part | Experiment | Recording) else tuple(records)
     if not listed:
         raise DataError("no recording is given: a calibration needs at least one")
@@ -202,7 +204,7 @@ def _experiment(given: object) -> Experiment:
 
 
 def reading_times(plant: Plant, parts: Sequence[Part]) -> np.ndarray:
-    """Clock times at which a plant has the readings that count: of means, the middles. `parts` which samples; returns (n,)."""
+    """Return the clock times of a plant's readings; for means, the middles. `parts` selects samples; returns (n,)."""
     end = 0.5 if plant.rig.averages else 1.0
     timelines = [plant.timeline(part.experiment) for part in parts]
     return np.concatenate(
@@ -211,7 +213,7 @@ def reading_times(plant: Plant, parts: Sequence[Part]) -> np.ndarray:
 
 
 def simulated(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:
-    """Free-run readings of a plant at the samples that count. `parts` which samples; returns (n,)."""
+    """Return a plant's free-run readings at the selected samples. `parts` selects samples; returns (n,)."""
     pieces, known = [], {}
     for part in parts:
         timeline = plant.timeline(part.experiment)
@@ -230,12 +232,12 @@ def simulated(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:
 
 
 def level_of(parts: Sequence[Part]) -> np.ndarray:
-    """Relative level of the noise at the samples that count, by which residuals are divided. Returns (n,)."""
+    """Return the relative noise level at the selected samples, by which residuals are divided. Returns (n,)."""
     return np.concatenate([part.level for part in parts])
 
 
 def free_run_residuals(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:
-    """Measured minus simulated, over the noise's level, at the samples that count. `parts` which ones; returns (n,)."""
+    """Return (measured - simulated) / noise level at the selected samples. `parts` selects samples; returns (n,)."""
     readings = simulated(plant, parts)
     return (
         None if readings is None else (np.concatenate([part.measured for part in parts]) - readings) / level_of(parts)

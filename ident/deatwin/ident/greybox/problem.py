@@ -1,4 +1,4 @@
-"""Residuals of a simulated plant as a function of its parameters' coordinates."""
+"""Residuals of a simulated plant as a function of its parameters in fitted coordinates."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ class Problem:
         return lower, upper
 
     def smooth(self) -> np.ndarray:
-        """True for coordinates on which the readings depend smoothly, shape (n,): all but the times of events."""
+        """Return which coordinates the readings depend on smoothly, shape (n,): all except the times of events."""
         return np.array([name not in self.plant.event_times for name in self.names], dtype=bool)
 
     def values(self, coordinates: np.ndarray) -> dict[str, float]:
-        """SI values of coordinates, held inside the physical range against rounding."""
+        """Return SI values of coordinates, clipped to the physical range against rounding."""
         pairs = zip(self._fitted, coordinates, strict=True)
         return {p.name: min(max(p.scale.to_value(float(x)), p.lower), p.upper) for p, x in pairs}
 

@@ -31,7 +31,7 @@ _REACH = (0.5, 0.25, 0.125)  # Distances of the starts from the given values, in
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Search:
-    """The best of the fits from several points."""
+    """The best of several fits from different starting points."""
 
     best: Minimum  # Its evaluations include those of all starts
     tried: int  # Number of points
@@ -40,7 +40,7 @@ class Search:
 
 
 def least(problem: Problem, starts: int, evaluations: int, tolerance: float | None, hopeless: float) -> Search | None:
-    """Fit from the given values, then through growing openings from there and from other points, as far as needed."""
+    """Fit from the given values, then, as far as needed, through growing openings and from other points."""
     options: dict[str, Any] = {"evaluations": evaluations, "tolerance": tolerance, "hopeless": hopeless}
     problem.watch.begin("fit from the given values")
     first = minimise(problem, **options)
@@ -71,7 +71,7 @@ def least(problem: Problem, starts: int, evaluations: int, tolerance: float | No
 
 
 def with_better(search: Search, found: Minimum | None, spent: int) -> Search:
-    """A search that goes on from its end: the best of both, which nothing confirms if it is clearly better."""
+    """Continue a search from its end, and return the better of both results."""
     spent += search.best.evaluations + (0 if found is None else found.evaluations)
     if found is None or _rms(found) >= _rms(search.best):
         return replace(search, best=replace(search.best, evaluations=spent))
@@ -89,7 +89,9 @@ def _rms(found: Minimum) -> float:
 
 
 def largest_alike(residuals: np.ndarray, jacobian: np.ndarray) -> float:
-    """The largest rms error that is no other than that of a fit. Shapes: `residuals` (m,); `jacobian` (m, n)."""
+    """Return the largest rms error that does not differ from that of a fit. Shapes: `residuals` (m,); `jacobian` (m,
+    n).
+    """
     # Residuals that are correlated in time count as fewer samples: the variances tell how many.
     white, robust = white_variances(residuals, jacobian), np.diag(covariance(residuals, jacobian))
     fewer = float(np.max(np.divide(robust, white, out=np.ones_like(white), where=white > 0.0)))
@@ -97,7 +99,7 @@ def largest_alike(residuals: np.ndarray, jacobian: np.ndarray) -> float:
 
 
 def _same(best: Minimum, spread: float) -> float:
-    """The largest error that is no other than that of the best fit, or is rounding."""
+    """Return the largest error that equals that of the best fit, up to rounding."""
     return max(largest_alike(best.residuals, best.jacobian), EXACT * spread)
 
 
@@ -106,7 +108,7 @@ def _agreeing(found: list[Minimum], limit: float) -> list[Minimum]:
 
 
 def _equals(best: Minimum, agreed: list[Minimum], limit: float) -> tuple[np.ndarray, ...]:
-    """Ends of fits with the error of the best one, at values where its linear model predicts another error."""
+    """Return fits with the best one's error at parameters where its linear model predicts another error."""
     apart: list[Minimum] = [best]
     for one in agreed:
         if all(_far(one.coordinates - other.coordinates, other, limit) for other in apart):
@@ -119,7 +121,7 @@ def _far(step: np.ndarray, found: Minimum, limit: float) -> bool:
 
 
 def _starts(problem: Problem, count: int) -> Iterator[Problem]:
-    """The problem from its own start, and from points of low discrepancy about it, as many in all."""
+    """Return the problem at its own start, and at points of a low-discrepancy sequence about it."""
     from scipy.stats import qmc
 
     centre, (lower, upper), smooth = problem.start(), problem.bounds(), problem.smooth()
@@ -133,7 +135,7 @@ def _starts(problem: Problem, count: int) -> Iterator[Problem]:
 
 
 def _through_openings(problem: Problem, options: Mapping[str, Any]) -> tuple[Minimum | None, int]:
-    """A fit of openings of the record, each twice as long as the one before and begun where that ended."""
+    """Fit openings of the record, each twice as long as the one before and started from its result."""
     needed = _SMALLEST * len(problem.names)
     share, spent = _FIRST, 0.0
     rough = {

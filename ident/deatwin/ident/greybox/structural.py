@@ -30,18 +30,18 @@ class StructuralScale:
 
     @classmethod
     def of(cls, base: Plant, experiment: Experiment, clean: Sequence[np.ndarray], noise: float) -> Self:
-        """Refit the base plant to a clean film."""
+        """Refit the base plant to readings without the mechanism."""
         form = descend(base, [_part(experiment, clean)], tolerance=TOLERANCE)
         if not form.status.ok:
             raise SimulationError(f"no refit of the base plant: {form.status.value}")
         return cls(experiment=experiment, clean=np.concatenate(clean), form=form, noise=noise)
 
     def guess(self, readings: Sequence[np.ndarray]) -> float:
-        """Estimate the ratio for readings with a mechanism, to first order of the refit."""
+        """Estimate the ratio, to first order, for readings with a mechanism."""
         return min(self._left(readings)) / self.noise
 
     def ratio(self, readings: Sequence[np.ndarray]) -> float:
-        """Divide the rms that a full refit leaves, beyond that of the clean film, by the noise."""
+        """Return the rms left by a full refit, beyond that of a clean film, divided by the noise."""
         same, shifted = self._left(readings)
         plant = self.form.plant if same <= shifted else _read_otherwise(self.form.plant)
         refitted = descend(plant, [_part(self.experiment, readings)], tolerance=TOLERANCE)
@@ -50,7 +50,7 @@ class StructuralScale:
         return _rms(refitted.residuals - self.form.residuals) / self.noise
 
     def _left(self, readings: Sequence[np.ndarray]) -> tuple[float, float]:
-        """Rms left by refits of the base plant with its own reading time and with the other, m."""
+        """Return the rms, m, left by refits of the base plant with its own reading time and with the other one."""
         change = np.concatenate(readings) - self.clean
         both = (change, change + self._advance)
         return tuple(_rms(taken_off(c, self._basis)) for c in both)  # type: ignore[return-value]
@@ -61,7 +61,7 @@ class StructuralScale:
 
     @cached_property
     def _advance(self) -> np.ndarray:
-        """Readings of the base plant minus those of the same plant with the other reading time, shape (n,), m."""
+        """Return the change of the base plant's readings with the other reading time, shape (n,), m."""
         ends = np.cumsum([r.n_samples for r in self.experiment.recordings])
         part = _part(self.experiment, np.split(self.clean, ends[:-1]))
         other = simulated(_read_otherwise(self.form.plant), [part])

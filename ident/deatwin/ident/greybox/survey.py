@@ -34,7 +34,7 @@ _EVALUATIONS, _WITHIN = 8, 1e-2
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Survey:
-    """Range of the parameters over which the error is within its limit, by a search along the worst known one."""
+    """Ranges of the parameters within which the error is below its limit, found along the worst known parameter."""
 
     lower: np.ndarray  # shape (n,): Least coordinates
     upper: np.ndarray  # shape (n,): Greatest coordinates
@@ -44,7 +44,7 @@ class Survey:
 def held(
     problem: Problem, centre: np.ndarray, spread: np.ndarray, k: int, at: float, *, evaluations: int, tolerance: float
 ) -> Minimum | None:
-    """Fit all parameters but one, held, from where the covariance (n, n) expects them; `centre` (n,)."""
+    """Fit all parameters but one, which is fixed, from the values that the covariance (n, n) predicts; `centre` (n,)."""
     # Of parameters with the same effect one moved alone would leave the valley of good fits, and perhaps all plants
     # that can be simulated.
     along = np.nan_to_num(spread[:, k] / spread[k, k], posinf=0.0, neginf=0.0)
@@ -61,7 +61,7 @@ def held(
 
 
 def survey(problem: Problem, best: Minimum, known: np.ndarray, deviations: float) -> tuple[Survey | None, int]:
-    """Look how far the worst known parameter may go, and count runs; None where the linear intervals stand."""
+    """Find how far the worst known parameter may go, and count runs; None if the linear intervals are confirmed."""
     spread, white = covariance(best.residuals, best.jacobian), white_variances(best.residuals, best.jacobian)
     (lower, upper), own = problem.bounds(), np.sqrt(np.diag(spread))
     ranges = np.where(np.isfinite(upper - lower), upper - lower, 1.0)
@@ -105,7 +105,7 @@ def survey(problem: Problem, best: Minimum, known: np.ndarray, deviations: float
 
 
 def _outwards(centre: float, half: float, end: float) -> Iterator[float]:
-    """Points from twice the interval on, each farther than the one before, and the end of the range as the last."""
+    """Return points from twice the interval outwards; the last is the end of the range."""
     away = _TWICE * half
     while abs(away) < abs(end - centre):
         yield centre + away

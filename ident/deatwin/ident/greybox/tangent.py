@@ -7,26 +7,28 @@ from scipy.optimize import lsq_linear
 
 
 def tangent_basis(jacobian: np.ndarray) -> np.ndarray:
-    """Directions in which parameters move the readings. Shapes: `jacobian` (m, n); returns (m, r)."""
+    """Return the directions in which parameters change the readings. Shapes: `jacobian` (m, n); returns (m, r)."""
     sizes = np.linalg.norm(jacobian, axis=0)
     acting = sizes > 0.0
     return np.linalg.qr(jacobian[:, acting] / sizes[acting])[0]
 
 
 def taken_off(signal: np.ndarray, basis: np.ndarray) -> np.ndarray:
-    """Remainder of a signal after the parameters have explained all they can. Shapes: `signal` (m,); `basis` (m, r)."""
+    """Return the part of a signal that the parameters cannot explain. Shapes: `signal` (m,); `basis` (m, r)."""
     return signal - basis @ (basis.T @ signal)
 
 
 def linearised_rms(residuals: np.ndarray, jacobian: np.ndarray) -> float:
-    """Rms of what an unbounded linear model of a fit would leave. Shapes: `residuals` (m,); `jacobian` (m, n)."""
+    """Return the rms residual of an unbounded linear model of a fit. Shapes: `residuals` (m,); `jacobian` (m, n)."""
     return float(np.sqrt(np.mean(taken_off(residuals, tangent_basis(jacobian)) ** 2)))
 
 
 def bounded_fit(
     residuals: np.ndarray, jacobian: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> tuple[float, np.ndarray]:
-    """Residual of a linear model of a fit within bounds. Shapes: `residuals`, result (m,); `jacobian` (m, n)."""
+    """Return the residual of a linear model of a fit within bounds. Shapes: `residuals`, result (m,); `jacobian` (m,
+    n).
+    """
     sizes = np.linalg.norm(jacobian, axis=0)
     scales = np.where(sizes > 0.0, sizes, 1.0)
     basis, small = np.linalg.qr(jacobian / scales)  # the rest of the residuals nothing can take

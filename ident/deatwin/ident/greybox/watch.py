@@ -1,4 +1,4 @@
-"""Progress of a calibration, and the interrupt that ends it with what was found."""
+"""Track the progress of a calibration, and end it by an interrupt without losing its result."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _USUAL = 8  # Simulations after which half of a fit is said to be done; most set
 
 
 class Watch:
-    """Counts simulations, tells the share that is done, and raises an interrupt that CasADi lost."""
+    """Counts simulations, reports progress, and raises an interrupt that CasADi did not pass on."""
 
     def __init__(self, progress: Progress) -> None:
         self._progress = progress
@@ -24,7 +24,7 @@ class Watch:
         self._within, self._doing = 0, doing
 
     def __call__(self) -> None:
-        """Take that a simulation was made."""
+        """Count a simulation."""
         obey()
         self._within += 1
         self._count += 1
@@ -33,5 +33,5 @@ class Watch:
 
 
 def unwatched() -> Watch:
-    """Return a watch that nobody looks at."""
+    """Return a watch that reports to nobody."""
     return Watch(lambda share, doing: None)

@@ -13,7 +13,7 @@ ALIKE = 0.95
 
 
 def described(parameter: Parameter, interval: tuple[float, float] | None, others: Sequence[float], bound: str) -> str:
-    """Return a parameter in a line: its interval, None if it is undetermined, and other values as good."""
+    """Describe a parameter in one line: its interval, or None if undetermined, and other equally good values."""
     unit = "" if parameter.unit == "1" else f" {parameter.unit}"
     known = "undetermined" if interval is None else _range(parameter, *interval)
     other = "".join(f", or {value:.6g}" for value in others)
@@ -21,14 +21,14 @@ def described(parameter: Parameter, interval: tuple[float, float] | None, others
 
 
 def _range(parameter: Parameter, low: float, high: float) -> str:
-    """An interval in words; an end of the allowed range is none that the readings gave."""
+    """Write an interval in words; an end of the allowed range does not come from the readings."""
     if low <= parameter.lower:
         return f"{high:.4g} or less"
     return f"{low:.4g} to {high:.4g}" if high < parameter.upper else f"{low:.4g} or more"
 
 
 def known_together(names: tuple[str, ...], covariance: np.ndarray) -> list[str]:
-    """Return pairs of parameters of which the one is known much better where the other is known; (n, n)."""
+    """Return pairs of parameters of which one is known much better if the other is known; (n, n)."""
     deviations = np.sqrt(np.diag(covariance))
     sizes = np.outer(deviations, deviations)
     alike = np.divide(covariance, sizes, out=np.zeros_like(sizes), where=sizes > 0.0)

@@ -1,4 +1,4 @@
-"""A look at recordings before any model is made of them."""
+"""Describe recordings before any model is fitted."""
 
 from deatwin.ident.look.approximation import BestLinearApproximation
 from deatwin.ident.look.best_linear import best_linear_approximation

@@ -1,4 +1,4 @@
-"""A best linear approximation: response, noise, odd and even nonlinear distortions, in words and in a figure."""
+"""The result of a best linear approximation (response, noise, odd and even distortions) in words and as a figure."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Lines = NDArray[np.bool_]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BestLinearApproximation(Frozen):
-    """Response of the linear system nearest to a recorded one, and the part of the output that it does not explain.
+    """Linear system nearest to a recorded one, with the part of the output that it does not explain.
 
     Amplitudes are the magnitudes of Fourier coefficients, (1/n) sum_k y(k) e^(-jwkT); the rms of a part is the root of
     twice the sum of their squares.
@@ -109,12 +109,12 @@ class BestLinearApproximation(Frozen):
         return float(np.sqrt(2.0 * np.maximum(np.sum(self.distortion_variance[lines]), 0.0)))
 
     def radius(self, probability: float = 0.95) -> Array:
-        """Return the radius of the disc about each value of `response` that holds the true one.
+        """Return the radius of a disc about each value of `response` that contains the true value.
 
         Parameters
         ----------
         probability : float
-            Probability that it does, between 0 and 1.
+            Probability that the disc contains the true value, between 0 and 1.
 
         Returns
         -------

@@ -30,7 +30,7 @@ _SAME_SIZE = 1.1
 
 @dataclass(frozen=True)
 class _Realisation:
-    """Steady-state periods of one input, by lines above 0 Hz and below half the sampling rate: (n_periods, n_all)."""
+    """Steady-state periods of one input, at lines above 0 Hz and below half the sampling rate: (n_periods, n_all)."""
 
     inputs: Complex
     outputs: Complex
@@ -46,9 +46,9 @@ def best_linear_approximation(
 ) -> BestLinearApproximation:
     """Estimate the best linear approximation of a system from periodic recordings, with noise and distortions.
 
-    What differs between periods is noise; what differs between realisations of the input's phases (robust method), or
-    appears on lines that are not excited (fast method: one realisation of an odd random-phase multisine with detection
-    lines), is nonlinear distortion. Recordings of the same signal count as further periods.
+    Differences between periods are noise. Nonlinear distortion is what differs between realisations of the input's phases
+    (robust method), or appears on lines that are not excited (fast method: one realisation of an odd random-phase
+    multisine with detection lines). Recordings of the same signal count as further periods.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def best_linear_approximation(
 
 
 def _samples_of(record: Recording, period: float | None, channel: int) -> int:
-    """Return the samples of a period."""
+    """Return the samples of one period."""
     found = period_of(record.inputs[channel]) if period is None else period / record.sample_time
     if found is None:
         raise DataError(
@@ -176,7 +176,7 @@ def _realisation(record: Recording, n: int, channel: int, output: int, skip: int
 
 
 def _settling(outputs: Complex) -> int:
-    """Return the periods after which a period differs from the next by no more than the last two do."""
+    """Return after how many periods the output has settled: neighbouring periods differ no more than the last two."""
     from scipy.special import fdtri
 
     steps = np.abs(np.diff(outputs, axis=0)) ** 2
@@ -186,7 +186,7 @@ def _settling(outputs: Complex) -> int:
 
 
 def _distinct(runs: Sequence[_Realisation]) -> list[_Realisation]:
-    """Return realisations that differ in their input: those of one signal, begun at other times, are joined."""
+    """Return realisations with different inputs, after joining those that start the same signal at different times."""
     distinct: list[_Realisation] = []
     for run in runs:
         mean = run.inputs.mean(axis=0)
@@ -227,7 +227,7 @@ def _excited(runs: Sequence[_Realisation]) -> Lines:
 
 
 def _noise(runs: Sequence[_Realisation], excited: Lines, response: Complex) -> tuple[Array, Array]:
-    """Return the variance of the output's noise in one period, and in the mean of a realisation's periods."""
+    """Return the variances of the output's noise: in one period, and in the mean over a realisation's periods."""
     gain = np.zeros(excited.size, dtype=np.complex128)
     gain[excited] = response
     single = np.array([np.var(run.outputs - gain * run.inputs, axis=0, ddof=1) for run in runs])
@@ -268,7 +268,9 @@ def _least(
 
 
 def _beside(lines: NDArray[np.int64], excited: Lines) -> NDArray[np.int64] | None:
-    """Detection lines of equal parity nearest to each excited line, (n_excited, n_neighbours); None without any."""
+    """Return the nearest detection lines of equal parity at each excited line, (n_excited, n_neighbours); None if
+    there are none.
+    """
     band = slice(int(np.argmax(excited)), excited.size - int(np.argmax(excited[::-1])))
     inside = np.zeros_like(excited)
     inside[band] = ~excited[band]

@@ -29,7 +29,7 @@ _FEWEST = 16  # Samples below which no shape is told
 
 
 class InputShape(Enum):
-    """Shape of an input over time; the value is a phrase."""
+    """Shape of an input over time; each value is a phrase for a sentence."""
 
     CONSTANT = "constant"
     TWO_LEVEL = "two levels"
@@ -103,7 +103,7 @@ def _shape(values: Array) -> tuple[InputShape, int, float | None]:
 
 
 def _straight(values: Array, noise: float) -> bool:
-    """Return whether a signal rises, and falls, at one speed nearly always, seen over steps that noise does not hide."""
+    """Return whether a signal nearly always rises, and falls, at one speed, judged over steps larger than the noise."""
     step = 1
     while step <= values.size // 20:
         rises = values[step:] - values[:-step]
@@ -118,7 +118,7 @@ def _straight(values: Array, noise: float) -> bool:
 
 
 def _tonal(values: Array) -> bool:
-    """Return whether few lines hold the power; the lowest, which a drift fills, do not count."""
+    """Return whether a few lines hold nearly all power; the lowest lines, which a drift fills, are ignored."""
     power = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(values.size))) ** 2
     few = np.sort(power[_SLOW_LINES:])[-_TONE_LINES:]
     return values.size > 8 * _TONE_LINES and bool(few.sum() > _PURE * power.sum())

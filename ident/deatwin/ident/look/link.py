@@ -1,4 +1,4 @@
-"""Test if an output follows an input, by coherence and by a whitened regression, and estimate the dead time between."""
+"""Test whether an output follows an input, by coherence and a whitened regression, and estimate the dead time."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _SHORTEST = 16  # Samples of a segment, of which 8 lines remain
 
 
 class LinkStatus(Enum):
-    """Answer to whether an output follows an input; the value is a sentence."""
+    """Answer to the question whether an output follows an input; each value is a sentence."""
 
     LINKED = "the output follows the input"
     EVEN = "the output follows the square of the input, and not the input itself"
@@ -50,7 +50,7 @@ class LinkStatus(Enum):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Link:
-    """Link of an output to an input: its status, coherence and dead time."""
+    """Result of testing one input and one output: status, coherence and dead time."""
 
     input_name: str
     output_name: str
@@ -75,7 +75,7 @@ class Link:
 
 
 def links_of(records: Sequence[Recording], excitations: Sequence[Excitation | None]) -> tuple[Link, ...]:
-    """Return the link of each input to each output. `excitations` one for each input."""
+    """Test each pair of input and output. `excitations` holds one entry per input."""
     longest = max(records, key=lambda record: record.n_samples)
     found = []
     for row in range(longest.outputs.shape[0]):
@@ -129,7 +129,7 @@ def _link(record: Recording, column: int, row: int, excited: Excitation | None, 
 
 
 def _tones(power: Array) -> NDArray[np.bool_]:
-    """Return the lines that hold tones; none where the strongest line is one that a drift fills, too. `power` (n,)."""
+    """Return the lines that hold tones; none if the strongest line is one that a drift also fills. `power` (n,)."""
     strong = power > _FAINT * power.max()
     strong[: _DRIFT - 1] = False
     return strong if np.argmax(power) >= _DRIFT - 1 and power.max() > 0.0 else np.zeros_like(strong)
@@ -144,7 +144,7 @@ def _mean_by_chance(lines: float) -> float:
 
 
 def _coherence(u: Array, y: Array, sample_time: float) -> tuple[Array, Array, Array]:
-    """Frequencies above 0 Hz, coherence and the input's power there, (n_lines,) each. Shapes: `u, y` (n,)."""
+    """Return frequencies above 0 Hz, coherence and the input's power, (n_lines,) each. Shapes: `u, y` (n,)."""
     from scipy.signal import coherence, welch
 
     about = {"fs": 1.0 / sample_time, "nperseg": 2 * u.size // (_SEGMENTS + 1), "detrend": "linear"}
@@ -154,7 +154,7 @@ def _coherence(u: Array, y: Array, sample_time: float) -> tuple[Array, Array, Ar
 
 
 def _status(dead_time: DeadTime | None, plain: float, squared: float, chance: float) -> LinkStatus:
-    """Return what regression and mean coherences say together: each of them sees links that the others do not."""
+    """Combine regression and mean coherence, because each detects links that the other misses."""
     acts = dead_time is not None and dead_time.interval is not None
     # Where the square explains the output, what the regression takes for a weak linear effect is chance.
     if squared > chance and squared > _EVEN * plain and not (acts and plain > chance):

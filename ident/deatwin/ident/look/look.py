@@ -126,7 +126,7 @@ class Look:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Describe the recording in lines of plain text."""
+        """Description of the recording, in lines of plain text."""
         found = [self.clock, *map(str, self.channels)]
         for pattern, excited in zip(self.patterns, self.excitations, strict=True):
             bands = "" if excited is None else ", ".join(f"{low:.3g} to {high:.3g} Hz" for low, high in excited.bands)
@@ -202,7 +202,7 @@ class Look:
         return chosen
 
     def _mark(self, axes: Axes) -> None:
-        """Shade the stretches of the first output that are at fault."""
+        """Shade the faulty stretches of the first output."""
         told = set()
         for finding in self.findings:
             kind = _MARKED.get(finding.kind)
@@ -300,7 +300,9 @@ def _extras(records: Sequence[Recording]) -> list[Array]:
 
 
 def _noise(records: Sequence[Recording], pieces: Sequence[Array]) -> float | None:
-    """Return the noise of a channel as the diagnosis estimates that of a residual: the channel holds the motion, too."""
+    """Estimate the noise of a channel by the diagnosis' method for residuals; here the channel also contains the
+    motion.
+    """
     if max(piece.size for piece in pieces) < _FEWEST:
         return None
     commands = [record.inputs[0] for record in records]

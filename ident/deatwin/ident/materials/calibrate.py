@@ -1,4 +1,4 @@
-"""One material from several tests: errors, energy, number of branches, intervals."""
+"""Fit one material to several tests: their errors, an energy, the number of branches, and intervals."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ LEVEL = 0.95  # Probability of the intervals
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Chosen:
-    """The fit that the evidence takes, what else was tried, and the errors of the tests."""
+    """The chosen fit, the rejected ones, and the errors of the tests."""
 
     fit: Fit
     choices: tuple[Choice, ...]
@@ -45,8 +45,8 @@ def calibrate_material(tests: Sequence[MaterialTest], about: Mapping[str, Any] |
 
     The equilibrium network is one of the energies of `deatwin.plant.laws`; Schwarz' criterion, an approximation of the
     evidence, chooses it and the number of Maxwell branches. If the odds of several energies differ by less than a
-    factor of 20, the one with the fewest parameters is chosen. Samples are weighed by their errors, which have an
-    absolute and a relative part, a factor of each specimen, and may hang together; all of these are estimated.
+    factor of 20, the one with the fewest parameters is chosen. Samples are weighted by their errors. These have an absolute and a relative part, a common factor for each specimen,
+    and may be correlated; all of this is estimated.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def _choose(data: Observations, own: EnergyStart | str | None) -> _Chosen:
 
 
 def _simplest(fits: Sequence[Fit], count: float) -> Fit:
-    """The most probable fit; of energies that are nearly as probable, the one with fewest parameters."""
+    """Return the most probable fit or, among nearly equally probable energies, the one with the fewest parameters."""
     least = min(one.criterion(count) for one in fits)
     near = [one for one in fits if one.criterion(count) < least + 2.0 * ODDS]
     fewest = min(len(one.start.parameters) for one in near)
@@ -138,7 +138,7 @@ def _starts(data: Observations, own: EnergyStart | str | None, modulus: float) -
 
 
 def _choices(fits: Sequence[Fit], best: Fit, count: float) -> Iterator[Choice]:
-    """The best of each energy, and of each number of branches with the best energy."""
+    """Return the best fit of each energy, and of each number of branches with the best energy."""
     least = min(one.criterion(count) for one in fits)
     kept: dict[tuple[str, int], Fit] = {}
     for one in sorted(fits, key=lambda one: one.criterion(count)):
@@ -168,7 +168,7 @@ def _intervals(data: Observations, chosen: _Chosen) -> tuple[tuple[Quantity, ...
 
 
 def _covariance(white: Array, prior: Array) -> Array:
-    """Inverse of the information that whitened slopes and the prior hold; a direction without any gets a large variance."""
+    """Invert the information in whitened slopes and prior; a direction without information gets a large variance."""
     size = np.sqrt(np.sum(white**2, axis=0) + prior)
     size[size == 0.0] = 1e-150
     information = (white.T @ white + np.diag(prior)) / np.outer(size, size)

@@ -1,4 +1,4 @@
-"""Energies that may explain tests, with values from which a fit starts and ranges that the tests allow."""
+"""Strain energies that may explain tests, with starting values and ranges for a fit."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ STIFFEST_LIMIT = 1e4  # Limit of stretch from which on a film is neo-Hookean to 
 
 @dataclass(frozen=True, kw_only=True)
 class EnergyStart:
-    """An energy, and its parameters at the start of a fit."""
+    """An energy with starting values of its parameters."""
 
     energy: Callable[..., Any]
     parameters: tuple[Parameter, ...]
@@ -43,18 +43,20 @@ class EnergyStart:
 
     @property
     def stiffest(self) -> float:
-        """Largest modulus of the start, Pa; 1 without any."""
+        """Largest modulus among the starting values, Pa; 1 if there is none."""
         return max((abs(p.value) for p in self.parameters if p.unit == "Pa"), default=1.0)
 
     @property
     def prior(self) -> Array:
-        """Expected coordinates and their deviations, (2, k): weak, for directions of which the tests tell nothing."""
+        """Expected coordinates and their deviations, (2, k): a weak prior, for directions that the tests do not
+        determine.
+        """
         deviations = {Scale.LOGARITHMIC: np.log(10.0), Scale.LINEAR: 10.0 * self.stiffest}
         modulus = [deviations.get(p.scale, np.inf) if p.unit == "Pa" else np.inf for p in self.parameters]
         return np.vstack([self.start, modulus])
 
     def values(self, coordinates: Array) -> Array:
-        """Values of the parameters. Shapes: (k,) both."""
+        """Return parameter values from coordinates. Shapes: (k,) both."""
         pairs = zip(self.parameters, coordinates, strict=True)
         return np.array([p.scale.to_value(float(c)) for p, c in pairs])
 
@@ -65,7 +67,7 @@ class EnergyStart:
 
     @property
     def bounds(self) -> Array:
-        """Ends of the coordinates, shape (2, k)."""
+        """Return the ends of the coordinates' ranges, shape (2, k)."""
         ends = [[p.scale.to_coordinate(p.lower), p.scale.to_coordinate(p.upper)] for p in self.parameters]
         return np.sort(np.array(ends), axis=1).T
 
@@ -77,7 +79,9 @@ class EnergyStart:
 
 
 def known_energies(modulus: float, largest: float) -> Iterator[EnergyStart]:
-    """All energies of `deatwin.plant.laws`, from the neo-Hookean modulus, Pa, and the largest first invariant."""
+    """Return all energies of `deatwin.plant.laws`, with starts from a neo-Hookean modulus, Pa, and the largest
+    invariant.
+    """
 
     def stiff(name: str, value: float) -> Parameter:
         low, high = modulus / FURTHEST, modulus * FURTHEST
@@ -119,14 +123,14 @@ def known_energies(modulus: float, largest: float) -> Iterator[EnergyStart]:
 
 
 def equibiaxial_of(largest: float) -> float:
-    """Equal-biaxial stretch at which the first invariant has a value, to which films in rings are stretched."""
+    """Return the equibiaxial stretch, as of a film in a ring, at which the first invariant has a given value."""
     if largest <= 3.0 + 1e-9:
         return 1.0
     return float(brentq(lambda s: float(first_invariant(s, s)) - largest, 1.0, np.sqrt(largest)))
 
 
 def is_stable(start: EnergyStart, coordinates: Array, largest: float) -> bool:
-    """Return whether the stress rises with the stretch in all deformations, up to the first invariant of the tests."""
+    """Return whether stress rises with stretch in all deformations, up to the largest first invariant of the tests."""
     for name, across in STRETCHES.items():
         top = equibiaxial_of(largest) if name == "equibiaxial" else np.sqrt(max(largest - 2.0, 1.0))
         along = np.linspace(1.0, max(top, 1.01), 60)

@@ -1,4 +1,4 @@
-"""Least squares of an energy with a number of Maxwell branches, and the numbers of branches that are worth trying."""
+"""Fit an energy with Maxwell branches by least squares, and find the numbers of branches that are worth trying."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ BRANCHES = 8  # Most branches: more than published spectra of elastomers have wi
 
 @dataclass(frozen=True, kw_only=True)
 class Quantity:
-    """A parameter with its interval of 95 %, SI."""
+    """A parameter with its 95 % interval, SI."""
 
     name: str
     value: float
@@ -46,7 +46,7 @@ class Quantity:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fit:
-    """An energy with branches that fits best."""
+    """The best fit of one energy with a given number of branches."""
 
     start: EnergyStart
     coordinates: Array  # Of the energy, logarithms of the branches' moduli, Pa, and of their times, s
@@ -62,17 +62,17 @@ class Fit:
 
     @property
     def elastic(self) -> Array:
-        """Coordinates of the energy."""
+        """Coordinates of the energy's parameters."""
         return self.coordinates[: len(self.start.parameters)]
 
     @property
     def branches(self) -> Array:
-        """Moduli in Pa and times in s, shape (2, m), from the shortest time on."""
+        """Moduli in Pa and times in s, shape (2, m), shortest time first."""
         found = np.exp(self.coordinates[len(self.start.parameters) :]).reshape(2, -1)
         return found[:, np.argsort(found[1])]
 
     def criterion(self, count: float) -> float:
-        """Schwarz' criterion: minus twice the logarithm of the evidence, errors of an unknown common size."""
+        """Schwarz' criterion: minus twice the log evidence, for errors with one unknown common size."""
         return count * np.log(max(self.loss, 1e-300)) + self.coordinates.size * np.log(count)
 
 
@@ -121,7 +121,7 @@ def fit(data: Observations, start: EnergyStart, elastic: Array, branches: Array,
 
 
 def _prior(start: EnergyStart, number: int, times: tuple[float, float]) -> tuple[Array, Array]:
-    """Expected coordinates and their deviations: weak, for directions of which the tests tell nothing."""
+    """Return expected coordinates and their deviations: weak, for directions that the tests do not determine."""
     expected, deviations = start.prior
     low, high = np.log(times)
     return (
@@ -131,7 +131,7 @@ def _prior(start: EnergyStart, number: int, times: tuple[float, float]) -> tuple
 
 
 def neo_hookean_modulus(data: Observations, white: Whitener) -> float:
-    """Shear modulus from which all energies start, Pa: least squares beside branches of the coarse table."""
+    """Return the shear modulus, Pa, from which all energies start: least squares with branches of the coarse table."""
     unit = Parameter(name="mu", value=1.0, unit="Pa", lower=0.0, upper=2.0)
     stress, _ = data.elastic(EnergyStart(energy=neo_hookean, parameters=(unit,)), np.ones(1))
     columns = np.column_stack([stress, data.table[:, ::COARSE]]) if data.grid.size else stress[:, None]
@@ -140,7 +140,7 @@ def neo_hookean_modulus(data: Observations, white: Whitener) -> float:
 
 
 def richest(data: Observations, start: EnergyStart, white: Whitener) -> Fit:
-    """An energy with as many branches as the coarse table of relaxation times tells apart."""
+    """Fit an energy with as many branches as the tests can distinguish in the coarse table of relaxation times."""
     elastic, branches = start.start, np.empty((2, 0))
     if not data.grid.size:
         return fit(data, start, elastic, branches, white)
@@ -156,7 +156,7 @@ def richest(data: Observations, start: EnergyStart, white: Whitener) -> Fit:
 
 
 def fewer_and_fewer(data: Observations, rich: Fit, white: Whitener) -> Iterator[Fit]:
-    """Yield fits with ever fewer branches: the two that differ least become one."""
+    """Yield fits with one branch less each time: the two most similar branches are merged."""
     yield rich
     found = rich
     while found.n_branches:
@@ -166,7 +166,7 @@ def fewer_and_fewer(data: Observations, rich: Fit, white: Whitener) -> Iterator[
 
 
 def _merged_neighbours(moduli: Array, times: Array) -> Array:
-    """Branches of the table, neighbours as one. Shapes: (m,) both; returns (2, k)."""
+    """Merge neighbouring branches of the table. Shapes: (m,) both; returns (2, k)."""
     used = np.flatnonzero(moduli > 1e-6 * max(float(moduli.max(initial=0.0)), LEAST))
     if not used.size:
         return np.empty((2, 0))
@@ -175,7 +175,7 @@ def _merged_neighbours(moduli: Array, times: Array) -> Array:
 
 
 def _merged(branches: Array) -> Array:
-    """The two branches that lose least as one become one. Shapes: (2, m); returns (2, m - 1)."""
+    """Merge those two branches whose merger changes the fit least. Shapes: (2, m); returns (2, m - 1)."""
     moduli, apart = branches[0], np.diff(np.log(branches[1]))
     loss = apart**2 * moduli[1:] * moduli[:-1] / (moduli[1:] + moduli[:-1])
     k = int(np.argmin(loss))
@@ -183,6 +183,6 @@ def _merged(branches: Array) -> Array:
 
 
 def _one(branches: Array) -> Array:
-    """One branch for several: their modulus together, their mean time on a logarithmic scale."""
+    """Merge branches into one with the sum of their moduli and the logarithmic mean of their times."""
     moduli, times = branches
     return np.array([moduli.sum(), np.exp(np.sum(moduli * np.log(times)) / moduli.sum())])

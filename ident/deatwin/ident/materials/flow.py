@@ -1,4 +1,4 @@
-"""Stress of a film's points in tests of its material: the laws that every rig has, on a path of stretches."""
+"""Stress of a material's point in a test, by the laws of all rigs, along a path of stretches."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def _march(count: int) -> ca.Function:
 
 @lru_cache(maxsize=1)
 def _step() -> ca.Function:
-    """One step of given strain and of a given share of the relaxation time, in `_PARTS`."""
+    """Advance by one step of given strain and given share of the relaxation time, divided into `_PARTS`."""
     strain, move, share = ca.SX.sym("strain", 2), ca.SX.sym("move", 2), ca.SX.sym("share")
     end = strain
     for _ in range(_PARTS):
@@ -79,7 +79,7 @@ def _step() -> ca.Function:
 
 
 def _part(strain: Any, move: Any, share: Any) -> Any:
-    """A step by an L-stable method of third order."""
+    """Advance by an L-stable method of third order."""
     rates: list[Any] = []
     stage = strain
     for weights in _STAGES:
@@ -93,7 +93,7 @@ def _part(strain: Any, move: Any, share: Any) -> Any:
 
 
 def _flow(strain: Any) -> tuple[Any, Any]:
-    """Flow of a branch by its relaxation time, and its derivative."""
+    """Return the flow rate of a branch for a unit relaxation time, and its derivative."""
     squares = ca.exp(2 * strain)
     across = 1 / (squares[0] * squares[1])
     stresses = squares - across
@@ -107,6 +107,6 @@ def _flow(strain: Any) -> tuple[Any, Any]:
 
 
 def dynamic_shares(frequencies: Array, relaxation: Array) -> tuple[Array, Array]:
-    """Storage and loss of branches with a modulus of 1. Shapes: (n,) in Hz, (m,) in s; returns (n, m) each."""
+    """Return storage and loss of branches with a modulus of 1. Shapes: (n,) in Hz, (m,) in s; returns (n, m) each."""
     turned = 2.0 * np.pi * frequencies[:, None] * relaxation
     return turned**2 / (1.0 + turned**2), turned / (1.0 + turned**2)

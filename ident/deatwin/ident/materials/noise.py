@@ -1,4 +1,4 @@
-"""Errors of tests: an absolute and a relative part, a scale of each specimen, and residuals that hang together."""
+"""Errors of tests: an absolute and a relative part, a scale factor per specimen, and correlated residuals."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Noise:
 
     @classmethod
     def guess(cls, data: Observations) -> Noise:
-        """Errors before any fit."""
+        """Return assumed errors, before any fit."""
         sizes = [float(np.sqrt(np.mean(data.measured[group] ** 2))) for group in data.groups]
         return cls(
             absolute=tuple(0.5 * FIRST_GUESS * size for size in sizes),
@@ -38,7 +38,7 @@ class Noise:
         )
 
     def deviations(self, data: Observations, modelled: Array) -> Array:
-        """Deviation of each sample's own error, Pa. Shapes: (n,) both."""
+        """Return the standard deviation of each sample's own error, Pa. Shapes: (n,) both."""
         found = np.empty(modelled.size)
         for group, absolute, relative in zip(data.groups, self.absolute, self.relative, strict=True):
             found[group] = np.hypot(absolute, relative * modelled[group])
@@ -47,7 +47,7 @@ class Noise:
         return found
 
     def whitener(self, data: Observations, modelled: Array) -> Whitener:
-        """Return the map that makes errors about a model independent and of size 1. Shapes: (n,)."""
+        """Return the map that makes errors independent and of size 1. Shapes: (n,)."""
         own = self.deviations(data, modelled)
         return Whitener(data=data, own=own, common=self.scatter * modelled / own)
 
@@ -58,14 +58,14 @@ class Noise:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Whitener:
-    r"""Inverse root of the covariance :math:`D^2 + s^2 m m^T` of each specimen."""
+    r"""Inverse root of the covariance :math:`D^2 + s^2 m m^T` of each specimen's errors."""
 
     data: Observations
     own: Array  # (n,)
     common: Array  # (n,), in units of `own`
 
     def __call__(self, values: Array) -> Array:
-        """Return values of shape (n,) or (n, k) with independent errors of size 1."""
+        """Whiten values of shape (n,) or (n, k)."""
         white = (values.T / self.own).T
         for samples, common, length in self._shared():
             share = (1.0 - 1.0 / np.sqrt(1.0 + length)) / length
@@ -85,7 +85,7 @@ class Whitener:
 
 
 def estimate_noise(data: Observations, residual: Array, modelled: Array, slopes: Array) -> Noise:
-    """Errors by restricted maximum likelihood. Shapes: (n,), (n,), (n, k)."""
+    """Estimate the errors by restricted maximum likelihood. Shapes: (n,), (n,), (n, k)."""
     sizes = [float(np.max(np.abs(data.measured[group]))) for group in data.groups]
     scattered = len(data.specimens) > 1
     alone = (1.0,) * len(data.blocks)  # the size of errors does not depend on how they hang together
@@ -122,12 +122,12 @@ def estimate_noise(data: Observations, residual: Array, modelled: Array, slopes:
 
 
 def _repeats(data: Observations, white: Array) -> tuple[float, ...]:
-    """Samples of each test that say as much as an independent one, by the sum of the residuals' correlations."""
+    """Return how many samples of each test count as one independent sample, from the residuals' correlations."""
     return tuple(_correlated(white[place]) for place in data.places)
 
 
 def _correlated(residual: Array) -> float:
-    """One and twice the sum of the correlations before the first that is not beyond chance. Shapes: (n,)."""
+    """Return one plus twice the sum of the correlations before the first insignificant one. Shapes: (n,)."""
     size, energy = residual.size, float(residual @ residual)
     if energy == 0.0 or size < 8:  # too few to tell a correlation from chance
         return 1.0

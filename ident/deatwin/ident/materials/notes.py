@@ -1,4 +1,4 @@
-"""Notes that say, in words, what tests leave open about a material."""
+"""Notes, in words, on what the tests leave open about a material."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ WIDE = 3.0  # Ratio of an interval's ends from which on the tests hardly tell a 
 def notes_of(
     data: Observations, fitted: Fit, noise: Noise, choices: Sequence[Choice], quantities: Sequence[Quantity]
 ) -> Iterator[str]:
-    """Yield what a user of the material should know."""
+    """Yield the notes for a user of the material."""
     yield from _on_energies(data, fitted, choices)
     yield from _on_times(data, fitted)
     yield from _on_errors(data, noise)
@@ -41,7 +41,7 @@ def notes_of(
 
 
 def on_permittivity(about: Mapping[str, Any], material: Material | None) -> Iterator[str]:
-    """Say which permittivity is taken where none is stated."""
+    """State which permittivity is used if the file gives none."""
     if "permittivity" not in about and material is not None:
         yield (
             f"no permittivity is stated, and coupon tests do not show it: {material.permittivity.value:.3g} is "
@@ -50,7 +50,7 @@ def on_permittivity(about: Mapping[str, Any], material: Material | None) -> Iter
 
 
 def _on_energies(data: Observations, fitted: Fit, choices: Sequence[Choice]) -> Iterator[str]:
-    """Say which energies are as good, and how far they differ where nothing was tested."""
+    """State which energies fit equally well, and how much they differ outside the tests."""
     best: dict[str, Choice] = {}
     for choice in choices:
         best.setdefault(choice.energy, choice)
@@ -105,7 +105,7 @@ def _on_errors(data: Observations, noise: Noise) -> Iterator[str]:
 
 
 def _on_softening(data: Observations, fitted: Fit, noise: Noise) -> Iterator[str]:
-    """Say if stress is lower below the largest stretch so far than on the way to it: the Mullins effect."""
+    """State whether the stress is lower below the largest earlier stretch: the Mullins effect."""
     elastic, _ = data.elastic(fitted.start, fitted.elastic)
     parts = []
     for block, place in zip(data.blocks, data.places, strict=True):

@@ -1,4 +1,4 @@
-"""All samples of a set of tests as one vector, and what a material of given parameters says of it."""
+"""All samples of a set of tests as one vector, and the stresses that a material predicts for it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ tests tell a relaxation from the elasticity: at one rate alone either bends the 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Block:
-    """Samples of one test."""
+    """The samples of one test."""
 
     test: MaterialTest
     measured: Array  # (n,), Pa
@@ -62,20 +62,20 @@ class Block:
 
     @property
     def _moduli(self) -> float:
-        """Modulus of tension by the measured one: the film is incompressible."""
+        """Return the tensile modulus for each measured modulus; the film is incompressible."""
         return 3.0 if self.test.shear else 1.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Observations:
-    """Blocks of all tests, and the table of their branches."""
+    """The blocks of all tests, with the table of their branches."""
 
     blocks: tuple[Block, ...]
     relaxation: tuple[float, float] | None  # Shortest and longest relaxation time, s; None if no test shows one
 
     @classmethod
     def of(cls, tests: Sequence[MaterialTest]) -> Observations:
-        """Gather tests."""
+        """Collect all tests."""
         clocks = [clock for test in tests if (clock := test.clock) is not None and shows_memory(tests)]
         span = (min(c[0] for c in clocks), max(c[1] for c in clocks) * BEYOND) if clocks else None
         return cls(blocks=tuple(map(_block, tests)), relaxation=span)
@@ -87,25 +87,25 @@ class Observations:
 
     @cached_property
     def places(self) -> tuple[slice, ...]:
-        """Samples of each block."""
+        """Sample ranges of the blocks."""
         ends = np.cumsum([0, *(block.measured.size for block in self.blocks)])
         return tuple(slice(int(a), int(b)) for a, b in itertools.pairwise(ends))
 
     @cached_property
     def specimens(self) -> tuple[NDArray[np.intp], ...]:
-        """Samples of each specimen."""
+        """Sample ranges of the specimens."""
         names = np.concatenate([np.full(b.measured.size, b.test.specimen, dtype=object) for b in self.blocks])
         return tuple(np.flatnonzero(names == name) for name in dict.fromkeys(names))
 
     @cached_property
     def groups(self) -> tuple[NDArray[np.intp], ...]:
-        """Samples whose noise is of one size: stresses, and moduli."""
+        """Sample ranges with one noise level each: stresses, and moduli."""
         dynamic = np.concatenate([np.full(b.measured.size, b.test.is_dma) for b in self.blocks])
         return tuple(found for kind in (False, True) if (found := np.flatnonzero(dynamic == kind)).size)
 
     @cached_property
     def largest(self) -> float:
-        """Largest first invariant of the tests."""
+        """Largest first invariant in the tests."""
         return float(max(np.max(first_invariant(*block.stretches)) for block in self.blocks))
 
     @cached_property
@@ -139,7 +139,9 @@ class Observations:
 
 
 def shows_memory(tests: Sequence[MaterialTest]) -> bool:
-    """Return whether tests hold more than pulls at one even rate: holds, returns, other rates, moduli over frequency."""
+    """Return whether the tests contain more than pulls at one constant rate: holds, returns, other rates, dynamic
+    moduli.
+    """
     rates = []
     for test in tests:
         if test.is_dma:
@@ -172,7 +174,9 @@ def _block(test: MaterialTest) -> Block:
 
 
 def samples_kept(times: Array, stretch: Array) -> NDArray[np.intp]:
-    """Samples that tell a path: corners, and evenly and increasingly distant ones between. Shapes: (n,) both."""
+    """Return samples that describe a path: its corners, and samples at even and at growing distances. Shapes: (n,)
+    both.
+    """
     if times.size <= KEPT:
         return np.arange(times.size)
     corners = _corners(times, stretch)
@@ -187,7 +191,7 @@ def samples_kept(times: Array, stretch: Array) -> NDArray[np.intp]:
 
 
 def _corners(times: Array, stretch: Array) -> NDArray[np.intp]:
-    """Ends of the straight pieces of a path, by Douglas and Peucker."""
+    """Return the ends of the straight pieces of a path (Douglas and Peucker)."""
     limit = STRAIGHT * max(float(np.ptp(stretch)), 1e-12)
     found, open_pieces = {0, times.size - 1}, [(0, times.size - 1)]
     while open_pieces and len(found) < MOST:

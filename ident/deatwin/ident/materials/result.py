@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Choice:
-    """An energy with a number of branches that was tried."""
+    """An energy and a number of branches that were tried."""
 
     energy: str
     branches: int
@@ -52,8 +52,7 @@ class CalibratedMaterial:
     noise : Noise
         Errors of the tests: ``absolute`` in Pa and ``relative``, of stresses and of moduli, and the ``scatter`` of specimens.
     choices : tuple of Choice
-        Energies and numbers of branches that were tried: ``energy``, ``branches``, and ``behind``, the logarithm of the
-        odds of the most probable one to it.
+        Energies and numbers of branches that were tried: ``energy``, ``branches``, and ``behind``, the log odds of the most probable one over this one.
     notes : tuple of str
         Remarks on what the tests cannot determine.
     tests : tuple of MaterialTest
@@ -76,7 +75,7 @@ class CalibratedMaterial:
 
     @cached_property
     def material(self) -> Material:
-        """The material, as every rig takes it."""
+        """The material, in the form that every rig accepts."""
         found, mistakes = read_material(self.section)
         if found is None:
             raise ValueError(f"no section of a rig file: {mistakes}")

@@ -1,4 +1,4 @@
-"""The section [material] of a rig file: what it states before a calibration, and what it says afterwards."""
+"""The section [material] of a rig file, before and after a calibration."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _BRANCH = {"modulus_Pa": (1.0, 1e9), "time_s": (1e-4, 1e7)}
 
 
 def stated_energy(about: Mapping[str, Any]) -> EnergyStart | str | None:
-    """Return the energy that a section states: its name, a formula with its start, or None where the tests choose."""
+    """Return the energy stated in a section: its name, or a formula with starting values; None if the tests decide."""
     wrong = [key for key in about if key not in KEYS]
     if wrong:
         raise RigError(f'[material]: unknown key "{wrong[0]}" before a calibration; known are {", ".join(KEYS)}')
@@ -55,7 +55,7 @@ def _checked(section: Mapping[str, Any]) -> Any:
 
 
 def section_of(about: Mapping[str, Any], fitted: Fit, quantities: Sequence[Quantity]) -> dict[str, Any]:
-    """Return the section of a calibrated material."""
+    """Return the section that describes a calibrated material."""
     count = len(fitted.start.parameters)
     section: dict[str, Any] = {"name": "calibrated", **_without_energy(about), "energy": fitted.start.called}
     section["parameters"] = {one.name: _ranged(one.value, one.low, one.high) for one in quantities[:count]}
@@ -78,12 +78,12 @@ def _ranged(value: float, low: float, high: float) -> dict[str, float]:
 
 
 def toml_of(section: Mapping[str, Any], head: Iterable[str]) -> str:
-    """Return the text of a file with a section; `head` has lines of comment."""
+    """Return the text of a file with a section; `head` contains lines of comment."""
     return "\n".join([*(f"# {line}" if line else "#" for line in head), *_lines("material", section), ""])
 
 
 def _lines(name: str, table: Mapping[str, Any]) -> Iterator[str]:
-    """Lines of a table: its values, then the tables in it."""
+    """Return the lines of a table: its values first, then its inner tables."""
     yield f"[{name}]"
     later = {key: value for key, value in table.items() if key in ("parameters", "breakdown", "branches")}
     for key, value in table.items():

@@ -173,7 +173,7 @@ def _inside(place: str, values: object, keys: Keys) -> Iterator[str]:
 
 
 def _incomplete(one: Mapping[str, Any]) -> Iterator[str]:
-    """Yield what a test lacks, or has too much."""
+    """Yield missing and superfluous keys of a test."""
     if one["kind"] == "dma":
         for name in _DYNAMIC:
             if name not in one:
@@ -201,7 +201,7 @@ def _incomplete(one: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _test(one: Mapping[str, Any], folder: Path, number: int) -> MaterialTest:
-    """Return a test without mistakes."""
+    """Make a test from an entry without mistakes."""
     table = table_of_file(folder / one["file"])
     place = f"[[tests]] {number}"
     columns = _columns(table, {name: one[name] for name in UNITS if name in one}, place)
@@ -233,7 +233,7 @@ def _test(one: Mapping[str, Any], folder: Path, number: int) -> MaterialTest:
 
 
 def _pull(columns: Mapping[str, Array], one: Mapping[str, Any], sizes: Mapping[str, float]) -> tuple[Array, Array]:
-    """Return stretch and nominal stress."""
+    """Read stretch and nominal stress."""
     count = next(iter(columns.values())).size
     if "held_stretch" in one:
         stretch = np.full(count, float(one["held_stretch"]))
@@ -250,7 +250,7 @@ def _pull(columns: Mapping[str, Array], one: Mapping[str, Any], sizes: Mapping[s
 
 
 def _columns(table: Table, wanted: Mapping[str, str], place: str) -> dict[str, Array]:
-    """Return columns in SI units."""
+    """Read columns in SI units."""
     units, said = list(table.units), list(table.said or [""] * len(table.units))
     found: dict[str, int] = {}
     for name, header in wanted.items():
@@ -272,7 +272,7 @@ def _columns(table: Table, wanted: Mapping[str, str], place: str) -> dict[str, A
 
 
 def _require_agreement(table: Table, column: int, unit: str, place: str) -> None:
-    """Refuse a stated unit that contradicts the file's own."""
+    """Raise an error if the stated unit contradicts that of the file."""
     own = table.units[column] or ("1" if _is_plain(table, column) else "")
     if own not in ("", "C", find_unit(unit) or unit):  # C may be degrees or coulombs
         raise DataError(
@@ -282,14 +282,16 @@ def _require_agreement(table: Table, column: int, unit: str, place: str) -> None
 
 
 def _is_plain(table: Table, column: int) -> bool:
-    """Return whether a column is said to be a plain number: "=1", a line of units, or a header like "strain [-]"."""
+    """Return whether a column is declared as a plain number: by "=1", a line of units, or a header such as "strain
+    [-]".
+    """
     said = table.said[column].strip("()[] ") if table.said else ""
     header = table.headers[column].strip()
     return said in _PLAIN or any(header.endswith((f"[{sign}]", f"({sign})")) for sign in _PLAIN)
 
 
 def _require_unit(table: Table, column: int, name: str, place: str) -> None:
-    """Refuse a column without a unit, or in one of another kind."""
+    """Raise an error for a column without a unit, or with a unit of another quantity."""
     known, wanted = table.units[column], UNITS[name]
     said = "" if _is_plain(table, column) else table.own_unit(column)
     usual = {"m": "mm", "Pa": "MPa", "1": "%"}.get(wanted, wanted)

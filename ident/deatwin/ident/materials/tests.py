@@ -20,7 +20,7 @@ FEWEST = 4  # Samples of a test: fewer say less than its noise takes
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MaterialTest:
-    """One test of one specimen, which was at rest and unstretched before.
+    """One test of a specimen that was at rest and unstretched before.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ class MaterialTest:
             raise DataError(f"{self.name}: all times are equal")
 
     def _require_sound(self, arrays: dict[str, Array]) -> None:
-        """Refuse values that no test has."""
+        """Raise an error for impossible values."""
         positive = ("stretch", "frequencies", "storage")
         for name, values in arrays.items():
             bad = ~np.isfinite(values) | ((values <= 0.0) if name in positive else False)
@@ -99,7 +99,7 @@ class MaterialTest:
 
     @property
     def is_dma(self) -> bool:
-        """True for moduli over frequency."""
+        """Whether the test gives moduli over frequency."""
         return self.kind == "dma"
 
     @property
@@ -114,7 +114,7 @@ class MaterialTest:
 
     @property
     def clock(self) -> tuple[float, float] | None:
-        """Shortest and longest time that the test shows, s; None if it shows none."""
+        """Shortest and longest time scale that the test shows, s; None if it shows none."""
         if self.is_dma:
             turned = 2.0 * np.pi * np.asarray(self.frequencies)
             return float(1.0 / turned.max()), float(1.0 / turned.min())

@@ -1,4 +1,4 @@
-"""The conclusion of a diagnosis, put together from what its steps found."""
+"""Assemble the conclusion of a diagnosis from the results of its steps."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def _hardly_shown(findings: Findings) -> Iterator[str]:
 
 
 def _alike_but_unlikely(findings: Findings) -> Iterator[str]:
-    """Return what these inputs cannot tell from the answer, and is left out for its strength only."""
+    """Yield explanations that these inputs cannot distinguish from the answer, but whose strength is unlikely."""
     naming = findings.naming
     if not findings.named or naming.best is None:
         return
@@ -148,7 +148,7 @@ def _alike_but_unlikely(findings: Findings) -> Iterator[str]:
 
 
 def _seconds(findings: Findings) -> float:
-    """Return how long the recordings are together, s."""
+    """Return the total duration of the recordings, s."""
     return sum(r.duration for e in findings.checked.experiments for r in e.recordings)
 
 
@@ -228,7 +228,7 @@ def _causes(findings: Findings) -> tuple[Cause, ...]:
     causes, every = [], findings.problem.everywhere
     for effect in final.plant.effects:
         if effect.name not in findings.answer.effects:
-            continue  # the plant on the problem had it already
+            continue  # the nominal plant has it already
         parameters = {}
         for parameter in effect.parameters:
             low, high = findings.intervals.interval(parameter.name)
@@ -252,7 +252,7 @@ def _causes(findings: Findings) -> tuple[Cause, ...]:
 
 
 def _places(effect: Effect, findings: Findings) -> tuple[str, ...]:
-    """Return the places at which an effect of the answer may act, that in the amended plant first."""
+    """Return the places where an effect of the answer may act, beginning with that in the amended plant."""
     nominal, others = findings.problem.nominal, findings.elsewhere
     found = [effect, *(e for c in others for e in c.calibration.plant.effects if e.cause == effect.cause)]
     if not nominal.rig.further:

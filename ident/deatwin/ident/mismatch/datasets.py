@@ -1,4 +1,4 @@
-"""Tables and samples of a diagnosis as xarray datasets have them."""
+"""Tables and samples of a diagnosis in the form of xarray datasets."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def samples(experiments: Any) -> Variables:
 
 
 def places(located: LocationSummary | None, amplitude: str) -> Variables:
-    """The tables of a location: one dimension for each side from which it is looked at."""
+    """Return the tables of a location: one dimension each for time, frequency, region and place."""
     if located is None:
         return {}
     found: dict[str, Any] = {}

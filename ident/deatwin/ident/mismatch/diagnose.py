@@ -1,4 +1,4 @@
-"""From recordings to a verdict: gate, base refit, detect, name, verify, refit, say. Read it top to bottom."""
+"""From recordings to a verdict: check the recordings, base refit, detect, name, verify, refit, say. Read it top to bottom."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The result of a diagnosis: a verdict with what it rests on, as an object and as the file ``diagnosis.json``."""
+"""The result of a diagnosis, a verdict with its evidence, as an object and as the file ``diagnosis.json``."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def _tables(diagnosis: Diagnosis) -> Variables:
 
 
 def _readings(diagnosis: Diagnosis) -> Variables:
-    """Recorded and simulated readings along the clock, where they are known."""
+    """Return recorded and simulated readings over the clock, if they are known."""
     given, amplitude = diagnosis.readings, diagnosis.output.unit
     if given is None:
         return {}
@@ -206,7 +206,7 @@ class Diagnosis(Described):
     }
 
     def to_dict(self) -> dict[str, Any]:
-        """The content of ``diagnosis.json``."""
+        """Return the content of ``diagnosis.json``."""
         data = {"schema": SCHEMA, **plain(self)}
         data["locate"] = data["locate"] or plain(NOWHERE)
         for cause, held in zip(self.causes, data["causes"], strict=True):
@@ -241,7 +241,7 @@ class Diagnosis(Described):
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Return the diagnosis that `to_dict` described.
+        """Make the diagnosis from the data that `to_dict` returned.
 
         Parameters
         ----------
@@ -266,7 +266,7 @@ class Diagnosis(Described):
         return found
 
     def _require_consistent(self) -> None:
-        """Refuse causes or an unexplained part that do not belong to the verdict."""
+        """Raise an error if causes or unexplained part do not fit the verdict."""
         for name, there, due in (
             ("causes", bool(self.causes), self.verdict.has_causes),
             ("unexplained", self.unexplained is not None, self.verdict is Verdict.PARTLY),

@@ -1,4 +1,4 @@
-"""Excess of a residual over sensor noise and model error."""
+"""Test whether a residual exceeds sensor noise and model error."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Excess:
 
     @property
     def size(self) -> float:
-        """Rms of what is not sensor noise, SI."""
+        """Rms of the residual beyond the sensor noise, SI."""
         return float(np.sqrt(max(self.rms**2 - self.noise**2, 0.0)))
 
     @property

@@ -46,7 +46,7 @@ class Findings:
     advice : Advice or None
         Experiment that would distinguish the explanations.
     discovery : Discovery or None
-        Free variant for a mismatch that no effect explains.
+        Free form for a mismatch that no effect explains.
     verdict : Verdict
         Conclusion of the diagnosis.
     answer : Candidate
@@ -87,10 +87,10 @@ class Findings:
 
     @cached_property
     def intervals(self) -> Calibration:
-        """The answer whose parameters are as uncertain as the plant's own error makes them, too.
+        """The answer with a covariance that also includes the plant's model error.
 
-        The errors that repeat, as the likelihood expects them, bend a fit the same way in every recording: of bends and
-        slow errors residuals tell nothing.
+        Repeatable model errors bias a fit in the same way in every recording, so residuals do not show them. Their sizes are
+        those that the likelihood expects.
         """
         fit, whole = self.final, self.problem.everything
         parts = whole if fit.residuals.size == sum(part.size for part in whole) else self.problem.fitted

@@ -1,4 +1,4 @@
-"""Recordings beside simulations laid out along one axis of time, ready to be drawn and written."""
+"""Arrange recordings and simulations along one time axis for figures and tables."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SPACE = 0.02
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Readings:
-    """Recorded readings and the simulated ones beside them; SI.
+    """Recorded readings with the simulated ones; SI.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ from deatwin.plant.records import OPTIONAL, key
 
 @dataclass(frozen=True, kw_only=True)
 class Window:
-    """A stretch of the clock."""
+    """A stretch of time."""
 
     from_s: float = field(metadata=variable(unit="s"))
     to_s: float = field(metadata=variable(unit="s"))
@@ -25,7 +25,7 @@ class Window:
 
 @dataclass(frozen=True, kw_only=True)
 class Band:
-    """A band of frequencies whose spectrum lies above the floor."""
+    """A band of frequencies in which the spectrum exceeds the noise."""
 
     from_Hz: float = field(metadata=variable(unit="Hz"))
     to_Hz: float = field(metadata=variable(unit="Hz"))
@@ -57,7 +57,7 @@ class LinesSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class Region:
-    """A range of an operating signal in which the residual has a mean."""
+    """A range of an operating signal in which the residual's mean is not zero."""
 
     signal: str
     low: float = field(metadata=key("from"))  # In the signal's unit
@@ -84,7 +84,7 @@ class PlaceSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class ResponseDifference:
-    """An order and a band in which the recordings' response is not the plant's."""
+    """An order and a band in which the recorded response differs from that of the plant."""
 
     order: int  # n of H_n
     from_Hz: float
@@ -137,7 +137,7 @@ class ReadingLocation:
 
     @property
     def sentence(self) -> str:
-        """Return where most of it is, in words."""
+        """Return, in words, where most of the mismatch lies."""
         if not self.time and not self.frequency:
             return f"{self.reading.replace('_', ' ')}: no mismatch beyond its noise"
         window = max(self.time, key=lambda one: one.score, default=None)

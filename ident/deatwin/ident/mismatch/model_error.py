@@ -35,7 +35,9 @@ def model_error_of(plant: Plant, problem: DiagnosisProblem) -> float:
 
 
 def _not_followed(plant: Plant, experiment: Experiment) -> float:
-    """Rms of what a plant cannot follow of its finer equations, SI; 0 where these cannot be simulated soundly."""
+    """Return the rms difference of a plant from its finer equations after a refit, SI; 0 if these cannot be
+    simulated.
+    """
     try:
         return plant.model_error(experiment).rms
     except SimulationError:
@@ -43,7 +45,7 @@ def _not_followed(plant: Plant, experiment: Experiment) -> float:
 
 
 def error_in(rig: Rig, reading: Reading, records: Sequence[Recording]) -> float | None:
-    """Rms of a rig's own error in a further reading, SI; None where no recording has it."""
+    """Return the rms model error of a rig in a further reading, SI; None if no recording contains it."""
     rows = [record.reading(reading.name) for record in records]
     known = np.concatenate([row[np.isfinite(row)] for row in rows])
     return max(reading.model_error, rig.share_of_motion * float(known.std())) if known.size else None

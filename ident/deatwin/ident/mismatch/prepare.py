@@ -1,4 +1,4 @@
-"""From checked recordings to a problem with a calibrated base plant, by whose floor all later steps judge."""
+"""Prepare a diagnosis: calibrate the base plant, and find the noise and model error that all later steps use."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def _checked(effects: Sequence[Effect]) -> Sequence[Effect]:
 
 
 def _at_sizes_of(rig: Rig, effects: Sequence[Effect]) -> Sequence[Effect]:
-    """Effects of the catalogue at the sizes and in the words of a rig, as it offers them; one's own as they are."""
+    """Return effects of the catalogue at the sizes and in the words of a rig, and a user's own effects unchanged."""
     if rig.sizes is None:
         return effects
     known = {type(effect) for effect in (*catalogue(), *machine_catalogue())}
@@ -129,7 +129,7 @@ def _problem_of(
 
 
 def _elsewhere(plant: Plant, effects: Sequence[Effect], alone: Collection[Alone]) -> tuple[Effect, ...]:
-    """The effects at those further places that the plant has, unless another one does the same there."""
+    """Return the effects at further places of the plant, except where another effect does the same."""
     names = {effect.name for effect in effects}
     placed = (
         effect.placed(at)
@@ -160,7 +160,9 @@ def _weights(rig: Rig, checked: DataQuality) -> dict[str, float]:
 
 
 def _noisier(base: Base, problem: DiagnosisProblem) -> tuple[Reading, ...]:
-    """The further readings with the noise that the base plant's residuals show, if one is clearly above its statement."""
+    """Return the further readings with the noise seen in the base plant's residuals, if that clearly exceeds the
+    stated noise.
+    """
     if not problem.nominal.rig.further:
         return ()
     fit = base.chosen.calibration
@@ -182,7 +184,7 @@ def _noisier(base: Base, problem: DiagnosisProblem) -> tuple[Reading, ...]:
 
 
 def _levels(base: Base, problem: DiagnosisProblem, checked: DataQuality) -> Levels | None:
-    """Relative level of the noise in each recording of each experiment, where it varies with reading or command."""
+    """Return the relative noise level in each recording of each experiment, if it varies with reading or command."""
     plant = base.chosen.calibration.plant
     simulated = [y for each in readings(plant, checked.experiments) for y in each]
     records = [r for experiment in checked.experiments for r in experiment.recordings]
@@ -194,7 +196,7 @@ def _levels(base: Base, problem: DiagnosisProblem, checked: DataQuality) -> Leve
 
 
 def _motion(checked: DataQuality) -> float:
-    """Standard deviation of the sound readings within each experiment, SI, into however many records it is cut."""
+    """Return the standard deviation of the sound readings within each experiment, SI, however it is cut into records."""
     pairs = zip(checked.experiments, checked.usable, strict=True)
     whole = [np.concatenate([r.outputs[0, m] for r, m in zip(e.recordings, masks, strict=True)]) for e, masks in pairs]
     pieces = [piece for piece in whole if piece.size]
@@ -202,7 +204,7 @@ def _motion(checked: DataQuality) -> float:
 
 
 def _late_onset(base: Base, checked: DataQuality) -> float | None:
-    """Return where a mismatch begins that only the held-out part has."""
+    """Return the time from which a mismatch exists that only the held-out data show."""
     chosen = base.chosen
     if chosen.fitted_test.mismatch or not chosen.unseen_test.mismatch:
         return None

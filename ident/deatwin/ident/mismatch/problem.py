@@ -1,4 +1,4 @@
-"""Hold what all steps of a diagnosis share."""
+"""The data that all steps of a diagnosis share."""
 
 from __future__ import annotations
 

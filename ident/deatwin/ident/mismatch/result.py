@@ -14,7 +14,7 @@ from deatwin.plant.records import OPTIONAL, Json, key
 
 @dataclass(frozen=True, kw_only=True)
 class Output:
-    """The reading, and the unit of its amplitudes."""
+    """Name of the reading, and the unit of its amplitudes."""
 
     name: str
     unit: str
@@ -22,7 +22,7 @@ class Output:
 
 @dataclass(frozen=True, kw_only=True)
 class Errors:
-    """Rms residuals on one part, before and after the causes were built in."""
+    """Rms residuals on one part of the data, without and with the causes."""
 
     before: float
     after: float | None
@@ -73,12 +73,12 @@ class ReadingSummary:
 
     @property
     def name(self) -> str:
-        """Name of the signal as it stands in a sentence."""
+        """Name of the signal for use in a sentence."""
         return self.reading.replace("_", " ")
 
 
 def _likely(probabilities: Mapping[str, float]) -> str:
-    """The explanations of at least a per cent with their probabilities, the likeliest first."""
+    """Write the explanations with a probability of at least 1 %, the likeliest first."""
     worth = {names.replace("_", " "): share for names, share in probabilities.items() if share >= LEAST_TOLD}
     return " or ".join(f"{names} ({100 * share:.0f} %)" for names, share in worth.items())
 
@@ -88,7 +88,7 @@ def _likely(probabilities: Mapping[str, float]) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Statistic:
-    """One group of statistics of the residual."""
+    """One group of statistics of the residual, with its p-value."""
 
     name: str
     value: float  # Largest of the group: a ratio of mean squares, a distance of periodograms, or a correlation
@@ -201,7 +201,7 @@ class PlaceboSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class TransferSummary:
-    """Before and after on one part of the held-out data."""
+    """Residuals without and with the causes on one part of the held-out data."""
 
     part: str
     before: float | None  # Rms residuals
@@ -302,7 +302,7 @@ class AdviceSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class ShapeSummary:
-    """Parameters of the shape of a term, SI."""
+    """A parameter of the shape of a term, SI."""
 
     name: str
     value: float
@@ -348,7 +348,7 @@ class FreeFormSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class UnseenErrors(Errors):
-    """Errors on the held-out data, with the lower 95 % bound of their fall."""
+    """Errors on the held-out data, with the lower 95 % bound of their decrease."""
 
     gain_low: float | None
 
@@ -371,7 +371,7 @@ class FitSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class IndistinguishablePair:
-    """Two explanations that the recordings cannot tell apart."""
+    """Two explanations that the recordings cannot distinguish."""
 
     effects: tuple[str, ...]
     d2: float  # Squared distance in units of the noise

@@ -99,21 +99,21 @@ def _ambiguous(diagnosis: Diagnosis) -> str:
 
 
 def _elsewhere(cause: str, diagnosis: Diagnosis) -> str:
-    """Return where a rival's effect acts, if that is at a further place only."""
+    """Return where an alternative's effect acts, if it acts only at further places."""
     effects = (effect for rival in diagnosis.rival_models.values() for effect in rival.plant.effects)
     places = dict.fromkeys(effect.placed_at for effect in effects if effect.cause == cause)
     return f" (acting on the {' or the '.join(map(_plain, places))})" if places and "" not in places else ""
 
 
 def _or_nothing(cause: Cause, diagnosis: Diagnosis) -> str:
-    """Warn of a strength whose interval includes zero."""
+    """Return a warning if the interval of a strength includes zero."""
     strength = cause.parameters.get(_effect(cause, diagnosis).strength)
     absent = strength is not None and strength.low <= 0.0 <= strength.high
     return ", which may be absent since its 95 % interval includes zero" if absent else ""
 
 
 def _absent(known: Sequence[str], rivals: Sequence[Sequence[str]]) -> list[tuple[str, ...]]:
-    """The causes that rivals do without, those that have nothing in their place."""
+    """Return the sets of causes that alternatives omit without replacement."""
     fewer = [rival for rival in rivals if set(rival) < set(known)]
     return list(dict.fromkeys(tuple(name for name in known if name not in rival) for rival in fewer))
 
@@ -133,7 +133,7 @@ def _partly(diagnosis: Diagnosis) -> str:
 
 
 def _mostly(left: Unexplained, diagnosis: Diagnosis) -> str:
-    """Return where most of what is left is, as far as one place holds more than half of it."""
+    """Return where most of the remaining mismatch lies, if one range holds more than half of it."""
     window, band, region = left.time, left.frequency, left.region
     if window is not None and window.score > HALF:
         return f", mostly between {window.from_s:.2f} and {window.to_s:.2f} s"
@@ -168,7 +168,7 @@ def _unknown(diagnosis: Diagnosis) -> str:
 
 
 def _when(diagnosis: Diagnosis) -> str:
-    """Return in which stretch of time most of the mismatch lies, if in one."""
+    """Return the stretch of time that holds most of the mismatch, if there is one."""
     windows = () if diagnosis.location is None else diagnosis.location.time
     longest = max(windows, key=lambda window: window.score, default=None)
     if longest is None or longest.score <= HALF:
@@ -215,7 +215,7 @@ _SENTENCES: Mapping[Verdict, Callable[[Diagnosis], str]] = {
 
 
 def _left(shown: _Shown) -> str:
-    """State the error of the calibrated plant."""
+    """Write the error of the calibrated plant."""
     return (
         f"the error of the calibrated plant{shown.reading and f' in {shown.reading}'} is {shown.sized(shown.fitted)} on "
         f"fitted data and {shown.sized(shown.unseen)} on held-out data"
@@ -240,7 +240,7 @@ def _gain(diagnosis: Diagnosis) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class _Shown:
-    """The errors of one reading, in a unit, and how a sentence names it."""
+    """Errors of one reading in one unit, and the name of the reading in a sentence."""
 
     fitted: float
     unseen: float
@@ -254,7 +254,7 @@ class _Shown:
 
 
 def _of_first(diagnosis: Diagnosis) -> _Shown:
-    """The errors of the first reading, named where there are others."""
+    """Return the errors of the first reading, with its name if there are others."""
     fit = diagnosis.fit
     return _Shown(
         fitted=fit.fitted.before,
@@ -267,7 +267,7 @@ def _of_first(diagnosis: Diagnosis) -> _Shown:
 
 
 def _shown(diagnosis: Diagnosis) -> _Shown:
-    """The errors of the reading in which the mismatch stands out most of its noise."""
+    """Return the errors of the reading whose mismatch is largest relative to its noise."""
     several = diagnosis.taught or ()
     most = max(several, key=lambda one: one.unseen.before / one.noise if one.noise else 0.0, default=None)
     if most is None or most is several[0]:
@@ -302,13 +302,13 @@ def _share(cause: Cause) -> str:
 
 
 def _part(share: float) -> str:
-    """Write a share; as an estimate it may be negative."""
+    """Write a share in per cent; an estimated share may be negative."""
     percent = round(100 * share)
     return f"{percent} % of" if percent > 0 else "none of"
 
 
 def _physics(cause: Cause, diagnosis: Diagnosis) -> str:
-    """In the effect's own words, which a user's effect brings along in the model."""
+    """Write an effect in its own words, which a user's effect also brings along."""
     text = _effect(cause, diagnosis).wording.format(**{n: _with_interval(p) for n, p in cause.parameters.items()})
     others = [f"the {_plain(place)}" for place in (cause.places or ())[1:]]
     elsewhere = f" (or at {' or '.join(others)}: these recordings cannot decide)" if others else ""

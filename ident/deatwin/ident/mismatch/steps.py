@@ -34,7 +34,7 @@ from deatwin.plant.records import Json, plain
 
 @dataclass(frozen=True, kw_only=True)
 class GateSummary:
-    """The state of the recordings."""
+    """State of the recordings."""
 
     soundness: str
     findings: tuple[str, ...]
@@ -104,7 +104,7 @@ FreeFormSummary
     model: CalibratedPlant | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the step as its file holds it; numbers that no fit determines are None."""
+        """Return the step as stored in its file; numbers that no fit determines are None."""
         found: dict[str, Any] = _finite(plain(self.result))
         return found
 
@@ -179,7 +179,7 @@ def _remainder(problem: DiagnosisProblem, form: Candidate) -> FormSummary:
 
 
 def _form(problem: DiagnosisProblem, fit: Calibration) -> dict[str, Any]:
-    """Return how the rig file is interpreted where that departs from it or it is silent."""
+    """Return the interpretation of the rig file where it differs from the file, or the file is silent."""
     return differences([problem.nominal.rig, fit.plant.rig])[1]
 
 

@@ -19,7 +19,7 @@ COMPARED = 4
 
 
 def taught(findings: Findings) -> tuple[ReadingSummary, ...] | None:
-    """Return what each reading of recordings taught; None where they have one reading."""
+    """Return the contribution of each reading; None if there is only one reading."""
     problem, rig = findings.problem, findings.problem.nominal.rig
     known = {part.reading: part.weight for part in problem.everything}
     if len(known) < 2:
@@ -47,7 +47,7 @@ def taught(findings: Findings) -> tuple[ReadingSummary, ...] | None:
 
 
 def errors_in(findings: Findings, name: str = "", *, held_out: bool) -> Errors:
-    """Rms residuals of the calibrated plant and of the answer in one reading, the first if no name is given; SI."""
+    """Return rms residuals of the calibrated plant and of the answer in one reading, by default the first; SI."""
     parts = findings.problem.unseen if held_out else findings.problem.fitted
     edges = np.cumsum([part.size for part in parts])[:-1]
 
@@ -61,7 +61,7 @@ def errors_in(findings: Findings, name: str = "", *, held_out: bool) -> Errors:
 
 
 def _compared(findings: Findings) -> list[Candidate]:
-    """The explanations that are compared, the best first."""
+    """Return the explanations to be compared, the best first."""
     naming = findings.naming
     if not findings.named or naming.best is None:
         return []
@@ -72,7 +72,7 @@ def _compared(findings: Findings) -> list[Candidate]:
 def _posteriors(
     findings: Findings, compared: list[Candidate], name: str
 ) -> tuple[Mapping[str, float] | None, Mapping[str, float] | None]:
-    """Probabilities with all readings, and those after a fit to all but one; None where two cannot be compared."""
+    """Return probabilities from all readings, and from all but one; None if fewer than two can be compared."""
     parts = tuple(part for part in findings.problem.everything if part.reading != name)
     fits = run_jobs(fitted_to_all, [(c, parts) for c in compared], workers=findings.problem.jobs)
     fitted = [fit for fit in fits if fit is not None]

@@ -28,12 +28,12 @@ class Verdict(Enum):
 
     @property
     def advice(self) -> str:
-        """Return what to do next."""
+        """Advice on what to do next."""
         return _ADVICE[self]
 
     @property
     def has_causes(self) -> bool:
-        """Return whether effects are built into the amended plant."""
+        """Whether effects are built into the amended plant."""
         return self in (Verdict.NAMED, Verdict.AMBIGUOUS, Verdict.PARTLY)
 
 
@@ -49,7 +49,7 @@ _ADVICE: Mapping[Verdict, str] = {
     ),
     Verdict.PARTLY: "next: use the amended plant with care, because something else is missing",
     Verdict.UNKNOWN: "next: inspect the readings where the mismatch lies; if they are sound, add the effect that you suspect",
-    Verdict.DISTURBANCE: "next: find the source of the disturbance on the problem; changing the plant will not help",
+    Verdict.DISTURBANCE: "next: find the source of the disturbance in the set-up; changing the plant will not help",
     Verdict.DATA_FAULT: "next: repeat the recording, or delete the faulty rows and read it with --allow-gaps",
     Verdict.NOT_TESTABLE: "next: record a larger input, or one with more frequencies; `deatwin plan` says what an input would show",
 }
@@ -57,7 +57,7 @@ _ADVICE: Mapping[Verdict, str] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Shown:
-    """A parameter as a person writes it, in a unit with a prefix."""
+    """A parameter in a unit with a prefix, for a reader."""
 
     value: float
     low: float
@@ -84,7 +84,7 @@ class Interval:
 
     @property
     def shown(self) -> Shown:
-        """Return the interval, rounded as a person would write it.
+        """The interval, rounded for a reader.
 
         A value that is negligible compared with its interval about zero is shown as 0.
         """

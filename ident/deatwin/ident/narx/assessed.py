@@ -57,7 +57,7 @@ def hold_out(recordings: Recordings, share: float = HELD_OUT) -> tuple[tuple[Rec
 def assessed(
     model: NarxModel, recordings: Recordings, held_out: Recordings, *, reliance: Reliance | None = None
 ) -> NarxModel:
-    """Return the model with the assessment on its recordings in its provenance, as `deatwin identify` saves it.
+    """Return the model with an assessment on its recordings in its provenance, as `deatwin identify` saves it.
 
     The assessment has the frequency bands that the input excited, the rms and correlation time of the free-run
     residual, and the results of the residual tests and of the free-run gain on held-out data. The commands `frequency`
@@ -91,7 +91,7 @@ def assessed(
 
 
 def band_excited(recordings: Sequence[Recording]) -> tuple[dict[str, str], tuple[str, ...]]:
-    """Return the bands that the inputs excited as a model keeps them, and where there is none, the reasons."""
+    """Return the bands that the inputs excited, as a model stores them, or the reasons why there are none."""
     found, faults = [], []
     for record in recordings:
         if np.ptp(record.inputs[0]) > 0:
@@ -103,7 +103,7 @@ def band_excited(recordings: Sequence[Recording]) -> tuple[dict[str, str], tuple
 
 
 def _largest_residual(model: NarxModel, judged: Sequence[Recording]) -> dict[str, str]:
-    """Return the free-run residual as a model keeps it; where a free run diverges, that."""
+    """Return the free-run residual as a model stores it; if a free run diverges, that fact."""
     try:
         found = [free_run_residual(model, record) for record in judged]
     except DivergedError:

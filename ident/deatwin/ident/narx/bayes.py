@@ -44,25 +44,25 @@ class Statistics:
     n_samples: int  # Number of samples
 
     def only(self, keep: NDArray[np.intp]) -> Statistics:
-        """Return the statistics of some of the terms."""
+        """Return the statistics of selected terms."""
         return Statistics(
             gram=self.gram[np.ix_(keep, keep)], moment=self.moment[keep], power=self.power, n_samples=self.n_samples
         )
 
     @property
     def sizes(self) -> Array:
-        """Root mean square of each regressor as a power of two, 1 for a zero one; shape (n_terms,)."""
+        """Root mean square of each regressor, rounded to a power of two; 1 for a zero regressor; shape (n_terms,)."""
         return np.exp2(np.round(np.log2(self.root_mean_squares)))
 
     @property
     def root_mean_squares(self) -> Array:
-        """Root mean square of each regressor, 1 for a zero one; shape (n_terms,)."""
+        """Root mean square of each regressor, 1 for a zero regressor; shape (n_terms,)."""
         squares = np.diag(self.gram) / self.n_samples
         return np.sqrt(np.where(squares > 0, squares, 1.0))
 
     @property
     def output_size(self) -> float:
-        """Root mean square of the output, 1 for a zero one."""
+        """Root mean square of the output, 1 for a zero output."""
         return sqrt(self.power / self.n_samples) or 1.0
 
     def divided(self, sizes: Array, output_size: float = 1.0) -> Statistics:
@@ -107,7 +107,7 @@ class Posterior:
 
 
 def posterior(data: Statistics, alpha: Array, priors: Priors) -> Posterior:
-    """Return the posterior at given relevances; exact (normal-gamma) when they are fixed. Shapes: `alpha` (n_terms,)."""
+    """Return the posterior for fixed relevances, which is exactly normal-gamma. Shapes: `alpha` (n_terms,)."""
     precision = np.array(data.gram.T, order="F")  # it is symmetric: the transpose copies along memory
     precision[np.diag_indices(alpha.size)] += alpha
     root, info = lapack.dpotrf(precision, lower=1, overwrite_a=1)
@@ -128,7 +128,7 @@ def posterior(data: Statistics, alpha: Array, priors: Priors) -> Posterior:
 
 
 def invert_triangle(lower: Array) -> None:
-    """Replace a lower triangular matrix (n, n) by its inverse, by blocks: twice as fast as LAPACK's dtrtri."""
+    """Replace a lower triangular matrix (n, n) by its inverse, block by block: twice as fast as LAPACK's dtrtri."""
     n = len(lower)
     if n <= _LEAF:
         lower[:] = lapack.dtrtri(lower, lower=1)[0]
@@ -173,7 +173,7 @@ def fit_relevance(
 
 
 def _settled(data: Statistics, alpha: Array, before: Posterior, now: Posterior, tolerance: float) -> bool:
-    """Return whether an update, which ended at relevances alpha, moved parameters and noise by less than the tolerance."""
+    """Return whether the update to relevances alpha moved parameters and noise by less than the tolerance."""
     moved = now.mean - before.mean
     distance = now.a / now.b * float(moved @ data.gram @ moved + alpha @ moved**2)  # squared, in standard deviations
     return distance <= tolerance**2 * moved.size and abs(now.b - before.b) <= tolerance * now.b

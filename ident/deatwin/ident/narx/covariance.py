@@ -1,4 +1,4 @@
-"""Check a covariance of parameters, take its root, and map it linearly."""
+"""Check a covariance of parameters, compute its root, and transform it linearly."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def covariance_of(values: ArrayLike, names: Sequence[object], complaint: str = "
 
 
 def _deviations(given: Array, names: Sequence[object], complaint: str) -> Array:
-    """Standard deviations, and 1 for what is certain."""
+    """Return standard deviations, or 1 where they are zero."""
     variances = np.diag(given)
     least = int(np.argmin(variances))
     if variances[least] < 0:
@@ -83,7 +83,7 @@ def covariance_root(covariance: Array) -> Array:
 
 
 def gram_inverse_root(columns: Array) -> Array:
-    """Return R with R R' = (S'S)^+ for tall columns S, (n, n_columns), whatever their sizes; zero for a zero column."""
+    """Return R with R R' = (S'S)^+ for tall columns S, (n, n_columns), of any size; zero for a zero column."""
     norms = np.linalg.norm(columns, axis=0)
     norms[norms == 0.0] = 1.0
     return np.asarray(np.linalg.pinv(np.linalg.qr(columns / norms, mode="r")) / norms[:, None])

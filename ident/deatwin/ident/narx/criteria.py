@@ -1,4 +1,4 @@
-"""How many terms a model should have: information criteria, cross-validation, the free-run error on unseen samples."""
+"""Choose the number of terms: information criteria, cross-validation, free-run error on held-out samples."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ CRITERIA: Mapping[str, Callable[[float, float, int, int, int], float]] = Mapping
 
 
 def criterion_values(name: str, steps: Sequence[SelectionStep], target: Array, candidates: int) -> Array:
-    """Return a criterion after each step of a selection. Shapes: `target` (n_samples,); returns (n_steps,)."""
+    """Return the value of a criterion after each selection step. Shapes: `target` (n_samples,); returns (n_steps,)."""
     n = target.size
     # A residual at rounding level carries no information: let it not buy further terms.
     floor = float(np.finfo(float).eps ** 2 * (target @ target)) / n
@@ -49,7 +49,9 @@ def criterion_values(name: str, steps: Sequence[SelectionStep], target: Array, c
 def split(
     recordings: Sequence[Recording], share: float, first: int
 ) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
-    """Split recordings into beginnings for training and ends for testing; each must exceed the largest lag `first`."""
+    """Split recordings into a first part for training and a last part for testing, each longer than the largest lag
+    `first`.
+    """
     training, held_out = [], []
     for number, record in enumerate(recordings, start=1):
         cut = record.n_samples - round(share * record.n_samples)
@@ -64,7 +66,7 @@ def split(
 
 
 def free_run_errors(data: Regression, recordings: Sequence[Recording], theta: Array) -> Array:
-    """Mean squared free-run errors (n_models,) of one equation, other outputs as measured."""
+    """Return mean squared free-run errors (n_models,) of one equation; other outputs are taken as measured."""
     chosen = np.tile(np.arange(theta.shape[1]), (len(theta), 1))
     total, samples = np.zeros(len(theta)), 0
     for record in recordings:

@@ -1,4 +1,4 @@
-"""What drives a free run: a recording, or inputs alone with the outputs that the run starts from."""
+"""The signals that drive a free run: a recording, or inputs with initial outputs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Drive:
-    """Inputs of a free run and the outputs that it starts from."""
+    """Inputs of a free run, and the outputs from which it starts."""
 
     inputs: Array  # shape (n_inputs, n): Inputs
     outputs: Array  # shape (n_outputs, n): Outputs, of which the samples before ``first`` count
@@ -92,7 +92,7 @@ def _numbers(values: ArrayLike, what: str) -> Array:
 
 
 def _inputs(given: ArrayLike, names: Sequence[str]) -> Array:
-    """Return bare inputs as rows."""
+    """Return inputs as rows."""
     inputs = _numbers(given, "inputs")
     count = len(names)
     rows = inputs[None] if inputs.ndim == 1 and count == 1 else inputs
@@ -110,7 +110,7 @@ def _inputs(given: ArrayLike, names: Sequence[str]) -> Array:
 
 
 def _initial(initial: ArrayLike, n_outputs: int, fewest: int) -> Array:
-    """Return the outputs before a run, shape (n_outputs, m), without what is not known after them."""
+    """Return the outputs before a run, shape (n_outputs, m), up to the first unknown one."""
     values = _numbers(initial, "initial")
     rows = values[None] if values.ndim == 1 and n_outputs == 1 else values
     if rows.ndim != 2 or rows.shape[0] != n_outputs:

@@ -72,7 +72,7 @@ class Centred:
 
     @classmethod
     def of(cls, rows: Array, target: Array) -> Centred:
-        """Take the constant out, if there is one. Shapes: `rows` (n_terms, n_samples); `target` (n_samples,)."""
+        """Remove the constant, if there is one. Shapes: `rows` (n_terms, n_samples); `target` (n_samples,)."""
         constants = np.flatnonzero((np.ptp(rows, axis=1) == 0) & (rows[:, 0] != 0))
         if constants.size == 0:
             return cls(rows, target, None, 1.0, np.zeros(len(rows)), 0.0)
@@ -83,11 +83,11 @@ class Centred:
 
     @property
     def freedom(self) -> int:
-        """Samples less the parameter of the constant."""
+        """Number of samples minus one for the constant, if there is one."""
         return self.target.size - (self.constant is not None)
 
     def complete(self, theta: Array, root: Array, variance: float) -> Estimate:
-        """Put the constant, mean(y) - mean(P) theta, back. Shapes: `theta` (n_others,); `root` (n_others, n_others)."""
+        """Add the constant, mean(y) - mean(P) theta. Shapes: `theta` (n_others,); `root` (n_others, n_others)."""
         if self.constant is None:
             return Estimate(theta=theta, theta_cov=root @ root.T, noise_variance=variance)
         slopes = np.vstack([-self.means / self.level, np.eye(theta.size)])

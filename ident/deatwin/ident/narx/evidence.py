@@ -1,4 +1,4 @@
-"""Exact evidence of regression structures, and the climb to one that no small change makes more probable.
+"""Compute the exact evidence of regression structures, and find one that no small change makes more probable.
 
 With theta^ the least-squares estimate of the k terms Phi of a structure and n samples, the prior
 
@@ -38,7 +38,9 @@ def log_evidence(share: Array | float, n_terms: int, n_samples: int) -> Array:
 
 
 def log_prior(n_terms: int, n_candidates: int) -> float:
-    """ln p(structure), nats, alike for all numbers of terms (Scott, Berger, Ann. Statist. 38 (2010) 2587)."""
+    """Return ln p(structure), nats, with equal probability for each number of terms (Scott, Berger, Ann. Statist. 38
+    (2010) 2587).
+    """
     m = n_candidates
     k = min(n_terms, m // 2)
     return float(gammaln(k + 1) + gammaln(m - k + 1) - gammaln(m + 1)) - log(m + 1)
@@ -63,7 +65,9 @@ def log_odds(data: Statistics, chosen: Indices) -> float:
 
 
 def climb(data: Statistics, start: Indices) -> Iterator[Move]:
-    """Yield moves (one term less, more, or exchanged) to the most probable neighbour until none is more probable."""
+    """Move to the most probable neighbour (one term less, more, or exchanged) until none is more probable; yield the
+    moves.
+    """
     move = Move(chosen=np.sort(start), removed=None, added=None, log_odds=log_odds(data, start))
     yield move
     while move.log_odds > -np.inf:
@@ -95,7 +99,9 @@ def _best_neighbour(data: Statistics, chosen: Indices) -> Move:
 
 
 def _posterior(data: Statistics, left: Array | float, n_terms: int) -> Array:
-    """Return ln p(structure | y) - ln p(no term | y) of structures of n_terms terms that leave some of y'y."""
+    """Return ln p(structure | y) - ln p(no term | y) of structures of n_terms terms with given residual sums of
+    squares.
+    """
     candidates = data.moment.size
     if not 0 < n_terms < min(data.n_samples, candidates + 1):
         return np.full(np.shape(left), -np.inf)
@@ -106,7 +112,7 @@ def _posterior(data: Statistics, left: Array | float, n_terms: int) -> Array:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Fit:
-    """Least-squares fit of some terms, with the component of every candidate orthogonal to them."""
+    """Least-squares fit of some terms, with the part of every candidate that is orthogonal to them."""
 
     theta: Array  # shape (n_terms,): Parameters
     inverse: Array  # shape (n_terms,): Diagonal of (Phi'Phi)^-1
@@ -138,11 +144,11 @@ class _Fit:
 
     @property
     def left_without(self) -> Array:
-        """Sum of squares that is left when one term goes, shape (n_terms,)."""
+        """Return the residual sum of squares without each term, shape (n_terms,)."""
         return np.asarray(self.left + self.theta**2 / self.inverse)
 
     def gains(self) -> Array:
-        """By how much each candidate lessens what is left, shape (n_candidates,)."""
+        """Return by how much each candidate reduces the residual sum of squares, shape (n_candidates,)."""
         return self._gains(self.moment, self.beyond)
 
     def gains_without(self) -> Array:
@@ -152,6 +158,6 @@ class _Fit:
         return self._gains(self.moment + back * self.theta[:, None], self.beyond + back * self.shares)
 
     def _gains(self, moment: Array, beyond: Array) -> Array:
-        """Gains; minus infinity for a candidate that is a combination of the terms, as each of themselves is."""
+        """Return gains; minus infinity for a candidate that depends linearly on the terms."""
         new = beyond > _DEPENDENT * self.squares
         return np.divide(moment**2, beyond, out=np.full(beyond.shape, -np.inf), where=new)

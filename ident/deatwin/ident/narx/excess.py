@@ -1,4 +1,4 @@
-"""How much worse than least squares on its own terms a fitted model predicts one step ahead."""
+"""Compare the one-step error of a fitted model with that of least squares on the same terms."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def excess_notes(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str
 
 
 def noisy_products(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str, ...]:
-    """Return a sentence on products of several noisy outputs, which stand for noise as well as for the plant."""
+    """Return a warning about products of several noisy outputs, which represent noise as well as the plant."""
     products = {v.index for term in model.terms if term.degree > 1 for v, _ in term.factors if v.kind == "y"}
     if model.n_outputs == 1 or not products:
         return ()
@@ -62,7 +62,7 @@ def noisy_products(model: NarxModel, recordings: Sequence[Recording]) -> tuple[s
 
 
 def _note(name: str, error: float, least: float) -> str:
-    """Say how much larger an error is than that of least squares, both in standard deviations of the output."""
+    """State how much larger an error is than that of least squares, both in standard deviations of the output."""
     if least <= _RESOLVED:  # a ratio to rounding says nothing
         excess = f"{error:.2g} of its standard deviation, where least squares on the same terms leaves only rounding"
     elif error < 2.0 * least:

@@ -214,7 +214,7 @@ def excitation(recording: Recording) -> Excitation:
 
 
 def _power(recording: Recording) -> NDArray[np.float64]:
-    """Of the lines of the input's spectrum, from 0 Hz on, one over the duration apart."""
+    """Return the power at each spectral line of the input, from 0 Hz; lines are 1 / duration apart."""
     command = recording.inputs[0]
     if not np.ptp(command) > 0.0:
         raise DataError(f"{label(recording)}: the input is constant: it excites nothing")
@@ -234,7 +234,7 @@ def _last_line(power: NDArray[np.float64]) -> int:
 
 
 def highest_excited_Hz(provenance: Mapping[str, str]) -> float | None:
-    """Below this frequency, Hz, the training input has 99 % of its power, as a model's provenance tells."""
+    """Return the frequency, Hz, below which the training input has 99 % of its power, from the model's provenance."""
     written = provenance.get(BAND_KEY)
     try:
         return None if written is None else float(written)

@@ -1,4 +1,4 @@
-"""A NARX model as C source: one sample a call, in free run."""
+"""Write a NARX model as C source, which simulates one sample per call."""
 
 from __future__ import annotations
 
@@ -174,12 +174,12 @@ def _head(model: NarxModel, inputs: tuple[Signal, ...], outputs: tuple[Signal, .
 
 
 def _depth(model: NarxModel, kind: str) -> int:
-    """Samples of the past that are kept; an array has one at least."""
+    """Return how many past samples are kept, at least one, because a C array cannot be empty."""
     return max((v.reach for v in model.table.variables if v.kind == kind), default=0) or 1
 
 
 def _sums(model: NarxModel, name: str) -> list[str]:
-    """A sum of terms for each output, in the order of the terms, so that rounding is that of the model."""
+    """Write a sum of terms for each output, in the model's order, so that rounding is the same."""
     lines = []
     for row in range(model.n_outputs):
         products = [
@@ -214,7 +214,7 @@ def _factors(term: Term, model: NarxModel, name: str) -> list[str]:
 
 
 def _functions(model: NarxModel, name: str) -> str:
-    """The functions of signals that the terms hold."""
+    """Return the functions of signals in the terms."""
     shapes = {v.shape.name: v.shape for v in model.table.functions if v.shape is not None}
     for shape in shapes.values():
         if not shape.source:

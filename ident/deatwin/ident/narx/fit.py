@@ -1,4 +1,4 @@
-"""How well outputs of a model agree with the measured ones."""
+"""Measure the agreement of model outputs with measured outputs."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Fit:
 
     @classmethod
     def of(cls, responses: Sequence[NarxResponse]) -> Fit:
-        """Return the fit over all recordings, infinite if a free run diverged."""
+        """Compute the agreement over all recordings; errors are infinite if a free run diverged."""
         residuals = np.concatenate([response.residuals for response in responses], axis=1)
         measured = np.concatenate([response.measured[:, response.first :] for response in responses], axis=1)
         square = np.sum(residuals**2, axis=1)
@@ -42,7 +42,7 @@ class Fit:
 
     @classmethod
     def read(cls, document: Mapping[str, Sequence[float | None]]) -> Fit:
-        """Return the fit that `document` describes."""
+        """Return the fit from the data that `document` returned."""
         return cls(**{name: np.array([math.inf if v is None else v for v in document[name]]) for name in _WRITTEN})
 
     @property
@@ -52,7 +52,7 @@ class Fit:
 
     @property
     def percent(self) -> Array:
-        """100 (1 - nrmse), shape (n_outputs,); 100 is perfect, the mean of the output gives 0."""
+        """100 (1 - nrmse), shape (n_outputs,): 100 for a perfect model, 0 for the mean of the output."""
         return np.asarray(100.0 * (1.0 - self.nrmse), dtype=np.float64)
 
     @property
@@ -78,7 +78,7 @@ def gain_error(responses: Sequence[NarxResponse]) -> tuple[float, float] | None:
 
 
 def _variance_of_sum(values: Array) -> float:
-    """Variance of the sum of a correlated series about zero."""
+    """Return the variance of the sum of a correlated series with mean zero."""
     size = 1 << (2 * values.size - 1).bit_length()
     sums = np.fft.irfft(np.abs(np.fft.rfft(values, size)) ** 2, size)[: values.size]
     pairs = sums[: sums.size // 2 * 2].reshape(-1, 2).sum(axis=1)

@@ -1,4 +1,4 @@
-"""Forward selection by orthogonal least squares: the error reduction ratio of each choice, step by step."""
+"""Forward selection by orthogonal least squares: each step chooses the term with the largest error reduction ratio."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def forward_selection(
 
 
 def _renew(rows: Array, which: NDArray[np.intp], basis: Array, left: Array) -> tuple[Array, Array]:
-    """Replace some rows by their parts orthogonal to basis; return their squared norms and products with left."""
+    """Replace rows by their parts orthogonal to a basis; return their squared norms and products with the residual."""
     norms, products = np.empty(which.size), np.empty(which.size)
     for start in range(0, which.size, _ROWS):
         part = slice(start, start + _ROWS)
@@ -90,7 +90,7 @@ def _renew(rows: Array, which: NDArray[np.intp], basis: Array, left: Array) -> t
 
 
 def _orthogonal(vectors: Array, basis: Array) -> Array:
-    """Return the part of vectors (rows) that is orthogonal to the orthonormal rows of basis; twice is enough."""
+    """Return the parts of row vectors that are orthogonal to the orthonormal rows of a basis; two passes suffice."""
     once = vectors - (vectors @ basis.T) @ basis
     return np.asarray(once - (once @ basis.T) @ basis, dtype=np.float64)
 

@@ -1,6 +1,6 @@
-"""NARX models along their own past: free runs, innovations, and the simulation errors of many models.
+"""Simulate NARX models from their own past outputs: free runs, innovations, and the errors of many models.
 
-Terms are split into factors that are known beforehand and products of the signal that is marched. The march is a
+Terms are split into factors that are known beforehand and products of the simulated signal. The march is a
 small C kernel, compiled once per user, where a C compiler is found, and plain Python elsewhere.
 """
 
@@ -64,7 +64,7 @@ def innovations(
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class March:
-    """Terms over one recording, arranged for a recursion over samples."""
+    """Terms over one recording, arranged for a recursion over its samples."""
 
     known: Array  # shape (n_known, n): Signals that are known beforehand
     start: Array  # shape (n_marched, n): The signals to compute, of which the samples before ``first`` are used
@@ -99,7 +99,7 @@ class March:
             return v.kind == marched and alone in (None, v.index)
 
         def row_of(v: Variable) -> int:
-            """Row of a variable's values, which those of a function get when it is first met."""
+            """Return the row of a variable's values; a function gets its row when it first occurs."""
             row = begins[v.kind] + v.index if not marches(v) else v.index if alone is None else 0
             if v.shape is None:
                 return row
@@ -182,7 +182,7 @@ class March:
         return sums
 
     def _plain_errors(self, chosen: Integers, theta: Array, limit: float, stops: Integers) -> Array:
-        """Sums of squared errors of one model, without the kernel."""
+        """Return the sum of squared errors of one model, without the kernel."""
         x = self.start.copy()
         if self._plain(chosen, theta, None, limit, x) < x.shape[1]:
             return np.full(stops.size, math.inf)
@@ -190,7 +190,7 @@ class March:
         return np.diff(total[[self.first, *stops]])
 
     def _plain(self, chosen: Integers, theta: Array, base: Array | None, limit: float, x: Array) -> int:
-        """What the kernel does, in plain floats; returns the sample of the divergence, or n."""
+        """Run the recursion in Python; return the sample of the divergence, or n."""
         n = x.shape[1]
         slots = list(dict.fromkeys((int(self.equations[i]), int(self.monomial[i])) for i in chosen))
         coefficients = np.zeros((len(slots), n - self.first))
@@ -222,7 +222,7 @@ class March:
 
     @cached_property
     def _tables(self) -> _Terms:
-        """The terms as the kernel reads them."""
+        """Return the terms in the kernel's format."""
         n = self.start.shape[1]
         shapes = [
             (
@@ -243,21 +243,23 @@ class March:
 
     @property
     def n_outputs(self) -> int:
-        """Number of the signals with equations."""
+        """Number of signals that have equations."""
         return self.start.shape[0] - len(self.derived)
 
     @property
     def _kernel(self) -> ctypes.CDLL | None:
-        """The compiled kernel; None without a compiler, or where a function is known to Python alone."""
+        """Return the compiled kernel; None without a compiler, or if a function exists only in Python."""
         return _kernel(compiler()) if all(shape.source for _, shape in self.derived) else None
 
     def _work(self, n_terms: int) -> tuple[Integers, Array]:
-        """Memory that the kernel works in."""
+        """Return working memory for the kernel."""
         return np.empty(3 * n_terms + self.n_outputs, dtype=np.int64), np.empty(max(n_terms, 1) * _BLOCK)
 
 
 def _flat(products: Sequence[Factors], n: int) -> tuple[Integers, Integers]:
-    """Products one after another: where each starts, and the offset of each factor from sample k of the first row."""
+    """List products one after another: the start of each, and the offset of each factor from sample k of the first
+    row.
+    """
     starts = np.array([0, *accumulate(len(product) for product in products)], dtype=np.int64)
     offsets = np.array([row * n - lag for product in products for row, lag in product] or [0], dtype=np.int64)
     return starts, offsets

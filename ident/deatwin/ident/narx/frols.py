@@ -135,7 +135,7 @@ class Frols(CandidateSearch):
         return kept.model(found.theta, found.theta_cov, found.noise_variance, identifier=self, theta_dof=found.dof)
 
     def _select(self, rows: Array, target: Array, progress: Progress) -> list[SelectionStep]:
-        """Choose terms one by one; an interrupt keeps those that are chosen already."""
+        """Choose terms one by one; after an interrupt, keep those already chosen."""
         steps: list[SelectionStep] = []
         share = 0.2 if self.criterion == "free_run" else 1.0
         try:
@@ -150,7 +150,7 @@ class Frols(CandidateSearch):
         return steps
 
     def _free_run_errors(self, path: Regression, held_out: tuple[Recording, ...], progress: Progress) -> Array:
-        """Return the mean squared held-out free-run errors of the models with the first 1, 2, ... terms of the path."""
+        """Return mean squared free-run errors on held-out data of models with the first 1, 2, ... chosen terms."""
         rows, target = path.matrix()
         errors = np.full(len(rows), np.inf)
         try:

@@ -1,4 +1,4 @@
-"""Growth from a linear model by the free-run error: terms added, taken out again, and counted on held-out samples."""
+"""Grow a model from a linear one by the free-run error: add terms, remove some again, judge on held-out samples."""
 
 from __future__ import annotations
 
@@ -145,11 +145,11 @@ class Grow(CandidateSearch):
         return data  # its linear start has a constant in any case
 
     def _notes(self, recordings: tuple[Recording, ...]) -> tuple[str, ...]:
-        """Only late inputs: an error one step ahead above that of least squares is what its parameters are for."""
+        """Return only the note on late inputs; a one-step error above that of least squares is intended here."""
         return noisy_products(self.model_, recordings) + late_inputs(self.model_, recordings)
 
     def _parts(self, data: Regression) -> list[Regression]:
-        """Cut every recording into so many parts; the first of each make the first regression, and so on."""
+        """Cut every recording into parts; the first parts form the first regression, and so on."""
         shortest = min(record.n_samples for record in data.recordings) // self.parts
         if self.parts > 1 and shortest * min(self.held_out, 1 - self.held_out) <= data.first + 1:
             raise ModelError(
@@ -165,7 +165,7 @@ class Grow(CandidateSearch):
 
     @contextmanager
     def _interrupt_noted(self) -> Iterator[None]:
-        """End what is done inside on Ctrl-C, and say so in the status."""
+        """End the inner work on Ctrl-C, and state that in the status."""
         try:
             yield
         except KeyboardInterrupt:
@@ -199,18 +199,18 @@ class Grow(CandidateSearch):
 
 
 def _renamed(step: GrowStep, named: Mapping[Term, Term]) -> GrowStep:
-    """Return a step with other terms in place of its own."""
+    """Return a step with its terms replaced by others."""
     added, pruned, terms = (tuple(named[term] for term in each) for each in (step.added, step.pruned, step.terms))
     return replace(step, added=added, pruned=pruned, terms=terms)
 
 
 def _part_of(progress: Progress, part: int, parts: int) -> Progress:
-    """Return what takes the progress of the search on one part of several."""
+    """Return a progress function for one of several parts."""
     return lambda share, doing: progress((part + _SEARCH * share) / parts, doing)
 
 
 def _refined(best: NarxModel | None, part: Regression, whole: Regression) -> NarxModel | None:
-    """Return a model refined on its part and then on all recordings; None if there is none, or it diverges there."""
+    """Refine a model on its part and then on all recordings; return None if there is none, or it diverges there."""
     if best is None:
         return None
     with suppress(ModelError):

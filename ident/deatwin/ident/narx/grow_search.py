@@ -1,4 +1,4 @@
-"""The search of `Grow` on one part of the recordings: a linear model, its growth, and the way back."""
+"""The search of `Grow` on one part of the recordings: a linear model, growth, and pruning."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class GrowStep:
 
 
 class GrowSearch:
-    """Search on recordings of one output; an interrupt reaches the caller, and what was found until then is kept."""
+    """The search on recordings of one output; after an interrupt, which the caller receives, its results are kept."""
 
     def __init__(self, data: Regression, *, max_terms: int, held_out: float) -> None:
         self.max_terms = max_terms
@@ -76,7 +76,7 @@ class GrowSearch:
                 self._take(smaller, 1.0 - 0.5 * len(smaller.terms) / len(turn.terms), progress)
 
     def best(self) -> NarxModel | None:
-        """Return the model with no more terms than allowed that runs best over the held-out samples; None if none does."""
+        """Return the model within the allowed number of terms that simulates held-out samples best; None if all fail."""
         allowed = [
             (max(step.held_out_error, _ROUNDING * self.data.output_scale), len(step.terms), number)
             for number, step in enumerate(self.path)
@@ -85,7 +85,7 @@ class GrowSearch:
         return self.models[min(allowed)[2]] if allowed else None
 
     def _take(self, model: NarxModel, share: float, progress: Progress) -> None:
-        """Put a model on the path."""
+        """Add a model to the path."""
         before = self.path[-1].terms if self.path else ()
         self.models.append(model)
         self.path.append(
@@ -142,7 +142,7 @@ def linear_start(data: Regression) -> NarxModel:
 
 
 def _stable(theta: Array, data: Regression) -> Array:
-    """Return parameters whose slowest pole dies out within the samples: all poles are moved by one factor."""
+    """Return parameters for which the slowest pole decays within the samples, by scaling all poles with one factor."""
     lags = np.array([sum(v.lag for v in term.expanded if v.kind == "y") for term in data.table.terms])
     polynomial = np.zeros(lags.max() + 1)
     polynomial[0] = 1.0

@@ -35,7 +35,7 @@ _UNDETERMINED = 1e-9
 
 
 def white(model: NarxModel, data: Regression) -> bool:
-    """Return True if the one-step errors of a model are white, as least squares assumes."""
+    """Return whether the one-step errors of a model are white, as least squares assumes."""
     residuals = [model.predict(record).residuals for record in data.recordings]
     shortest = min(e.shape[1] for e in residuals)
     lags = min(_LAGS, shortest // 5)
@@ -73,7 +73,9 @@ def _beyond_chance(model: NarxModel, larger: NarxModel, data: Regression) -> boo
 
 
 def smallest_adequate(errors: Array, level: float) -> int:
-    """First model of a path from which on none is significantly worse than the best; (n_models, n_sections)."""
+    """Return the first model of a path from which on no model is significantly worse than the best; (n_models,
+    n_sections).
+    """
     best = int(np.argmin(errors.sum(axis=1)))
     if not np.isfinite(errors[best].sum()):
         return 0
@@ -82,7 +84,7 @@ def smallest_adequate(errors: Array, level: float) -> int:
 
 
 def worse(errors: Array, than: Array, level: float) -> Booleans:
-    """True where errors (..., n_sections) are significantly larger; at ``level=0.5`` every difference counts."""
+    """Return where errors (..., n_sections) are significantly larger; at ``level=0.5`` every difference counts."""
     from scipy.special import stdtrit
 
     difference = errors - than
@@ -116,5 +118,5 @@ def run_errors(model: NarxModel, data: Regression) -> list[Array]:
 
 
 def _by_sections(values: Sequence[Array], sections: Sequence[int]) -> list[Array]:
-    """Cut what there is of each recording into so many sections along the samples."""
+    """Cut the samples of each recording into a number of sections."""
     return [part for one, count in zip(values, sections, strict=True) for part in np.array_split(one, count)]

@@ -1,4 +1,4 @@
-"""Predictions several steps ahead of a NARX model: short free runs, one from each measured sample."""
+"""Predict several steps ahead: a short free run from each measured sample."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def steps_ahead(
 def _runs(
     table: TermTable, weights: Array, signals: dict[str, Array], steps: int, limit: float, part: slice
 ) -> tuple[Array, Booleans]:
-    """March the runs whose first computed samples are ``max_lag`` + those of ``part``; return where each ends."""
+    """Simulate the runs whose first computed samples are ``max_lag`` + those of ``part``; return their last outputs."""
     first, last = table.max_lag + part.start, table.max_lag + part.stop
     state = signals["y"][:, max(first - 1, 0) : max(last - 1, 0)] if first else np.zeros((len(weights), last))
     lost = np.zeros(last - first, dtype=np.bool_)

@@ -1,4 +1,4 @@
-"""What all NARX estimators share: scikit-learn's contract, several outputs, progress and interruption."""
+"""Common base of all NARX estimators: scikit-learn's contract, several outputs, progress and interruption."""
 
 from __future__ import annotations
 
@@ -203,13 +203,13 @@ class NarxIdentifier(Identifier, ABC):
         return self
 
     def _learn_all(self, data: list[Regression], progress: Progress) -> NarxModel:
-        """Return the model of all outputs, about their rest where signals lie far from zero."""
+        """Return the model of all outputs, relative to their rest if signals lie far from zero."""
         model = self._learn_each(data, progress)
         resting = self._resting(data, model) if self.status_.ok else data
         return model if resting is data else self._learn_each(resting, progress)
 
     def _resting(self, data: list[Regression], model: NarxModel) -> list[Regression]:
-        """Return the regressions about the rest of a model, where they are about origins that the data gave."""
+        """Return the regressions relative to the rest of a model, if they use origins from the data."""
         return about_rest(data, model)
 
     def _learn_each(self, data: list[Regression], progress: Progress) -> NarxModel:
@@ -223,13 +223,13 @@ class NarxIdentifier(Identifier, ABC):
         return NarxModel.joined([one.model_ for one in self.equations_])
 
     def _fitted_clone(self, data: Regression, progress: Progress) -> Self:
-        """Return an estimator of the same arguments that has learned one equation."""
+        """Return a clone of the estimator that has learned one equation."""
         one = type(self)(**self.get_params(deep=False))
         one.model_, one.notes_ = one._learn_all([data], progress), ()
         return one
 
     def _regression(self, recordings: Recordings, output: int) -> Regression:
-        """Return the regression on all candidates of one output's equation, about origins that its data give."""
+        """Return the regression on all candidates of one equation, relative to origins from its data."""
         candidates = Regression.of(
             recordings,
             output_lags=self.output_lags,
@@ -242,17 +242,17 @@ class NarxIdentifier(Identifier, ABC):
         return about_data(candidates)
 
     def _notes(self, recordings: tuple[Recording, ...]) -> tuple[str, ...]:
-        """Return what is to be known about the fit to these recordings."""
+        """Return the notes on the fit to these recordings."""
         model = self.model_
         return excess_notes(model, recordings) + noisy_products(model, recordings) + late_inputs(model, recordings)
 
     @abstractmethod
     def _check(self) -> None:
-        """Raise ModelError where an argument makes no sense."""
+        """Raise ModelError if an argument makes no sense."""
 
     @abstractmethod
     def _learn(self, data: Regression, progress: Progress) -> NarxModel:
-        """Set what is learned and return the model of one equation."""
+        """Learn one equation, set the results, and return its model."""
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -267,9 +267,9 @@ class CandidateSearch(NarxIdentifier):
 
 
 def silent(share: float, doing: str) -> None:
-    """Ignore progress."""
+    """Ignore all progress."""
 
 
 def _part_of(progress: Progress, part: int, parts: int) -> Progress:
-    """Return what takes the progress of one part of several."""
+    """Return a progress function for one of several parts."""
     return lambda share, doing: progress((part + share) / parts, f"output {part + 1}: {doing}")

@@ -1,4 +1,4 @@
-"""Estimates of the parameters of a known structure, beside `Fixed` and `Narmax`."""
+"""Further estimators for the parameters of a known structure, besides `Fixed` and `Narmax`."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def fit_variational(terms: tuple[Term, ...], recording: Recording) -> NarxModel:
 
 
 def fit_with_noise(terms: tuple[Term, ...], noise_terms: tuple[Term, ...], recording: Recording) -> NarxModel:
-    """Fit known terms and known noise terms by the least prediction error."""
+    """Fit known process and noise terms by the smallest prediction error."""
     process = Regression.on(recording, TermTable(terms))
     found = prediction_error_fit(process, noise_terms).estimate
     whole = replace(process, table=TermTable(terms + noise_terms))

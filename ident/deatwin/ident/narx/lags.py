@@ -1,4 +1,4 @@
-"""Lags of candidate terms, as they are given: for all channels of a kind, or for each by itself."""
+"""Read lags of candidate terms, which are given for all channels of a kind or for each separately."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""The LASSO's path of NARX structures, refitted by least squares and judged by their free run over unseen samples."""
+"""Follow the LASSO's path of structures, refit each by least squares, and judge it by its free run on held-out
+samples.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,7 @@ _SAMPLES = 4096  # standardised at once
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LassoPath(Described):
-    """Where the LASSO's path bends: a term enters or leaves at each knot."""
+    """Knots of the LASSO's path, at which terms enter or leave."""
 
     terms: tuple[Term, ...]  # The candidates that take part; the constant does not, for it is not penalised
     penalties: Array = field(metadata=coordinate("knot", name="penalty"))
@@ -152,7 +154,7 @@ class Lasso(CandidateSearch):
         return kept.model(found.theta, found.theta_cov, found.noise_variance, identifier=self)
 
     def _structures(self, support: list[int], constant: int | None) -> Iterator[list[int]]:
-        """Yield the structures to judge at a knot: its terms, and its terms with the constant."""
+        """Yield the structures to judge at a knot: its terms, without and with the constant."""
         if 0 < len(support) <= self.max_terms:
             yield support
         if constant is not None and len(support) < self.max_terms:
@@ -186,7 +188,7 @@ def lasso_path(rows: Array, target: Array, *, centred: bool, max_knots: int) -> 
 
 
 def _error(data: Regression, rows: Array, target: Array, held_out: tuple[Recording, ...]) -> float:
-    """Return the mean squared free-run error over unseen samples of a structure refitted by least squares."""
+    """Return the mean squared free-run error on held-out samples of a structure refitted by least squares."""
     try:
         theta = least_squares(rows, target).theta
     except ModelError:  # the regressors depend on each other

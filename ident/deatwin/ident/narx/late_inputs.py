@@ -33,7 +33,7 @@ _WHITENING = 10  # Lags of the autoregression that whitens a signal
 
 
 def late_inputs(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str, ...]:
-    """Return a sentence for each input and output between which nothing acts up to the model's last lag, but later."""
+    """Return a sentence for each input and output if the input acts only after the model's last lag."""
     from deatwin.ident.narx.preprocess.dead_time import DeadTimeStatus
 
     longest = max(record.n_samples for record in recordings)
@@ -71,7 +71,7 @@ def late_inputs(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str,
 
 @lru_cache(maxsize=1)  # several fits to the same recordings ask again
 def _dead_times(recordings: tuple[Recording, ...], row: int) -> tuple[DeadTime, ...]:
-    """Dead times of the first samples of recordings."""
+    """Return dead times from the first samples of recordings."""
     from deatwin.ident.narx.preprocess.dead_time import estimate_dead_time
 
     share = min(1.0, _FEW / sum(record.n_samples for record in recordings))
@@ -80,18 +80,18 @@ def _dead_times(recordings: tuple[Recording, ...], row: int) -> tuple[DeadTime, 
 
 
 def last_lag(terms: Iterable[Term], column: int) -> int:
-    """Last lag of an input in terms; -1 if it is not there."""
+    """Return the last lag of an input in terms; -1 if it does not occur."""
     return max((v.reach for t in terms for v, _ in t.factors if v.kind == "u" and v.index == column), default=-1)
 
 
 def _competed(model: NarxModel, column: int) -> int:
-    """Last lag of an input among the candidates that a model was chosen from; -1 if that is not known."""
+    """Return the last lag of an input among the candidates of a model; -1 if that is unknown."""
     told = model.provenance.get(LAST_INPUT_LAGS, "").split(", ")
     return int(told[column]) if len(told) == len(model.input_names) and told[column].isdecimal() else -1
 
 
 def _whitened(signals: Sequence[Array]) -> list[Array]:
-    """What an autoregression of all signals together leaves of each; the first samples are zero."""
+    """Return the residual of each signal after a joint autoregression of all; the first samples are zero."""
     mean = float(np.concatenate(signals).mean())
     centred = [signal - mean for signal in signals]
     rows = [
@@ -108,7 +108,7 @@ def _whitened(signals: Sequence[Array]) -> list[Array]:
 
 
 def _after(record: Recording, residuals: Array) -> Array:
-    """Residuals on the clock of their recording, the samples before them zero."""
+    """Return residuals on the clock of their recording, with zeros before them."""
     return np.r_[np.zeros(record.n_samples - residuals.size), residuals - residuals.mean()]
 
 

@@ -1,4 +1,4 @@
-"""Inputs of few levels: a power from their number on is a sum of lower ones on every sample, and tells nothing."""
+"""Detect inputs with few levels, for which high powers are sums of lower ones and give no information."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def few_levels(values: Array, most: int) -> Array:
 
 
 def _blurred_levels(values: Array, most: int) -> Array:
-    """Return the few levels around which white noise scatters resting readings; a moving signal has none."""
+    """Return the few levels around which white noise scatters readings at rest; None for a moving signal."""
     span = float(np.ptp(values))
     still = np.abs(np.diff(values)) <= 4.0 * _SCATTER * span
     resting = np.append(still, True) & np.append(True, still)
@@ -54,7 +54,7 @@ def _blurred_levels(values: Array, most: int) -> Array:
 
 
 def without_repeated_powers(terms: Sequence[Term], recordings: Sequence[Recording]) -> tuple[Term, ...]:
-    """Leave out candidates that equal lower-degree ones: an input with levels l obeys ``prod(u - l) = 0``."""
+    """Remove candidates that equal lower ones, because an input with levels l obeys ``prod(u - l) = 0``."""
     degree = max((term.degree for term in terms), default=0)
     relations: dict[int, Array] = {}
     for row in range(len(recordings[0].inputs)):
@@ -66,7 +66,7 @@ def without_repeated_powers(terms: Sequence[Term], recordings: Sequence[Recordin
 
 
 def said_of_levels(name: str, count: int) -> str:
-    """Return a sentence that says what an input with few levels cannot show."""
+    """Return a sentence on what an input with few levels cannot show."""
     if count == 1:
         return f"{name} is constant, so the recording does not show its effect"
     shown = "curvature" if count == 2 else f"power from the {count}th on" if count > 3 else "third power or higher one"
@@ -85,7 +85,7 @@ def remarks_on_levels(recordings: Sequence[Recording], degree: int) -> tuple[str
 
 
 def _repeats(term: Term, variable: Variable, power: int, relations: dict[int, Array], there: set[Term]) -> bool:
-    """Whether a term is a sum of others that are there, by the relation of one of its inputs."""
+    """Return whether a term is a sum of other terms by the level relation of one of its inputs."""
     relation = relations.get(variable.index) if variable.kind == "u" and variable.shape is None else None
     if relation is None or power < relation.size - 1:
         return False

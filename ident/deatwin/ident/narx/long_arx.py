@@ -48,7 +48,7 @@ class LongArx:
     n_samples: int  # Number of residuals
 
     def lags(self, which: int) -> range:
-        """Lags of an input, the largest first: what the shorter ones tell beyond the longer ones is tested."""
+        """Lags of an input, the largest first, so that each test asks what a shorter lag adds to the longer ones."""
         return range(self.longest, self.shortest[which] - 1, -1)
 
     @property
@@ -81,7 +81,7 @@ class LongArx:
         return cls(signals, tuple(shortest), longest, order, a, by_lag(theta), by_lag(std), variance, target.size)
 
     def hides(self, which: int) -> bool:
-        """Return whether an input acts, but with lags so alike that none of them can be seen to act by itself."""
+        """Return whether an input acts although its lags are too similar for any of them to be significant alone."""
         from scipy.special import fdtrc
 
         others = self._others(which)
@@ -108,7 +108,7 @@ class LongArx:
         return found
 
     def _others(self, which: int) -> list[Array]:
-        """The lagged other inputs."""
+        """Return the lagged other inputs."""
         return [_inputs(self.signals, i, self.lags(i)) for i in range(self.b.shape[0]) if i != which]
 
 
@@ -150,20 +150,20 @@ def answer_chance(signals: Signals, which: int, longest: int) -> float:
 
 
 def _at_once(signals: Signals, which: int, longest: int) -> float:
-    """Return the coefficient of an input in the same sample; 0 where there are too few samples to tell."""
+    """Return the coefficient of an input in the same sample; 0 if there are too few samples."""
     n_inputs = signals[0][0].shape[0]
     longest = enough_lags(signals, n_inputs, longest)
     return float(LongArx.of(signals, longest, shortest=[0] * n_inputs).b[which, 0]) if longest else 0.0
 
 
 def _hold(signals: Signals, which: int) -> int:
-    """The most samples that go whole times into every time for which an input is held."""
+    """Return the largest number of samples that divides all times for which an input is held."""
     changes = [np.flatnonzero(np.diff(inputs[which])) for inputs, _ in signals]
     return int(np.gcd.reduce(np.concatenate([[0], *map(np.diff, changes)]).astype(int))) or 1
 
 
 def _on_clock(values: Array, hold: int) -> NDArray[np.bool_]:
-    """Samples at which an input that is held for `hold` samples, or whole multiples, may change, shape (n,)."""
+    """Return samples at which an input held for multiples of `hold` samples may change, shape (n,)."""
     first = int(np.argmax(np.diff(values) != 0.0)) + 1
     return np.arange(values.size) % hold == first % hold
 
@@ -210,7 +210,7 @@ class _Scores:
 
 
 def enough_lags(signals: Signals, n_inputs: int, wanted: int) -> int:
-    """Return the largest number of lags, up to `wanted`, for which there are enough samples; 0 for none."""
+    """Return the largest number of lags, up to `wanted`, for which there are enough samples; 0 if none."""
     for longest in range(wanted if n_inputs else 0, 0, -1):
         if n_residuals(signals, longest) >= _FOR_EACH * (1 + min(_OUTPUT_LAGS, longest) + n_inputs * (longest + 1)):
             return longest
@@ -223,7 +223,7 @@ def n_residuals(signals: Signals, longest: int) -> int:
 
 
 def _order(columns: Array, fixed: int) -> int:
-    """Number of output lags by Akaike's criterion: the triangle has the residual of each number of columns."""
+    """Return the number of output lags by Akaike's criterion, from the residuals in the triangular factor."""
     triangle = np.asarray(np.linalg.qr(columns, mode="r"), dtype=np.float64)
     last = triangle[:, -1] ** 2
     squares = np.cumsum(last[::-1])[::-1][fixed:-1]  # with 0, 1, ... lags of the output
@@ -233,7 +233,7 @@ def _order(columns: Array, fixed: int) -> int:
 
 
 def _inputs(signals: Signals, which: int, lags: range) -> Array:
-    """An input at some lags, shape (n, n_lags)."""
+    """Return an input at some lags, shape (n, n_lags)."""
     first = max(lags)
     return np.concatenate(
         [np.column_stack([inputs[which, first - lag : inputs.shape[1] - lag] for lag in lags]) for inputs, _ in signals]
@@ -241,7 +241,7 @@ def _inputs(signals: Signals, which: int, lags: range) -> Array:
 
 
 def _outputs(signals: Signals, longest: int) -> tuple[Array, Array]:
-    """The output at the lags 1 to 30 or `longest`, shape (n, n_lags), and the output, shape (n,)."""
+    """Return the output at the lags 1 to 30 or `longest`, shape (n, n_lags), and the output, shape (n,)."""
     lags = range(1, min(_OUTPUT_LAGS, longest) + 1)
     past = [np.column_stack([y[longest - lag : y.size - lag] for lag in lags]) for _, y in signals]
     return np.concatenate(past), np.concatenate([y[longest:] for _, y in signals])

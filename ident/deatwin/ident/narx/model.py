@@ -374,7 +374,7 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
         return response_over(drive, outputs, drive.first, self.output_units, ResponseStatus.DIVERGED, when)
 
     def _drive(self, given: Recording | ArrayLike, initial: ArrayLike | None) -> Drive:
-        """Return what drives a free run, after checking that it suits."""
+        """Return inputs and initial outputs of a free run, after a check."""
         first = self.table.max_lag
         if isinstance(given, Recording):
             alone = initial is not None or not given.output_names

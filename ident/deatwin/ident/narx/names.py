@@ -25,7 +25,7 @@ class SignalNames:
 
     @cached_property
     def _signals(self) -> dict[str, list[tuple[str, int]]]:
-        """Kind and channel of all that bear a name."""
+        """Return kind and channel of all signals with a name."""
         found: dict[str, list[tuple[str, int]]] = {}
         for kind, names in (("u", self.inputs), ("y", self.outputs)):
             for number, name in enumerate(names, start=1):
@@ -34,7 +34,7 @@ class SignalNames:
 
     @cached_property
     def factor(self) -> re.Pattern[str]:
-        """A factor of a term; its groups are name, or kind and channel, then lag and power."""
+        """Pattern of a factor of a term; its groups are name, or kind and channel, then lag and power."""
         longest_first = sorted((name for name in self._signals if name), key=len, reverse=True)
         name = "|".join(map(re.escape, longest_first)) or "(?!)"
         return re.compile(rf"\s*\*?\s*(?:({name})|([yue])(\d*))\(\s*k\s*(?:-\s*(\d+)\s*)?\)(?:\s*\^\s*(\d+))?\s*")
@@ -45,12 +45,12 @@ class SignalNames:
 
     @staticmethod
     def closing(name: str | None) -> re.Pattern[str]:
-        """The end of a function: the numbers after commas, and the power."""
+        """Pattern of the end of a function: the numbers after commas, and the power."""
         end = r"\|()" if name is None else rf"((?:\s*,\s*{_NUMBER})*)\s*\)"
         return re.compile(rf"\s*{end}(?:\s*\^\s*(\d+))?\s*")
 
     def signal(self, name: str) -> tuple[str, int]:
-        """Return kind and channel of a name."""
+        """Return kind and channel of the signal with a name."""
         kind, channel = self._signals[name][0]
         if len(self._signals[name]) > 1:
             placed = ", ".join(f"{kind}{channel or ''}" for kind, channel in self._signals[name])
@@ -58,7 +58,7 @@ class SignalNames:
         return kind, channel
 
     def unread(self, text: str, position: int) -> str:
-        """Return a message on what is wrong with a term at a position."""
+        """Return a message on what is wrong at a position of a term."""
         named = _NAMED.match(text, position)
         if named is None or not self._signals:
             return (
@@ -94,5 +94,5 @@ def symbols_of(input_names: Sequence[str], output_names: Sequence[str]) -> dict[
 
 
 def _numbers(names: Sequence[str]) -> list[str]:
-    """Number of each of several channels; a single one is written without."""
+    """Return a number for each of several channels; a single channel gets none."""
     return [str(number) for number in range(1, len(names) + 1)] if len(names) > 1 else [""] * len(names)

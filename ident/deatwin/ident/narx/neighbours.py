@@ -1,4 +1,4 @@
-"""Models that differ from a chosen one by a single term, refitted all together by least squares."""
+"""Models that differ from a chosen one by a single term, all refitted together by least squares."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class CompressedRegression:
 
     @classmethod
     def of(cls, data: Regression) -> CompressedRegression:
-        """Compress by QR, block by block: no digits are lost to a Gram matrix."""
+        """Compress by QR, block by block, which loses no digits to a Gram matrix."""
         triangle: Array = np.empty((0, len(data.table.terms) + 1))
         for rows, target in data.blocks():
             triangle = _triangle(np.vstack([triangle, np.column_stack([rows.T, target])]))
@@ -93,7 +93,7 @@ class CompressedRegression:
         )
 
     def smaller(self, chosen: Sequence[int]) -> Neighbours:
-        """Return the models with one chosen term less: with G = (R'R)^-1, i goes by theta - G_i theta_i / G_ii."""
+        """Return the models without one chosen term: with G = (R'R)^-1, i goes by theta - G_i theta_i / G_ii."""
         basis, triangle = np.linalg.qr(self.rows[list(chosen)].T)
         moments = basis.T @ self.target
         theta = solve_triangular(triangle, moments)
@@ -129,7 +129,7 @@ class CompressedRegression:
 
     @property
     def _rounding(self) -> float:
-        """Sum of squared errors that rounding alone may leave."""
+        """Sum of squared errors that rounding alone may cause."""
         return float((np.finfo(float).eps * len(self.rows)) ** 2 * (self.target @ self.target)) or 1.0
 
 

@@ -1,4 +1,4 @@
-"""Noise models: process terms of any identifier and noise terms beside them, a NARMAX model."""
+"""Noise models: noise terms are added to the process terms of any identifier, which gives a NARMAX model."""
 
 from __future__ import annotations
 
@@ -163,7 +163,7 @@ class Narmax(NarxIdentifier):
         return prediction_error_fit(process, terms, tolerance=self.tolerance, max_iterations=self.max_iterations)
 
     def _given(self, data: Regression) -> tuple[Term, ...] | None:
-        """Return the noise terms of one equation, if they are given."""
+        """Return the given noise terms of one equation; None if there are none."""
         if self.noise_terms is None:
             return None
         record = data.recordings[0]
@@ -187,7 +187,9 @@ class Narmax(NarxIdentifier):
         return terms
 
     def _choose(self, process: Regression, candidates: TermTable, noise: Sequence[Array]) -> tuple[Term, ...]:
-        """Choose noise terms by their error reduction ratio beside the process terms, at the noise so far."""
+        """Choose noise terms by their error reduction ratio, after the process terms, with the present noise
+        estimate.
+        """
         given, target = process.matrix()
         rows = noise_rows(process, candidates, noise)
         most = min(self.max_noise_terms, target.size - len(given) - 1)
@@ -204,7 +206,7 @@ class Narmax(NarxIdentifier):
 
 
 def _candidates(data: Regression, lags: tuple[int, ...], degree: int) -> TermTable:
-    """Return all products of the lagged signals of the candidates and of e that hold some e."""
+    """Return all products of the candidates' lagged signals and of e that contain e."""
     outputs = len(data.recordings[0].outputs)
     noise = [Variable("e", data.output + 1 if outputs > 1 else 0, lag) for lag in lags]
     plain = [v for v in data.table.variables if v.shape is None]

@@ -1,4 +1,4 @@
-"""Where a model was trained: the ranges and the centre of its data."""
+"""Range and centre of the data on which a model was trained."""
 
 from __future__ import annotations
 

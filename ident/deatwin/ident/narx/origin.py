@@ -1,4 +1,4 @@
-"""From where a regression counts its signals, so that neither offsets nor units change what is identified."""
+"""Choose origins for the signals of a regression, so that neither offsets nor units change the result."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def about_rest(data: list[Regression], model: NarxModel) -> list[Regression]:
 
 
 def _rest(table: TermTable, theta: Array, equations: list[int], swings: Array) -> Array | None:
-    """Return outputs y = f(y) near zero, shape (n_outputs,), counted in swings while solving; None if there is none."""
+    """Return outputs with y = f(y) near zero, shape (n_outputs,); None if there are none."""
     from scipy.optimize import root
 
     def imbalance(y: Array) -> Array:

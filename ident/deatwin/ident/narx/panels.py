@@ -1,4 +1,4 @@
-"""Panels one below the other."""
+"""Axes one below another."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The posterior law of a NARX model's parameters: intervals, densities, draws, and their export to ArviZ."""
+"""The posterior of a NARX model's parameters: intervals, densities, draws, and export to ArviZ."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ class ThetaPosterior:
 
 
 def quantile(level: float, dof: float) -> float:
-    """Return the half width, in scales, of the central interval of a Student-t or normal law."""
+    """Return the half width of the central interval of a Student-t or normal law, in units of its scale."""
     from scipy import special
 
     if not 0 < level < 1:
@@ -216,7 +216,7 @@ def _to_arviz(
     n_chains: int = 4,
     n_draws: int = 500,
 ) -> Any:
-    """Return independent draws of the posterior, and with a recording what they say of it one step ahead."""
+    """Return independent draws of the posterior and, with a recording, their one-step predictions."""
     try:
         import arviz
     except ImportError as error:
@@ -242,7 +242,7 @@ def _to_arviz(
 
 
 def _labels(model: NarxModel) -> list[str]:
-    """Return the terms as they print, with the output whose equation they stand in where there are several."""
+    """Return the terms as text, with the output of their equation if there are several."""
     if model.n_outputs == 1:
         return [str(term) for term in model.terms]
     names = model.output_names
@@ -252,7 +252,7 @@ def _labels(model: NarxModel) -> list[str]:
 def _one_step(
     model: NarxModel, recording: Recording, theta: Array, variance: Array, rng: np.random.Generator
 ) -> dict[str, dict[str, Array]]:
-    """Return new outputs and the log-likelihood of the measured ones, (n_draws, n_outputs, n), and these."""
+    """Return predicted outputs and the log likelihood of the measured ones, (n_draws, n_outputs, n), and the latter."""
     origin = model.output_origin[:, None]
     rows, measured = regressors(model, recording), recording.outputs[:, model.table.max_lag :]
     belongs = np.array(model.equations)

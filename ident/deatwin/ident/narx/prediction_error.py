@@ -1,4 +1,4 @@
-"""Estimation of process and noise terms together, by the least sum of squared prediction errors."""
+"""Estimate process and noise terms together by the smallest sum of squared prediction errors."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class NoiseStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether the noise settled."""
+        """Whether the estimation of the noise converged."""
         return self is NoiseStatus.CONVERGED
 
 
@@ -131,7 +131,7 @@ class _PredictionErrors:
         return np.vstack([self.rows, _led(self.process, _longest(self.table), noise)])
 
     def at(self, theta: Array, near: Array) -> _Point | None:
-        """Solve the recursion of e, from a guess on; None where it diverges or does not forget its start."""
+        """Solve the recursion of e from a guess; None if it diverges or does not forget its start."""
         errors, limit = near, _ROUNDING * float(np.linalg.norm(self.target))
         for _ in range(_ROUNDS):
             with np.errstate(over="ignore", invalid="ignore"):
@@ -152,7 +152,7 @@ class _PredictionErrors:
 
 
 def _starts(errors: _PredictionErrors) -> list[_Point]:
-    """Return least squares without noise terms, and with the e that this leaves in them."""
+    """Return the least-squares fit without noise terms, and one with the resulting e."""
     plain = np.linalg.lstsq(errors.rows.T, errors.target)[0]
     left = errors.target - plain @ errors.rows
     theta = np.linalg.lstsq(errors.whole(left).T, errors.target)[0]
@@ -247,7 +247,7 @@ def _filtered(bands: Sequence[Array], rows: Array) -> Array:
 
 
 def _forgets(band: Array) -> bool:
-    """Return True if e forgets its start: a disturbance of e dies out if the recording is repeated for ever."""
+    """Return whether e forgets its start: a disturbance of e decays if the recording is repeated for ever."""
     lag, n = band.shape[0] - 1, band.shape[1]
     if n <= 2 * lag:
         return True

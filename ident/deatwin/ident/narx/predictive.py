@@ -1,4 +1,4 @@
-"""Posterior predictive bands of a NARX model, one step ahead and in free run: noise and uncertain parameters."""
+"""Posterior predictive bands of a NARX model, one step ahead and in free run, from noise and parameter uncertainty."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _CHUNK = 4096  # samples whose quantiles are taken at once
 
 
 class BandStatus(Enum):
-    """Whether a band holds. The value of each member is a text that advises the user."""
+    """Whether a band is valid. The value of each member is a text that advises the user."""
 
     OK = "done"
     DIVERGED = (
@@ -39,7 +39,7 @@ class BandStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether every draw is in the band."""
+        """Whether the band includes every draw."""
         return self is BandStatus.OK
 
 
@@ -227,7 +227,7 @@ def free_run_band(
 
 
 def _readings(model: NarxModel, output_noise: ArrayLike) -> Array:
-    """Return the deviations of the noise on the readings, shape (n_outputs, 1)."""
+    """Return the standard deviation of the noise on each reading, shape (n_outputs, 1)."""
     given = np.asarray(output_noise, dtype=np.float64)
     if given.shape not in ((), (model.n_outputs,)) or not np.all((given >= 0) & np.isfinite(given)):
         raise ModelError(
@@ -240,7 +240,9 @@ def _readings(model: NarxModel, output_noise: ArrayLike) -> Array:
 def _runs(
     model: NarxModel, recording: Recording, rng: np.random.Generator, n_draws: int, readings: Array | None
 ) -> list[Array]:
-    """Noisy free runs (n_outputs, n) of draws, without the diverged; `readings` (n_outputs, 1) noise on outputs."""
+    """Return noisy free runs (n_outputs, n) of draws, without those that diverge; `readings` (n_outputs, 1) noise on
+    outputs.
+    """
     first = model.simulate(recording).first  # and checks that the recording suits
     limit = model.divergence_limit(recording.outputs)
     inputs, outputs = model.about_origin(recording.inputs, recording.outputs)

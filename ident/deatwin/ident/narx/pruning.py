@@ -1,4 +1,4 @@
-"""The steps of a variational inference that prunes terms, with pictures of bounds, relevances and their paths."""
+"""Steps of a variational inference that prunes terms, with drawings of its bounds and relevances."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def draw_bounds(path: Sequence[PruningStep], ax: Axes | None = None) -> Axes:
 
 
 def draw_relevance_paths(path: Sequence[PruningStep], ax: Axes | None = None) -> Axes:
-    """Draw the relevance of every candidate over the pruning steps, up to the one that prunes it."""
+    """Draw the relevance of each candidate over the pruning steps, until it is pruned."""
     axes = axes_or_new(ax)
     relevance = np.full((len(path), len(path[0].terms)), np.nan)
     for row, step in zip(relevance, path, strict=True):

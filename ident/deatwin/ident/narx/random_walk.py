@@ -1,4 +1,4 @@
-"""Parameters that follow random walks: Kalman filter, fixed-interval smoother, variances by maximum likelihood."""
+"""Estimate parameters that follow random walks: Kalman filter, smoother, variances by maximum likelihood."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ class ThetaSmoother(VaryingParameters):
         return given
 
     def _most_likely(self, walk: _Walk, progress: Progress) -> Array:
-        """Return the likeliest drift variances over that of the noise, shape (n_terms,)."""
+        """Return the likeliest drift variances relative to that of the noise, shape (n_terms,)."""
         from scipy.optimize import minimize
 
         n, m = walk.phi.shape
@@ -144,7 +144,7 @@ class ThetaSmoother(VaryingParameters):
 
 
 class _Search:
-    """Minus the log likelihood of logarithmic drift variances, as a minimiser calls it; keeps the best."""
+    """Minus the log likelihood as a function of logarithmic drift variances; keeps the best point."""
 
     def __init__(self, walk: _Walk, groups: Array, exponent: float, progress: Progress) -> None:
         self.walk, self.groups, self.exponent, self.progress = walk, groups, exponent, progress
@@ -164,7 +164,9 @@ class _Search:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Walk:
-    """A regression whose parameters walk: rows phi (n, m), outputs, steps between samples, and the start."""
+    """A regression whose parameters follow random walks: rows phi (n, m), outputs, steps between samples, and the
+    start.
+    """
 
     phi: Array
     target: Array
@@ -201,7 +203,7 @@ class _Walk:
         return kalman_filter(model, self.target)
 
     def likelihood(self, ratios: Array) -> tuple[float, Array]:
-        """Log likelihood at the best variance of the noise, and its gradient by the ratios."""
+        """Return the log likelihood at the best noise variance, and its gradient by the variance ratios."""
         filtered = self.filtered(ratios)
         vectors, matrices = adjoint(filtered)
         weights = np.ones(len(self.phi) - 1) if self.intervals is None else self.intervals

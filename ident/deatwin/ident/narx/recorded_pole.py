@@ -1,4 +1,4 @@
-"""The largest pole that recordings themselves tell, by a long ARX model, with its standard deviation."""
+"""Estimate the largest pole from recordings alone, by a long ARX model, with its standard deviation."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def recorded_pole(recordings: Sequence[Recording], first_lag: int = 1) -> Record
 
 
 def _scaled(recordings: Sequence[Recording]) -> list[tuple[Array, Array]]:
-    """Moving inputs and all outputs of the first samples, less their means and in standard deviations."""
+    """Return moving inputs and all outputs of the first samples, without means and in standard deviations."""
     share = min(1.0, _MOST_SAMPLES / sum(record.n_samples for record in recordings))
     ends = [max(1, round(share * record.n_samples)) for record in recordings]
     signals = []
@@ -89,7 +89,7 @@ def _scaled(recordings: Sequence[Recording]) -> list[tuple[Array, Array]]:
 
 
 def _columns(inputs: Array, outputs: Array, most: int, first_lag: int) -> Array:
-    """Constant, inputs at lag 0 where they count, both signals at each lag, and the target; shape (n_columns, n)."""
+    """Return constant, inputs at lag 0 if they count, both signals at each lag, and the target; shape (n_columns, n)."""
     n = outputs.shape[1]
     lagged = [signal[:, most - lag : n - lag] for lag in range(1, most + 1) for signal in (outputs, inputs)]
     at_once = [] if first_lag else [inputs[:, most:]]

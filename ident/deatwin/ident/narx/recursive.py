@@ -1,4 +1,4 @@
-"""Parameters that change with time: what their estimators share, and recursive least squares with forgetting."""
+"""Estimate parameters that change with time: common base, and recursive least squares with forgetting."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _INDEPENDENT = 1e-7  # least singular value, relative to the largest, of regress
 
 
 class VaryingParameters(NarxIdentifier):
-    """What the estimators of theta(t) share; `trajectory_` is theta(t), `model_` the model at the last sample."""
+    """Base of estimators of theta(t); `trajectory_` is theta(t), `model_` the model at the last sample."""
 
     terms: Structure
 
@@ -46,7 +46,7 @@ class VaryingParameters(NarxIdentifier):
         Fixed(terms=self.terms)._check()
 
     def _notes(self, recordings: tuple[Recording, ...]) -> tuple[str, ...]:
-        """None: the model is that of one time, and least squares that of all."""
+        """Return no notes: the model is that of one time, but least squares would use all times."""
         return ()
 
     def _resting(self, data: list[Regression], model: NarxModel) -> list[Regression]:
@@ -56,7 +56,7 @@ class VaryingParameters(NarxIdentifier):
         return Fixed(terms=self.terms)._regression(recordings, output)
 
     def _written(self) -> Terms:
-        """Return the terms as `Fixed` takes them."""
+        """Return the terms in the form that `Fixed` expects."""
         if not isinstance(self.terms, NarxModel):
             return self.terms
         pairs = list(zip(self.terms.terms, self.terms.equations, strict=True))
@@ -146,7 +146,9 @@ class Rls(VaryingParameters):
 
 
 def _beginning(phi: Array, target: Array, forgetting: float) -> tuple[int, Array, Array, float]:
-    """Solve the shortest beginning with independent regressors: samples, theta, covariance root, squared residual."""
+    """Solve the shortest beginning with independent regressors; return samples, theta, covariance root, squared
+    residual.
+    """
     n, count = phi.shape
     while count < n:
         weights = np.sqrt(forgetting) ** np.arange(count - 1, -1, -1)

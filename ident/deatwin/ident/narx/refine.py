@@ -187,7 +187,7 @@ def prunings(model: NarxModel, recordings: tuple[Recording, ...], *, n_terms: in
 
 
 def _without_a_term(model: NarxModel, recordings: tuple[Recording, ...]) -> NarxModel | None:
-    """Return the refined model without its least useful term that it can do without; None if there is none."""
+    """Return the refined model without its least useful dispensable term; None if all are needed."""
     cov = model.theta_cov
     variances = np.where(np.diag(cov) > 0.0, np.diag(cov), np.inf)  # it is 0 where the run does not know the parameter
     for out in np.argsort(model.theta**2 / variances):
@@ -245,7 +245,7 @@ def sensitivities(model: NarxModel, recording: Recording) -> Array:
 
 
 def _responses(model: NarxModel, recording: Recording, run: Array, table: TermTable) -> Array:
-    """Return what small coefficients of terms, in the model or not, add to its run, shape (n - max_lag, n_terms)."""
+    """Return the change of the run by small coefficients of terms, in the model or not, shape (n - max_lag, n_terms)."""
     from scipy.linalg.lapack import dtbtrs
 
     first, n = max(model.table.max_lag, table.max_lag), recording.n_samples
@@ -295,14 +295,14 @@ def _run(model: NarxModel, recording: Recording) -> Array:
 
 
 def least_error(model: NarxModel, recordings: tuple[Recording, ...]) -> NarxModel:
-    """Return the refined model; other than `refine`, an interrupt reaches the caller."""
+    """Return the refined model; unlike in `refine`, an interrupt reaches the caller."""
     search = _Search(model, recordings, _STEPS, None)
     search.run(_TOLERANCE)
     return _refined(model, search.best, recordings)
 
 
 def _powers_of_two(sizes: Array | np.floating) -> Array:
-    """Return the powers of two next to sizes; 1 for 0."""
+    """Return the nearest powers of two; 1 for 0."""
     return np.where(sizes > 0, np.ldexp(1.0, np.frexp(sizes)[1]), 1.0)
 
 
@@ -341,7 +341,7 @@ class _Search:
         )
 
     def errors(self, theta: Array) -> Array:
-        """Computed minus measured outputs, shape (n_samples,); large where the run diverges."""
+        """Return computed minus measured outputs, shape (n_samples,); large values if the run diverges."""
         model = replace(self.model, theta=theta)
         found = np.concatenate([-model.simulate(record).residuals[0] for record in self.recordings])
         square = float(found @ found)

@@ -1,4 +1,4 @@
-"""The regression of candidate terms on recordings, with its scaling and the way back to physical units."""
+"""The regression of candidate terms on recordings: scaling, and conversion back to physical units."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _BLOCK = 4096  # samples evaluated at once: a block of 1000 terms is 32 MB
 
 
 def require_alike(recordings: Sequence[Recording]) -> None:
-    """Raise ModelError unless recordings have the same inputs and outputs, in the same units, and one sample time."""
+    """Raise ModelError unless recordings agree in inputs, outputs, units and sample time."""
     first = recordings[0]
     for record in recordings[1:]:
         if not math.isclose(record.sample_time, first.sample_time, rel_tol=1e-6):
@@ -77,7 +77,7 @@ class Regression:
         rule: Rule | None = None,
         output: int = 0,
     ) -> Regression:
-        """Set up all candidates of given lags and degree, without powers of inputs with too few levels for them."""
+        """Set up all candidates of given lags and degree, without redundant powers of inputs with few levels."""
         chosen = flatten(recordings)
         n_inputs, n_outputs = len(chosen[0].inputs), len(chosen[0].outputs)
         if n_inputs == 0 and input_lags != 0:
@@ -121,12 +121,12 @@ class Regression:
             )
 
     def only(self, indices: Iterable[int]) -> Regression:
-        """Return the regression on some of the terms, over the same samples."""
+        """Return the regression on selected terms, over the same samples."""
         table = TermTable(tuple(self.table.terms[i] for i in indices))
         return replace(self, table=table)
 
     def about(self, model: NarxModel) -> Regression:
-        """Return the regression of the signals less the origins of a model."""
+        """Return the regression of the signals relative to the origins of a model."""
         return replace(self, input_origin=model.input_origin, output_origin=model.output_origin)
 
     @property
@@ -146,12 +146,12 @@ class Regression:
 
     @property
     def output_scale(self) -> float:
-        """Divisor of the output whose equation this is, in its unit."""
+        """Divisor of this equation's output, in its unit."""
         return float(self.output_scales[self.output])
 
     @cached_property
     def term_scales(self) -> Array:
-        """Physical size of a parameter of 1 for each term, shape (n_terms,)."""
+        """Physical value of a scaled parameter of 1, for each term, shape (n_terms,)."""
         scales = {"y": self.output_scales, "e": self.output_scales, "u": self.input_scales}
         values = [scales[v.kind][v.index] ** (1 if v.shape is None else v.shape.degree) for v in self.table.variables]
         return self.output_scale / self.table.at(np.array(values))
@@ -237,7 +237,7 @@ class Regression:
 
 
 def flatten(recordings: Recordings) -> tuple[Recording, ...]:
-    """Return the recordings of whatever was given."""
+    """Return all recordings in whatever form they were given."""
     if isinstance(recordings, Recording):
         return (recordings,)
     if isinstance(recordings, Experiment):
@@ -251,7 +251,7 @@ def flatten(recordings: Recordings) -> tuple[Recording, ...]:
 
 
 def _functions(written: Sequence[str], record: Recording) -> tuple[Variable, ...]:
-    """Return functions of lagged signals that join the candidates."""
+    """Return the functions of lagged signals that are additional candidates."""
     if isinstance(written, str):
         raise ModelError(f'functions = {written!r}; give a list, as ["|u(k-1)|", "sat(y(k-1),0.5)"]')
     names = {"input_names": record.input_names, "output_names": record.output_names}

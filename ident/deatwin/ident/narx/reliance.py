@@ -1,4 +1,4 @@
-"""How far a model may be relied upon: what its residual tests said, and the gain error of its free run."""
+"""Judge how reliable a model is, from its residual tests and the gain error of its free run."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class Reliance:
 
     @property
     def caveats(self) -> tuple[str, ...]:
-        """Reasons not to rely on the model, each without its last full stop."""
+        """Reasons not to rely on the model, each as a sentence without its full stop."""
         found = []
         if self.status is None:
             found.append(

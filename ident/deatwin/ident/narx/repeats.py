@@ -1,4 +1,4 @@
-"""Find the period of a signal that repeats itself, and separate what repeats from what differs between periods."""
+"""Find the period of a repeating signal, and separate the repeating part from differences between periods."""
 
 from __future__ import annotations
 
@@ -17,19 +17,21 @@ _FINER = 8
 
 
 def period_of(values: Array) -> float | None:
-    """Return the number of samples after which a signal repeats itself, at least twice; None where it does not."""
+    """Return the number of samples after which a signal repeats, at least twice; None if it does not."""
     found = _repeats(values)
     return None if found is None else found[0] / found[1]
 
 
 def whole_period_of(values: Array) -> int | None:
-    """Return the fewest whole periods that are a whole number of samples, in samples; None without a period."""
+    """Return the smallest number of whole periods that is a whole number of samples, in samples; None without a
+    period.
+    """
     found = _repeats(values)
     return None if found is None else whole_multiple(found[0] / found[1], values.size // 2)
 
 
 def whole_multiple(period: float, longest: int, drift: float = 0.5) -> int:
-    """Return the fewest whole periods that leave the clock by at most `drift` samples over `longest`, in samples."""
+    """Return the fewest whole periods that deviate from whole samples by at most `drift` over `longest`, in samples."""
     times = max(int((longest + 0.5) // period), 1)
     off = (abs(m * period - round(m * period)) * times / m for m in range(1, times + 1))
     return round(period * next((m for m, one in enumerate(off, 1) if one <= drift), times))

@@ -1,4 +1,4 @@
-"""What an identified model leaves of a recording in free run, as a process that goes on in the closed loop."""
+"""The free-run residual of an identified model, as a random process that is assumed to continue in closed loop."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _START = 0.05  # of a recording: there the free run still knows the measured sta
 
 
 class DivergedError(ModelError):
-    """The free run of a model does not reach the end of a recording."""
+    """Raised if the free run of a model diverges before the end of a recording."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,7 +165,7 @@ def free_run_residual(model: NarxModel, recording: Recording) -> Residual:
 
 
 def _first_lag(covariance: Array) -> int:
-    """Lag that tells the size of what is not white: the first, unless another has surely more."""
+    """Return the lag that determines the size of the coloured part: the first, unless another is certainly larger."""
     from scipy.stats import norm
 
     sizes = np.abs(_short(covariance))
@@ -177,17 +177,17 @@ def _first_lag(covariance: Array) -> int:
 
 
 def _envelope(covariance: Array) -> Array:
-    """Largest size that the covariance has at a lag or after it, from lag 1 on."""
+    """Return the largest covariance at each lag or later, from lag 1 on."""
     return np.asarray(np.maximum.accumulate(np.abs(_short(covariance))[::-1])[::-1])
 
 
 def _short(covariance: Array) -> Array:
-    """The covariance from lag 1 on, at lags that a recording has many times."""
+    """Return the covariance from lag 1 on, at lags much shorter than the recording."""
     return covariance[1 : max(round(_SHORT * covariance.size), 2)]
 
 
 def _falls_to(curve: Array, level: float) -> float:
-    """Samples after which a curve first lies below a level, with their fraction; at least one, at most all of it."""
+    """Return after how many samples, with a fraction, a curve first falls below a level, within the curve's length."""
     below = int(np.argmax(np.append(curve < level, True)))
     if below == 0 or below == curve.size:
         return float(max(below, 1))

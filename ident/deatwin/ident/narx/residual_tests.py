@@ -1,4 +1,4 @@
-"""What is left of a NARX model: the five correlation tests of its residual, and its whiteness.
+"""Test the residual of a NARX model by five correlations, and for whiteness.
 
 .. [1] Billings, Voon, Int. J. Control 44 (1986) 235-244, doi:10.1080/00207178608933593.
 .. [2] Ljung, Box, Biometrika 65 (1978) 297-303, doi:10.1093/biomet/65.2.297.
@@ -100,7 +100,7 @@ class CorrelationTest:
 
     @property
     def largest(self) -> float:
-        """Correlation of largest magnitude."""
+        """Correlation with the largest magnitude."""
         return float(self.values[np.argmax(np.abs(self.values))])
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -241,7 +241,7 @@ def _bartlett(a: Series, b: Series, count: int, reach: int) -> Array:
 
 
 def _skewness(series: Series) -> float:
-    """Return the skewness of a signal over n^(1/4): that of a sum of n products is the product of two of them."""
+    """Return the skewness of a signal over n^(1/4); a sum of n products has the product of two of these."""
     x = np.concatenate(series)
     x = x - x.mean()
     square = x * x

@@ -1,4 +1,4 @@
-"""What a NARX model answers over a recording."""
+"""The computed outputs of a NARX model over a recording."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def response_over(
     status: ResponseStatus = ResponseStatus.OK,
     failed_at_s: float | None = None,
 ) -> NarxResponse:
-    """Return the response of a model to what it ran over. Shapes: `outputs` (n_outputs, n)."""
+    """Return the response of a model to the inputs of a run. Shapes: `outputs` (n_outputs, n)."""
     return NarxResponse(
         outputs=read_only(outputs),
         measured=run.outputs if isinstance(run, Recording) else run.measured,
@@ -130,7 +130,9 @@ def response_over(
 
 
 def divergence_limit(operating: OperatingRange | None, measured: Array, origin: Array | float = 0.0) -> float:
-    """Size of the largest output beyond which a free run has diverged. Shapes: `measured` (n_outputs, n)."""
+    """Return the magnitude of the largest output beyond which a free run counts as diverged. Shapes: `measured`
+    (n_outputs, n).
+    """
     about = np.asarray(origin)
     largest = float(np.abs(measured - about[..., None]).max())
     if operating is None:

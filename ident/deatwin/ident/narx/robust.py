@@ -1,4 +1,4 @@
-"""How well the parameters of a model are known when its residuals are neither white nor of one size.
+"""Estimate the covariance of parameters from residuals that are neither white nor of constant size.
 
 Where terms leave out physics, parameters scatter more from record to record than least squares says (White,
 Econometrica 50 (1982) 1-25). So a record is cut into blocks longer than what it remembers, and each is left out in turn
@@ -72,7 +72,9 @@ class Cosines:
         return replace(self, coefficients=read_only(self.coefficients @ np.asarray(directions, dtype=np.float64).T))
 
     def drift(self, shares: ArrayLike) -> Array:
-        """Drift of the series from their means by the slow cosines, (n_times, n_series); `shares` (n_times,)."""
+        """Return the drift of the series from their means by the slow cosines, (n_times, n_series); `shares`
+        (n_times,).
+        """
         return np.asarray(self._slow_shapes(shares).T @ self.slow, dtype=np.float64)
 
     def drift_scales(self, shares: ArrayLike) -> Array:

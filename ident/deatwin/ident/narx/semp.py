@@ -148,14 +148,14 @@ class Semp(CandidateSearch):
         return model
 
     def _notes(self, recordings: tuple[Recording, ...]) -> tuple[str, ...]:
-        """Where the free run was fitted, only late inputs: the error one step ahead is larger on purpose."""
+        """Return only the note on late inputs if the free run was fitted, which makes the one-step error larger."""
         refined = any(one.refined_ for one in self.equations_ or (self,))  # type: ignore[attr-defined]
         return late_inputs(self.model_, recordings) if refined else super()._notes(recordings)
 
     def _grown(
         self, model: NarxModel, data: Regression, sections: NDArray[np.int64], progress: Progress
     ) -> tuple[NarxModel, ...]:
-        """Return the models of the growth; an interrupt, which ends it with what there is, is noted."""
+        """Return the models of the growth; note an interrupt, which ends it early."""
 
         def tell(share: float, doing: str) -> None:
             try:
@@ -196,7 +196,7 @@ class Semp(CandidateSearch):
 
 
 def _grown_step(before: NarxModel, after: NarxModel, data: Regression) -> SempStep:
-    """Return the step from a model to a refined one, mostly with a term more."""
+    """Return the step from a model to a refined one, which usually has one more term."""
     outputs = np.concatenate([r.outputs[0, data.first :] for r in data.recordings])
     power = float(np.mean((outputs - before.output_origin[0]) ** 2))
     old, new = (float(np.mean(np.concatenate(run_errors(model, data)) ** 2)) for model in (before, after))

@@ -1,4 +1,4 @@
-"""The search of `Semp`: terms added, exchanged and pruned by the free run of the model they make."""
+"""The search of `Semp`: terms are added, exchanged and pruned according to the model's free run."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ class SempSearch:
         self.seen = {frozenset[int]()}
 
     def advance(self) -> bool:
-        """Change the model and prune it; tell whether that was possible."""
+        """Change the model and prune it; return whether that was possible."""
         if len(self.path) >= _STEPS * self.settings.max_terms:
             return False
         before, old = self.errors, self.chosen
@@ -135,7 +135,7 @@ class SempSearch:
         return self._take_best(models, errors, enough)
 
     def _exchange(self) -> bool:
-        """Exchange a term for a candidate, to simulate better, or as well with a smaller one-step error."""
+        """Exchange a term for a candidate that simulates better, or equally well with a smaller one-step error."""
         if not self.chosen or self.exchanges >= self.settings.max_exchanges:
             return False
         self.exchanges += 1
@@ -145,7 +145,7 @@ class SempSearch:
         return self._take_best(models, errors, closer | self._worse(self.errors, errors))
 
     def _restart(self) -> bool:
-        """Go on from the model of forward regression that simulates best, if it does so better than the present one."""
+        """Continue from the forward-regression model that simulates best, if it is better than the present one."""
         if not self.settings.max_exchanges or self.restarted:
             return False
         self.restarted = True
@@ -167,7 +167,7 @@ class SempSearch:
         return True
 
     def _prune(self, rival: Array) -> None:
-        """Take out terms that are idle, or without which the model simulates better than a rival, that before."""
+        """Remove idle terms, and terms without which the model simulates better than `rival`, or than before."""
         while len(self.chosen) > 1:
             models, errors = self._simulated(self.regression.smaller(self.chosen))
             idle = (models.f_ratio < self._critical(models.freedom)) & self._as_good(errors)
@@ -180,7 +180,7 @@ class SempSearch:
                 return
 
     def _take_best(self, models: Neighbours, errors: Array, allowed: Booleans) -> bool:
-        """Go on to the model that simulates best, of equally good ones to that with the least one-step error."""
+        """Move to the model that simulates best; among equally good ones, to that with the smallest one-step error."""
         if not allowed.any():
             return False
         totals = np.where(allowed, errors.sum(axis=1), np.inf)
@@ -189,13 +189,13 @@ class SempSearch:
         return True
 
     def _take(self, models: Neighbours, errors: Array, choice: int) -> None:
-        """Go on to one of the models."""
+        """Move to one of the models."""
         self.chosen = models.chosen[choice].tolist()
         self.errors = errors[choice]
         self.squares = float(models.squares[choice])
 
     def _simulated(self, models: Neighbours) -> tuple[Neighbours, Array]:
-        """Run new models free; return those that do not diverge, and their errors, shape (n_models, n_sections)."""
+        """Simulate new models; return those that do not diverge, and their errors, shape (n_models, n_sections)."""
         if models.chosen.shape[1] in map(len, self.seen):
             new = [frozenset(chosen) not in self.seen for chosen in models.chosen.tolist()]
             models = models.only(np.array(new, dtype=bool))
@@ -204,21 +204,21 @@ class SempSearch:
         return models.only(finite), errors[finite]
 
     def _errors(self, chosen: NDArray[np.int64], theta: Array) -> Array:
-        """Run models free; return their errors, shape (n_models, n_sections)."""
+        """Simulate models; return their errors, shape (n_models, n_sections)."""
         runs = zip(self.marches, self.sections.tolist(), strict=True)
         return np.concatenate(
             [march.squared_errors(chosen, theta, limit=DIVERGED, sections=sections) for march, sections in runs], axis=1
         )
 
     def _as_good(self, errors: Array) -> Booleans:
-        """Return True if errors are not larger than those of the present model, nor than those of no model."""
+        """Return whether errors are no larger than those of the present model and of the empty model."""
         return ~self._worse(errors, self.errors) & (errors.sum(axis=1) < self.power)
 
     def _worse(self, errors: Array, than: Array) -> Booleans:
         return worse(errors, than, self.settings.level)
 
     def _critical(self, freedom: int) -> float:
-        """Return the F ratio that the best of the false candidates exceeds with the given probability."""
+        """Return the F ratio that the best false candidate exceeds with the given probability."""
         from scipy.special import stdtrit
 
         if self.settings.significance is None:

@@ -171,28 +171,30 @@ class Shape:
 
     @property
     def degree(self) -> int:
-        """Power of the signal's unit to which its values belong."""
+        """Power of the signal's unit in the unit of the values."""
         return self._kind.degree
 
     @property
     def unit(self) -> float:
-        """Size of the unit in which values are returned."""
+        """Size of the unit of the values."""
         return self.gain**self.degree
 
     @property
     def source(self) -> str:
-        """The value in C as an expression of x, p and q; empty for a function of the user's own."""
+        """The value as a C expression of x, p and q; empty for a user's own function."""
         return self._kind.source
 
     def value(self, x: Array) -> Array:
-        """Return the function of a signal, or of its change."""
+        """Evaluate the function of a signal, or of its change."""
         found = np.asarray(self._kind.value(self.gain * np.asarray(x), *self.parameters), dtype=np.float64)
         if found.shape != np.shape(x):
             raise ModelError(f"the function {self.name} returns the shape {found.shape} for {np.shape(x)}")
         return found / self.unit
 
     def along(self, signal: Array) -> Array:
-        """Return the function of a whole signal; a change before the first sample is none. Shapes: `signal` (n,)."""
+        """Evaluate the function of a whole signal; a change before the first sample counts as zero. Shapes: `signal`
+        (n,).
+        """
         changed = signal
         if self.difference:
             changed = np.zeros_like(signal)
@@ -200,7 +202,7 @@ class Shape:
         return self.value(changed)
 
     def slope(self, x: Array) -> Array:
-        """Return the derivative; at a kink that of one side, or their mean."""
+        """Return the derivative; at a kink, that on one side or the mean of both."""
         found = self._kind.slope(self.gain * np.asarray(x), *self.parameters)
         return np.asarray(found, dtype=np.float64) * (self.gain / self.unit)
 
@@ -210,7 +212,7 @@ class Shape:
         return (self.slope(x + step) - self.slope(x - step)) / (2.0 * step)
 
     def bends_at(self, x: float) -> bool:
-        """Return whether there is no derivative at a value."""
+        """Return whether the function has no derivative at a value."""
         return bool(np.isin(self.gain * x, self._kind.kinks(*self.parameters)))
 
     def written(self, signal: str, delay: Callable[[int], str], lag: int) -> str:
@@ -226,7 +228,7 @@ def _number(value: float) -> str:
 
 
 def switch_source() -> str:
-    """Return the C functions that evaluate a function that is built in, and its derivative, by its number."""
+    """Return C functions that evaluate a built-in function, given its number, and its derivative."""
     found = "#include <math.h>\n"
     for name, field in (("shape", "source"), ("shape_slope", "slope_source")):
         cases = "\n".join(f"    case {i}: return {getattr(_KINDS[one], field)};" for i, one in enumerate(SOURCES))

@@ -1,4 +1,4 @@
-"""Units in which the parameters of a NARX model are readable."""
+"""Choose units in which the parameters of a NARX model are easy to read."""
 
 from __future__ import annotations
 
@@ -61,6 +61,6 @@ def _exponents(theta: Array) -> int:
 
 
 def _sizes(low: Array, high: Array, units: tuple[str, ...]) -> list[tuple[float, str]]:
-    """Return SI size and name of the unit with the prefix that each signal would be written with."""
+    """Return SI size and name of the prefixed unit for each signal."""
     largest = np.maximum(np.abs(low), np.abs(high)).tolist()
     return [prefixed(value, unit) for value, unit in zip(largest, units, strict=True)]

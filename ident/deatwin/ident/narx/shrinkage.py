@@ -143,7 +143,7 @@ def _log_evidence(found: Posterior, alpha: Array, priors: Priors) -> float:
 
 
 class _Spectrum:
-    """What ridge regression needs of the singular value decomposition, as functions of the penalty."""
+    """Quantities of ridge regression from the singular value decomposition, as functions of the penalty."""
 
     def __init__(self, powers: Array, along: Array, target: Array, samples: int) -> None:
         self.powers, self.along, self.samples = powers, along, samples
@@ -152,11 +152,11 @@ class _Spectrum:
         self.outside = max(float(target @ target - along @ along), floor)
 
     def shrunk(self, penalty: float) -> Array:
-        """Return the share that is kept of each direction."""
+        """Return the share of each direction that is kept."""
         return np.asarray(self.powers / (self.powers + penalty), dtype=np.float64)
 
     def freedom(self, penalty: float) -> float:
-        """Return the samples less the effective number of parameters."""
+        """Return the number of samples minus the effective number of parameters."""
         return float(self.samples - self.shrunk(penalty).sum())
 
     def residual(self, penalty: float) -> float:

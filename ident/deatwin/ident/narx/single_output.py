@@ -1,4 +1,4 @@
-"""One equation of several as the regression of a single output, with the other outputs among its inputs."""
+"""Treat one of several equations as a regression with a single output; the other outputs become inputs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from deatwin.plant.recording import Recording
 
 
 def single_output(data: Regression) -> Regression:
-    """Return the same regression, term by term, on recordings of one output, which can be run free by itself."""
+    """Return the same regression, term by term, for a single output, which can be simulated alone."""
     if len(data.recordings[0].outputs) == 1:
         return data
     n_inputs, own = len(data.recordings[0].inputs), data.output
@@ -39,7 +39,7 @@ def single_output(data: Regression) -> Regression:
 
 
 def _apart(record: Recording, own: int) -> Recording:
-    """Return a recording of one output, with the others after its inputs."""
+    """Return a recording of one output, with the other outputs after its inputs."""
     return Recording.from_arrays(
         np.concatenate([record.inputs, np.delete(record.outputs, own, axis=0)]),
         record.outputs[own],

@@ -109,7 +109,7 @@ class Structures:
 
     @property
     def median(self) -> Terms:
-        """The terms that are more likely in than out."""
+        """Return the terms with a probability above one half."""
         return frozenset(np.flatnonzero(self.inclusion > 0.5).tolist())
 
     def parameters(self, posterior: SpikeSlab, count: int, rng: np.random.Generator) -> Array:

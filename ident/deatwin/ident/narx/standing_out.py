@@ -1,4 +1,4 @@
-"""How far the true terms of a regression stand out, for one who knows them and tests significance.
+"""Measure how far the true terms of a regression stand out from false ones, when the truth is known.
 
 Least squares on all candidates shares a record's information among hundreds of parameters, so methods that fit few see
 more. The second margin looks from the true terms: a price per term must be worth paying for each true term, for no
@@ -20,7 +20,7 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True, kw_only=True)
 class Margin:
-    """Thresholds from `false` up to `true` make a draw come out exactly right."""
+    """Range of thresholds, from `false` to `true`, that select exactly the true terms."""
 
     true: float = field(metadata=UNBOUNDED)
     false: float = field(metadata=UNBOUNDED)
@@ -55,7 +55,7 @@ def near_margin(rows: Array, target: Array, true: Indices) -> Margin:
 
 
 def _gains(rows: Array, target: Array, chosen: Indices) -> tuple[float, Array]:
-    """Return the squares that chosen terms leave, and how many of them each further term would take."""
+    """Return the residual sum of squares of chosen terms, and how much each further term would remove."""
     q = np.linalg.qr(rows[chosen].T)[0]
     left = target - q @ (q.T @ target)
     beyond = rows - (rows @ q) @ q.T

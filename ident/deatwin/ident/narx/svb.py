@@ -185,7 +185,7 @@ class SvbNarx(CandidateSearch):
         return model
 
     def _pruned(self, data: Regression, statistics: Statistics, progress: Progress) -> tuple[PruningStep, ...]:
-        """Return the steps of the pruning; an interrupt keeps those that are done."""
+        """Return the pruning steps; after an interrupt, those finished so far."""
         steps: list[PruningStep] = []
         candidates = statistics.moment.size
         part = _PRUNING if self.clean_up == "evidence" else 1.0
@@ -223,7 +223,7 @@ class SvbNarx(CandidateSearch):
             indices = indices[keep]
 
     def _fit(self, statistics: Statistics, start: float) -> RelevanceFit:
-        """Infer the posterior of some terms, all of them of one E[alpha] to start with."""
+        """Compute the posterior of some terms, initially with one common E[alpha]."""
         priors = Priors(a0=self.a0, b0=self.b0, c0=self.c0, d0=self.d0)
         return fit_relevance(
             statistics,

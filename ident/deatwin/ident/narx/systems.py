@@ -45,12 +45,12 @@ class BenchmarkSystem:
 
     @cached_property
     def model(self) -> NarxModel:
-        """The system itself, noise terms included."""
+        """The system itself, including noise terms."""
         return NarxModel.from_terms(self.equation, sample_time=self.sample_time, noise_variance=self.noise_std**2)
 
     @cached_property
     def terms(self) -> tuple[Term, ...]:
-        """The true terms without those that hold noise, in the order of ``equation``."""
+        """The true terms without noise, in the order of ``equation``."""
         return tuple(Term.parse(text) for text in self._known)
 
     @cached_property
@@ -62,7 +62,7 @@ class BenchmarkSystem:
 
     @cached_property
     def noise_terms(self) -> tuple[Term, ...]:
-        """The true terms that hold noise, in the order of ``equation``; none where it is white."""
+        """The true terms with noise, in the order of ``equation``; empty if the noise is white."""
         return tuple(Term.parse(text) for text in self.equation if text not in self._known)
 
     def draw(self, rng: np.random.Generator, n_samples: int | None = None) -> Draw:
@@ -90,7 +90,7 @@ class BenchmarkSystem:
 
     @cached_property
     def _driven(self) -> NarxModel:
-        """The system with its noise as a second input: one free run serves with and without noise."""
+        """Return the system with its noise as a second input, so that one free run serves both cases."""
         as_input = {text.replace("u(", "u1(").replace("e(", "u2("): value for text, value in self.equation.items()}
         return NarxModel.from_terms(as_input | {"u2(k)": 1.0}, sample_time=self.sample_time)
 

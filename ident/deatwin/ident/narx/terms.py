@@ -218,7 +218,7 @@ class TermTable:
         return tuple(variable for variable in self.variables if variable.shape is not None)
 
     def in_units(self, scales: Mapping[str, Array]) -> TermTable:
-        """Return the table for signals that are counted in other units: only functions depend on them.
+        """Return the table for signals in other units; only functions depend on the units.
 
         Parameters
         ----------
@@ -273,7 +273,7 @@ class TermTable:
 
     @cached_property
     def _plan(self) -> tuple[tuple[int | None, tuple[int, ...]], ...]:
-        """For each term the earlier one that it extends by a factor, if any, and the factors to multiply."""
+        """Return, for each term, the earlier term that it extends by a factor, if any, and the factors to multiply."""
         column = {variable: j for j, variable in enumerate(self.variables)}
         seen: dict[tuple[Variable, ...], int] = {}
         plan = []

@@ -1,4 +1,4 @@
-"""Parameters of a NARX model along time, and the models that they make."""
+"""Parameters of a NARX model along time, and the model at each time."""
 
 from __future__ import annotations
 
@@ -236,7 +236,7 @@ class ThetaTrajectory(
 
     @cached_property
     def _driven(self) -> NarxModel:
-        """The model with its parameters as further inputs: what marches a model marches it with theta(t) too."""
+        """Return the model with its parameters as further inputs, so that any simulation can use theta(t)."""
         n_inputs, count = len(self.model.input_names), len(self.terms)
         driven = [
             Term.product([*term.expanded, Variable("u", n_inputs + m + 1, 0)]) for m, term in enumerate(self.terms)

@@ -1,4 +1,4 @@
-"""A pole outside of the unit circle, of a model or of recordings: which it is, how sure, and predictions ahead of it."""
+"""Find an unstable pole of a model or of recordings, with its uncertainty, and the predictions that it allows."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class Unstable:
 
     @property
     def _recorded(self) -> str:
-        """What the recordings themselves say of it."""
+        """Return what the recordings alone say about the pole."""
         if self.recorded_pole is None or self.interval is None:
             return ""
         low, high = self.interval
@@ -100,17 +100,17 @@ Recorded = Callable[[], RecordedPole | None]
 
 
 def recorded_once(model: NarxModel, recordings: Sequence[Recording]) -> Recorded:
-    """Return the pole of recordings for a model, to be computed when it is first asked for, and then kept."""
+    """Return a function that computes the recordings' pole when it is first needed, and caches it."""
     return cache(partial(recorded_pole, recordings, _first_lag(model)))
 
 
 def stable_model_of_unstable(model: NarxModel, recordings: Sequence[Recording], recorded: Recorded) -> str:
-    """Return a sentence if recordings surely have an unstable pole, which a model whose free run is bounded lacks."""
+    """Return a sentence if recordings certainly have an unstable pole but the model's free run is bounded."""
     return "" if np.any(np.abs(poles_at(model, recordings)) > 1.0) else unstable_pole_lacked(recorded(), recordings)
 
 
 def unstable_pole_lacked(found: RecordedPole | None, recordings: Sequence[Recording]) -> str:
-    """Return a sentence for a model without unstable poles if recordings surely have one."""
+    """Return a sentence if recordings certainly have an unstable pole and the model has none."""
     if found is None or not _surely_outside(found, recordings):
         return ""
     return (
@@ -121,30 +121,30 @@ def unstable_pole_lacked(found: RecordedPole | None, recordings: Sequence[Record
 
 
 def _surely_outside(found: RecordedPole, recordings: Sequence[Recording]) -> bool:
-    """Whether recordings surely have an unstable pole, and one that grows by e within the longest of them."""
+    """Return whether recordings certainly have an unstable pole that grows by e within the longest of them."""
     longest = max(record.n_samples for record in recordings)
     return abs(found.pole) - max(_SURER * found.deviation, 1.0 / longest) > 1.0
 
 
 def _first_lag(model: NarxModel) -> int:
-    """0 if an input of the model acts within the sample, else 1."""
+    """Return 0 if an input of the model acts within the sample, else 1."""
     return min((v.lag for term in model.terms for v, _ in term.factors if v.kind == "u"), default=1) and 1
 
 
 def _written(pole: complex, sample_time: float) -> str:
-    """A pole in discrete and continuous time."""
+    """Write a pole in discrete and continuous time."""
     sign = f"z = {pole.real:.4g}" if not pole.imag else f"|z| = {abs(pole):.4g}"
     return f"{sign}, {_rate(pole, sample_time)}"
 
 
 def _rate(pole: complex, sample_time: float) -> str:
-    """A pole in continuous time."""
+    """Write a pole in continuous time."""
     rate = complex(np.log(pole) / sample_time)
     return f"{rate.real:+.3g} 1/s" + (f", {abs(rate.imag):.3g} rad/s" if pole.imag else "")
 
 
 def _sized(pole: complex, interval: tuple[float, float]) -> str:
-    """Magnitude of a pole with its interval, to a digit of the interval's width more than it has."""
+    """Write the magnitude of a pole with its interval, with one digit more than the interval's width."""
     digits = int(np.clip(1 - np.floor(np.log10(max(interval[1] - interval[0], 1e-12))), 2, 8))
     return f"|z| = {abs(pole):.{digits}f} (95 % interval {interval[0]:.{digits}f} to {interval[1]:.{digits}f})"
 
@@ -202,7 +202,7 @@ def poles_at(model: NarxModel, recordings: Sequence[Recording]) -> NDArray[np.co
 
 
 def _point(model: NarxModel, recordings: Sequence[Recording]) -> tuple[Array, Array, Array]:
-    """Mean outputs, constant mean inputs over the samples that one prediction needs, and the step of each output."""
+    """Return mean outputs, constant mean inputs over the samples of one prediction, and the step of each output."""
     outputs = np.concatenate([record.outputs for record in recordings], axis=1)
     inputs = np.concatenate([record.inputs for record in recordings], axis=1).mean(axis=1)
     span = np.ptp(outputs, axis=1)
@@ -211,7 +211,7 @@ def _point(model: NarxModel, recordings: Sequence[Recording]) -> tuple[Array, Ar
 
 
 def _deviation(model: NarxModel, recordings: Sequence[Recording]) -> float:
-    """Standard deviation of the magnitude of the largest pole, by differences along the parameters."""
+    """Return the standard deviation of the largest pole's magnitude, by differences along the parameters."""
     size = float(abs(poles_at(model, recordings)[0]))
     spread: Array = np.sqrt(np.maximum(np.asarray(model.theta_cov).diagonal(), 0.0))
     slopes = np.zeros(spread.size)

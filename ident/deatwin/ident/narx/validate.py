@@ -80,7 +80,7 @@ def _lags(found: Validation) -> Array:
 
 
 def _correlations(found: Validation) -> Variables:
-    """The tests over all lags; NaN at lags that one has not."""
+    """Return the tests over all lags; NaN at lags that a test does not have."""
     lags = _lags(found)
     values = np.full((len(found.tests), lags.size), np.nan)
     for row, test in zip(values, found.tests, strict=True):
@@ -261,7 +261,7 @@ class Validation(
         return "\n".join(lines)
 
     def _label(self, test: CorrelationTest) -> str:
-        """Return the name of a test with its signals, where there are several."""
+        """Return the name of a test, with its signals if there are several."""
         names = [self.output_names[test.output]]
         if test.other is not None:
             names.append((self.output_names if test.name == "ee'" else self.input_names)[test.other])

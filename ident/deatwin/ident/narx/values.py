@@ -1,4 +1,4 @@
-"""Whether the terms and numbers of a NARX model can be."""
+"""Check that the terms and numbers of a NARX model are valid."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def require_terms(model: NarxModel) -> None:
-    """Raise ModelError unless terms, equations and signals of a model belong together."""
+    """Raise ModelError unless terms, equations and signals of a model agree."""
     n = len(model.terms)
     if len(model.equations) != n or not set(model.equations) <= set(range(model.n_outputs)):
         raise ModelError(f"{n} terms need the row of an output each, 0 to {model.n_outputs - 1}; got {model.equations}")
@@ -33,7 +33,7 @@ def require_terms(model: NarxModel) -> None:
 
 
 def require_values(model: NarxModel) -> None:
-    """Raise ModelError unless shapes and numbers of a model can be; its covariance is not judged."""
+    """Raise ModelError unless shapes and numbers of a model are valid; its covariance is not checked."""
     n = len(model.terms)
     if model.theta.shape != (n,) or model.theta_cov.shape != (n, n):
         raise ModelError(

@@ -80,12 +80,12 @@ class Variable:
 
 
 def _delay(lag: int) -> str:
-    """Return a lag as text, as (k-1)."""
+    """Write a lag, such as (k-1)."""
     return f"(k-{lag})" if lag else "(k)"
 
 
 def read_factor(text: str, position: int, names: SignalNames) -> tuple[Variable, int, int]:
-    """Read a factor of a term; returns its power and where the next one begins, too."""
+    """Read a factor of a term; also return its power and where the next factor begins."""
     opened = names.function.match(text, position)
     if opened is None:
         return _signal(text, position, names)
@@ -122,14 +122,14 @@ def _signal(text: str, position: int, names: SignalNames) -> tuple[Variable, int
 
 
 def _bounded(text: str, digits: str | None, most: int, what: str) -> int:
-    """Read a number of a term; 0 where it is not written."""
+    """Read a number of a term; 0 if it is omitted."""
     if len(digits or "") > 6 or int(digits or 0) > most:
         raise ModelError(f"term {text[:80]!r}: a {what} is above {most}")
     return int(digits or 0)
 
 
 def argument_of(variable: Variable, lagged: Callable[[Variable, int], Array]) -> Array:
-    """Return the argument of a variable's function: its signal, or a difference of it."""
+    """Return the argument of a variable's function: its signal, or a difference of the signal."""
     now = lagged(variable, variable.lag)
     return now if variable.reach == variable.lag else now - lagged(variable, variable.reach)
 

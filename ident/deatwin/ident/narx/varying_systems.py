@@ -53,7 +53,7 @@ class KnownSystem:
 
 
 def recorded(truth: ThetaTrajectory, inputs: Array, noise: Array) -> Recording:
-    """Record a system whose noise enters the equation. Shapes: `inputs`, `noise` (n,)."""
+    """Record a system whose noise is part of the equation. Shapes: `inputs`, `noise` (n,)."""
     model, n = truth.model, inputs.size
     m = len(model.terms)
     disturbed = replace(
@@ -106,12 +106,12 @@ def _exact(terms: Sequence[str], timepts: NDArray[Any], theta: Array) -> ThetaTr
 
 
 def _swing(low: float, high: float) -> Callable[[Array], Array]:
-    """From low to high and back."""
+    """Return a smooth course from low to high and back."""
     return lambda phase: low + (high - low) * 0.5 * (1 - np.cos(2 * np.pi * phase))
 
 
 def _resonance(phase: Array) -> Array:
-    """2 r cos(w T) of a pole that goes from 1 to 3 Hz and back."""
+    """Return 2 r cos(w T) of a pole whose frequency goes from 1 to 3 Hz and back."""
     return 2 * _DAMPED * np.cos(2 * np.pi * _swing(1.0, 3.0)(phase) * STEP)
 
 

@@ -1,4 +1,4 @@
-"""Parameters of an actuator along its record: how far they may wander, judged on unseen samples.
+"""Estimate time-varying parameters of an actuator; how much they may vary is chosen on held-out samples.
 
 A walk of likeliest variances follows whatever the structure does not hold, hysteresis first of all: it reproduces the
 record that it was fitted to, and is of no use beside it. So the wander is chosen, and judged, on blocks left out.
@@ -35,7 +35,7 @@ KEPT_EVERY = 1.0  # Times of a trajectory that is kept, s
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Track:
-    """An actuator's parameters along time, and its free-run errors in rms over the reading's deviation."""
+    """Parameters of an actuator along time, and free-run errors divided by the standard deviation of the reading."""
 
     name: str
     recording: Recording  # Whole, thinned
@@ -50,7 +50,7 @@ class Track:
 
 
 def follow_actuator(name: str, recording: Recording, structure: Structure) -> Track:
-    """Choose how far the parameters may wander, estimate them along time, and judge."""
+    """Choose how much the parameters may vary, estimate them along time, and judge the result."""
 
     def error(model: NarxModel | ThetaTrajectory, sections: Recordings) -> float:
         return root_mean_square(free_run_errors(model, sections)) / float(recording.outputs.std())
@@ -83,7 +83,9 @@ def follow_actuator(name: str, recording: Recording, structure: Structure) -> Tr
 
 
 def _choice_errors(structure: Structure, recording: Recording) -> Array:
-    """Error of each of `SHARES` on the blocks for choosing; the fits use neither these nor those for judging."""
+    """Return the error of each of `SHARES` on the blocks for choosing; fits use neither these nor the blocks for
+    judging.
+    """
     training = stretches(recording, (CHOOSING, JUDGING))
     blocks = _within(blocks_of(recording, CHOOSING), training)
     walks = (walked(structure, training, share, recording).trajectory_ for share in SHARES)
@@ -91,12 +93,12 @@ def _choice_errors(structure: Structure, recording: Recording) -> Array:
 
 
 def chosen_share(errors: Array) -> float:
-    """Return the share of least error. Shapes: `errors` (n_shares,)."""
+    """Return the share with the smallest error. Shapes: `errors` (n_shares,)."""
     return SHARES[int(np.argmin(errors))]
 
 
 def walked(structure: Structure, training: Recordings, share: float, whole: Recording) -> ThetaSmoother:
-    """Filter and smooth parameters that may wander by a given share."""
+    """Filter and smooth parameters that may vary by a given share."""
     regression = Regression.on(whole, TermTable(structure))
     sizes = regressor_sizes(regression.matrix()[0]) * regression.output_scale / regression.term_scales
     wander = share * float(whole.outputs.std()) / sizes
@@ -107,14 +109,14 @@ def walked(structure: Structure, training: Recordings, share: float, whole: Reco
 
 
 def _constants(structure: Structure, training: Recordings) -> dict[str, NarxModel]:
-    """Constant parameters: of least squares, and from there of the least free-run error."""
+    """Return constant parameters of the smallest free-run error, started from least squares."""
     constant = Fixed(terms=structure).fit(list(training)).model_
     sound = all(constant.simulate(section).status.ok for section in training)
     return {CONSTANT: constant, REFINED: refine(constant, list(training)) if sound else constant}
 
 
 def _likeliest(structure: Structure, training: Recordings) -> ThetaTrajectory:
-    """Parameters of the walk whose variances are likeliest."""
+    """Return the parameters for the most likely variances of the walk."""
     smoother = ThetaSmoother(terms=structure, drift="common").fit(list(training))
     if smoother.status_ is FitStatus.INTERRUPTED:
         raise KeyboardInterrupt
@@ -122,7 +124,7 @@ def _likeliest(structure: Structure, training: Recordings) -> ThetaTrajectory:
 
 
 def free_run_errors(model: NarxModel | ThetaTrajectory, sections: Recordings) -> Array:
-    """Errors of free runs, each started from the first samples of its section. Shapes: returns (n,)."""
+    """Return errors of free runs, each started from the first samples of its section. Shapes: returns (n,)."""
     errors = []
     for section in sections:
         run = model.simulate(section)
@@ -131,19 +133,19 @@ def free_run_errors(model: NarxModel | ThetaTrajectory, sections: Recordings) ->
 
 
 def _ahead(filtered: ThetaTrajectory, recording: Recording) -> float:
-    """Error on each block of the model that has seen only what came before it, in the output's unit."""
+    """Return the error on each block of a model trained on earlier samples only, in the output's unit."""
     every = _cut(recording)[PAST:]
     runs = [free_run_errors(filtered.at(block.start - block.sample_time), [block]) for block in every]
     return root_mean_square(np.concatenate(runs))
 
 
 def blocks_of(recording: Recording, kind: int) -> list[Recording]:
-    """Every fourth block of a record."""
+    """Return every fourth block of a record."""
     return [block for number, block in enumerate(_cut(recording)) if number % CYCLE == kind]
 
 
 def stretches(recording: Recording, left_out: Sequence[int]) -> list[Recording]:
-    """Stretches that remain of a record without some kinds of blocks, neighbours joined."""
+    """Return the stretches of a record that remain without some kinds of blocks, with neighbours joined."""
     size, count = _block_size(recording), len(_cut(recording))
     kept = np.array([number % CYCLE not in left_out for number in range(count)])
     edges = np.flatnonzero(np.diff(np.concatenate([[0], kept.astype(int), [0]])))
@@ -151,16 +153,16 @@ def stretches(recording: Recording, left_out: Sequence[int]) -> list[Recording]:
 
 
 def _cut(recording: Recording) -> list[Recording]:
-    """The whole blocks; what is left at the end is not used."""
+    """Return the complete blocks; a remainder at the end is not used."""
     size = _block_size(recording)
     return [recording.section(k * size, (k + 1) * size) for k in range(recording.n_samples // size)]
 
 
 def _block_size(recording: Recording) -> int:
-    """Samples of a block, an even number."""
+    """Return the number of samples in a block, an even number."""
     return 2 * round(BLOCK / recording.sample_time / 2)
 
 
 def _within(blocks: Iterable[Recording], training: Recordings) -> list[Recording]:
-    """Blocks between the first and the last training sample, where parameters are known."""
+    """Return the blocks between the first and the last training sample, where parameters are known."""
     return [b for b in blocks if b.start > training[0].start and b.end < training[-1].end]

@@ -1,4 +1,4 @@
-"""NARX models in writing: equations from mappings of texts, and back to text."""
+"""Convert the equations of NARX models from text to terms and back."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 def by_equation(
     terms: Mapping[str, float] | Mapping[str, Mapping[str, float]], output_names: Sequence[str] = ()
 ) -> list[tuple[int, str, float]]:
-    """Return row of the output, text and parameter of each written term."""
+    """Return output row, text and parameter of each written term."""
     if not terms:
         raise ModelError("no terms are given; a NARX model needs at least one")
     equations = {name: value for name, value in terms.items() if isinstance(value, Mapping)}
@@ -46,7 +46,7 @@ def _number(text: str, value: Any) -> float:
 
 
 def name_signals(details: dict[str, Any], side: str, count: int) -> None:
-    """Number the signals of one side where there are several and they have no names yet."""
+    """Number the signals of one side if there are several without names."""
     if count > 1:
         details.setdefault(f"{side}_names", tuple(f"{side}{number}" for number in range(1, count + 1)))
         details.setdefault(f"{side}_units", ("",) * count)
@@ -69,7 +69,7 @@ def written(
 
 
 def origins(model: NarxModel) -> str:
-    """Return a line that says from where the signals of the terms count, and nothing where that is zero."""
+    """Return a line that states the origins of the signals; empty if they are zero."""
     said, symbols = [], symbols_of(model.input_names, model.output_names)
     for kind, names, units, values in (
         ("y", model.output_names, model.output_units, model.output_origin),

@@ -24,14 +24,14 @@ _FUNCTION = re.compile(r"(\w+)\(([xus]\d*)((?:,[^(),]+)*)\)")
 
 @dataclass(frozen=True)
 class Factor:
-    """A power, or a function, of one variable."""
+    """A power or a function of one variable."""
 
     variable: int  # Among states, inputs and directions, in this order
     power: int = 1
     shape: Shape | None = None
 
     def value(self, z: Array) -> Array:
-        """Return the values over those of the variable."""
+        """Return the values of the factor for given values of its variable."""
         return z**self.power if self.shape is None else self.shape.value(z)
 
     def slope(self, z: Array) -> Array:
@@ -63,12 +63,12 @@ class Basis:
 
     @property
     def linear(self) -> int:
-        """Number of regressors that are not terms: 1, the states and the inputs."""
+        """Number of regressors before the terms: 1, the states and the inputs."""
         return 1 + self.states + self.inputs
 
     @cached_property
     def terms(self) -> tuple[Term, ...]:
-        """Factors of all regressors."""
+        """Factors of each regressor."""
         first = [(), *((Factor(i),) for i in range(self.states + self.inputs))]
         return (*first, *(self._parsed(text) for text in self.written))
 
@@ -84,7 +84,7 @@ class Basis:
 
     @cached_property
     def levels(self) -> Integers:
-        """Number of the last direction that each regressor holds, from 1 on, or 0; shape (n_regressors,)."""
+        """Number of the last direction in each regressor, from 1, or 0 if there is none; shape (n_regressors,)."""
         before = self.linear - 2
         found = [max([0, *(factor.variable - before for factor in term)]) for term in self.terms]
         return np.array(found, dtype=np.int64)

@@ -1,4 +1,4 @@
-"""Cascades of linear dynamics and static functions: Hammerstein, Wiener, and those with two of the one kind."""
+"""Cascades of linear dynamics and static functions: Hammerstein, Wiener, and those with two blocks of one kind."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Structure(StrEnum):
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class Cascade(StateSpaceIdentifier):
-    """Identify a cascade of linear dynamics and static functions, of one input and one output, by its free-run error.
+    """Identify a cascade of linear dynamics and static functions, with one input and one output, by its free-run error.
 
     The linear dynamics start from the best linear approximation, to which they are proportional if the input is
     Gaussian and the cascade has one linear block (Bussgang). For ``"LNL"`` all divisions of its poles and zeros between
@@ -111,7 +111,7 @@ class Cascade(StateSpaceIdentifier):
         return [text.replace("v", signal) for text in self.shape]
 
     def _around(self, linear: System) -> System:
-        """Return one linear block with static functions before it, behind it, or both."""
+        """Return one linear block with static functions before it, after it, or both."""
         a, b, c, d = linear.linear_parts
         before, behind = self.structure[0] == "N", self.structure[-1] == "N"
         entering, leaving = ("s1" if before else "u"), f"s{1 + before}"
@@ -134,7 +134,7 @@ class Cascade(StateSpaceIdentifier):
         return made.system()
 
     def _parted(self, linear: Point, records: Sequence[Record]) -> Point:
-        """Return the best of all partings of poles and zeros between the block before the function and that behind it."""
+        """Return the best division of poles and zeros between the blocks before and after the function."""
         from scipy.signal import ss2zpk
 
         a, b, c, d = linear.system.linear_parts
@@ -156,7 +156,7 @@ class Cascade(StateSpaceIdentifier):
     def _series(
         self, blocks: Sequence[tuple[Roots, Roots]], gain: float, constant: float, records: Sequence[Record]
     ) -> System:
-        """Return two linear blocks with a static function between them, whose input is of unit size."""
+        """Return two linear blocks with a static function of unit input size between them."""
         from scipy.signal import lfilter, zpk2ss, zpk2tf
 
         front, behind = blocks
@@ -179,7 +179,7 @@ class Cascade(StateSpaceIdentifier):
 
 
 class _Weights:
-    """Weights of a system in the making, all zero and fixed at first."""
+    """Weights of a system under construction, initially all zero and fixed."""
 
     def __init__(self, basis: Basis, n_outputs: int) -> None:
         self._basis = basis
@@ -208,7 +208,7 @@ class _Weights:
 
 
 def _partings(roots: Roots) -> list[Roots]:
-    """Return all choices of real roots and conjugate pairs."""
+    """Return all selections of real roots and conjugate pairs."""
     upper = roots[roots.imag > 1e-9]
     real = roots[np.abs(roots.imag) <= 1e-9]
     groups = [*(np.array([root, root.conj()]) for root in upper), *(root.real[None].astype(complex) for root in real)]
@@ -221,7 +221,7 @@ def _partings(roots: Roots) -> list[Roots]:
 
 
 def _rest(roots: Roots, taken: Roots) -> Roots:
-    """Return the roots that are not taken."""
+    """Return the roots that are not selected."""
     left = list(roots)
     for root in taken:
         left.pop(int(np.argmin(np.abs(np.array(left) - root))))

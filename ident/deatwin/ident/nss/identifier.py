@@ -1,4 +1,4 @@
-"""Share scales, the linear start, the search and the model among the estimators of nonlinear state spaces."""
+"""Common base of estimators of nonlinear state spaces: scales, linear start, search and model."""
 
 from __future__ import annotations
 
@@ -56,11 +56,11 @@ class StateSpaceIdentifier(Identifier):
 
     @abstractmethod
     def _begun(self, linear: Point, records: Sequence[Record]) -> list[Point]:
-        """Return the points from which the search starts."""
+        """Return the starting points of the search."""
 
     @abstractmethod
     def _needed(self, record: Recording) -> int:
-        """Return the free weights of a model over such recordings, the states' coordinates not counted."""
+        """Return the number of free weights, without those that only change the states' coordinates."""
 
     @abstractmethod
     def _require(self) -> None:
@@ -126,7 +126,7 @@ class StateSpaceIdentifier(Identifier):
             raise ModelError(f"held_out = {self.held_out}; it must be at least 0 and below 1")
 
     def _searched(self, starts: Sequence[Point], records: Sequence[Record], told: Progress) -> tuple[Point, Found]:
-        """Fit all weights from each start, and return the best start and its end."""
+        """Fit all weights from each start; return the best result and its start."""
         found: list[Found] = []
         for number, start in enumerate(starts):
 
@@ -148,7 +148,7 @@ Sides = dict[str, tuple[Array, Array]]
 
 
 def _scaled(recordings: Sequence[Recording], held_out: float, needed: int) -> tuple[Sides, list[Record]]:
-    """Return origins and scales of inputs and outputs, and the scaled records; ModelError where they tell too little."""
+    """Return origins and scales of inputs and outputs, and the scaled records; ModelError if they are unsuitable."""
     sides = {}
     for side in ("input", "output"):
         rows = np.concatenate([getattr(record, f"{side}s") for record in recordings], axis=1)
@@ -176,7 +176,7 @@ def _scaled(recordings: Sequence[Recording], held_out: float, needed: int) -> tu
 
 
 def _lines(recordings: Sequence[Recording], sides: Sides) -> Lines | None:
-    """Return the best linear approximation in scaled signals; None where the recordings do not give one."""
+    """Return the best linear approximation in scaled signals; None if the recordings do not allow one."""
     first = recordings[0]
     if len(first.inputs) > 1 or len(first.outputs) > 1:
         return None
@@ -192,7 +192,7 @@ def _lines(recordings: Sequence[Recording], sides: Sides) -> Lines | None:
 
 
 def _on_all(found: Found, start: Point, whole: Sequence[Record], max_steps: int) -> Found:
-    """Fit all samples: to the end, or from the start on for as many steps as the held-out samples allowed."""
+    """Fit all samples: to convergence, or from the start for as many steps as the held-out samples allowed."""
     if not found.overfitted:
         return search(found.point.system, found.point.starts, whole, steps=max_steps)
     again = search(start.system, start.starts, whole, steps=found.steps) if found.steps else found

@@ -1,4 +1,4 @@
-"""The linear state space that a nonlinear one begins from, in coordinates of the output and its changes."""
+"""The linear state space from which a nonlinear one starts; its states are the output and its changes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _LONGEST = 20_000  # Samples of a record that the subspace method reads; all of 
 def linear_start(
     records: Sequence[Record], n_states: int, *, lines: Lines | None, steps: int, feedthrough: bool
 ) -> Found:
-    """Fit a linear state space: poles by subspaces, the rest by least squares, then all by the free run."""
+    """Fit a linear state space: poles by subspaces, the rest by least squares, then everything by the free run."""
     starts = []
     for rows in sorted({max(n_states + 2, round(n_states * by)) for by in _ROWS} | {10, 20}):
         cuts = [(r.inputs[:, :_LONGEST], r.outputs[:, :_LONGEST]) for r in records if r.fitted > 4 * rows]
@@ -61,7 +61,7 @@ def _freed(system: System, feedthrough: bool) -> System:
 
 
 def _fitted(a: Array, c: Array, records: Sequence[Record], feedthrough: bool) -> Point:
-    """Fit B, D, the constant and the first states, in which the outputs are linear."""
+    """Fit B, D, the constant and the initial states, on which the outputs depend linearly."""
     system = _linear(a, c, len(records[0].inputs), feedthrough)
     point = judged(system, np.zeros((len(records), len(a))), records)
     rows = triangle(point, records)
@@ -71,7 +71,7 @@ def _fitted(a: Array, c: Array, records: Sequence[Record], feedthrough: bool) ->
 
 
 def in_own_coordinates(point: Point, records: Sequence[Record]) -> Point:
-    """Turn the state into the first output, then its changes, each orthogonal to those before, of unit size."""
+    """Transform the states to the first output and its changes, made orthogonal and of unit size."""
     system, n = point.system, point.system.basis.states
     a, _, c, _ = system.linear_parts
     rows: list[Array] = []

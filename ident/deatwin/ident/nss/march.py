@@ -38,7 +38,7 @@ class System:
 
     @classmethod
     def of(cls, basis: Basis, weights: Mapping[str, Array], free: Mapping[str, Mask]) -> System:
-        """Return the system of weights, and of those that are free, by the names of the fields."""
+        """Return the system for given weights and masks of free weights, by the names of the fields."""
         return cls(
             basis=basis,
             directions=weights["directions"],
@@ -73,7 +73,7 @@ class System:
 
     @property
     def linear_parts(self) -> tuple[Array, Array, Array, Array]:
-        """A, B, C, D: the weights of states and inputs alone."""
+        """A, B, C, D: the weights of states and inputs."""
         n = self.basis.states
         states, inputs = slice(1, 1 + n), slice(1 + n, self.basis.linear)
         return (
@@ -127,7 +127,7 @@ class System:
 def _plain(
     system: System, inputs: Array, start: Array, outputs: Array, gradient: Array | None, limit: float
 ) -> tuple[Array, Array | None, int]:
-    """Run as the kernel does: first the states, then all derivatives along them at once."""
+    """Run in Python: first the states, then all derivatives at once."""
     basis, n = system.basis, inputs.shape[1]
     z = np.zeros((len(basis.names), n))
     state, reached, lin = start, n, basis.linear - 1
@@ -171,7 +171,7 @@ def _plain(
 
 
 class _Tables(ctypes.Structure):
-    """The kernel's ``model``, whose arrays the system keeps."""
+    """The model in the kernel's format; the system keeps its arrays alive."""
 
     _fields_ = [
         *((name, ctypes.c_int64) for name in ("n", "m", "k", "p", "r", "inner", "rates", "readings")),

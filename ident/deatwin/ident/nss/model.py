@@ -141,7 +141,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         object.__setattr__(self, "theta_cov", covariance_of(cov, [f"theta[{i}]" for i in range(size)]))
 
     def _take_signals(self, counts: Mapping[str, int]) -> None:
-        """Complete and check what is said of inputs and outputs."""
+        """Complete and check the descriptions of inputs and outputs."""
         for side, count in counts.items():
             names = (side,) if count == 1 else tuple(f"{side}{i}" for i in range(1, count + 1))
             filled = {"names": names, "units": ("",) * count}
@@ -164,7 +164,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
 
     @cached_property
     def system(self) -> System:
-        """Weights as the run takes them."""
+        """Weights in the form that a run needs."""
         n = len(self.transition)
         basis = Basis(n, self.directions.shape[1] - 1 - n - len(self.terms), len(self.directions), self.terms)
         return System(basis=basis, **weights_of(self))
@@ -239,7 +239,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         return response_over(drive, values, drive.first, self.output_units, ResponseStatus.DIVERGED, when)
 
     def predict(self, recording: Recording, *, steps: int = 1) -> NarxResponse:
-        """Predict each sample. The noise is on the readings and white, so that this is the free run at any horizon.
+        """Predict each sample. Because noise is white and on the readings, this is the free run at any horizon.
 
         Parameters
         ----------
@@ -262,7 +262,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         return self.simulate(recording)
 
     def free_run_band(self, recording: Recording, *, warmup: int | None = None, level: float = 0.95) -> PredictiveBand:
-        """Return the band that holds a new reading: noise, uncertain weights, and the uncertain first state.
+        """Return the band that contains a new reading, from noise, uncertain weights and uncertain initial state.
 
         Weights and first state enter to first order. The errors of the fit must be white, as noise on the readings is.
 
@@ -315,7 +315,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
     def _begun(
         self, given: Recording | ArrayLike, warmup: int | None, initial: ArrayLike | None
     ) -> tuple[Drive, Opening]:
-        """Return what drives a run, and the state that it begins from."""
+        """Return inputs and initial state of a run."""
         n, counts = self.n_states, {"n_inputs": len(self.input_names), "n_outputs": len(self.output_names)}
         if isinstance(given, Recording) and initial is None and given.output_names:
             require_suits(given, sample_time=self.sample_time, fewest=2, **counts)

@@ -1,4 +1,4 @@
-"""The state that a run begins from: that under which its first readings are likeliest."""
+"""Find the initial state of a run that makes its first readings most likely."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _EXACT = 1e-6
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Opening:
-    """First state with its covariance for known weights, and how it moves with these."""
+    """Initial state with its covariance for known weights, and its derivative by these."""
 
     state: Array  # shape (n_states,)
     covariance: Array  # shape (n_states, n_states)

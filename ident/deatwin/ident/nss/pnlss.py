@@ -17,7 +17,7 @@ from deatwin.plant.recording import Recording
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class Pnlss(StateSpaceIdentifier):
-    """Polynomial nonlinear state space, with functions as terms, by the least error of the free run.
+    """Polynomial nonlinear state space, with functions as terms, fitted by its free-run error.
 
     The search starts from a linear state space. Subspace identification gives it from the best linear approximation if
     the input is periodic, else from the samples; it is then refined on the free run. Its state is transformed into the
@@ -116,7 +116,7 @@ class Pnlss(StateSpaceIdentifier):
         return basis, rates, readings
 
     def _begun(self, linear: Point, records: Sequence[Record]) -> list[Point]:
-        """Return the linear system with all terms, whose weights are zero, for each draw of the directions."""
+        """Return the linear system with all terms at weight zero, for each draw of the directions."""
         basis, rates, readings = self._basis(linear.system.basis.inputs)
         held, first = {"transition": rates, "output": readings}, basis.linear
         weights, free = {}, {}

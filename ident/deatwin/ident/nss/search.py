@@ -1,4 +1,4 @@
-"""Least free-run error of a nonlinear state space by Levenberg's and Marquardt's method, with exact sensitivities."""
+"""Minimise the free-run error of a nonlinear state space (Levenberg-Marquardt, exact sensitivities)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _TRIES = 16  # Dampings, each four times the last, before a step is given up: th
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Record:
-    """A scaled recording, of which the first samples are fitted and the others held out."""
+    """A scaled recording: the first samples are fitted, the others held out."""
 
     inputs: Array  # shape (n_inputs, n)
     outputs: Array  # shape (n_outputs, n)
@@ -30,7 +30,7 @@ class Record:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Point:
-    """Weights with the first state of each record, and their squared errors."""
+    """Weights with the initial state of each record, and their squared errors."""
 
     system: System
     starts: Array  # shape (n_records, n_states)
@@ -45,7 +45,7 @@ class Point:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Found:
-    """End of a search."""
+    """Result of a search."""
 
     point: Point
     steps: int  # That led to the point
@@ -54,7 +54,7 @@ class Found:
 
 
 def judged(system: System, starts: Array, records: Sequence[Record]) -> Point:
-    """Run over all records and sum the squared errors; infinite where a run diverges."""
+    """Run over all records and sum the squared errors; infinite if a run diverges."""
     cost = held = 0.0
     for record, start in zip(records, starts, strict=True):
         outputs, _, reached = system.run(record.inputs, start, limit=DIVERGED)
@@ -67,7 +67,7 @@ def judged(system: System, starts: Array, records: Sequence[Record]) -> Point:
 
 
 def triangle(point: Point, records: Sequence[Record]) -> Array:
-    """Return R, (n + 1, n + 1), of the QR decomposition of (sensitivities, errors) over what is fitted."""
+    """Return R, (n + 1, n + 1), of the QR decomposition of (sensitivities, errors) over the fitted samples."""
     n = point.system.theta.size
     found = np.zeros((0, point.theta.size + 1))
     for i, (record, start) in enumerate(zip(records, point.starts, strict=True)):
@@ -82,7 +82,7 @@ def triangle(point: Point, records: Sequence[Record]) -> Array:
 
 
 def moved(point: Point, step: Array, records: Sequence[Record]) -> Point:
-    """Return the point after a step of the weights and first states."""
+    """Return the point after a step of the weights and initial states."""
     theta = point.theta + step
     n = theta.size - point.starts.size
     return judged(point.system.with_theta(theta[:n]), theta[n:].reshape(point.starts.shape), records)
@@ -142,14 +142,16 @@ def search(
 
 
 def _directions(rows: Array, size: Array) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
-    """Return scales, the singular value decomposition of scaled rows (n, m), and which directions move an output."""
+    """Return scales, the singular value decomposition of scaled rows (n, m), and which directions change an output."""
     scale = np.where(size > 0.0, size, 1.0)
     left, values, right = np.linalg.svd(rows / scale, full_matrices=False)
     return scale, left, values, right, values > _NULL * values[0]
 
 
 def covariance(point: Point, records: Sequence[Record]) -> tuple[Array, Array]:
-    """Covariance (n_theta, n_theta) of the weights, none along the state's coordinates, and noise variances."""
+    """Return the covariance (n_theta, n_theta) of the weights, zero along the states' coordinates, and noise
+    variances.
+    """
     rows = triangle(point, records)[:, :-1]
     scale, _, values, right, seen = _directions(rows, np.linalg.norm(rows, axis=0))
     rank, samples = int(seen.sum()), sum(record.fitted for record in records)
@@ -166,5 +168,5 @@ def covariance(point: Point, records: Sequence[Record]) -> tuple[Array, Array]:
 
 
 def all_fitted(records: Sequence[Record]) -> list[Record]:
-    """Return the records with nothing held out."""
+    """Return the records with all samples fitted."""
     return [replace(record, fitted=record.outputs.shape[1]) for record in records]

@@ -56,7 +56,7 @@ def _lower(rows: Array) -> Array:
 
 
 def _hankel(signals: Sequence[Array], rows: int) -> Array:
-    """Return the block Hankel matrices of signals (n_channels, n) beside each other."""
+    """Return the block Hankel matrices of signals (n_channels, n), side by side."""
     parts = []
     for signal in signals:
         count = signal.shape[1] - rows + 1
@@ -65,13 +65,13 @@ def _hankel(signals: Sequence[Array], rows: int) -> Array:
 
 
 def _observed(observability: Array, p: int) -> tuple[Array, Array]:
-    """Return A and C of an extended observability matrix; poles on or outside of the unit circle are mirrored."""
+    """Return A and C from an extended observability matrix; poles on or outside the unit circle are reflected."""
     a = np.asarray(np.linalg.lstsq(observability[:-p], observability[p:], rcond=None)[0], dtype=np.float64)
     return stabilised(a), observability[:p]
 
 
 def stabilised(a: Array) -> Array:
-    """Return A with its poles inside the unit circle, those outside mirrored."""
+    """Return A with all poles inside the unit circle; those outside are reflected."""
     poles, vectors = np.linalg.eig(a)
     size = np.abs(poles)
     inside = np.where(size > 1.0, poles / size**2, poles)

@@ -1,4 +1,4 @@
-"""Effects: one small file each. Others add theirs by the entry-point group ``deatwin.effects``."""
+"""The effects, one module each. Other packages add theirs by the entry-point group ``deatwin.effects``."""
 
 from deatwin.plant.effects.amplifier_offset import AmplifierOffset
 from deatwin.plant.effects.amplifier_saturation import AmplifierSaturation

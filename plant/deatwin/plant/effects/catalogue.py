@@ -1,4 +1,4 @@
-"""Catalogue of all installed effects: the project's own, and those of others by entry points."""
+"""Catalogue of all installed effects: the project's own, and those of other packages by entry points."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def _types() -> dict[str, type[Effect]]:
 
 
 def _loaded(point: EntryPoint) -> type[Effect]:
-    """The class of an entry point, if a diagnosis can use it."""
+    """Return the class of an entry point; None if a diagnosis cannot use it."""
     kind = point.load()
     if not (isinstance(kind, type) and issubclass(kind, Effect)):
         raise RigError("it is no subclass of deatwin.plant.Effect")
@@ -73,7 +73,7 @@ def catalogue() -> tuple[Effect, ...]:
 
 
 def machine_catalogue() -> tuple[Effect, ...]:
-    """The effects of the catalogue and those of machines, which replace others of their names."""
+    """Return the catalogue, in which the effects of machines replace others of the same names."""
     types = {**_types(), **{t.name: t for t in MACHINES}}
     return tuple(types[name]() for name in sorted(types))
 

@@ -74,5 +74,5 @@ class CoulombFriction(Effect):
         return signal - force * self._resistance(direction, build)
 
     def _resistance(self, direction: Any, build: Builder) -> Any:
-        """The force in units of its level."""
+        """Return the friction force divided by its level."""
         return direction

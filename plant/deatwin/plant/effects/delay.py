@@ -114,7 +114,7 @@ class Delay(Effect):
 
 
 def _late(reading: Any, build: Builder, whole: Any, share: Any, count: int) -> Any:
-    """A reading after a dead time of `whole` samples, of which there are fewer than `count`, and a `share` of one."""
+    """Return a reading after a dead time of `whole` samples, less than `count`, and a `share` of a sample."""
     if build.signal("averages"):
         now = _inside(reading, build, share, 2)
     elif build.signal("follows_at_once"):
@@ -125,7 +125,7 @@ def _late(reading: Any, build: Builder, whole: Any, share: Any, count: int) -> A
 
 
 def _past(parts: Sequence[Any], build: Builder, whole: Any, counts: Sequence[int]) -> Any:
-    """The sum of what was at the end of a sample that is a `whole` number back, one further back for each further part."""
+    """Return the sum of values at sample ends: the first `whole` samples back, each further part one sample earlier."""
     size = build.signal("reading_size")
     first = [build.state(f"late_{n}", scale=size, start=part) for n, part in enumerate(parts)]
     for state, part in zip(first, parts, strict=True):
@@ -141,7 +141,9 @@ def _past(parts: Sequence[Any], build: Builder, whole: Any, counts: Sequence[int
 
 
 def _inside(reading: Any, build: Builder, share: Any, growth: int) -> Any:
-    """A reading a `share` of the sample before its end; at rest it is constant, or grows from zero if `growth` is 2."""
+    """Return the reading a `share` of the sample before its end; at rest it is constant or, with `growth` 2, grows
+    from 0.
+    """
     size = build.signal("reading_size")
     width, moments = build.sample_time, []
     above = reading

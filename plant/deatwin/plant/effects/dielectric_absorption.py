@@ -1,4 +1,4 @@
-"""Polarisation that lags."""
+"""Polarisation that lags behind the field."""
 
 from __future__ import annotations
 

@@ -67,6 +67,6 @@ class DryFriction(CoulombFriction):
         )
 
     def _resistance(self, direction: Any, build: Builder) -> Any:
-        """The force in units of its level."""
+        """Return the friction force divided by its level."""
         rising = 1 + self.own("stiction", build) * ca.exp(-((build.signal("velocity") / self.own("speed", build)) ** 2))
         return direction * (1 + self.own("unevenness", build) * direction) * rising

@@ -48,7 +48,7 @@ class FreeForm(Effect):
         return self.node
 
     def describe(self) -> tuple[Parameter, ...]:
-        """Parameters: the size, which is held; then of each term the coefficient and, if it has one, the shape."""
+        """List the parameters: the fixed size, then the coefficient of each term with its shape, if it has one."""
         own = [Parameter(name="size", value=self.size, unit=self.unit, lower=0.0, upper=1e12, known=True)]
         for number, (term, value) in enumerate(zip(self.terms, self.coefficients, strict=True), start=1):
             own.append(Parameter(name=f"coefficient_{number}", value=value, unit="1", lower=-1e3, upper=1e3))
@@ -100,7 +100,7 @@ class FreeForm(Effect):
 
     @classmethod
     def from_entry(cls, data: Mapping[str, Any]) -> Self:
-        """Return the free form of a model file's entry."""
+        """Return the free form from the entry of a model file."""
         try:
             described, enters = tuple(data["terms"]), Place(data["place"])
             node, unit = str(data["signal"]), str(data["unit"])

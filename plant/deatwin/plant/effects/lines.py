@@ -1,4 +1,4 @@
-"""Oscillations of a residual: start points for effects that have a frequency."""
+"""Find oscillations of a residual, as starting points for effects with a frequency."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ CYCLES = 60  # Periods that are tried for a slow cycle, evenly in their logarith
 
 @dataclass(frozen=True, kw_only=True)
 class Tone:
-    r"""A line, :math:`a\cos(2\pi ft + \varphi)`."""
+    r"""A sine, :math:`a\cos(2\pi ft + \varphi)`."""
 
     amplitude: float  # a, in the unit of the residual
     frequency: float  # f in Hz
@@ -23,7 +23,7 @@ class Tone:
 
 
 def tone_at(timepts: np.ndarray, values: np.ndarray, frequency: float) -> Tone:
-    """Best sine of a frequency, Hz, with a constant (Zechmeister & Kürster, Astron. Astrophys. 496 (2009) 577)."""
+    """Fit a sine with a constant at a frequency, Hz (Zechmeister & Kürster, Astron. Astrophys. 496 (2009) 577)."""
     angle = 2 * np.pi * frequency * timepts
     columns = np.stack([np.cos(angle), -np.sin(angle)], axis=1)
     columns -= columns.mean(axis=0)
@@ -39,7 +39,9 @@ def tone_at(timepts: np.ndarray, values: np.ndarray, frequency: float) -> Tone:
 
 
 def tones(timepts: np.ndarray, residual: np.ndarray, count: int = 3) -> tuple[Tone, ...]:
-    """Lines of a residual's spectrum above their neighbourhood, best first. Shapes: `timepts`, `residual` (n,)."""
+    """Return spectral lines of a residual that exceed their neighbourhood, best first. Shapes: `timepts`, `residual`
+    (n,).
+    """
     from scipy.ndimage import median_filter
 
     if residual.size < 16:
@@ -63,7 +65,7 @@ def tones(timepts: np.ndarray, residual: np.ndarray, count: int = 3) -> tuple[To
 def slow_cycles(
     timepts: np.ndarray, residual: np.ndarray, periods: tuple[float, float], count: int = 3
 ) -> tuple[Tone, ...]:
-    """Slow cycles that explain most of a residual, best first. Shapes: `timepts` (n,); `residual` (n,)."""
+    """Return slow cycles that explain most of a residual, best first. Shapes: `timepts` (n,); `residual` (n,)."""
     shortest, longest = periods[0], min(periods[1], 2 * float(np.ptp(timepts)))
     if longest <= shortest:
         return ()
@@ -75,7 +77,7 @@ def slow_cycles(
 def spectral_peaks(
     timepts: np.ndarray, residual: np.ndarray, band: tuple[float, float], count: int = 4
 ) -> tuple[float, ...]:
-    """Peaks in a `band`, Hz, of Welch's averaged spectrum, highest first; none of fewer than 64 samples."""
+    """Return peaks of Welch's spectrum in a `band`, Hz, highest first; none for fewer than 64 samples."""
     from scipy.signal import find_peaks, welch
 
     if residual.size < 64:
@@ -88,7 +90,7 @@ def spectral_peaks(
 
 
 def _maxima(values: np.ndarray) -> list[int]:
-    """Positions of local maxima, highest first."""
+    """Return positions of local maxima, highest first."""
     padded = np.concatenate([[-np.inf], values, [-np.inf]])
     peaks = np.flatnonzero((values >= padded[:-2]) & (values >= padded[2:]))
     return [int(k) for k in peaks[np.argsort(-values[peaks], kind="stable")]]
@@ -99,7 +101,7 @@ def _sample_time(timepts: np.ndarray) -> float:
 
 
 def _periodogram(timepts: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies and power on a grid four times finer than the record resolves."""
+    """Return frequencies and power on a grid four times finer than the resolution of the record."""
     step = _sample_time(timepts)
     rows = np.rint((timepts - timepts.min()) / step).astype(int)
     even = np.zeros(int(rows.max()) + 1)
@@ -109,7 +111,7 @@ def _periodogram(timepts: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, n
 
 
 def _refined(timepts: np.ndarray, values: np.ndarray, frequency: float) -> Tone:
-    """Best line near a frequency that is known to the resolution."""
+    """Return the best line near an approximate frequency."""
     from scipy.optimize import minimize_scalar
 
     width = 0.5 / float(np.ptp(timepts))

@@ -1,4 +1,4 @@
-"""Softening by the largest deformation so far."""
+"""Softening that depends on the largest deformation so far."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Steps of a residual: start points for effects that set in at a time."""
+"""Find steps of a residual, as starting points for effects that begin at a certain time."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ APART = 0.02  # Least distance between two candidates, as a share of the samples
 
 
 def steps_of(timepts: np.ndarray, residual: np.ndarray, count: int = 3) -> tuple[tuple[float, float], ...]:
-    """Times at which a step would explain most of a residual (n,), best first (Hinkley, Biometrika 57 (1970) 1)."""
+    """Return times at which a step would explain most of a residual (n,), best first (Hinkley, Biometrika 57 (1970)
+    1).
+    """
     n = residual.size
     if n < 2:
         return ()

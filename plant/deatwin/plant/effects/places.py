@@ -1,4 +1,4 @@
-"""Effects at further places: the same law, written into another signal of the plant."""
+"""Effects at further places: the same law applied to another signal of the plant."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Elsewhere(Effect):
 
 @lru_cache(maxsize=256)
 def placed(first: type[Effect], at: str) -> type[Effect]:
-    """The kind of effect that `first` is at another place."""
+    """Return the class of the effect `first` at another place."""
     if at not in first.places:
         known = ", ".join(first.places) or "no other"
         raise RigError(f"the effect {first.name} has no place {at!r}{nearest(at, first.places)} (known: {known})")
@@ -53,7 +53,7 @@ def placed(first: type[Effect], at: str) -> type[Effect]:
 
 
 def everywhere(effects: Iterable[Effect]) -> Iterator[Effect]:
-    """Each effect, then what it is at its further places."""
+    """Return each effect, followed by its versions at further places."""
     for effect in effects:
         yield effect
         yield from (effect.placed(at) for at in effect.places)

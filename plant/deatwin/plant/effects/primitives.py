@@ -36,7 +36,7 @@ class Primitive(ABC):
 
     @property
     def degree(self) -> int:
-        """Exponent with which the value scales when the signal and its widths scale by a factor."""
+        """Exponent of the value's change if the signal and its widths are scaled by a factor."""
         return 1
 
     @property
@@ -46,14 +46,14 @@ class Primitive(ABC):
 
     @abstractmethod
     def value(self, signal: Symbol, memory: Symbol, shape: Symbol) -> Symbol:
-        """The function."""
+        """Return the value of the function."""
 
     def at_rest(self, signal: Symbol) -> Symbol:
-        """The memory at rest."""
+        """Return the memory at rest."""
         return signal
 
     def rate(self, signal: Symbol, memory: Symbol, shape: Symbol, sample_time: float) -> Symbol:
-        """Rate of change of the memory."""
+        """Return the rate of change of the memory."""
         raise NotImplementedError(f"{self.kind} has no memory")
 
     def to_dict(self) -> dict[str, Any]:
@@ -207,7 +207,7 @@ PRIMITIVES: Mapping[str, type[Primitive]] = {
 
 
 def primitive_from(data: Mapping[str, Any]) -> Primitive:
-    """The primitive that `Primitive.to_dict` described."""
+    """Return the primitive from the data of `Primitive.to_dict`."""
     own = dict(data)
     kind = own.pop("kind", None)
     if kind not in PRIMITIVES:

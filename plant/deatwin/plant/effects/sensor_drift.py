@@ -1,4 +1,4 @@
-"""Slow drift of the sensor's zero, or of its gain, or of the amplifier's."""
+"""Slow drift of the sensor's zero or gain, or of the amplifier's."""
 
 from __future__ import annotations
 

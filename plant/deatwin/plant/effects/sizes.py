@@ -1,4 +1,4 @@
-"""Effects scaled to plants of other sizes and units than the diaphragm, for which typical values are stated."""
+"""Scale effects to plants whose sizes and units differ from those of the diaphragm."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ class Sizes:
         return kind(**{p.name: getattr(effect, p.name) * self._ratio(p.unit, effect)[0] for p in effect.describe()})
 
     def _ratio(self, unit: str, effect: Effect) -> tuple[float, str]:
-        """Factor from a value in a unit of the diaphragm to this plant, and the unit on this plant."""
+        """Return the factor from a value in a diaphragm's unit to this plant, and the unit there."""
         read = effect.place is Place.SENSOR
         reading, reading_unit = self.reading or self.motion, self.reading_unit or self.motion_unit
         known = {
@@ -120,7 +120,7 @@ class Sizes:
         return float(ratio), unit if unit in DERIVED and dict(powers) == dict(_powers(unit)) else _written(powers)
 
     def _drive(self, effect: Effect) -> tuple[float, str]:
-        """Factor and unit for a volt, which is a volt of the command or of the amplifier."""
+        """Return factor and unit for a volt, of the command or of the amplifier."""
         if effect.signal == "command":
             return self.command / COMMAND, self.command_unit
         if self.voltage is None:
@@ -129,7 +129,7 @@ class Sizes:
 
 
 class _Similar(Effect):
-    """An effect that sees the plant in the units and at the sizes of the diaphragm."""
+    """An effect that treats the plant as if it had the units and sizes of the diaphragm."""
 
     sizes: ClassVar[Sizes]
     original: ClassVar[type[Effect]]
@@ -164,7 +164,7 @@ class _Similar(Effect):
 
 
 class _View:
-    """Builder as an effect on the diaphragm would see it."""
+    """Builder that shows a plant as the diaphragm to an effect."""
 
     def __init__(self, build: Builder, effect: _Similar) -> None:
         self._build, self._effect = build, effect
@@ -226,7 +226,7 @@ def _made(first: type[Effect], at: str, sizes: Sizes, values: Mapping[str, float
 
 
 def _powers(unit: str) -> Counter[str]:
-    """Powers of a unit's factors: ``"N s2/m2"`` is N to the 1, s to the 2 and m to the -2."""
+    """Return the powers of a unit's factors: ``"N s2/m2"`` is N to the 1, s to the 2 and m to the -2."""
     above, _, below = unit.partition("/")
     found: Counter[str] = Counter()
     for text, sign in ((above, 1), (below.strip("()"), -1)):

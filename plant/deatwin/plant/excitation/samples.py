@@ -1,4 +1,4 @@
-"""Times in whole samples."""
+"""Convert times to whole samples."""
 
 import math
 

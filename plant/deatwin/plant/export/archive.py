@@ -1,4 +1,4 @@
-"""FMUs as archives: sources compiled for this computer, and all files zipped in their places."""
+"""Build FMU archives: compile the sources for this computer, and zip all files."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SAID = 300  # Number of characters of a compiler's first complaint that an erro
 
 
 def headers() -> Path:
-    """Folder of the FMI headers, which fmpy provides."""
+    """Return the folder of the FMI headers, which fmpy provides."""
     found = find_spec("fmpy")
     if found is None or found.origin is None:
         raise ModelError('an FMU needs the FMI 3.0 headers: install them with pip install "fmpy>=0.3.20"')
@@ -29,7 +29,7 @@ def headers() -> Path:
 
 
 def compiled(contents: Mapping[str, bytes], name: str) -> dict[str, bytes]:
-    """The files of an FMU with a binary for this computer."""
+    """Return the files of an FMU, including a binary for this computer."""
     include, program, system = headers(), compiler(), platform.system()
     if program is None or system not in _ENDINGS:
         raise ModelError("an FMU needs a C compiler, and none was found (deatwin doctor): install gcc or clang")
@@ -49,7 +49,7 @@ def compiled(contents: Mapping[str, bytes], name: str) -> dict[str, bytes]:
 
 
 def write_fmu(path: str | Path, contents: Mapping[str, bytes]) -> Path:
-    """Zip the files of an FMU beside its target, then rename the archive."""
+    """Zip the files of an FMU under a temporary name, then rename the archive."""
     with replacing(path) as beside, zipfile.ZipFile(beside, "w", zipfile.ZIP_DEFLATED) as archive:
         for place, content in sorted(contents.items()):
             archive.writestr(place, content)

@@ -1,4 +1,4 @@
-"""Model descriptions of FMUs: those of CasADi, completed, and those of sampled systems."""
+"""Model descriptions of FMUs: CasADi's, with additions, and those of sampled systems."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _TOLERANCE = 1e-8  # Relative tolerance that importing tools are advised to use
 
 @dataclass(frozen=True, kw_only=True)
 class Description:
-    """Model description that CasADi writes, and the additions it lacks."""
+    """The model description that CasADi writes, completed by what it lacks."""
 
     name: str  # Model identifier
     plain: bytes
@@ -39,7 +39,7 @@ class Description:
     text: str  # Description of the model in one line
 
     def tidied(self) -> bytes:
-        """Add units, default experiment and texts; drop CasADi's own variables, which are never computed."""
+        """Add units, default experiment and texts; remove CasADi's own variables, which are never computed."""
         root = ET.fromstring(self.plain)
         variables = root.find("ModelVariables")
         units = {s.name: s.unit for s in (*self.inputs, *self.outputs) if s.unit}
@@ -62,7 +62,7 @@ class Description:
 
 
 def sampled_description(source: SampledSource) -> bytes:
-    """The model description of a sampled system for co-simulation."""
+    """Write the model description of a sampled system for co-simulation."""
     step = number(source.sample_time)
     root = ET.Element(
         "fmiModelDescription",
@@ -121,7 +121,7 @@ def _experiment(sample_time: float) -> ET.Element:
 
 
 def _insert(root: ET.Element, position: int, *elements: ET.Element | None) -> None:
-    """Insert elements at a position, in their order."""
+    """Insert elements at a position, in the given order."""
     for element in reversed([e for e in elements if e is not None]):
         root.insert(position, element)
 

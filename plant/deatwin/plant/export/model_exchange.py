@@ -94,7 +94,7 @@ def export_model_exchange(plant: Plant, path: str | Path, *, name: str = "plant"
 
 
 def means_over_samples(plant: Plant) -> tuple[str, ...]:
-    """Further readings that are the mean rate of something over a sample, such as a current."""
+    """Return the further readings that are mean rates over a sample, such as a current."""
     further = plant.equations.further
     if further is None:
         return ()
@@ -103,7 +103,7 @@ def means_over_samples(plant: Plant) -> tuple[str, ...]:
 
 
 def described(plant: Plant) -> str:
-    """Description of the plant as such an FMU in a few words."""
+    """Describe the plant, as an FMU for model exchange, in a few words."""
     means = " and ".join(means_over_samples(plant))
     return describe(plant) + (
         f", without {means}: an FMU for model exchange has no samples to take a mean over" if means else ""
@@ -111,7 +111,7 @@ def described(plant: Plant) -> str:
 
 
 def require_no_memory(plant: Plant) -> None:
-    """Refuse a plant that needs the commands of earlier samples, or the time at which a sample begins."""
+    """Raise an error if a plant needs earlier commands, or the time at which a sample begins."""
     if not _has_memory(plant):
         return
     at_fault = [e.name for e in plant.effects if _has_memory(plant.without_effects().with_effects(e))] or ["the rig"]
@@ -126,7 +126,7 @@ def _has_memory(plant: Plant) -> bool:
 
 
 def _refreshed(wrapper: str) -> str:
-    """Wrapper that recomputes time-dependent values when time is set."""
+    """Return a wrapper that recomputes time-dependent values whenever time is set."""
     for line in _SETS_TIME:
         if wrapper.count(line) != 1:
             raise ModelError(f"the FMU that CasADi {version('casadi')} writes is not of the form known here (3.8)")
@@ -150,7 +150,7 @@ def _builder(parts: _Parts, name: str, inputs: tuple[Signal, ...], outputs: tupl
 
 
 class _Parts:
-    """Equations with states in units of their scales, and without the algebraic part."""
+    """Equations with states scaled to order one, and with the algebraic part eliminated."""
 
     def __init__(self, plant: Plant, rest: RestState) -> None:
         equations, values = plant.equations, plant.free_values
@@ -181,7 +181,7 @@ class _Parts:
         self._solve = ca.rootfinder("algebraic", "fast_newton", problem, options) if algebraic.size else None
 
     def evaluated(self, states: ca.MX, inputs: ca.MX, time: ca.MX) -> tuple[ca.MX, ca.MX]:
-        """Rates of the states, and reading with watched signals."""
+        """Return rates of the states, and the reading with watched signals."""
         solved = ca.MX(0, 1) if self._solve is None else self._solve(self._guess, ca.vertcat(states, inputs, time))
         rates, readings = self._values(solved, states, inputs, time)
         return rates, readings

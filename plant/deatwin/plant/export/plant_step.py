@@ -157,12 +157,12 @@ def plant_source(plant: Plant, *, name: str = "plant") -> SampledSource:
 
 
 def describe(plant: Plant) -> str:
-    """Description of a plant in a few words."""
+    """Describe a plant in a few words."""
     return f"{plant.rig.kind} with {', '.join(plant.effect_names) or 'no effects'}"
 
 
 def rest_of(plant: Plant) -> RestState:
-    """State of rest in which an export starts."""
+    """Return the state of rest in which an export starts."""
     rest = rest_state(plant.equations, plant.rig.start.rest_command, plant.free_values)
     if not rest.found:
         raise ModelError(f"the plant cannot be exported: {rest.fault}")
@@ -170,7 +170,7 @@ def rest_of(plant: Plant) -> RestState:
 
 
 def plant_signals(plant: Plant, rest: RestState) -> tuple[Signals, Signals]:
-    """Inputs and outputs of a plant with their values at rest."""
+    """Return inputs and outputs of a plant with their values at rest."""
     rig, equations = plant.rig, plant.equations
     inputs = [Signal(name=rig.input_name, unit=rig.input_unit, start=rig.start.rest_command)]
     inputs += [Signal(name=c, start=v) for c, v in equations.channels.items() if c not in KNOWN]
@@ -185,7 +185,7 @@ def plant_signals(plant: Plant, rest: RestState) -> tuple[Signals, Signals]:
 
 
 def _further_at_rest(plant: Plant, rest: RestState) -> np.ndarray:
-    """Levels, stored quantities and shares of the m further readings at rest, shape (3, m)."""
+    """Return levels, stored quantities and shares of the m further readings at rest, shape (3, m)."""
     equations = plant.equations
     if equations.further is None:
         return np.empty((ROWS, 0))
@@ -195,7 +195,7 @@ def _further_at_rest(plant: Plant, rest: RestState) -> np.ndarray:
 
 
 def _sample_function(plant: Plant, name: str) -> ca.Function:
-    """Step function under its name in C."""
+    """Return the step function under its name in C."""
     plain = step_functions(plant.equations).plain
     arguments = plain.mx_in()
     return ca.Function(f"{name}_sample", arguments, plain.call(arguments))
@@ -209,7 +209,7 @@ def _casadi_code(step: ca.Function) -> str:
 
 
 def _shim(plant: Plant, rest: RestState, step: ca.Function, name: str, inputs: Signals, outputs: Signals) -> str:
-    """C code that calls the step: state, start and clock."""
+    """Return C code that calls the step, with state, start and clock."""
     equations = plant.equations
     channels, k = [], 1
     for position, channel in enumerate(equations.channels, start=1 + equations.history):

@@ -1,4 +1,4 @@
-"""Recordings from the table of a file: its clock, its pieces, its signals."""
+"""Make recordings from the table of a file: clock, pieces, signals."""
 
 import logging
 import re
@@ -143,12 +143,12 @@ def _rows_with_values(table: Table, needed: Mapping[int, Floats], *, timed: bool
 
 
 def _is_filled(table: Table, column: int) -> bool:
-    """Return whether every row has something in a column."""
+    """Return whether a column has a value in every row."""
     return all(text.strip() for text in table.texts(column))
 
 
 def _tell_times(table: Table, times: int, unit: str, named: str | None) -> None:
-    """Say how the times were understood if the file does not say it."""
+    """State how the times were understood, if the file does not say it."""
     if table.nameless and named is None:
         logger.warning(
             '%s: without a header its first column, which rises evenly, is taken as the times%s; --time-column "#1=ms" '
@@ -167,14 +167,14 @@ def _tell_times(table: Table, times: int, unit: str, named: str | None) -> None:
 
 
 def _may_be_ticks(table: Table, times: int, told: Floats) -> bool:
-    """Return whether times without a unit may count ms or similar: they advance by whole numbers."""
+    """Return whether times without a unit may be counts, for instance of ms: they increase by whole numbers."""
     steps = np.diff(told)
     whole = bool(steps.size and (steps > 0.0).all() and np.array_equal(told, np.round(told)))
     return whole and not table.scales and table.headers[times] != USUAL_TIMES
 
 
 def on_one_clock(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
-    """Return recordings on the clock of the earliest, if all of them state the date of their clock's zero."""
+    """Return recordings on the clock of the earliest one, if all state the date of their time zero."""
     dates = [recording.provenance.get(STARTED, recording.provenance.get(BEGAN)) for recording in recordings]
     files = " and ".join(label(recording) for recording in recordings)
     if None in dates and len(dates) > 1 and any(one.provenance.get("times") == DATES for one in recordings):
@@ -203,7 +203,7 @@ def on_one_clock(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
 
 
 def _stated(table: Table, used: list[int], dt: float | None) -> Timing | None:
-    """Return the clock that the file states, else the one that the user does."""
+    """Return the clock stated in the file, else that stated by the user."""
     if dt is not None and not (np.isfinite(dt) and dt > 0.0):
         raise DataError(f"{table.path}: dt is {dt} s; the sample time must be positive")
     stated = table.timing(used)
@@ -214,7 +214,7 @@ def _stated(table: Table, used: list[int], dt: float | None) -> Timing | None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Source:
-    """Columns of a table that become signals, by role, and their numbers."""
+    """Columns of a table that become signals, by role, with their numbers."""
 
     table: Table
     roles: Mapping[str, tuple[int, ...]]
@@ -233,7 +233,7 @@ class _Source:
         take: Mapping[str, Callable[[Floats], Floats]],
         about: Mapping[str, str],
     ) -> Recording:
-        """Return a recording of what is taken of each column by its role."""
+        """Make a recording from selected rows of each column, by role."""
         signals, rows = self._signals(), {}
         for role, columns in self.roles.items():
             taken = [take[role](self.numbers[column]) for column in columns]
@@ -253,7 +253,7 @@ class _Source:
         )
 
     def _signals(self) -> dict[str, list[Signal]]:
-        """Return the signals of each role."""
+        """Return the signals for each role."""
         table = self.table
         signals = {role: [table.signal(role, column) for column in columns] for role, columns in self.roles.items()}
         shared = {signal.name for signal in signals["input"]} & {signal.name for signal in signals["output"]}
@@ -307,7 +307,7 @@ def _recordings(
 
 
 def _resampled(source: _Source, plan: Resampling, reading: ReadingTime) -> tuple[Recording, ...]:
-    """Return the recordings of rows that are brought onto an even clock."""
+    """Resample rows to an even clock, and return the recordings."""
     made = []
     for piece, (clock, rows) in enumerate(zip(plan.clocks, plan.rows, strict=True)):
         readings, commands = partial(plan.readings, piece), partial(plan.commands, piece)
@@ -324,7 +324,7 @@ def _resampled(source: _Source, plan: Resampling, reading: ReadingTime) -> tuple
 
 
 def _passed_over(table: Table, used: Sequence[int], dt: float) -> str:
-    """Describe uneven times in a column without a unit of time; else return an empty text."""
+    """Describe uneven times in a column without a unit of time; empty if there are none."""
     named = [
         k
         for k, name in enumerate(table.names)
@@ -361,7 +361,7 @@ def _seconds_or_ticks(table: Table, times: int, told: Floats) -> str:
 
 
 def _is_even(told: Floats | None, sample_time: float) -> bool:
-    """Return whether times keep an even clock already."""
+    """Return whether times already follow an even clock."""
     try:
         kept, _ = even_pieces(np.empty(0) if told is None else told, str, allow_gaps=True)
     except DataError:

@@ -37,7 +37,7 @@ _SLACK = 1.1  # for the fit of the clock, which rounded times move a little
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Piece:
-    """Samples of a file without a gap between them."""
+    """Consecutive samples of a file, without a gap."""
 
     first: int  # The rows are ``first`` to ``last - 1``, counted from the first row of samples
     last: int
@@ -48,12 +48,12 @@ class Piece:
 
     @classmethod
     def even(cls, samples: int, sample_time: float, start: float) -> "Piece":
-        """Return a whole file whose clock is stated, not measured. `sample_time` time between two samples, s."""
+        """Return a complete file with a stated clock as one piece. `sample_time` is the time between two samples, s."""
         clock = start + sample_time * np.arange(samples, dtype=np.float64)
         return cls(first=0, last=samples, timepts=clock, clock=clock, interpolated=False)
 
     def take(self, values: Floats) -> Floats:
-        """Return a channel on the clock of this piece, (k,)."""
+        """Return a channel on the clock of this piece, shape (k,)."""
         rows = values[self.first : self.last]
         return np.interp(self.clock, self.timepts, rows) if self.interpolated else rows
 
@@ -89,12 +89,12 @@ def even_pieces(
 
 
 def _read_as_even(timepts: Floats, stated: float | None) -> Rounded | None:
-    """Return the even clock that rounded times keep; None where nothing tells it."""
+    """Return the even clock that fits rounded times; None if it cannot be determined."""
     return None if not stated and each_as_often(timepts) else rounded_clock(timepts, stated)
 
 
 def _evenly(rounded: Rounded, timepts: Floats) -> Piece:
-    """Return all rows on the even clock of rounded times; the report says so where the old one cannot be seen."""
+    """Return all rows on the even clock that fits rounded times; report it if the old clock is lost."""
     first, step = float(timepts[0]), rounded.sample_time
     start = first if abs(rounded.start - first) <= _AGREE * step else rounded.start
     said = f"the times are stored to {rounded.digit:.2g} s only: read as even, {step:.9g} s a sample"
@@ -103,7 +103,7 @@ def _evenly(rounded: Rounded, timepts: Floats) -> Piece:
 
 
 def _not_increasing(timepts: Floats, where: Callable[[int], str]) -> DataError:
-    """Return the error of times that repeat or go back, with what would help."""
+    """Return an error for times that repeat or go back, with a remedy."""
     steps = np.diff(timepts)
     at = np.flatnonzero(steps <= 0.0) + 1
     row = int(at[0])
@@ -126,7 +126,7 @@ def _not_increasing(timepts: Floats, where: Callable[[int], str]) -> DataError:
 
 
 def _pieces(timepts: Floats, edges: list[int], short: Flags, sample_time: float, tolerance: float) -> Iterator[Piece]:
-    """Yield the pieces between edges; one that holds a short step is to be interpolated."""
+    """Yield the pieces between gaps; a piece with a short step is to be interpolated."""
     origin = None
     for first, last in pairwise(edges):
         rows = timepts[first:last]
@@ -147,14 +147,14 @@ def _pieces(timepts: Floats, edges: list[int], short: Flags, sample_time: float,
 
 
 def _start(rows: Floats, sample_time: float) -> float:
-    """First time of an even clock: the file's own, unless the clock through all times says otherwise."""
+    """Return the first time of an even clock: that of the file, unless a fit to all times differs."""
     late = rows - rows[0] - sample_time * np.arange(len(rows))
     shift = 0.5 * float(late.max() + late.min())
     return float(rows[0]) + (shift if abs(shift) > _AGREE * sample_time else 0.0)
 
 
 def _rounding(timepts: Floats, steps: Floats, usual: float) -> float:
-    """Return how far rounding in print moved the times, s: half their last digit; 0 if they are not rounded."""
+    """Return how far rounding may have moved the times, s: half their last digit; 0 if they are not rounded."""
     if (np.abs(steps - usual) > 1e-6 * usual).mean() < _ROUNDED_STEPS:
         return 0.0
     for decimals in range(7):
@@ -171,7 +171,7 @@ def _sample_time(
     where: Callable[[int], str],
     stated: float | None,
 ) -> float:
-    """Return the sample time that all runs keep: the stated one, else the usual step, else the fitted one."""
+    """Return the sample time of all pieces: the stated one, else the usual step, else a fitted one."""
     ranks = np.concatenate([np.arange(last - first) - 0.5 * (last - first - 1) for first, last in runs])
     fitted = float(ranks @ timepts / (ranks @ ranks)) if ranks.any() else usual
     for step in (stated,) if stated else (float(f"{usual:.9g}"), fitted):
@@ -193,7 +193,7 @@ def _sample_time(
 
 
 def _off_clock(timepts: Floats, step: float) -> Floats:
-    """Return the distance of each time from an even clock laid through the middle of them, s."""
+    """Return the distance of each time from an even clock through their middle, s."""
     late = timepts - timepts[0] - step * np.arange(len(timepts))
     return np.abs(late - 0.5 * (late.max() + late.min()))
 
@@ -214,7 +214,7 @@ def _gap(timepts: Floats, long: Flags, usual: float, where: Callable[[int], str]
 def _odd_step(
     timepts: Floats, odd: Flags, usual: float, tolerance: float, where: Callable[[int], str], meant: float
 ) -> DataError:
-    """Return the error that names the first row that comes too late or too early after the one before."""
+    """Return an error that names the first row that comes too early or too late."""
     sample = int(np.argmax(odd)) + 1
     step, options = timepts[sample] - timepts[sample - 1], resampling_options(timepts, meant)
     return DataError(

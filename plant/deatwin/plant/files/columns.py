@@ -1,4 +1,4 @@
-"""Columns of a table that hold the input, the output and the further channels."""
+"""Find the columns of a table that hold the input, the output and the further channels."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
@@ -48,7 +48,7 @@ def chosen_columns(
 
 
 def _quietly(table: Table, role: str, wanted: str | None) -> tuple[int, ...]:
-    """Return the columns of a role, none where they cannot be told."""
+    """Return the columns for a role; empty if they cannot be determined."""
     try:
         if role == "time":
             column, _ = time_column(table, set(), wanted)
@@ -59,7 +59,7 @@ def _quietly(table: Table, role: str, wanted: str | None) -> tuple[int, ...]:
 
 
 def _headed(table: Table, wanted: str | None) -> list[int]:
-    """Return the columns that the user named for a role, whether they fit it or not."""
+    """Return the columns that the user named for a role, suitable or not."""
     headers = {wanted, (wanted or "").rpartition("=")[0]}
     return [k for k, header in enumerate(table.headers) if header in headers or table.names[k] in headers]
 
@@ -67,7 +67,7 @@ def _headed(table: Table, wanted: str | None) -> list[int]:
 def _twice(
     table: Table, column: int, roles: tuple[str, str], asked: Mapping[str, str | None], units: Mapping[str, str | None]
 ) -> DataError:
-    """Return the error of a column that has two roles, with another one for a role that was not asked for."""
+    """Return an error for a column with two roles, which offers another column for a role that the user did not set."""
     said = [f"named as {role}" if asked.get(role) else f"the usual {role}" for role in roles]
     free = [role for role in roles if not asked.get(role)] or [roles[1]]
     role, busy = free[0], {column, *_others(table, free[0], asked)}
@@ -86,12 +86,12 @@ def _twice(
 
 
 def _others(table: Table, role: str, asked: Mapping[str, str | None]) -> set[int]:
-    """Return the columns of all roles but one."""
+    """Return the columns of all other roles."""
     return {k for other, wanted in asked.items() if other != role for k in _quietly(table, other, wanted)}
 
 
 def works(table: Table, column: int, unit: str | None = None) -> bool:
-    """Return whether a column can be an input or output: numbers, in a known unit or none."""
+    """Return whether a column can be an input or output: numbers, with a known unit or none."""
     try:
         read = in_units(table, {} if unit is None else {column: unit})
         require_known_units(read, [column])
@@ -121,7 +121,7 @@ def data_columns(
 
 
 def _require_places(table: Table, asked: Mapping[str, str | None]) -> None:
-    """Refuse a file without a header whose columns the user does not name by their places."""
+    """Raise an error if the user names no columns by position for a file without a header."""
     places = {role: (wanted or "").partition("=")[0] for role, wanted in asked.items()}
     missing = [role for role in ("input", "output") if role in asked and not places[role]]
     wrong = [name for name in places.values() if name and not is_place(name)]
@@ -131,7 +131,7 @@ def _require_places(table: Table, asked: Mapping[str, str | None]) -> None:
 
 
 def _no_header(table: Table, fault: str, roles: Collection[str]) -> DataError:
-    """Return the error of a file without a header, with a way to name the columns of these roles."""
+    """Return an error for a file without a header, with a way to name the columns for these roles."""
     columns = range(len(table.headers))
     times = next(iter(likely_times(table, set())), None)
     places = [f"#{k + 1}" for k in columns if k != times and works(table, k)]
@@ -149,7 +149,7 @@ def _no_header(table: Table, fault: str, roles: Collection[str]) -> DataError:
 
 
 def extra_columns(table: Table, taken: set[int]) -> list[int]:
-    """Return the columns of the further channels: those that the file declares, else those with usual names."""
+    """Return the columns of the further channels: as declared in the file, else by their usual names."""
     if table.declared.signals:
         return [column for column in table.columns_of("extra") if column not in taken]
     found = {name: column for name in _EXTRAS if (column := _usual_column(table, name, taken)) is not None}
@@ -165,7 +165,7 @@ def extra_columns(table: Table, taken: set[int]) -> list[int]:
 
 
 def with_readings(table: Table, readings: Iterable[Reading], taken: set[int]) -> tuple[Table, dict[int, Reading]]:
-    """Return the table with the columns of further readings, named and in their units, and these columns."""
+    """Return the table with the columns of further readings in their units, and these columns."""
     found: dict[int, Reading] = {}
     names, units = list(table.names), list(table.units)
     for reading in readings:
@@ -197,7 +197,7 @@ def _own_column(table: Table, name: str, taken: set[int]) -> int | None:
 
 
 def _usual_column(table: Table, name: str, taken: Collection[int] = frozenset()) -> int | None:
-    """Return the column with one of deatwin's own names and a unit of the right kind, or None."""
+    """Return the column with one of deatwin's own names and a suitable unit; None if there is none."""
     usual, right = COLUMNS[name], split_unit(COLUMNS[name])[1]
     named = [
         column
@@ -223,7 +223,7 @@ def _usual_column(table: Table, name: str, taken: Collection[int] = frozenset())
 
 
 def _no_column(table: Table, name: str, advice: str, works: Callable[[int], bool]) -> DataError:
-    """Return the error of a column that is missing; one that works instead may be offered."""
+    """Return an error for a missing column, which may offer another one."""
     usual = COLUMNS[name]
     return DataError(
         f'{table.path}: no column "{usual}"; the file has {table.listing()}{table.near(usual, works)} ({advice})'

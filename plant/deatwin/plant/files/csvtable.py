@@ -1,4 +1,4 @@
-"""Conversion of CSV text to named columns of numbers, with any encoding, delimiter and header lines."""
+"""Convert CSV text to named columns of numbers, for any encoding, delimiter and header."""
 
 import csv
 import gzip
@@ -42,23 +42,23 @@ _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CsvTable(Table):
-    """Header of a CSV file and its lines of samples, not yet converted."""
+    """Header and sample lines of a CSV file, before conversion."""
 
     lines: list[str]  # The lines that hold samples
     rows: list[int]  # The number of each in the file, as an editor shows it; the first line is 1
 
     def row(self, sample: int) -> int:
-        """Return the row of a sample in the file, as an editor shows it."""
+        """Return the row of a sample in the file, counted as in an editor."""
         return self.rows[sample]
 
     def texts(self, column: int) -> Iterator[str]:
-        """Yield the cells of a column, as the file has them; an empty text where there is none."""
+        """Yield the cells of a column as text; empty for a missing cell."""
         for line in self.lines:
             row = split_cells(line, self.delimiter)
             yield row[column] if column < len(row) else ""
 
     def si(self, columns: Sequence[int], *, missing: Collection[int] = ()) -> NDArray[np.float64]:
-        """Return columns in SI units, or in those of `wanted`, (len(columns), n), nearest to their texts."""
+        """Return columns in SI units, or in those of `wanted`, (len(columns), n), exactly rounded."""
         rows = self._cells()
         try:
             texts = [[row[column] for row in rows] for column in columns]
@@ -82,7 +82,7 @@ class CsvTable(Table):
         return values
 
     def _values(self, column: int, cells: list[str]) -> Sequence[float] | NDArray[np.float64]:
-        """Return the numbers of a column in SI units, of times that are dates the seconds since the first."""
+        """Return a column in SI units; dates are converted to seconds since the first."""
         scale = self.scales.get(column)
         return scale.seconds(cells) if scale else _si(cells, self.unit(column))
 
@@ -91,7 +91,7 @@ class CsvTable(Table):
         return column in self.scales and self.scales[column].texts
 
     def _cells(self) -> list[list[str]]:
-        """Return the cells of all rows; none has more than the header, and between blanks none has fewer."""
+        """Return the cells of all rows; a row has at most as many as the header and, between blanks, exactly as many."""
         if self.delimiter == BLANKS:
             rows = [split_cells(line, BLANKS) if '"' in line else line.split() for line in self.lines]
             for sample, row in enumerate(rows):
@@ -118,7 +118,7 @@ class CsvTable(Table):
         return rows
 
     def _with_decimal_points(self, columns: Sequence[int], texts: list[list[str]]) -> list[list[str]]:
-        """Return the cells with decimal points, if it is certain that their commas are decimal commas."""
+        """Return the cells with decimal points, if their commas are certainly decimal commas."""
         if not any("," in cell for cells in texts for cell in cells):
             return texts
         comma = point = ""  # The first cell with either sign
@@ -192,7 +192,7 @@ def read_table(path: str | Path) -> CsvTable:
 
 
 def _unzipped(content: bytes, path: str) -> bytes:
-    """Return the text in a file of gzip."""
+    """Return the text in a gzip file."""
     try:
         with gzip.GzipFile(fileobj=io.BytesIO(content)) as packed:
             text = packed.read(TEXT_BYTES + 1)
@@ -204,7 +204,7 @@ def _unzipped(content: bytes, path: str) -> bytes:
 
 
 def table_of(numbered: Iterable[tuple[int, str]], name: str, sha256: str) -> CsvTable:
-    """Return the table that lines of text hold."""
+    """Return the table in lines of text."""
     filled = [(row, line) for row, line in numbered if line.strip()]
     filled = [(row, _FORTRAN.sub(r"\1E", line) if "D" in line or "d" in line else line) for row, line in filled]
     while filled and not filled[-1][1].strip(",;|\t "):  # a spreadsheet's empty rows
@@ -246,7 +246,7 @@ def table_of(numbered: Iterable[tuple[int, str]], name: str, sha256: str) -> Csv
 
 
 def read_bytes(path: str | Path, limit: int = RECORDING_BYTES) -> bytes:
-    """Return the bytes of a file of the user."""
+    """Return the bytes of a user's file."""
     try:
         return read_regular(path, limit, lambda fault: DataError(f"{path}: {fault}"))
     except FileNotFoundError:
@@ -280,7 +280,7 @@ def _si(cells: list[str], unit: Unit) -> NDArray[np.float64]:
 
 
 def reader(unit: Unit) -> Callable[[str], float]:
-    """Return a function from a cell in a unit to its SI value, rounded once."""
+    """Return a function that converts a cell in a unit to its SI value, rounded once."""
     exponent = power_of_ten(unit)
     if exponent is None:
         return _converted(unit)
@@ -288,7 +288,7 @@ def reader(unit: Unit) -> Callable[[str], float]:
 
 
 def _converted(unit: Unit) -> Callable[[str], float]:
-    """Return a function from a cell of any unit to its SI value: exact decimal arithmetic, rounded at the end."""
+    """Return a function that converts a cell of any unit to SI, by exact decimal arithmetic with one rounding."""
     shift, numerator, denominator = decimal_relation(unit)
 
     def read(cell: str) -> float:
@@ -300,12 +300,12 @@ def _converted(unit: Unit) -> Callable[[str], float]:
 
 
 def decimal_relation(unit: Unit) -> tuple[Decimal, Decimal, Decimal]:
-    """Return shift, numerator and denominator of a unit as the decimal numbers in which they were written."""
+    """Return shift, numerator and denominator of a unit as decimal numbers."""
     return Decimal(repr(unit.shift)), Decimal(repr(unit.numerator)), Decimal(repr(unit.denominator))
 
 
 def _moved(exponent: int) -> Callable[[str], float]:
-    """Return a function that reads a cell with its decimal point moved."""
+    """Return a function that reads a cell with its decimal point shifted."""
 
     def read(cell: str) -> float:
         float(cell)  # else "1e" would pass

@@ -27,7 +27,7 @@ _FAR_APART = re.compile(r"\s{2,}|\t")
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """Layout of the lines of a file."""
+    """Layout of the lines in a file."""
 
     delimiter: str  # Tab, semicolon, bar or comma; a blank stands for any run of blanks and tabs
     first: int  # Number of the first line that holds samples
@@ -35,7 +35,7 @@ class Layout:
 
 
 def decode(content: bytes, path: str) -> str:
-    """Return the text of a file in UTF-8, UTF-16 or UTF-32 with its mark at the start, GBK, or Latin-1."""
+    """Return the text of a file in UTF-8, UTF-16 or UTF-32 with a byte-order mark, GBK, or Latin-1."""
     if content[:4] in (b"\xff\xfe\0\0", b"\0\0\xfe\xff"):
         return content.decode("utf-32", errors="replace")
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
@@ -58,7 +58,7 @@ def decode(content: bytes, path: str) -> str:
 
 
 def find_layout(lines: list[str], rows: list[int], path: str) -> Layout:
-    """Return delimiter and end of the header."""
+    """Find the delimiter and the end of the header."""
     widths = {mark: _width(lines, mark) for mark in _DELIMITERS}
     marks = [mark for mark in _DELIMITERS if widths[mark] > 1] or [","]
     starts = {mark: _first_sample(lines, mark, widths[mark]) for mark in marks}
@@ -80,14 +80,14 @@ def find_layout(lines: list[str], rows: list[int], path: str) -> Layout:
 
 
 def header_line(width: int, delimiter: str, times: int | None = 0) -> str:
-    """Return a header that fits rows of so many cells, with the times in one of them, as an error text shows it."""
+    """Return an example header for rows of a number of cells, one of them the times, for an error text."""
     usual = ["command_V", "displacement_mm"]
     names = ["time_s" if k == times else usual.pop(0) if usual else f"column_{k + 1}" for k in range(width)]
     return f"{' '.join(names)}, parted by tabs" if delimiter == "\t" else delimiter.join(names)
 
 
 def is_comment(line: str) -> bool:
-    """Return whether a line begins as comments do, with ``#``, ``%`` or ``//``."""
+    """Return whether a line begins with ``#``, ``%`` or ``//``."""
     return _COMMENT.match(line) is not None
 
 
@@ -107,7 +107,7 @@ def split_cells(line: str, delimiter: str) -> list[str]:
 
 
 def formula(cell: str) -> str:
-    """Return the fault of a cell that holds a formula."""
+    """Return the fault of a cell that contains a formula."""
     return (
         f'"{clipped(cell)}" is a formula whose value the file does not hold; open it in a spreadsheet program, and save '
         "it there"
@@ -115,7 +115,7 @@ def formula(cell: str) -> str:
 
 
 def grouped(line: str, delimiter: str) -> str:
-    """Return the end of an error text for a line in which a comma stands between thousands and as delimiter."""
+    """Return the end of an error text for a line whose commas are both delimiters and digit separators."""
     found = _GROUPED.search(line) if delimiter == "," else None
     return f"; is {found[0]} one number? Then write it without the comma" if found else ""
 
@@ -130,7 +130,7 @@ def is_number(cell: str) -> bool:
 
 
 def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[str], list[str]]:
-    """Return headers and units from the header lines, and what the line of units says."""
+    """Return headers and units from the header lines, and the line of units."""
     # Below names and units may stand a line of the channels' rates, ranges or the like.
     head = head[:-1] if len(head) > 1 and len(head[-2]) >= len(head[-1]) and _are_quantities(head[-1]) else head
     only_units = len(head) > 1 and len(head[-2]) >= len(head[-1]) and _are_units(head[-1])
@@ -152,7 +152,7 @@ def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[s
 
 
 def _header(head: list[list[str]]) -> list[str]:
-    """Return the last line of a header; the one above where that names all columns, and the last only some."""
+    """Return the last header line, or the one above if that names all columns and the last only some."""
     last, above = head[-1], head[-2] if len(head) > 1 else []
     named = len(above) == len(last) == len(set(above)) and all(above) and not any(map(_is_value, above))
     known = any(split_unit(cell)[1] or cell in COLUMNS for cell in last)  # then the line above is a title
@@ -160,7 +160,7 @@ def _header(head: list[list[str]]) -> list[str]:
 
 
 def _are_units(cells: list[str]) -> bool:
-    """Return whether a line holds units: known ones, or others in brackets, with a stroke or as a dash; one known."""
+    """Return whether a line contains units: at least one known, others in brackets, after a slash, or a dash."""
     filled = [cell for cell in cells if cell]
     known = [cell for cell in filled if find_unit(cell)]
     return bool(known) and all(
@@ -169,13 +169,13 @@ def _are_units(cells: list[str]) -> bool:
 
 
 def _are_quantities(cells: list[str]) -> bool:
-    """Return whether a line holds numbers with units, as in ``200 Hz``."""
+    """Return whether a line contains numbers with units, such as ``200 Hz``."""
     parts = [re.fullmatch(r"([-+±\d.,eE]*\d)\s*([^\d\s].*)", cell) for cell in cells if cell]
     return bool(parts) and all(part and _is_value(part[1].lstrip("±")) and find_unit(part[2]) for part in parts)
 
 
 def _width(lines: list[str], delimiter: str) -> int:
-    """Return the number of cells in most lines of the second half, if the delimiter occurs at all."""
+    """Return the number of cells in most lines of the second half; None without the delimiter."""
     counts = [
         len(split_cells(line, delimiter)) if '"' in line else line.rstrip(delimiter + " ").count(delimiter) + 1
         for line in lines
@@ -186,7 +186,7 @@ def _width(lines: list[str], delimiter: str) -> int:
 
 
 def _first_sample(lines: list[str], delimiter: str, width: int) -> int | None:
-    """Return the first line of samples: numbers, no more cells than in the line before, which has no number."""
+    """Return the first line of samples: numbers, in no more cells than the non-numeric line before has."""
     cells = [split_cells(line, delimiter) for line in lines[:_HEAD]]
     numeric = [_is_sample(line, row) for line, row in zip(lines, cells, strict=False)]
     for k in range(1, len(cells)):
@@ -211,7 +211,7 @@ def _named(lines: list[str], delimiter: str, first: int) -> Layout:
 
 
 def _header_cells(line: str, delimiter: str, width: int) -> list[str]:
-    """Return the cells of a line that may be a header, if possible as many as the samples have."""
+    """Return the cells of a line that may be a header, if possible as many as in the samples."""
     bare = _COMMENT.sub("", line, count=1)
     ways = [split_cells(bare, delimiter)] if is_comment(line) else []
     ways = [cells for cells in ways if cells[0]]  # else the mark is a name, such as # for the number
@@ -223,13 +223,13 @@ def _header_cells(line: str, delimiter: str, width: int) -> list[str]:
 
 
 def _blanks_too(lines: list[str], delimiter: str, first: int) -> bool:
-    """Return whether blanks, too, separate the columns of a table with tabs."""
+    """Return whether blanks also separate the columns of a table with tabs."""
     cells = split_cells(lines[first], delimiter)
     return delimiter == "\t" and any(len(parts := cell.split()) > 1 and all(map(_is_value, parts)) for cell in cells)
 
 
 def _nameless(lines: list[str]) -> Layout | None:
-    """Return the layout of a file whose first line is a sample as the next ones are, or None."""
+    """Return the layout of a file whose first line is a sample like the next ones; None for other files."""
     first = next((k for k, line in enumerate(lines[:_HEAD]) if not is_comment(line)), 0)
     found = []
     for delimiter in (*_DELIMITERS, BLANKS):
@@ -246,7 +246,7 @@ def _nameless(lines: list[str]) -> Layout | None:
 
 
 def _is_cut(lines: list[str], rows: list[list[str]]) -> bool:
-    """Return whether commas group the digits of numbers: some cells begin with a zero, and none has a point."""
+    """Return whether commas separate thousands: some cells begin with a zero, and none has a decimal point."""
     return any(re.match(r"0\d", cell) for row in rows for cell in row) and not any("." in line for line in lines)
 
 
@@ -254,7 +254,7 @@ _KINDS = frozenset({"number", "date", "text"})
 
 
 def _kind(cell: str) -> str:
-    """Return the kind of a cell: empty, number, date, text, or a mixture of numbers and marks."""
+    """Return the kind of a cell: empty, number, date, text, or a mixture."""
     if not cell or _is_value(cell):
         return "number" if cell else ""
     if is_date(cell) or is_clock(cell):
@@ -268,17 +268,17 @@ def _is_value(cell: str) -> bool:
 
 
 def _is_sample(line: str, cells: list[str]) -> bool:
-    """Return whether a line is a sample; what is commented out is none."""
+    """Return whether a line is a sample; comments are not."""
     return _holds_number(cells) and not is_comment(line)
 
 
 def _holds_number(cells: list[str]) -> bool:
-    """Return whether a line holds a number, which no header line does; a comma may be its decimal sign."""
+    """Return whether a line contains a number, also with a decimal comma; header lines contain none."""
     return any(map(_is_value, cells))
 
 
 def _no_layout(lines: list[str], rows: list[int], delimiter: str, path: str) -> DataError:
-    """Return the error of a file in which no header belongs to the samples."""
+    """Return an error for a file in which no header fits the samples."""
     cells = [split_cells(line, delimiter) for line in lines[:_HEAD]]
     numeric = [_is_sample(line, row) for line, row in zip(lines, cells, strict=False)]
     if not any(numeric):

@@ -1,4 +1,4 @@
-"""Recordings as CSV text that reads back to the last bit."""
+"""Write recordings as CSV text that reads back exactly."""
 
 from decimal import Decimal
 
@@ -34,14 +34,14 @@ def csv_text(recording: Recording) -> str:
 
 
 def _times(recording: Recording) -> NDArray[np.float64]:
-    """Return the times, rounded to 1 ns where that leaves the first as it is."""
+    """Return the times, rounded to 1 ns if that does not change the first."""
     rounded = np.round(recording.timepts, 9)
     fine = rounded[:1] == recording.start and recording.sample_time > 1e-6
     return rounded if np.all(fine) else recording.timepts
 
 
 def _is_plain(recording: Recording, timepts: NDArray[np.float64]) -> bool:
-    """Return whether the columns suffice: usual signals, no provenance, a sample time that can be recovered."""
+    """Return whether plain columns suffice: usual signals, no provenance, a sample time that can be recovered."""
     names = (*recording.input_names, *recording.output_names)
     units = (*recording.input_units, *recording.output_units, *recording.extra_units.values())
     usual = (*names, *recording.extras)
@@ -57,14 +57,14 @@ def _is_plain(recording: Recording, timepts: NDArray[np.float64]) -> bool:
 
 
 def _header(name: str, unit: str) -> str:
-    """Return the usual column of a signal, else its name and SI unit, or nothing where that reads as a number."""
+    """Return the usual column of a signal, else its name and SI unit; empty if that could be read as a number."""
     usual = name in COLUMNS and unit == usual_unit(name)
     header = COLUMNS[name] if usual else header_with_unit(name, unit)
     return "" if is_number(header) else header
 
 
 def _texts(header: str, values: NDArray[np.float64]) -> list[str]:
-    """Return SI values as texts in the unit of the header, which are read back as the same values."""
+    """Write SI values in the unit of the header, such that they read back exactly."""
     unit = UNITS[split_unit(header)[1]]
     with np.errstate(over="ignore"):  # near the largest number the unit's own value is infinite
         texts = ["" if text == "nan" else text for text in map(repr, unit.from_si(values).tolist())]
@@ -78,7 +78,7 @@ def _texts(header: str, values: NDArray[np.float64]) -> list[str]:
 
 
 def _exact(value: float, unit: Unit) -> str:
-    """Return an SI value in a unit with as many digits as it takes to read the same value."""
+    """Write an SI value in a unit with as many digits as reading it back exactly requires."""
     shift, numerator, denominator = decimal_relation(unit)
     scaled = EXACT.divide(EXACT.multiply(Decimal(repr(value)), denominator), numerator)
     return str(EXACT.normalize(EXACT.subtract(scaled, shift)))

@@ -21,7 +21,7 @@ _DURATION = re.compile(r"(?:(\d+):)?(\d{1,2}):(\d\d)(?:[.,](\d+))?")
 
 
 def is_date(cell: str) -> bool:
-    """Return whether a cell begins as a date does."""
+    """Return whether a cell begins like a date."""
     if _ISO.fullmatch(cell):
         return True
     found = _OTHER.fullmatch(cell)
@@ -38,7 +38,7 @@ def is_clock(cell: str) -> bool:
 
 
 def date_order(cells: Iterable[str]) -> str:
-    """Return the one of `ORDERS` that the dates of a column tell; empty where nothing does."""
+    """Return the entry of `ORDERS` that fits the dates of a column; empty if it cannot be determined."""
     for cell in cells:
         found = _OTHER.fullmatch(cell.strip())
         if found is None or found[2] == "." or not found[3].isdigit() or int(found[1]) > 12:
@@ -62,7 +62,7 @@ def moment(text: str, order: str = "dmy") -> datetime:
 
 
 def _moment(cell: str, order: str) -> datetime:
-    """Return a date that `datetime.fromisoformat` does not know."""
+    """Return a date in a format that `datetime.fromisoformat` does not know."""
     if found := _ISO.fullmatch(cell):
         year, month, day, clock = found[1], found[2], found[3], found[4]
     elif found := _OTHER.fullmatch(cell):
@@ -89,7 +89,7 @@ def _moment(cell: str, order: str) -> datetime:
 
 
 def _hour(time: re.Match[str]) -> int:
-    """Return the hour of 24 of a time of day; -1 where it is none of a clock of 12."""
+    """Return the hour of the day from 0 to 23; -1 for an invalid hour of a twelve-hour clock."""
     hour = int(time[1])
     if not time[5]:
         return hour
@@ -109,7 +109,7 @@ def day_seconds(cells: Iterable[str]) -> list[Decimal]:
 
 
 def _of_day(cell: str) -> Decimal:
-    """Return the seconds of a time of day or of an elapsed time."""
+    """Return a time of day, or an elapsed time, in seconds."""
     clock = _CLOCK.fullmatch(cell)
     if clock and not clock[6] and (clock[3] or clock[5]):
         hour, minutes, seconds, fraction = _hour(clock), clock[2], clock[3], clock[4]

@@ -1,4 +1,4 @@
-"""Name and unit in the header of a column."""
+"""Split the header of a column into name and unit."""
 
 import re
 
@@ -116,7 +116,7 @@ def is_misspelt(unit: str) -> bool:
 
 
 def _celsius_or_coulomb(name: str) -> str:
-    """The unit that C stands for behind a name; C itself where the name does not tell."""
+    """Return the unit that C means after a name; C itself if the name does not decide."""
     if _CERTAIN_TEMPERATURE.match(name):
         return "°C"
     if _CHARGE.match(name):
@@ -125,6 +125,6 @@ def _celsius_or_coulomb(name: str) -> str:
 
 
 def _is_rate(before: str, unit: str) -> bool:
-    """True if the text before a slash belongs to a unit; ``t/s`` is a time, any other ``/s`` a rate."""
+    """Return whether the text before a slash belongs to a unit; ``t/s`` is a time, any other ``/s`` a rate."""
     rate = UNITS[unit].si == "s" and before.lower() not in ("t", "time")
     return rate or bool(find_unit(before)) or before in _NO_QUANTITIES

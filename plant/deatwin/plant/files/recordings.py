@@ -1,4 +1,4 @@
-"""Reading and writing of recordings: one file or several, in any format."""
+"""Read and write recordings: one file or several, in any format."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
@@ -50,7 +50,7 @@ _WRITERS: dict[str, Callable[[Path, Recording], None]] = {
 
 
 class _Options(TypedDict, total=False):
-    """Options of `read_recordings` that hold for a recording without gaps, too."""
+    """Options of `read_recordings` that also apply to a recording without gaps."""
 
     input_column: str | None
     output_column: str | None
@@ -315,7 +315,7 @@ def _readings(rig: RigFile | None) -> tuple[Reading, ...]:
 
 
 def table_of_file(path: str | Path) -> Table:
-    """Return the table of a file in the format that its name says."""
+    """Read the table of a file in the format of its name."""
     return _by_ending(path, _READERS, "read")(path)
 
 
@@ -331,7 +331,7 @@ def recordings_of_table(
     rig: RigFile | None,
     readings: Sequence[Reading] = (),
 ) -> tuple[Recording, ...]:
-    """Return the recordings of a table, whose columns the user may have named."""
+    """Make recordings from a table, whose columns the user may have named."""
     table, asked = with_stated_units(table, asked)
     chosen = chosen_columns(table, asked, units)
     wanted = {column: unit for role, unit in units.items() if unit is not None for column in chosen[role]}

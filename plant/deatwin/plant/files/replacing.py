@@ -1,4 +1,4 @@
-"""Files that appear complete or not at all."""
+"""Write files such that they appear complete or not at all."""
 
 import os
 import secrets
@@ -20,7 +20,7 @@ def place_of(path: str | os.PathLike[str]) -> Path:
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Provide a temporary file that replaces a file if all went well."""
+    """Provide a temporary file that replaces a file if no error occurs."""
     target = place_of(path)
     temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}")
     try:

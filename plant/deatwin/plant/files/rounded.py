@@ -24,7 +24,7 @@ _UNITS = (1.0, 1e3, 1e6, 1e9)  # times in s may have been stored in s, ms, us or
 
 @dataclass(frozen=True, kw_only=True)
 class Rounded:
-    """Even clock that rounded times keep."""
+    """Even clock that fits rounded times."""
 
     sample_time: float  # s
     start: float  # s
@@ -32,7 +32,7 @@ class Rounded:
 
 
 def rounded_clock(timepts: Floats, stated: float | None = None) -> Rounded | None:
-    """Return the even clock that times (n,) keep within their rounding, or None; only `stated`, s, if given."""
+    """Return the even clock that fits times (n,) within their rounding, or None; only the `stated` one, s, if given."""
     steps = np.diff(timepts)
     usual = float(np.median(steps))
     odd = np.abs(steps - usual) > _SAME * abs(usual)
@@ -54,13 +54,13 @@ def rounded_clock(timepts: Floats, stated: float | None = None) -> Rounded | Non
 
 
 def each_as_often(timepts: Floats) -> bool:
-    """Return whether every time but the first and the last stands in as many rows, and in several."""
+    """Return whether every time, except the first and last, is repeated in the same number of rows."""
     often = np.diff(np.flatnonzero(np.diff(timepts) > 0.0))
     return bool(often.size and often[0] > 1 and (often == often[0]).all())
 
 
 def _simple(fitted: float) -> Iterator[float]:
-    """Sample times near a fitted one, those of few digits first, as time or as rate; the fitted one last."""
+    """Return sample times near a fitted one: first those with few digits, as time or rate; last the fitted one."""
     for digits in range(1, 6):
         yield float(f"{fitted:.{digits}g}")
         yield 1.0 / float(f"{1.0 / fitted:.{digits}g}")
@@ -68,7 +68,7 @@ def _simple(fitted: float) -> Iterator[float]:
 
 
 def _digits(timepts: Floats) -> Floats | None:
-    """Return the last digit that was stored of each time, (n,) s; None where times have all digits of a double."""
+    """Return the last stored digit of each time, (n,) s; None for times with full double precision."""
     sizes = np.abs(timepts)
     single = _single(timepts)
     digits = np.zeros_like(sizes) if single is None else single
@@ -88,7 +88,7 @@ def _digits(timepts: Floats) -> Floats | None:
 
 
 def _single(timepts: Floats) -> Floats | None:
-    """Return the spacing of single-precision numbers, (n,) s, if the times are such; else None."""
+    """Return the spacing of single-precision numbers, (n,) s; None if the times have higher precision."""
     looks = timepts[np.linspace(0, len(timepts) - 1, min(_LOOKS, len(timepts))).astype(int)]
     for unit in _UNITS:
         for known in (np.float64, str):

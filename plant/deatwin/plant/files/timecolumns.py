@@ -1,4 +1,4 @@
-"""Column of a table that holds the times, and its unit."""
+"""Find the column of a table that holds the times, and its unit."""
 
 import math
 import re
@@ -33,7 +33,7 @@ _LISTED = 5  # columns that an error text names
 def time_column(
     table: Table, taken: set[int], wanted: str | None = None, *, needed: bool = True
 ) -> tuple[int | None, str]:
-    """Return the column of the times and its unit: named, called ``time``, of a unit of time, or evenly rising."""
+    """Return the column of the times and its unit: as named, called ``time``, with a unit of time, or evenly rising."""
     if wanted is not None:
         return _named_times(table, taken, wanted)
     free = [column for column in range(len(table.headers)) if column not in taken]
@@ -57,12 +57,12 @@ def time_column(
 
 
 def _plain(name: str) -> str:
-    """Return a name without capitals, blanks, strokes and what stands in brackets behind it, such as a time zone."""
+    """Return a name without capitals, blanks, underscores and a bracketed suffix such as a time zone."""
     return re.sub(r"[\s/&+_-]|\(.*\)$", "", name).lower()
 
 
 def _group(name: str) -> str:
-    """Return the struct or the group of a file to which a column belongs, as its name begins."""
+    """Return the struct or group to which a column belongs, from its name."""
     return re.match(r"(.*[./])?", name, re.DOTALL)[0]  # type: ignore[index]  # it matches anything
 
 
@@ -96,24 +96,24 @@ def holds_times(table: Table, column: int, unit: str = "") -> bool:
 
 
 def likely_times(table: Table, taken: set[int]) -> list[int]:
-    """Return the columns that can be the times: those on an even clock, else those that can be brought onto one."""
+    """Return columns that may be the times: those on an even clock, else those that can be resampled to one."""
     ways = {k: way for k in range(len(table.headers)) if k not in taken and (way := _uneven(table, k)) is not None}
     return [k for k, way in ways.items() if not way] or list(ways)
 
 
 def times_options(table: Table, column: int, unit: str = "", step: float | None = None) -> ReadOptions:
-    """Return the options that take a column as the times."""
+    """Return the options that make a column the times."""
     named = ReadOptions(time_column=table.unmistakable(column) + (f"={unit}" if unit else ""))
     return named | (_uneven(table, column, unit, step) or NO_OPTIONS)
 
 
 def unit_of_steps(step: float, sample_time: float) -> str:
-    """Return the unit in which a step of times without one comes nearest to a sample time, s."""
+    """Return the unit in which a step of unitless times is nearest to a sample time, s."""
     return min(("s", "ms", "us", "ns"), key=lambda unit: abs(math.log(step / UNITS[unit].denominator / sample_time)))
 
 
 def _uneven(table: Table, column: int, unit: str = "", step: float | None = None) -> ReadOptions | None:
-    """Return the options that a column needs to be the times, empty where its clock is even; None where it cannot."""
+    """Return the options with which a column can be the times; empty if its clock is even; None if it cannot."""
     own = table.units[column]
     if UNITS[own].si not in ("", "s") or (own and unit and own != unit):
         return None
@@ -129,7 +129,7 @@ def _uneven(table: Table, column: int, unit: str = "", step: float | None = None
 
 
 def with_times(table: Table, column: int, unit: str) -> Table:
-    """Return the table that reads a column as times."""
+    """Return a table that reads a column as times."""
     order = unit if unit in ORDERS else ""
     units = tuple((not order and unit) or "s" if k == column else known for k, known in enumerate(table.units))
     scale = time_scale(table.texts(column), unit)
@@ -169,7 +169,7 @@ def require_unit(table: Table, column: int, times: Floats) -> None:
 
 
 def no_times(table: Table, taken: set[int]) -> DataError:
-    """Return the error of a file that says nothing about its times."""
+    """Return an error for a file without information on its times."""
     if table.nameless:
         others = likely_times(table, taken)
         offers = times_options(table, others[0]) if others else NO_OPTIONS

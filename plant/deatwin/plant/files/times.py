@@ -37,14 +37,14 @@ class TimeScale:
 
     @property
     def said(self) -> str:
-        """Interpretation of the values, in words."""
+        """Description of how the values were read."""
         if self.unit:
             return f"Unix times in {self.unit}"
         return DATES if self.began else "times of day"
 
     @property
     def provenance(self) -> dict[str, str]:
-        """Record for the provenance; a date whose order of day and month is unknown is left out."""
+        """Entry for the provenance; a date with an unknown order of day and month is omitted."""
         known = {BEGAN: self.began.isoformat()} if self.began and self.order else {}
         return {"times": self.said, **known}
 
@@ -96,7 +96,7 @@ def time_scale(texts: Iterable[str], unit: str) -> TimeScale | None:
 
 
 def _unix(first: str, unit: str) -> TimeScale | None:
-    """Return the reading of Unix times; None if the first value is not one."""
+    """Return how to read Unix times; None if the first value is not one."""
     try:
         value = Decimal(first.replace(",", "."))
         for name in (unit,) if unit else _SIZED:

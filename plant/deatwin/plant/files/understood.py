@@ -1,4 +1,4 @@
-"""How a file is understood: the role and the unit of each column and why, and the options that would read it."""
+"""Describe how a file is understood: role and unit of each column with reasons, and options that read it."""
 
 import re
 import shlex
@@ -35,7 +35,7 @@ _UNITS = {"input": ("V", "A"), "output": ("m", "rad", "N")}
 
 @dataclass(frozen=True, kw_only=True)
 class Column:
-    """One column of a file, as it is understood."""
+    """One column of a file, with its interpretation."""
 
     place: int  # From 1
     header: str
@@ -48,7 +48,7 @@ class Column:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Understood:
-    """A file, read as it was asked for, else with more options."""
+    """A file, read as requested or with further options."""
 
     path: str
     columns: tuple[Column, ...] = ()
@@ -61,11 +61,11 @@ class Understood:
 
     @property
     def options(self) -> tuple[str, ...]:
-        """Words of a command that read the file."""
+        """Words of a command that reads the file."""
         return (*(self.asked | self.further).words, *self.placeholders)
 
     def with_column(self, role: str, place: int) -> tuple[str, ...]:
-        """Return words of a command that read another column, by its place from 1, as ``input`` or ``output``."""
+        """Return the words of a command that reads another column, by position from 1, as ``input`` or ``output``."""
         return (self.asked | self.further).with_column(role, f"#{place}").words
 
 
@@ -91,7 +91,7 @@ def understand(path: str | Path, asked: ReadOptions = NO_OPTIONS, readings: Sequ
 
 
 def _unread(table: Table, found: Understood, remaining: str) -> Understood:
-    """Return what is told of a file that cannot be read: only its sample time may be what is missing."""
+    """Describe a file that cannot be read, unless only its sample time is missing."""
     if found.asked.dt is None:
         try:
             _read(table, replace(found.asked | found.further, dt=1.0))
@@ -123,7 +123,7 @@ def _roles(options: ReadOptions) -> dict[str, str | None]:
 
 
 def _repair(table: Table, offered: ReadOptions, options: ReadOptions) -> ReadOptions:
-    """Return options that an error offers, else guessed columns, of those that nobody has asked for yet."""
+    """Return the options that an error suggests, else guessed columns, if the user has not set them."""
     new = offered.without(*options.given)
     if new.time_column:  # instead of a sample time, and what it needs itself is told then
         new = new.without("dt", "resample")
@@ -131,7 +131,7 @@ def _repair(table: Table, offered: ReadOptions, options: ReadOptions) -> ReadOpt
 
 
 def _guessed(table: Table, options: ReadOptions) -> ReadOptions:
-    """Return columns for the roles that no header gives, by the names that people use, else by their units and their order."""
+    """Return columns for roles without a matching header, guessed from common names, else from units and order."""
     bare, asked = with_stated_units(table, _roles(options))
     known: dict[str, int] = {}
     for role in ("input", "output"):
@@ -169,7 +169,7 @@ def _mostly_numbers(table: Table, column: int) -> bool:
 
 
 def _counts(table: Table, column: int) -> bool:
-    """Return whether a column never changes, or numbers the rows: that is no signal."""
+    """Return whether a column is constant or numbers the rows, so that it is no signal."""
     cells = list(table.texts(column))
     if len(set(cells)) == 1 or not all(map(str.isdecimal, cells)):
         return len(set(cells)) == 1
@@ -177,13 +177,13 @@ def _counts(table: Table, column: int) -> bool:
 
 
 def _rank(table: Table, column: int, words: tuple[str, ...]) -> int:
-    """Return the place of the first word of a header in a list of words; their number where it is not there."""
+    """Return the position of a header's first word in a list; the length of the list if it is not there."""
     said = [word.lower() for word in _WORD.findall(table.names[column])]
     return min((words.index(word) for word in said if word in words), default=len(words))
 
 
 def _times(table: Table, taken: set[int], wanted: str | None) -> set[int]:
-    """Return the columns that hold the times, or may."""
+    """Return the columns that hold or may hold the times."""
     try:
         column, _ = time_column(table, taken, wanted)
     except DataError:
@@ -192,7 +192,7 @@ def _times(table: Table, taken: set[int], wanted: str | None) -> set[int]:
 
 
 def _columns(table: Table, found: Understood, readings: Sequence[Reading] = ()) -> tuple[Column, ...]:
-    """Return all columns with what they were taken for."""
+    """Return all columns with their interpretations."""
     roles = _roles(found.asked | found.further)
     try:
         read, bare = with_stated_units(table, roles)
@@ -221,7 +221,7 @@ def _columns(table: Table, found: Understood, readings: Sequence[Reading] = ()) 
 
 
 def _how(table: Table, role: str, found: Understood) -> str:
-    """Say what gave a column its role, and its unit if an option did."""
+    """Say why a column has its role and, if an option gave it, its unit."""
     if role == "reading":
         return "by the rig"
     key = f"{role}_column"

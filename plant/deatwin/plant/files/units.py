@@ -37,11 +37,11 @@ class Unit:
 
     @property
     def is_si(self) -> bool:
-        """True if values in this unit are the same numbers in the unit `si`."""
+        """Whether values in this unit equal those in the unit `si`."""
         return self.numerator == self.denominator and self.shift == 0.0
 
     def onto(self, wanted: "Unit", name: str) -> "Unit":
-        """Return the unit that leads from this one to another of its kind."""
+        """Return the unit that converts from this one to another of its kind."""
         numerator, denominator = self.numerator * wanted.denominator, self.denominator * wanted.numerator
         return Unit(name, numerator, denominator, self.shift - wanted.shift * (denominator / numerator))
 
@@ -52,7 +52,7 @@ _POWERS = {"p": -12, "n": -9, "u": -6, "m": -3, "c": -2, "h": 2, "k": 3, "M": 6,
 def _scaled(
     si: str, prefixes: str, symbol: str = "", numerator: float = 1.0, denominator: float = 1.0
 ) -> dict[str, Unit]:
-    """Return a unit, and it with prefixes."""
+    """Return a unit and its versions with prefixes."""
     symbol = symbol or si
     found = {symbol: Unit(si, numerator, denominator)}
     for prefix in prefixes:
@@ -63,7 +63,7 @@ def _scaled(
 
 
 def _reduced(si: str, numerator: float, denominator: float) -> Unit:
-    """Return a unit with the smallest whole numbers: each factor more would round once more."""
+    """Return a unit with the smallest whole numbers, because each further factor would round again."""
     whole = float(numerator).is_integer() and float(denominator).is_integer()
     common = math.gcd(int(numerator), int(denominator)) if whole else 1
     return Unit(si, numerator / common, denominator / common)
@@ -150,7 +150,7 @@ _KINDS = {
 
 @lru_cache(maxsize=1024)
 def _derived(name: str) -> Unit | None:
-    """Return the unit that a product or quotient of known symbols is, with any prefixes; None if it is none."""
+    """Return the unit of a product or quotient of known symbols, with any prefixes; None if it is invalid."""
     above, below, base = 1.0, 1.0, Counter[str]()
     powers = _powers(name)
     if not powers or name in _WITHIN:
@@ -349,7 +349,7 @@ def find_unit(text: str) -> str:
 
 
 def _spelled(symbol: str) -> str:
-    """Return a symbol as it is spelled here."""
+    """Return a symbol in deatwin's spelling."""
     symbol = re.sub("Ohms?$", "ohm", symbol)
     word = symbol.lower()
     found = _SPELLED_OUT.get(word) or _SPELLED_OUT.get(word.removesuffix("s"))
@@ -357,7 +357,7 @@ def _spelled(symbol: str) -> str:
 
 
 def _known(symbols: Counter[str]) -> str:
-    """Return the name of a unit that is given as the powers of its symbols; an empty text where it is none."""
+    """Return the name of a unit given as powers of symbols; empty if it is unknown."""
 
     def product(sign: int) -> str:
         factors = [(symbol, sign * power) for symbol, power in symbols.items() if sign * power > 0]

@@ -1,4 +1,4 @@
-"""Columns of a recording as deatwin writes them."""
+"""The columns of a recording that deatwin writes."""
 
 from deatwin.plant.files.headers import split_unit
 from deatwin.plant.files.units import UNITS

@@ -1,4 +1,4 @@
-"""Units requested for columns instead of SI, such as those of a plant."""
+"""Units that a user or plant requests for columns, instead of SI."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -32,14 +32,14 @@ def require_known_units(table: Table, columns: Sequence[int]) -> None:
 
 
 def split_stated(table: Table, wanted: str) -> tuple[str, str]:
-    """Return the column that a user names and the unit behind its ``=``; one whose own name holds such a sign wins."""
+    """Split a column into name and unit after ``=``; a column whose own name contains such a sign takes precedence."""
     name, sign, unit = wanted.rpartition("=")
     whole = not sign or not unit.strip() or wanted in (*table.headers, *table.names)
     return (wanted, "") if whole else (name, unit.strip())
 
 
 def with_stated_units(table: Table, asked: Mapping[str, str | None]) -> tuple[Table, dict[str, str | None]]:
-    """Return a table with the units stated by a user, ``"#3"`` or ``"#3=mm"``, for input and output."""
+    """Return a table with units that a user stated for input and output, such as ``"#3=mm"``."""
     bare, units = dict(asked), list(table.units)
     said = list(table.said or [""] * len(units))
     for role in ("input", "output"):
@@ -62,7 +62,7 @@ def with_stated_units(table: Table, asked: Mapping[str, str | None]) -> tuple[Ta
 
 
 def _may_be(count: str, angle: str) -> bool:
-    """Return whether what is given as a number per time, 1/min, may be meant as turns, rpm, or radians per that time."""
+    """Return whether a number per time, such as 1/min, may mean turns or radians per time."""
     own, said = UNITS[count], UNITS[angle]
     if not same_kind(own.si, "1/s") or said.si != "rad/s":
         return False
@@ -87,7 +87,7 @@ def require_stated_unit(table: Table, column: int, wanted: str) -> None:
 
 
 def in_units(table: Table, wanted: Mapping[int, str]) -> Table:
-    """Return a table with columns in the units that are wanted instead of SI; one without a unit is unchanged."""
+    """Return a table with columns in the wanted units; a column without a unit is unchanged."""
     ways = {column: way for column, unit in wanted.items() if (way := _way(table, column, unit or "1", wanted))}
     names = list(table.names)
     for column in ways:
@@ -96,7 +96,7 @@ def in_units(table: Table, wanted: Mapping[int, str]) -> Table:
 
 
 def _way(table: Table, column: int, wanted: str, taken: Collection[int]) -> Unit | None:
-    """Return the unit that leads from a column to the wanted one; None where the column gives no unit."""
+    """Return the unit that converts a column to the wanted one; None if the column has no unit."""
     header, known = table.headers[column], table.units[column]
     said = table.said[column].strip("()[] ") if table.said else ""
     if not known:
@@ -124,7 +124,7 @@ def units_like(wanted: str) -> list[str]:
 
 
 def _another_unit(table: Table, column: int, unit: str, wanted: str, taken: Collection[int]) -> DataError:
-    """Return the error of a column in a unit of another kind than the wanted one."""
+    """Return an error for a column whose unit measures another quantity than the wanted one."""
     place = f'{table.path}: the column "{table.shown(column)}" is in {clipped(unit)}'
     name = table.names[column]
     better = header_like(name.removesuffix(unit).rstrip(" _") if name.endswith(unit) else name, wanted)

@@ -1,4 +1,4 @@
-"""Calls of a foreign model: in processes of their own, so that a crash costs one call, and never twice the same."""
+"""Call a foreign model in separate processes, so that a crash costs one call, and remember the answers."""
 
 from __future__ import annotations
 
@@ -51,13 +51,13 @@ class Answer:
 
 
 class _Remembered:
-    """Answers by model and call, the latest ones."""
+    """The latest answers, by model and call."""
 
     def __init__(self) -> None:
         self._answers: OrderedDict[tuple[Any, bytes], Answer] = OrderedDict()
 
     def get(self, key: tuple[Any, bytes]) -> Answer | None:
-        """The answer, if it is remembered."""
+        """Return the answer; None if it is not remembered."""
         found = self._answers.get(key)
         if found is not None:
             self._answers.move_to_end(key)
@@ -74,7 +74,7 @@ _REMEMBERED = _Remembered()
 
 
 def answers(model: Model, calls: Sequence[Call], longest: float = np.inf) -> list[Answer]:
-    """Answers of a model, in worker processes if it can go there; each may take `longest` seconds there."""
+    """Return answers of a model, if possible from worker processes, where each may take `longest` seconds."""
     keys = [(model, call.digest()) for call in calls]
     found = {key: answer for key in keys if (answer := _REMEMBERED.get(key)) is not None}
     new = {key: call for key, call in zip(keys, calls, strict=True) if key not in found}
@@ -92,7 +92,7 @@ def _called(model: Model, calls: Sequence[Call], longest: float) -> list[Answer]
 
 
 def _answer(model: Model, call: Call) -> Answer:
-    """One call; whatever a foreign model raises is one line."""
+    """Call a model once; any exception of it becomes one line."""
     try:
         # Copies: what a model writes into its arguments is no business of the next one.
         given = model(
@@ -116,14 +116,14 @@ def _answer(model: Model, call: Call) -> Answer:
 
 
 class _Workers:
-    """Processes that call one model after the other."""
+    """Worker processes that call models."""
 
     def __init__(self, count: int) -> None:
         self._count, self._pool = count, _pool(count)
         self._taken: dict[Model, bool] = {}
 
     def take(self, model: Model) -> bool:
-        """Whether the processes can load a model: it can be pickled, and they find its module."""
+        """Return whether the processes can load a model: it can be pickled, and they find its module."""
         if model not in self._taken:
             try:
                 self._taken[model] = bool(self._submitted(callable, model).result())
@@ -132,7 +132,7 @@ class _Workers:
         return self._taken[model]
 
     def answers(self, model: Model, calls: Sequence[Call], longest: float) -> list[Answer]:
-        """Answers in order; after a crash, or a call that took too long, each that had none is tried alone."""
+        """Return answers in order; after a crash or timeout, each missing one is tried alone."""
         futures = [self._submitted(_answer, model, call) for call in calls]
         found = [self._result(future, longest) for future in futures]
         return [
@@ -175,7 +175,7 @@ _WORKERS: dict[int, _Workers] = {}
 
 
 def _workers_for(model: Model) -> _Workers | None:
-    """The processes of this one; None if the model cannot be sent to another process."""
+    """Return this process's workers; None if the model cannot be sent to another process."""
     if os.getpid() not in _WORKERS:  # a process that was forked has none of its parent's
         _WORKERS[os.getpid()] = _Workers(_count())
     workers = _WORKERS[os.getpid()]
@@ -183,7 +183,7 @@ def _workers_for(model: Model) -> _Workers | None:
 
 
 def _count() -> int:
-    """One in a worker process of a study, whose candidates already use the cores; else one a core."""
+    """Return the number of workers: one inside a study's worker, whose cores are busy already, else one per core."""
     from joblib import cpu_count
 
     return 1 if multiprocessing.parent_process() is not None else int(cpu_count())

@@ -1,4 +1,4 @@
-"""FMUs of versions 2.0 and 3.0 as models, run by FMPy."""
+"""Run FMUs of versions 2.0 and 3.0 as models, by FMPy."""
 
 from __future__ import annotations
 
@@ -179,13 +179,13 @@ class FmuModel:
 
 
 def declared_units(path: str, digest: str) -> dict[str, str]:
-    """Units that an FMU declares, by variable."""
+    """Return the units that an FMU declares, by variable."""
     variables = _unpacked(path, digest)[0].modelVariables
     return {v.name: v.unit or getattr(v.declaredType, "unit", None) or "" for v in variables}
 
 
 def parameter_of(model: FmuModel, name: str) -> Any:
-    """The description of a real parameter or initial state of an FMU, with `start`, `min`, `max` and `variability`."""
+    """Return the description of a real parameter or initial state, with `start`, `min`, `max` and `variability`."""
     described, _ = _unpacked(model.path, model.digest)
     found = _variable(described, model.path, name, "parameter", ("parameter", "local", "output"))
     if found.causality != "parameter" and found.initial != "exact":
@@ -203,7 +203,7 @@ def _variable(described: Any, path: Any, name: str, role: str, causalities: tupl
 
 
 def _signals(held: Mapping[str, Array], time: Array, interval: float, *, jumps: bool) -> Array:
-    """Inputs as FMPy takes them; a solver that runs through gets each change as a jump just after the row's time."""
+    """Return inputs in FMPy's format; each change becomes a jump just after the row's time."""
     stamps = np.append(time, time[-1] + interval)
     rows = np.append(np.arange(time.size), time.size - 1)
     if jumps:
@@ -235,7 +235,7 @@ def _digest(path: str | os.PathLike[str]) -> str:
 
 @lru_cache(maxsize=16)
 def _unpacked(path: str, digest: str) -> tuple[Any, str]:
-    """Description and folder of an FMU, which all processes of this user share."""
+    """Return description and folder of an unpacked FMU, shared by all processes of this user."""
     fmpy = _fmpy()
     if (found := _digest(path)) != digest:
         raise RigError(f"{path}: the FMU has changed since this plant was saved ({found[:8]}, not {digest[:8]})")

@@ -80,12 +80,12 @@ class ModelFile:
 
     @classmethod
     def of(cls, file: TomlFile) -> ModelFile:
-        """Make it from a file that was read."""
+        """Make it from a file that was already read."""
         return cls(path=Path(file.path), data=file.data)
 
     @classmethod
     def beside(cls, fmu: Path) -> ModelFile:
-        """Read the model file that lies beside an FMU."""
+        """Read the model file next to an FMU."""
         path = fmu.with_suffix(".toml")
         if not path.is_file():
             raise RigError(
@@ -95,7 +95,7 @@ class ModelFile:
         return cls.of(TomlFile.read(path, "model file"))
 
     def read(self) -> Plant:
-        """The plant; an error names the file."""
+        """Make the plant; errors name the file."""
         try:
             return self._plant()
         except DeatwinError as error:
@@ -240,7 +240,7 @@ class ModelFile:
 
 @dataclass(frozen=True)
 class _Converted:
-    """Numbers of a file in the unit of an FMU's variable, brought to SI; those of a function stay."""
+    """Convert a file's numbers from an FMU variable's unit to SI; those of a function are unchanged."""
 
     converts: bool
     unit: str

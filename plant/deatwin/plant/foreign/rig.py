@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ForeignRig(Rig):
-    """A rig of which a Python callable gives the readings.
+    """A rig whose readings come from a Python callable.
 
     The callable is ``model(parameters, inputs, time) -> readings``: `parameters` maps names to values, `inputs` the
     names of the command and of the channels to arrays of shape (n,), `time` has shape (n,), s. The readings, shape
@@ -144,7 +144,7 @@ class ForeignRig(Rig):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain data. A function is named, not saved: who reads a file must have imported its module."""
+        """Return plain data. A function is only named: a program that reads the file must import its module first."""
         plain = {
             f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("model", "parameters", "further")
         }

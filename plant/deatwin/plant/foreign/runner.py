@@ -31,7 +31,7 @@ OF_RANGE = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class ForeignRunner:
-    """Runs a plant of a foreign model; `simulator` has the equations around it, and a `ForeignRig` explains the rest."""
+    """Run a plant with a foreign model; `simulator` has the equations around it, a `ForeignRig` the rest."""
 
     model: Model
     own: tuple[Parameter, ...]  # Parameters of the model
@@ -73,7 +73,7 @@ class ForeignRunner:
         values: np.ndarray,
         channels: Mapping[str, np.ndarray] | None = None,
     ) -> Run:
-        """Simulate with derivatives: exact ones by what acts behind the model alone, else central differences."""
+        """Simulate with derivatives: exact for parameters behind the model only, else central differences."""
         around = _Around(self, commands, start, sample_time, rest_command, channels or {})
         base = around.call(values)
         if isinstance(base, Run):
@@ -107,7 +107,7 @@ class ForeignRunner:
         return replace(run, sensitivities=slopes)
 
     def _ends(self, parameter: Parameter, value: float) -> tuple[float, float]:
-        """Values on either side of one, inside the range."""
+        """Return two values on either side of one, inside the range."""
         width = self.step * abs(value)
         if parameter.scale is Scale.LINEAR and np.isfinite(parameter.upper - parameter.lower):
             width = max(width, self.step * OF_RANGE * (parameter.upper - parameter.lower))
@@ -116,7 +116,7 @@ class ForeignRunner:
 
 
 class _Around:
-    """What happens before and behind the model in one experiment."""
+    """The parts before and behind the model, in one experiment."""
 
     def __init__(
         self,
@@ -133,7 +133,7 @@ class _Around:
         self._time: Array = start + sample_time * np.arange(commands.size, dtype=float)
 
     def call(self, values: np.ndarray) -> Call | Run:
-        """Arguments of the model; the run that failed if there are none."""
+        """Return the arguments for the model, or the failed run."""
         runner = self._runner
         numbers = dict(zip(self._parameters.free, values, strict=True))
         parameters = {p.name: float(numbers.get(p.name, p.value)) for p in runner.own}
@@ -151,7 +151,7 @@ class _Around:
         return Call(parameters=parameters, inputs=inputs, time=self._time, output=runner.output_name)
 
     def read(self, answer: Answer, values: np.ndarray, call: Call, *, sensitive: bool = False) -> Run:
-        """The run in which the sensor reads an answer; with derivatives by what acts behind the model if asked for."""
+        """Simulate the sensor that reads an answer; optionally with derivatives by parameters behind the model."""
         if answer.readings is None:
             return _failed(answer.fault)
         readings = answer.readings

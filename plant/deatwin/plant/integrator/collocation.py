@@ -48,7 +48,7 @@ class StepFunctions:
 
 
 def step_functions(equations: Equations) -> StepFunctions:
-    """Write the implicit step over a sample, or those over its two parts."""
+    """Make the implicit step over a sample, or the steps over its two parts."""
     stages = Stages.of(equations, *radau(STAGES))
     n_all, n_x = len(equations.states), stages.n_x
     x = ca.MX.sym("x", n_all)
@@ -96,7 +96,7 @@ def _with_middle(u: ca.MX, place: int, middle: ca.MX) -> ca.MX:
 
 
 def _in_two(step: ca.Function, n_states: int, place: int) -> ca.Function:
-    """Two steps of half the width, each with its own middle; some of the first results pass to the second."""
+    """Return two steps of half the width, each with its own middle; some results of the first pass to the second."""
     arguments = step.mx_in()
     at, kept, (u, t, h, p, c) = arguments[:n_states], arguments[n_states:-5], arguments[-5:]
     errors = []

@@ -1,4 +1,4 @@
-"""CasADi Functions compiled to machine code, once per user, if a C compiler is found."""
+"""Compile CasADi Functions to machine code, once per user, if a C compiler is found."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ SAID = "DEATWIN_SAID"  # Environment variable that records a warning, so that wo
 
 
 def cache_folder() -> Path:
-    """Folder of compiled code, made with mode 0700; ``DEATWIN_CACHE`` overrides it."""
+    """Return the folder of compiled code, created with mode 0700; ``DEATWIN_CACHE`` overrides it."""
     folder = Path(os.environ.get("DEATWIN_CACHE") or _user_cache() / "deatwin")
     if not folder.is_dir():
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -71,7 +71,7 @@ def cache_folder() -> Path:
 
 
 def _user_cache() -> Path:
-    """Folder in which the system keeps a user's caches."""
+    """Return the folder in which the system keeps a user's caches."""
     if platform.system() == "Windows":
         return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
     if platform.system() == "Darwin":
@@ -80,7 +80,7 @@ def _user_cache() -> Path:
 
 
 def compiler() -> str | None:
-    """Path of the C compiler, or None; ``DEATWIN_COMPILER`` names another, or none when it is empty."""
+    """Return the path of the C compiler, or None; ``DEATWIN_COMPILER`` sets it, and disables it if empty."""
     return _compiler(os.environ.get("DEATWIN_COMPILER"))
 
 
@@ -94,7 +94,7 @@ def _compiler(wanted: str | None) -> str | None:
 
 
 def key_of(origin: Iterable[ca.Function], numbers: np.ndarray) -> str | None:
-    """Key of the code generated from functions, by equations, this package's own code and the compiler."""
+    """Return the key of generated code, from equations, this package's code and the compiler."""
     program = compiler()
     try:
         if program is None:
@@ -106,7 +106,7 @@ def key_of(origin: Iterable[ca.Function], numbers: np.ndarray) -> str | None:
 
 
 def recalled(names: Iterable[str], key: str | None) -> dict[str, ca.Function] | None:
-    """Functions that were compiled before, by key."""
+    """Return functions that were compiled before, by key."""
     if key is None:
         return None
     try:
@@ -181,7 +181,7 @@ class _Target:
 
 @lru_cache(maxsize=4)
 def _target(program: str) -> _Target:
-    """Abilities of the compiler on this computer, part of the key since unlike computers may share a user's cache."""
+    """Describe the compiler's target on this computer, for the key, because computers may share a user's cache."""
     version_text = subprocess.run([program, "--version"], check=True, capture_output=True, text=True).stdout
     asked = subprocess.run(
         [program, THIS_PROCESSOR, "-dM", "-E", "-xc", os.devnull], check=False, capture_output=True, text=True
@@ -197,7 +197,7 @@ def _target(program: str) -> _Target:
 
 @lru_cache(maxsize=1)
 def _own_code() -> str:
-    """Digest of the modules of this folder, which turn equations into code."""
+    """Return a digest of the modules of this folder, which turn equations into code."""
     return _digest(*(file.read_text(encoding="utf-8") for file in sorted(Path(__file__).parent.glob("*.py"))))
 
 
@@ -222,7 +222,7 @@ def _loaded(names: Iterable[str], library: Path) -> dict[str, ca.Function]:
 
 
 def _sound(library: Path) -> bool:
-    """Tell if a library is as it was built, by the checksum in its name; remove it if not."""
+    """Return whether a library is intact, by the checksum in its name; remove it if not."""
     try:
         if _checksum(library) == library.stem.rpartition("-")[2]:
             return True
@@ -253,7 +253,7 @@ def _built(source: str, target: _Target, folder: Path, digest: str) -> Path:
 
 
 def _say_once(text: str) -> None:
-    """Warn, once in this process and in those that it starts."""
+    """Warn once in this process and its child processes."""
     said = os.environ.get(SAID, "")
     if text not in said.splitlines():
         os.environ[SAID] = f"{said}\n{text}".strip()

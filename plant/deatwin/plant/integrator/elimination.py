@@ -16,14 +16,14 @@ Symbol = Any
 
 @dataclass(frozen=True)
 class Complex:
-    """A complex number whose parts are symbols; a part that is structurally zero costs nothing."""
+    """A complex number whose parts are symbols; parts that are always zero are omitted."""
 
     real: Symbol  # Scalars
     imaginary: Symbol = field(default_factory=lambda: ca.SX(0))
 
     @property
     def is_zero(self) -> bool:
-        """True if both parts are zero by structure."""
+        """Whether both parts are always zero."""
         return bool(self.real.is_zero() and self.imaginary.is_zero())
 
     def __sub__(self, other: Complex) -> Complex:
@@ -55,7 +55,7 @@ class Factors:
     columns: Sequence[int]
 
     def renamed(self, symbols: Iterator[Symbol]) -> Factors:
-        """Return the pattern with a symbol for each part that is not zero by structure."""
+        """Return the pattern with a new symbol for each part that may be nonzero."""
 
         def named(part: Symbol) -> Symbol:
             return part if part.is_zero() else next(symbols)
@@ -64,7 +64,7 @@ class Factors:
         return Factors(entries=entries, rows=self.rows, columns=self.columns)
 
     def solve(self, right: Sequence[Complex]) -> list[Complex]:
-        """Solve for one right side."""
+        """Solve for one right-hand side."""
         found = [right[i] for i in self.rows]
         for i, row in enumerate(self.entries):
             for j in range(i):
@@ -77,7 +77,7 @@ class Factors:
 
 
 def factorised(matrix: Rows) -> Factors:
-    """Eliminate a matrix."""
+    """Factorise a matrix by elimination."""
     pattern = [{j for j, entry in enumerate(row) if not entry.is_zero} for row in matrix]
     partner = _partners(pattern)
     columns = _order([pattern[partner[j]] for j in range(len(pattern))])
@@ -93,12 +93,12 @@ def factorised(matrix: Rows) -> Factors:
 
 
 def _less(value: Complex, left: Complex, right: Complex) -> Complex:
-    """``value - left * right``, where both are there."""
+    """Return ``value - left * right``, omitting absent parts."""
     return value if left.is_zero or right.is_zero else value - left * right
 
 
 def _partners(pattern: Sequence[set[int]]) -> list[int]:
-    """For each column a row that has an entry there, no row twice: its own where all have one there."""
+    """Assign to each column a row that has an entry there: if possible, its own row."""
     n = len(pattern)
     if all(i in row for i, row in enumerate(pattern)):
         return list(range(n))
@@ -108,7 +108,7 @@ def _partners(pattern: Sequence[set[int]]) -> list[int]:
 
 
 def products(pattern: Sequence[set[int]]) -> int:
-    """Number of products that the elimination of a matrix costs, by the columns of the entries in each row."""
+    """Return the number of products in the elimination of a matrix, given the columns of the entries in each row."""
     partner = _partners(pattern)
     return _ordered([pattern[partner[j]] for j in range(len(pattern))])[1]
 
@@ -118,7 +118,7 @@ def _order(pattern: Sequence[set[int]]) -> list[int]:
 
 
 def _ordered(pattern: Sequence[set[int]]) -> tuple[list[int], int]:
-    """Diagonal pivots by Markowitz' count of the products that an elimination costs, and the sum of those counts."""
+    """Order diagonal pivots by Markowitz' count of products; return the order and the sum of the counts."""
     rows, left, order, total = [set(row) for row in pattern], set(range(len(pattern))), [], 0
 
     def cost(pivot: int) -> tuple[int, int]:

@@ -82,7 +82,7 @@ class Exchange:
     helpers: Mapping[str, str] = field(default_factory=dict)  # C functions that they call, by name
 
     def into(self, source: str) -> str:
-        """CasADi's code with the bodies exchanged."""
+        """Return CasADi's code with the bodies replaced."""
         for name, body in self.bodies.items():
             if found := _body(name, source):
                 source = source[: found.start(1)] + body + source[found.end(1) :]
@@ -94,24 +94,24 @@ class Exchange:
 
 
 def _body(name: str, source: str) -> re.Match[str] | None:
-    """Position of the body of a function in CasADi's code."""
+    """Return the position of a function's body in CasADi's code."""
     pattern = rf"/\* {name}:\(.*?\n(?:static )?int \w+\([^)]*\) \{{\n(.*?)\n\}}\n"
     return re.search(pattern, source, flags=re.DOTALL)
 
 
 def call_in_lanes(function: ca.Function, count: int) -> str:
-    """Body of a C function that calls what `in_lanes` wrote."""
+    """Return the body of a C function that calls the code written by `in_lanes`."""
     calls = (f"{in_lanes_name(function)}(arg, res, {first}, {count})" for first in range(0, count, LANES))
     return f"  return {' || '.join(calls)};"
 
 
 def in_lanes_name(function: ca.Function) -> str:
-    """Name of the function that `in_lanes` writes."""
+    """Return the name of the function that `in_lanes` writes."""
     return f"{function.name()}_in_lanes"
 
 
 def in_lanes(function: ca.Function, varying: Sequence[int]) -> str | None:
-    """C function that evaluates a function at several points."""
+    """Write a C function that evaluates a function at several points."""
     names = ", ".join(f"a{i}" for i in range(function.sz_w()))
     lines = [
         f"static int {in_lanes_name(function)}(const double** arg, double** res, int first, int count) {{",
@@ -132,7 +132,7 @@ def in_lanes(function: ca.Function, varying: Sequence[int]) -> str | None:
 
 
 def _statement(function: ca.Function, number: int, varying: Sequence[int]) -> str | None:
-    """One instruction in C."""
+    """Write one instruction in C."""
     operation = function.instruction_id(number)
     inputs, outputs = function.instruction_input(number), function.instruction_output(number)
     if operation == ca.OP_OUTPUT:

@@ -17,7 +17,9 @@ CHUNK = 200  # Samples in one call of compiled code
 
 
 class March:
-    """Arguments and results of a function as arrays: converting each call takes longer than a small plant's step."""
+    """Arguments and results of a function as arrays, because converting each call takes longer than a small plant's
+    step.
+    """
 
     def __init__(self, function: ca.Function) -> None:
         self._arguments = [_array(function.size_in(i)) for i in range(function.n_in())]
@@ -35,7 +37,7 @@ class March:
 
     @property
     def arguments(self) -> list[np.ndarray]:
-        """Arguments to fill: each matrix transposed, so of shape (columns, rows)."""
+        """Arguments to fill, each matrix transposed: shape (columns, rows)."""
         return self._arguments
 
     def advance(self) -> list[np.ndarray]:
@@ -49,13 +51,13 @@ def _array(size: tuple[int, int]) -> np.ndarray:
 
 
 def repeated(step: ca.Function, name: str, n_states: int) -> ca.Function:
-    """A step repeated over a piece, as `marched` takes it."""
+    """Repeat a step over a piece of a record, for `marched`."""
     states = list(range(n_states))
     return _until_lost(step).mapaccum(name, CHUNK, states, states)
 
 
 def _until_lost(step: ca.Function) -> ca.Function:
-    """A step that is not tried any more after one that was not solved, whose states are no numbers."""
+    """Return a step that is skipped after an unsolved one, whose states are NaN."""
     arguments = step.mx_in()
     after, *others, error = step.call(arguments)
     found = [after + ca.if_else(error <= SETTLED, 0.0, np.nan), *others, error]
@@ -71,7 +73,7 @@ def _until_lost(step: ca.Function) -> ca.Function:
 def marched(
     march: March, n_states: int, inputs: np.ndarray, start: float, sample_time: float
 ) -> Iterator[list[np.ndarray]]:
-    """Results of a march, for some samples at a time; ends early where one is not solved. Shapes: `inputs` (n_u, n)."""
+    """Yield the results of some samples at a time; end at an unsolved sample. Shapes: `inputs` (n_u, n)."""
     u, t, h = march.arguments[-5:-2]
     begin, n = 0, inputs.shape[1]
     while begin < n:
@@ -98,7 +100,7 @@ def marched(
 
 
 def _kept(march: March, results: list[np.ndarray], n_states: int, first: int, last: int) -> list[np.ndarray]:
-    """Results of some samples, without the error; their last states become the march's next ones."""
+    """Return the results of some samples, without the error; their last states are the start of the next."""
     for argument, result in zip(march.arguments[:n_states], results[:n_states], strict=True):
         width = argument.shape[0]
         argument[:] = result[(last - 1) * width : last * width]

@@ -102,13 +102,13 @@ def _restarted(update: ca.Function, guess: ca.Function) -> ca.Function:
 
 
 def _resting(stages: Stages) -> ca.Function:
-    """``(x, z, d, u, t, h, p, c) -> `` the start of the step as the guess of all stages."""
+    """Return ``(x, z, d, u, t, h, p, c) -> `` a guess: all stages equal the start of the step."""
     step = stages.symbols()
     return ca.Function("resting", step, [ca.repmat(ca.vertcat(*step[:2]), stages.count, 1)])
 
 
 def _euler(stages: Stages) -> ca.Function:
-    """``(x, z, d, u, t, h, p, c) -> `` a guess of all stages by small implicit Euler steps."""
+    """Return ``(x, z, d, u, t, h, p, c) -> `` a guess of all stages from small implicit Euler steps."""
     step = stages.symbols()
     x, z, d, u, t, h, p, c = step
     mass = stages.mass(p, c)
@@ -160,7 +160,7 @@ def _linear_systems(stages: Stages) -> _LinearSystems:
 
 
 def _unrolled(stages: Stages, values: np.ndarray, vectors: np.ndarray, inverse: np.ndarray) -> _LinearSystems:
-    """Straight-line code."""
+    """Return the linear systems as straight-line code."""
     jacobian = ca.SX.sym("J", stages.jacobian.sparsity_out(1))
     mass, h = ca.SX.sym("mass", stages.n_x), ca.SX.sym("h")
     systems = [factorised(_shifted(stages, value, jacobian, mass, h)) for value in values]
@@ -183,7 +183,7 @@ def _unrolled(stages: Stages, values: np.ndarray, vectors: np.ndarray, inverse: 
 
 
 def _sparse(stages: Stages, values: np.ndarray, vectors: np.ndarray, inverse: np.ndarray) -> _LinearSystems:
-    """Sparse QR of real systems, of twice the size for a complex eigenvalue."""
+    """Return sparse QR solvers of the real systems, of twice the size for a complex eigenvalue."""
     pattern = stages.jacobian.sparsity_out(1)
     jacobian = ca.MX.sym("J", pattern)
     sizes = {
@@ -213,7 +213,7 @@ def _sparse(stages: Stages, values: np.ndarray, vectors: np.ndarray, inverse: np
 
 
 def _entries(matrix: ca.MX) -> ca.MX:
-    """Nonzero entries of a sparse matrix as a column."""
+    """Return the nonzero entries of a sparse matrix as a column."""
     return ca.reshape(matrix.nz[:], matrix.nnz(), 1)
 
 
@@ -222,7 +222,7 @@ def _weight(stages: Stages, h: ca.SX) -> ca.SX:
 
 
 def _shifted(stages: Stages, value: complex, jacobian: ca.SX, mass: ca.SX, h: ca.SX) -> list[list[Complex]]:
-    """``lambda M - h J`` as numbers; h is 1 in rows without mass."""
+    """Return ``lambda M - h J`` in numbers; h is 1 in rows without mass."""
     rest = -_weight(stages, h) @ jacobian
     rows = [[Complex(rest[i, j]) for j in range(stages.n)] for i in range(stages.n)]
     for i in range(stages.n_x):
@@ -233,7 +233,7 @@ def _shifted(stages: Stages, value: complex, jacobian: ca.SX, mass: ca.SX, h: ca
 def _right_sides(
     stages: Stages, values: np.ndarray, inverse: np.ndarray, mass: ca.SX, h: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX, list[tuple[ca.SX, ca.SX]]]:
-    """Unknowns, values of the equations and start as symbols, and the residual in each eigenvector's direction."""
+    """Return symbols for unknowns, values and start, and the residual along each eigenvector."""
     w, f = ca.SX.sym("w", stages.n, stages.count), ca.SX.sym("f", stages.n, stages.count)
     x = ca.SX.sym("x", stages.n_x)
     moved, weight = w[: stages.n_x, :] - ca.repmat(x, 1, stages.count), _weight(stages, h)
@@ -249,7 +249,7 @@ def _right_sides(
 
 
 def _transformed_back(vectors: np.ndarray, parts: Sequence[tuple[Symbol, Symbol]]) -> Symbol:
-    """Real part of the sum over eigenvectors, shape (n, s)."""
+    """Return the real part of the sum over eigenvectors, shape (n, s)."""
     columns = []
     for row in vectors:
         terms = [float(v.real) * re - float(v.imag) * im for v, (re, im) in zip(row, parts, strict=True)]

@@ -28,14 +28,14 @@ class Step(NamedTuple):
 
 
 def halves(begin: Any, width: Any) -> tuple[Step, Step]:
-    """The two steps of a divided sample. `begin, width` when the sample begins, and for how long it lasts, s."""
+    """Return the two steps of a divided sample, which starts at `begin` and lasts `width`, s."""
     half = width / 2
     return Step(begin, begin + width / 4, half), Step(begin + half, begin + 3 * width / 4, half)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Parts:
-    """A sample that is divided in two."""
+    """A sample that is divided into two parts."""
 
     first: Symbol  # Share of the first part, 0 to 1
     start: Symbol
@@ -44,12 +44,12 @@ class Parts:
 
     @property
     def in_first(self) -> Symbol:
-        """True if the present step is in the first part."""
+        """Whether the present step is in the first part."""
         return self.middle - self.start < self.width / 2
 
     @property
     def _in_step(self) -> Symbol:
-        """True if a step is really taken, and the equations are not only evaluated after one."""
+        """Whether a step is being taken, rather than the equations being evaluated after one."""
         return self.middle - self.start < self.width
 
     @property
@@ -59,7 +59,7 @@ class Parts:
         return ca.if_else(self._in_step, 2 * ca.if_else(self.in_first, share, 1 - share), 1.0)
 
     def clock(self, time: Symbol) -> Symbol:
-        """Clock time, s, at a `time` of the step, s."""
+        """Return the clock time, s, at a `time` within the step, s."""
         share, phase = self._share, (time - self.start) / self.width
         passed = ca.if_else(self.in_first, 2 * share * phase, share + (1 - share) * (2 * phase - 1))
         return ca.if_else(self._in_step, self.start + self.width * passed, time)

@@ -114,7 +114,7 @@ def integrate(
 
 
 class _Plant(ctypes.Structure):
-    """``plant_t`` of the kernel."""
+    """The kernel's struct ``plant_t``."""
 
     _fields_ = [
         *((name, ctypes.c_void_p) for name in ("held", "parameters", "constants", "mass", "scale", "rows")),
@@ -128,7 +128,7 @@ def _address(array: np.ndarray) -> int:
 
 @lru_cache(maxsize=32)
 def _kernel(equations: Equations) -> ctypes.CDLL:
-    """The march compiled for a plant."""
+    """Return the integrator, compiled for a plant."""
     functions = _functions(equations)
     pattern = functions[1].sparsity_out(1)
     rows, columns = (np.array(part) for part in pattern.get_triplet())
@@ -185,7 +185,7 @@ def _kernel(equations: Equations) -> ctypes.CDLL:
 
 
 def _functions(equations: Equations) -> tuple[ca.Function, ca.Function, ca.Function]:
-    """F; F with its derivatives by unknowns (sparse) and time; the reading."""
+    """Return F; F with its derivatives by unknowns (sparse) and time; and the reading."""
     n_x = len(equations.states)
     w, d = ca.SX.sym("w", equations.scale.size), ca.SX.sym("d", len(equations.held))
     u, t = ca.SX.sym("u", equations.held_inputs(0.0).size), ca.SX.sym("t")
@@ -203,7 +203,7 @@ def _functions(equations: Equations) -> tuple[ca.Function, ca.Function, ca.Funct
 
 
 def _partners(equations: Equations) -> np.ndarray:
-    """For each coordinate, the balance that it stands in most strongly, shape (n_z,): no pivot is then small."""
+    """Return, for each coordinate, the balance with its largest entry, shape (n_z,), so that no pivot is small."""
     from scipy.optimize import linear_sum_assignment
 
     n_x = len(equations.states)
@@ -219,7 +219,7 @@ def _partners(equations: Equations) -> np.ndarray:
 
 
 def _elimination(n: int, rows: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, list[list[int]], list[list[int]]]:
-    """Order the unknowns for elimination; list the entries below and right of each pivot."""
+    """Order the unknowns for elimination; list the entries below and to the right of each pivot."""
     filled = np.eye(n, dtype=bool)
     filled[rows, columns] = True
     order: list[int] = []
@@ -240,7 +240,7 @@ def _elimination(n: int, rows: np.ndarray, columns: np.ndarray) -> tuple[np.ndar
 
 
 def _table(name: str, values: np.ndarray) -> str:
-    """A constant array in C."""
+    """Write a constant array in C."""
     kind = "int" if values.dtype.kind == "i" else "double"
     shape = "".join(f"[{size}]" for size in values.shape)
     numbers = ", ".join(repr(v) for v in values.ravel().tolist())
@@ -248,6 +248,6 @@ def _table(name: str, values: np.ndarray) -> str:
 
 
 def _lists(name: str, lists: Sequence[Sequence[int]]) -> tuple[str, str]:
-    """Lists one after the other, and where each begins."""
+    """Join lists, and return where each begins."""
     ends = np.concatenate([[0], np.cumsum([len(part) for part in lists])])
     return _table(name, np.array([*(v for part in lists for v in part), 0])), _table(f"{name}_AT", ends)

@@ -45,7 +45,7 @@ class Stages:
 
     @classmethod
     def of(cls, equations: Equations, nodes: np.ndarray, matrix: np.ndarray) -> Stages:
-        """Differentiate a DAE. Shapes: `nodes` (s,); `matrix` (s, s)."""
+        """Differentiate the equations. Shapes: `nodes` (s,); `matrix` (s, s)."""
         every, n_d = ca.SX.sym("w", equations.scale.size), len(equations.held)
         n_all, moving = len(equations.states), equations.moving.tolist()
         n_x, w = n_all - len(equations.shifts), every[moving]
@@ -88,7 +88,7 @@ class Stages:
 
     @cached_property
     def unrolled(self) -> bool:
-        """True if linear algebra is written as straight-line code."""
+        """Whether linear algebra is written as straight-line code."""
         pattern = [{i} if i < self.n_x else set() for i in range(self.n)]
         for row, column in zip(*self.jacobian.sparsity_out(1).get_triplet(), strict=True):
             pattern[row].add(column)
@@ -96,7 +96,7 @@ class Stages:
 
     @property
     def n(self) -> int:
-        """Unknowns of one stage."""
+        """Number of unknowns of one stage."""
         return self.n_x + self.n_z
 
     def symbols(self) -> list[ca.MX]:
@@ -115,17 +115,17 @@ class Stages:
 
     @cached_property
     def values(self) -> ca.Function:
-        """``(w, d, u, t, p, c) -> `` `residual` at all stages, from one column of w and one of t for each."""
+        """Function ``(w, d, u, t, p, c) -> `` `residual` at all stages, one column of w and t per stage."""
         return self._everywhere("stage_values", self.residual)
 
     @cached_property
     def slopes(self) -> ca.Function:
-        """``(w, d, u, t, p, c) -> `` entries of the `derivatives` at all stages, a column for each."""
+        """Function ``(w, d, u, t, p, c) -> `` entries of the `derivatives` at all stages, one column each."""
         return self._everywhere("stage_slopes", self.derivatives)
 
     @cached_property
     def jacobians(self) -> ca.Function:
-        """``(w, d, u, t, p, c) -> `` `residual` and the entries of its derivative by w at all stages, likewise."""
+        """Function ``(w, d, u, t, p, c) -> `` `residual` and entries of its derivative by w at all stages."""
         return self._everywhere("stage_jacobians", self.jacobian)
 
     def _everywhere(self, name: str, function: ca.Function) -> ca.Function:
@@ -147,7 +147,7 @@ class Stages:
 
     @property
     def in_lanes(self) -> Exchange:
-        """C code on vectors for evaluations and solutions at several stages, if there are any."""
+        """C code with vector instructions for evaluations and solutions at several stages, if there are any."""
         pattern = self.jacobian.sparsity_out(1)
         helpers: dict[str, str] = {}
         beginnings: dict[str, str] = {}
@@ -173,7 +173,7 @@ class Stages:
         return ca.vec(ca.vertcat(states, -values[self.n_x :, :]))
 
     def tangent(self) -> ca.Function:
-        """``(w, entries of F_d, of F_p, x, dx, dd, M, dM/dp, h) -> `` right side of the tangent system."""
+        """Function ``(w, entries of F_d, of F_p, x, dx, dd, M, dM/dp, h) -> `` right side of the tangent system."""
         kind: Any = ca.SX if self.unrolled else ca.MX
         w, x = kind.sym("w", self.n, self.count), kind.sym("x", self.n_x)
         dx, dd = kind.sym("dx", self.n_x, self.n_p), kind.sym("dd", self.n_d, self.n_p)
@@ -196,16 +196,16 @@ class Stages:
 
     @cached_property
     def all_stages(self) -> ca.Function:
-        """`solution` for one right side at all stages."""
+        """`solution` for one right-hand side at all stages."""
         return self.solution("all_stages", 1, self.count)
 
     @cached_property
     def last_stage(self) -> ca.Function:
-        """`solution` for one right side per parameter at the last stage."""
+        """`solution` at the last stage, for one right-hand side per parameter."""
         return self.solution("last_stage", self.n_p, 1)
 
     def solution(self, name: str, columns: int, kept: int) -> ca.Function:
-        """``(entries of J at all stages, M, h, right sides) -> `` solution of the system of all stages."""
+        """Return ``(entries of J at all stages, M, h, right sides) -> `` solution of the system of all stages."""
         pattern = self.jacobian.sparsity_out(1)
         entries, mass, h = ca.MX.sym("J", pattern.nnz(), self.count), ca.MX.sym("mass", self.n_x), ca.MX.sym("h")
         right = ca.MX.sym("right", self.n * self.count, columns)
@@ -214,7 +214,7 @@ class Stages:
         return ca.Function(name, [entries, mass, h, right], [found])
 
     def differentiate(self, w: ca.MX, x: ca.MX, known: Sequence[ca.MX], dx: ca.MX, dd: ca.MX) -> ca.MX:
-        """Derivative of the last stage by the parameters by implicit differentiation, (n, n_p); `w` (n s,)."""
+        """Differentiate the last stage by the parameters, implicitly, (n, n_p); `w` (n s,)."""
         h, p, c = known[3:]
         mass, slope = self.mass(p, c), self.mass_slope(p, c)
         right = self.tangent()(w, *self.everywhere(self.slopes, w, known), x, dx, dd, mass, slope, h)
@@ -248,5 +248,5 @@ def coupled(pattern: ca.Sparsity, n_x: int, coupling: np.ndarray) -> ca.Function
 
 
 def _looked_up(numbers: ca.MX, places: np.ndarray) -> ca.MX:
-    """Look up entries of a column with a zero appended."""
+    """Select entries of a column to which a zero is appended."""
     return ca.reshape(ca.vertcat(numbers, 0).nz[places.tolist()], places.size, 1)

@@ -1,4 +1,4 @@
-"""An elastic energy of one's own, written as a formula: text that a file can hold, and no code."""
+"""A user's elastic energy as a formula: text that a file can store, without code."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Formula:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names of the parameters, in the order in which they first stand in the text."""
+        """Names of the parameters, in the order of their first occurrence."""
         found = sorted(
             (node for node in ast.walk(self._tree) if isinstance(node, ast.Name)), key=lambda node: node.col_offset
         )
@@ -112,7 +112,7 @@ class Formula:
 
 
 def _value(node: ast.expr, values: Mapping[str, Symbol]) -> Symbol:
-    """Value of a part of a formula."""
+    """Evaluate a part of a formula."""
     if isinstance(node, ast.Constant):
         return float(node.value)  # type: ignore[arg-type]
     if isinstance(node, ast.Name):

@@ -42,7 +42,7 @@ class ReadingTime(Enum):
 
     @property
     def other_end(self) -> ReadingTime:
-        """The end of the hold at which the reading may be taken instead."""
+        """The other end of the hold, at which the reading may have been taken instead."""
         return ReadingTime.START_OF_HOLD if self is ReadingTime.END_OF_HOLD else ReadingTime.END_OF_HOLD
 
 
@@ -142,7 +142,7 @@ class Rig(ABC):
         return StartProcedure()
 
     def starts_of(self, effects: tuple[Effect, ...]) -> tuple[Parameter, ...]:
-        """Return the parameters of a start that nobody knows: how far each memory is from rest when it begins.
+        """Return the parameters of an unknown start: how far each memory is from rest when the recording begins.
 
         Parameters
         ----------
@@ -200,7 +200,7 @@ class Rig(ABC):
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Return the rig that `to_dict` described.
+        """Make the rig from the data that `to_dict` returned.
 
         Parameters
         ----------
@@ -279,7 +279,7 @@ class Rig(ABC):
 
     @property
     def averages(self) -> bool:
-        """True if each row's readings are means over its hold."""
+        """Whether each row's readings are means over its hold."""
         return self.reading is ReadingTime.MEAN_OVER_HOLD
 
     @property
@@ -290,17 +290,19 @@ class Rig(ABC):
 
     @property
     def share_of_motion(self) -> float:
-        """Least rms error of the rig's equations in any of its readings, as a share of how that varies."""
+        """Rms error of the rig's equations in any of its readings, at least, as a share of how much the reading
+        varies.
+        """
         return max(self.model_share, SOLVED)
 
     def rivals(self) -> tuple[Rig, ...]:
-        """Return other rigs that fit what the experimenter stated; this rig is not among them."""
+        """Return other rigs that agree with what the experimenter stated."""
         return ()
 
 
 @contextmanager
 def written(rig: Rig, build: Builder) -> Iterator[Any]:
-    """Let a rig write its equations and give its reading; what its code raises here becomes one line."""
+    """Let a rig write its equations, and return its reading; exceptions from its code become one line."""
     build.share("sample_time", rig.sample_time)
     build.share("follows_at_once", rig.follows_at_once)
     build.share("reading_size", rig.reading_size)

@@ -131,7 +131,7 @@ class BowTie(FilmActuator):
         return Kinematics(points=points, coordinates=coordinates, film=PointwiseFilm)
 
     def _along(self, mean: Symbol, share: Symbol, build: Builder) -> list[Symbol]:
-        """Stretches along the motion: a coordinate for each station, but the last makes up the mean."""
+        """Return stretches along the motion: one coordinate per station, except the last, which completes the mean."""
         inner = [build.coordinate(f"stretch_{number}", scale=1.0) for number in range(self.stations - 1)]
         for stretch, hanging in zip(inner, self._hanging, strict=False):
             build.guess(stretch, hanging)
@@ -140,18 +140,18 @@ class BowTie(FilmActuator):
 
     @property
     def _stations(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Place from the waist (0) to a bar (1), share of the length, and width of each station."""
+        """Return position from waist (0) to bar (1), share of the length, and width of each station."""
         abscissae, weights = np.polynomial.legendre.leggauss(self.stations)
         places = (1 + abscissae) / 2
         return places, weights / 2, self.waist_width + (self.bar_width - self.waist_width) * places
 
     def _across(self, along: float) -> float:
-        """Stretch across a strip that has one along and is not under voltage."""
+        """Return the stretch across a strip without voltage, given the one along it."""
         return {"free": along**-0.5, "clamped": self.across}[self.sides]
 
     @cached_property
     def _hanging(self) -> np.ndarray:
-        """Stretches of the stations under the dead load, of the film with its published values."""
+        """Return the stations' stretches under the dead load, for the published values of the film."""
         mean = (self.waist_width + self.bar_width) / 2
         held = relaxed_stresses(self.substance, self.prestretch, self.across)[0] * mean / self._stations[2]
         low, high = np.full(held.size, 0.1), np.full(held.size, 20.0)
@@ -162,7 +162,7 @@ class BowTie(FilmActuator):
         return (low + high) / 2
 
     def _pull(self, along: float) -> float:
-        """Nominal stress along a strip; without limit where the film cannot be stretched so far."""
+        """Return the nominal stress along a strip; infinite beyond the film's limit of stretch."""
         try:
             return relaxed_stresses(self.substance, along, self._across(along))[0]
         except RigError:

@@ -1,4 +1,4 @@
-"""Catalogue of all installed rigs: the project's own, and those of others by entry points."""
+"""Catalogue of all installed rigs: the project's own, and those of other packages by entry points."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FOREIGN = EntryPoint("foreign", "deatwin.plant.foreign.rig:ForeignRig", GROUP)
 
 @lru_cache
 def _point_named(name: str) -> type[Rig] | None:
-    """Rig of the entry point with this name; other entry points, which may be slow or broken, are not loaded."""
+    """Return the rig of the entry point with a name, without loading other entry points, which may be slow or broken."""
     points = [FOREIGN] if name == FOREIGN.name else entry_points(group=GROUP, name=name)
     kinds = [point.load() for point in points]
     return next((kind for kind in kinds if kind.kind == name), None)

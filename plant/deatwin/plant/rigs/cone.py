@@ -108,7 +108,7 @@ class Cone(FilmActuator):
 
     @cached_property
     def _rest_position(self) -> float:
-        """Height at which a straight cone of the published film first bears weight and bias."""
+        """Return the height at which a straight cone of the published film carries weight and bias."""
         circle, values = 2 * np.pi * self.disc_radius * self.thickness / self.prestretch, np.linspace(0.0, 3.0, 301)
         for ratio in values:
             height = float(ratio * self._size)
@@ -127,7 +127,7 @@ class Cone(FilmActuator):
     def _force(
         height: Symbol, mass: Symbol, rate: Symbol, preload: Symbol, snap: Symbol, middle: Symbol, reach: Symbol
     ) -> Symbol:
-        """Force of weight and bias along the motion, N."""
+        """Return the force of weight and bias along the motion, N."""
         away = (height - middle) / reach
         return mass * GRAVITY + preload - rate * height + snap * 1.5 * 3**0.5 * away * (1 - away**2)
 

@@ -77,7 +77,7 @@ class Coupon(Rig):
 
     @classmethod
     def from_rig_file(cls, described: RigFile) -> Self:
-        """Return the strip that a rig file describes.
+        """Make the strip from a rig file.
 
         Parameters
         ----------

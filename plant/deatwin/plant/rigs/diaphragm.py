@@ -216,7 +216,7 @@ class Diaphragm(Rig):
 
     @classmethod
     def from_rig_file(cls, described: RigFile) -> Self:
-        """Return the rig that a rig file describes.
+        """Make the rig from a rig file.
 
         Parameters
         ----------

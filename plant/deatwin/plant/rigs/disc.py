@@ -115,7 +115,7 @@ class Disc(FilmActuator):
         )
 
         def stretches(grown: Symbol, bends: list[Symbol]) -> list[tuple[Symbol, Symbol]]:
-            """Meridional and hoop stretch at each point."""
+            """Return meridional and hoop stretch at each point."""
             along, used = ca.vertcat(grown, *bends), slice(0, 1 + len(bends))
             first: Symbol
             first, second = prestretch + slopes[:, used] @ along, prestretch + motions[:, used] @ along / rho
@@ -153,7 +153,7 @@ class Disc(FilmActuator):
 
     @property
     def _points(self) -> tuple[np.ndarray, np.ndarray]:
-        """Radius of each Gauss point in the unstretched film, m, and the area that it stands for, m²."""
+        """Return radius of each Gauss point in the unstretched film, m, and the area that it represents, m²."""
         inner, half = self._size, np.log(self.frame_radius / self.electrode_radius) / 2
         (near, weight), (far, share) = map(np.polynomial.legendre.leggauss, (INSIDE, AROUND))
         inside, around = inner * np.sqrt((1 + near) / 2), inner * np.exp(half * (1 + far))
@@ -162,7 +162,7 @@ class Disc(FilmActuator):
 
     @property
     def _shapes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Radial motion at each point for a unit of each coordinate, and its slope over the radius, shapes (4, n)."""
+        """Return the radial motion at each point per unit of each coordinate, and its radial slope, shapes (4, n)."""
         (rho, _), inner, outer = self._points, self._size, self.frame_radius / self.prestretch
         within, square, clear = rho < inner, (rho / inner) ** 2, outer**2 - inner**2
         place = (rho - inner) / (outer - inner)

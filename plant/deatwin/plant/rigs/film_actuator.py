@@ -98,7 +98,7 @@ class FilmActuator(Rig):
 
     @classmethod
     def from_rig_file(cls, described: RigFile) -> Self:
-        """Return the rig that a rig file describes; its keys are named after the fields of the rig."""
+        """Make the rig from a rig file, whose keys are named after the fields of the rig."""
         own: dict[str, Any] = {**described.film, **described.load}
         whole = {field.name for field in fields(cls) if field.type == "int"}
         stated = {name: int(value) if name in whole else value for name, value in own.items()}
@@ -132,7 +132,7 @@ class FilmActuator(Rig):
     @property
     @abstractmethod
     def _outside(self) -> tuple[tuple[str, float, str], ...]:
-        """Name, value and unit of the known parameters of loads and springs."""
+        """Return name, value and unit of the known parameters of loads and springs."""
 
     @property
     @abstractmethod
@@ -142,21 +142,21 @@ class FilmActuator(Rig):
     @property
     @abstractmethod
     def _rest_position(self) -> float:
-        """Start value of the position at rest, m."""
+        """Return a start value for the position at rest, m."""
 
     @property
     @abstractmethod
     def _rest_stretch(self) -> float:
-        """Start values of the film's stretches at rest."""
+        """Return start values for the film's stretches at rest."""
 
     @property
     def _watch_limits(self) -> Callable[[AnyFilm, Symbol, Builder], None]:
-        """Watch the limits of the film, including its tension where it is held in its plane, as here."""
+        """Watch the limits of the film, including its tension, because it is held in its plane."""
         return watch_limits
 
     @abstractmethod
     def _kinematics(self, position: Symbol, build: Builder) -> Kinematics:
-        """Film at a position of the moved part."""
+        """Return the film for a position of the moved part."""
 
     @abstractmethod
     def _potential(self, position: Symbol, shape: Kinematics, build: Builder) -> Symbol:
@@ -164,7 +164,7 @@ class FilmActuator(Rig):
 
 
 def relaxed_stresses(substance: Material, stretch_1: float, stretch_2: float) -> tuple[float, float]:
-    """Nominal stresses along 1 and 2 of a relaxed film with its published values, Pa."""
+    """Return the nominal stresses along 1 and 2 of a relaxed film with its published values, Pa."""
     values = [p.value for p in substance.elastic]
     first, second = (float(s) for s in nominal_stress(substance.energy, stretch_1, stretch_2, *values))
     if not (np.isfinite(first) and np.isfinite(second)):
@@ -215,6 +215,6 @@ LIMITS: Mapping[str, Callable[[AnyFilm, Symbol, Builder], None]] = MappingProxyT
 
 
 def check_sides(sides: str, known: Collection[str]) -> None:
-    """Refuse sides that a rig does not have."""
+    """Raise an error for sides that a rig does not have."""
     if sides not in known:
         raise RigError(f"unknown sides {sides!r}{nearest(sides, known)} (known: {', '.join(known)})")

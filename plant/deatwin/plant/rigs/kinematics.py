@@ -1,4 +1,4 @@
-"""Film of a rig: its points and stretches in terms of the rig's coordinates, its material, and what drives it."""
+"""Film of a rig: points and stretches as functions of the rig's coordinates, material, and voltage."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SomeFilm = TypeVar("SomeFilm", bound=AnyFilm)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Kinematics:
-    """A film in terms of coordinates."""
+    """A film as a function of the rig's coordinates."""
 
     points: Sequence[FilmPoint]  # Points at which stretches are taken, in terms of the coordinates
     coordinates: Sequence[Symbol]  # The algebraic ones, each with a balance to be given
@@ -29,7 +29,7 @@ class Kinematics:
 
 
 class BallInFilm(Protocol):
-    """A rig with a ball at the centre of a film in a ring, as `Diaphragm` has it; lengths in m."""
+    """Interface of a rig with a ball at the centre of a film in a ring, such as `Diaphragm`; lengths in m."""
 
     @property
     def ball(self) -> str: ...
@@ -49,12 +49,12 @@ class BallInFilm(Protocol):
 
 
 def electrode_share(build: Builder) -> Symbol:
-    """Share of the electrode's area that still has contact."""
+    """Return the share of the electrode's area that still has contact."""
     return build.share("electrode_share", build.place(Place.FILM, "electrode_share", 1.0))
 
 
 def material_film(shape: Kinematics, substance: Material, rest_stretch: float, build: Builder) -> AnyFilm:
-    """The film of a rig before any effect."""
+    """Return the film of a rig, before any effect."""
     points = film_points(shape.points, build)
     elastic = [build.parameter(p.name) for p in substance.elastic]
     film = shape.film(

@@ -30,7 +30,7 @@ Symbol = Any
 
 
 def membrane(rig: BallInFilm, deflection: Symbol, build: Builder) -> Kinematics:
-    """Elements from the ball to the frame: `Diaphragm.elements` under the electrode, half as many in the annulus."""
+    """Build the elements from ball to frame: `Diaphragm.elements` under the electrode, half as many in the annulus."""
     edges = np.array([rig.contact_radius, rig.electrode_radius, rig.frame_radius]) / rig.prestretch
     rings = (_Ring.of(edges[0], edges[1], rig.elements), _Ring.of(edges[1], edges[2], (rig.elements + 1) // 2))
     edge = 2 * rig.elements
@@ -76,7 +76,7 @@ def membrane(rig: BallInFilm, deflection: Symbol, build: Builder) -> Kinematics:
 
 
 def _free_nodes(rig: BallInFilm, nodes: np.ndarray, edge: int, build: Builder) -> dict[str, list[Symbol]]:
-    """Coordinates of the free nodes from the ball outwards, with start values in a slightly sagging flat film."""
+    """Return coordinates of the free nodes from the ball outwards, starting from a slightly sagging flat film."""
     free: dict[str, list[Symbol]] = {"stretch": [], "drop": []}
     for node, reference in enumerate(nodes[:-1]):
         stretch, drop = ("electrode_stretch", "outer_drop") if node == edge else (f"stretch_{node}", f"drop_{node}")
@@ -91,7 +91,7 @@ def _free_nodes(rig: BallInFilm, nodes: np.ndarray, edge: int, build: Builder) -
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Ring:
-    """Elements of equal width in ln(radius): their nodes and the Gauss points of each, in reference radius and area."""
+    """Elements of equal width in ln(radius), with their nodes and Gauss points in reference radius and area."""
 
     nodes: np.ndarray
     radius: np.ndarray
@@ -115,7 +115,7 @@ class _Ring:
     def gauss(
         self, stretches: Sequence[Symbol], heights: Sequence[Symbol], build: Builder
     ) -> Iterator[tuple[tuple[Symbol, Symbol], Symbol, Symbol]]:
-        """Stretches, reference radius and area of each Gauss point, from the values at the ring's nodes."""
+        """Return stretches, reference radius and area of each Gauss point, from the values at the nodes."""
         names = ("radius", "area", "shapes", "slopes")
         radius, area, shapes, slopes = (build.constant(name, getattr(self, name).ravel()) for name in names)
         for number in range(self.radius.size):
@@ -129,7 +129,9 @@ class _Ring:
 
 
 def _gauss_points(width: float) -> tuple[np.ndarray, np.ndarray]:
-    r"""Abscissae in (-1, 1) and weights of the two-point Gauss rule for :math:`\int_{-1}^{1} f(x)\,e^{wx}\,dx`."""
+    r"""Return abscissae in (-1, 1) and weights of the two-point Gauss rule for :math:`\int_{-1}^{1}
+    f(x)\,e^{wx}\,dx`.
+    """
     fine, lengths = np.polynomial.legendre.leggauss(16)
     moments = [float(lengths @ (np.exp(width * fine) * fine**k)) for k in range(4)]
     # The roots of the quadratic that is orthogonal to 1 and x under the weight.

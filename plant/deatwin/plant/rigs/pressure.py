@@ -83,7 +83,7 @@ class Pressure(FilmActuator):
 
     @cached_property
     def _rest_position(self) -> float:
-        r"""Height of a spherical cap whose tension bears the pressure, :math:`p R = 2 N` at the apex of the film."""
+        r"""Return the height of a spherical cap whose tension carries the pressure, :math:`p R = 2 N` at its apex."""
         for ratio in np.linspace(0.0, 1.0, 101)[1:]:
             stretch = self.prestretch * (1 + ratio**2)
             nominal, _ = relaxed_stresses(self.substance, stretch, stretch)
@@ -122,12 +122,14 @@ class Pressure(FilmActuator):
 
     @property
     def _scales(self) -> dict[str, float]:
-        """Further coordinates with their sizes: heights in m, and stretches."""
+        """Return further coordinates with their typical sizes: heights in m, and stretches."""
         heights = {f"height_{k}": self._size for k in range(1, SHAPES)}
         return heights | {f"flat_{k}": 1.0 for k in range(SHAPES)}
 
     def _potential(self, position: Symbol, shape: Kinematics, build: Builder) -> Symbol:
-        r"""Work of the pressure, :math:`-p\int\pi r^2\,dz`, by the points' own areas :math:`2\pi\rho\,d\rho`."""
+        r"""Return the work of the pressure, :math:`-p\int\pi r^2\,dz`, from the points' areas
+        :math:`2\pi\rho\,d\rho`.
+        """
         film, area = self._film, build.constant("swept", self._film.areas * self._film.radii / 2)
         heights = ca.vertcat(position, *shape.coordinates[: SHAPES - 1])
         fall = -(matrix("fall", film.slope.T, build) @ heights)

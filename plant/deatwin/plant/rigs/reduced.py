@@ -46,7 +46,7 @@ or 0.5 µm (bonded, at 3 kV), less than a tenth of the error of the shape functi
 
 
 def reduced(rig: BallInFilm, deflection: Symbol, build: Builder) -> Kinematics:
-    """Stretch at the electrode's edge, drop of the annulus, and bow."""
+    """Write the film with three coordinates: stretch at the electrode's edge, drop of the annulus, and bow."""
     numbers = _Geometry.of(rig)
     geometry = numbers.as_symbols(build)
     stretch = build.coordinate("electrode_stretch", scale=1.0)
@@ -69,7 +69,7 @@ def reduced(rig: BallInFilm, deflection: Symbol, build: Builder) -> Kinematics:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Support:
-    """Freedom that the ball leaves: the fourth coordinate, and the contact's stretch and bow that follow from it."""
+    """Fourth coordinate, which depends on the ball, with the resulting stretch at the contact and bow."""
 
     coordinate: Symbol
     contact: Symbol
@@ -91,7 +91,7 @@ SUPPORTS = {"sliding": _sliding, "bonded": _bonded}
 
 
 def _relaxed(rig: BallInFilm, geometry: _Geometry, xi: Symbol) -> list[tuple[Symbol, Symbol]]:
-    """Stretches at each point of a flat film that is relaxed at the viscous stretch `xi`."""
+    """Return stretches at each point of a flat film that is relaxed at the viscous stretch `xi`."""
     contact = xi if rig.ball == "sliding" else geometry.contact / geometry.contact_reference
     zones = enumerate(geometry.zones(contact, xi))
     return [*(zone.flat(rho) for number, zone in zones for rho in geometry.radii(number)), (contact, contact)]
@@ -121,7 +121,7 @@ def _points(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Zone:
-    """A ring of the film; `flat(rho)`: meridional and hoop stretch of the flat film at a reference radius."""
+    """A ring of the film; `flat(rho)` gives meridional and hoop stretch of the flat film at a reference radius."""
 
     flat: Callable[[Symbol], tuple[Symbol, Symbol]]
     outer: Symbol
@@ -129,7 +129,7 @@ class _Zone:
 
 
 def _uniform_thickness(inner_ref: Symbol, inner: Symbol, outer_ref: Symbol, outer: Symbol) -> _Zone:
-    """Map r² = alpha rho² + beta, exact for small changes of a prestretched ring."""
+    """Return the map r² = alpha rho² + beta, exact for small changes of a prestretched ring."""
     alpha = (outer**2 - inner**2) / (outer_ref**2 - inner_ref**2)
     beta = inner**2 - alpha * inner_ref**2
 
@@ -142,7 +142,7 @@ def _uniform_thickness(inner_ref: Symbol, inner: Symbol, outer_ref: Symbol, oute
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Geometry:
-    """Radii, in the unstretched film where called *reference*, and Gauss points in ln(radius); m, m²."""
+    """Radii, in the unstretched film if named *reference*, and Gauss points in ln(radius); m, m²."""
 
     frame: Symbol
     contact: Symbol
@@ -158,7 +158,7 @@ class _Geometry:
         return cls._between(rig.frame_radius, rig.contact_radius, tuple(edges))
 
     def as_symbols(self, build: Builder) -> _Geometry:
-        """Symbols in place of the numbers, so that rigs of all sizes share compiled code."""
+        """Replace the numbers by symbols, so that rigs of all sizes share compiled code."""
         frame, contact = build.constant("frame", self.frame), build.constant("contact", self.contact)
         outer = build.constant("frame_reference", self.frame_reference)
         inner = build.constant("contact_reference", self.contact_reference)
@@ -178,7 +178,7 @@ class _Geometry:
 
     @classmethod
     def _between(cls, frame: Symbol, contact: Symbol, edges: tuple[Symbol, Symbol, Symbol]) -> Self:
-        """Gauss points between three reference radii."""
+        """Return Gauss points between three reference radii."""
         abscissae, weights = np.polynomial.legendre.leggauss(POINTS)
         radius, area = [], []
         for inner, outer in pairwise(edges):
@@ -209,7 +209,7 @@ class _Geometry:
         return [*self.rings(0), *self.rings(1), np.pi * self.contact_reference**2]
 
     def zones(self, contact: Symbol, stretch: Symbol) -> tuple[_Zone, _Zone]:
-        """Electrode and annulus for the stretches at the ball and at the electrode's edge."""
+        """Return electrode and annulus for given stretches at the ball and at the electrode's edge."""
         ball, edge = contact * self.contact_reference, stretch * self.electrode_reference
         return (
             _uniform_thickness(self.contact_reference, ball, self.electrode_reference, edge),

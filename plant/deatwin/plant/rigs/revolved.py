@@ -25,7 +25,7 @@ Symbol = Any
 
 
 def matrix(name: str, table: np.ndarray, build: Builder) -> Symbol:
-    """Add a matrix of constants to a rig's equations. Shapes: `table` (n, m); returns (n, m)."""
+    """Convert a matrix of constants for a rig's equations. Shapes: `table` (n, m); returns (n, m)."""
     return ca.reshape(build.constant(name, table.ravel(order="F")), *table.shape)
 
 
@@ -54,7 +54,7 @@ def move_with_film(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Revolved:
-    """Gauss points of a film in a ring, and its shapes there."""
+    """Gauss points of a film in a ring, with the shapes evaluated there."""
 
     radii: np.ndarray  # shape (n,): Radius of each point in the unstretched film, m
     areas: np.ndarray  # shape (n,): Area that it stands for, m²
@@ -65,7 +65,9 @@ class Revolved:
 
     @property
     def inertia(self) -> np.ndarray:
-        """Mass of the film for the speeds of h and g, by density and undeformed thickness, shape (n_h + n_g, n_h + n_g)."""
+        """Return the film's mass matrix for the speeds of h and g, from density and thickness, (n_h + n_g, n_h +
+        n_g).
+        """
         count = len(self.height)
         whole = np.zeros((count + len(self.hoop),) * 2)
         whole[:count, :count] = (self.height * self.areas) @ self.height.T
@@ -75,7 +77,7 @@ class Revolved:
     def points(
         self, prestretch: float, flat: Sequence[Symbol], heights: Sequence[Symbol], build: Builder
     ) -> list[FilmPoint]:
-        """Points of the film, all of it under the electrode; `flat` and `heights` are the coordinates g and h."""
+        """Return the film's points, all under the electrode; `flat` and `heights` are the coordinates g and h."""
         count, held = self.radii.size, build.constant("prestretch", prestretch)
         tables = {"hoop": self.hoop, "radial": self.radial, "slope": self.slope}
         hoop, radial, slope = (matrix(name, table.T, build) for name, table in tables.items())
@@ -97,5 +99,5 @@ class Revolved:
 
     @property
     def rim(self) -> float:
-        """A radius beyond all points, m."""
+        """Return a radius beyond all points, m."""
         return float(np.sqrt(self.radii.max() ** 2 + self.areas[-1] / np.pi))

@@ -23,7 +23,7 @@ from deatwin.plant.supply import Supply
 
 @dataclass(frozen=True, kw_only=True)
 class DriveSpec:
-    """Volts per command volt, start procedure in s (unless unknown), and range of commands in V or None."""
+    """Gain in film volts per command volt, start procedure in s (unless unknown), and range of commands in V or None."""
 
     gain: float = 1.0
     start_ramp: float = 0.0
@@ -43,7 +43,7 @@ class DriveSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class SensorSpec:
-    """Sample rate in Hz, rms noise and resolution in m, meaning of zero, direction, and when it reads."""
+    """Sample rate in Hz, rms noise and resolution in m, meaning of zero, direction, and time of reading."""
 
     sample_rate: float
     noise: float
@@ -55,7 +55,7 @@ class SensorSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class RigFile:
-    """A rig as its experimenter knows it, in SI units."""
+    """Knowledge of an experimenter about a rig, in SI units."""
 
     kind: str
     material: str | Material  # Published, by its name, or of the section [material]
@@ -69,21 +69,21 @@ class RigFile:
 
     @staticmethod
     def from_dict(data: Mapping[str, Any], source: str = "rig") -> "RigFile":
-        """Make a rig from the sections and keys of a rig file."""
+        """Read sections and keys of a rig file."""
         return _checked(data, source)
 
     @staticmethod
     def of(file: TomlFile) -> "RigFile":
-        """Make a rig from a file that was read; the error lists all mistakes with their lines."""
+        """Read a rig from a parsed file; the error lists all mistakes with their lines."""
         return _checked(_with_material(file.data, Path(file.path).parent), file.path, file.text)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return sections, keys and values of a rig file, in its units, ready for JSON."""
+        """Return sections, keys and values of the rig file, in its units, for JSON."""
         return deepcopy(dict(self.stated))
 
     @property
     def shared(self) -> dict[str, Any]:
-        """Fields that rigs of every kind take from a rig file, by their names."""
+        """Return the fields that rigs of every kind take from a rig file, by name."""
         drive, sensor = self.drive, self.sensor
         return {
             "material": self.material,
@@ -164,7 +164,7 @@ def _material_of(file: TomlFile) -> Material:
 
 
 def _with_material(data: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
-    """Return a rig file with the section of the material file that it names."""
+    """Return a rig file that includes the section of its material file."""
     film = data.get("film")
     named = film.get("material") if isinstance(film, Mapping) else None
     if film is None or not isinstance(named, str) or not named.endswith(".toml") or "material" in data:
@@ -176,7 +176,7 @@ def _with_material(data: Mapping[str, Any], folder: Path) -> Mapping[str, Any]:
 
 
 def _checked(data: Mapping[str, Any], source: str, text: str = "") -> RigFile:
-    """Return the rig of sections and keys; several mistakes are listed with their lines in the file's text."""
+    """Make a rig from sections and keys; several mistakes are listed with their lines."""
     if mistakes := mistakes_of(data):
         raise RigError(format_errors(source, mistakes, lines_of(text) if len(mistakes) > 1 else {}))
     kind = KINDS[data.get("kind", "diaphragm")]

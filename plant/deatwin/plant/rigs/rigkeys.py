@@ -1,4 +1,4 @@
-"""Keys of a rig file: one table that reads and writes them, and gives their JSON Schema."""
+"""Keys of a rig file: one table serves to read them, write them, and make their JSON Schema."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from deatwin.plant.safe_read import clipped
 
 @dataclass(frozen=True, kw_only=True)
 class NumberKey:
-    """A number of the file."""
+    """A key whose value is a number."""
 
     field: str
     lower: float  # Range, both ends included, in the file's unit
@@ -37,11 +37,11 @@ class NumberKey:
         return ""
 
     def to_si(self, value: float) -> float:
-        """Return the value of a file in SI."""
+        """Convert a value of the file to SI."""
         return value / self.per_si
 
     def _slip(self, value: float) -> str:
-        """Suggest a value in the right unit if it would then be in range, as 0.5 for 0.0005 m in mm."""
+        """Suggest a value in the right unit if that would be in range, such as 0.5 for 0.0005 m in mm."""
         for unit, factor, shift in self.slips if abs(value) < 1e12 else ():
             meant = float(f"{value * factor + shift:.6g}")
             if value and self.lower <= meant <= self.upper:
@@ -51,7 +51,7 @@ class NumberKey:
 
 @dataclass(frozen=True, kw_only=True)
 class TextKey:
-    """A text of the file."""
+    """A key whose value is a text."""
 
     field: str
     choices: tuple[str, ...] = ()  # Allowed texts; any text if empty
@@ -73,7 +73,7 @@ class TextKey:
         return "" if value.strip() else "the text is empty"
 
     def to_si(self, value: str) -> str:
-        """Return the value of a file in SI."""
+        """Return the value of a file, which is the same in SI."""
         return value
 
 
@@ -197,23 +197,23 @@ LOAD_CELL: Keys = {
 
 
 def length(field: str, about: str, *, lower: float = 0.01, per_si: float = 1e3, required: bool = True) -> NumberKey:
-    """Return the key of a length in mm; a diameter that the rig takes as a radius has 2000 of them in an SI unit."""
+    """Make the key of a length in mm; a diameter that the rig stores as a radius has 2000 of them per SI unit."""
     return NumberKey(field=field, lower=lower, upper=1e3, per_si=per_si, required=required, slips=_MM, about=about)
 
 
 def mass(about: str, *, required: bool = False) -> NumberKey:
-    """Return the key of a mass in g."""
+    """Make the key of a mass in g."""
     return NumberKey(field="mass", lower=0.0, upper=1e3, per_si=1e3, required=required, slips=_MG, about=about)
 
 
 def kind_of(value: object) -> str:
-    """Return TOML's name for the kind of a value."""
+    """Return TOML's name for the type of a value."""
     kinds = {bool: "a truth value", int: "a number", float: "a number", str: "a text", list: "a list", dict: "a table"}
     return kinds.get(type(value), "a date or time")
 
 
 def _toml(value: object) -> str:
-    """Return a value as it stands in a TOML file, near enough for an error text."""
+    """Write a value as in a TOML file, approximately, for an error text."""
     text = str(value)
     if isinstance(value, bool):
         return text.lower()

@@ -1,4 +1,4 @@
-"""Kinds of rigs that a rig file can describe: the sections and keys of each, and their JSON Schema."""
+"""Kinds of rigs that a rig file can describe: sections and keys of each kind, and their JSON Schema."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Pair = tuple[tuple[str, str], tuple[str, str]]
 
 @dataclass(frozen=True, kw_only=True)
 class RigKind:
-    """Sections and keys of one kind of rig. The fields of its keys in ``film`` and ``load`` are those of the rig."""
+    """Sections and keys of one kind of rig. Its keys in ``film`` and ``load`` are named after the rig's fields."""
 
     about: str
     film: Keys
@@ -46,7 +46,7 @@ class RigKind:
 
     @property
     def sections(self) -> Mapping[str, Keys]:
-        """Sections in the order of a file, without [material]."""
+        """Sections in the order of the file, without [material]."""
         load = {"load": self.load} if self.load else {}
         return {"film": {"material": MATERIAL, "thickness_mm": THICKNESS, **self.film}, **load} | {
             "drive": self.drive,

@@ -1,4 +1,4 @@
-"""The section [material] of a rig file: a published material, changed or not, or an energy with its parameters."""
+"""The section [material] of a rig file: a published material, possibly changed, or an energy with its parameters."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ MATERIAL_SCHEMA: dict[str, Any] = {
 
 @dataclass
 class _Reader:
-    """A section as it is read, and the mistakes found on the way: a path of keys, and what is wrong there."""
+    """A section being read, with the mistakes found so far: for each the path of keys and a description."""
 
     section: Mapping[str, Any]
     mistakes: list[tuple[tuple[str, ...], str]] = field(default_factory=list)
@@ -85,7 +85,7 @@ class _Reader:
         self.mistakes.append((path, text))
 
     def table(self, name: str) -> Mapping[str, Any] | None:
-        """Return a table of the section; None if it is absent or none."""
+        """Return a table of the section; None if it is missing or is no table."""
         value = self.section.get(name)
         if value is None or isinstance(value, Mapping):
             return value
@@ -93,7 +93,7 @@ class _Reader:
         return None
 
     def parameter(self, path: tuple[str, ...], given: object, name: str, unit: str) -> Parameter | None:
-        """Return a parameter given as a number or with its range."""
+        """Read a parameter given as a number or with its range."""
         numbers: dict[str, Any] = dict(given) if isinstance(given, Mapping) else {"value": given}
         unknown = [key for key in numbers if key not in ("value", "low", "high")]
         wrong = [
@@ -133,7 +133,7 @@ class _Reader:
 
 
 def _usual(name: str, value: float, unit: str) -> tuple[float, float]:
-    """Return a range for a value that was given alone."""
+    """Return a range for a value given without one."""
     if name in LIMITS:
         return value / 2.0, 1e4
     if name == "permittivity":  # elastomers of one kind differ by less; a vacuum has 1
@@ -145,7 +145,7 @@ def _usual(name: str, value: float, unit: str) -> tuple[float, float]:
 
 
 def read_material(section: object) -> tuple[Material | None, list[tuple[tuple[str, ...], str]]]:
-    """Return the material of a section, None if it has mistakes, and the mistakes."""
+    """Return the material of a section and its mistakes; the material is None if there are any."""
     if not isinstance(section, Mapping):
         return None, [((), f"material is {kind_of(section)}; it must be a section [material]")]
     reader = _Reader(section)
@@ -174,7 +174,7 @@ def read_material(section: object) -> tuple[Material | None, list[tuple[tuple[st
 
 
 def _base(reader: _Reader) -> Material | None:
-    """Return the published material of the section's name, or an unknown one of its energy."""
+    """Return the published material with the section's name, or an unknown one with its energy."""
     name, energy = reader.text("name"), reader.text("energy")
     if name in MATERIALS and not energy:
         return MATERIALS[name]
@@ -196,7 +196,7 @@ def _base(reader: _Reader) -> Material | None:
 
 
 def _elastic(reader: _Reader, base: Material) -> Iterator[Parameter]:
-    """Yield the elastic parameters: those of the section, else those of a published material."""
+    """Yield the elastic parameters, from the section or from the published material."""
     given = reader.table("parameters") or {}
     published = {} if "energy" in reader.section else {p.name: p for p in base.elastic}
     if isinstance(base.energy, Formula):

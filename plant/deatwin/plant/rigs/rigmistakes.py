@@ -1,4 +1,4 @@
-"""All mistakes of a rig file at once: key, line if known, and what is allowed."""
+"""Find all mistakes of a rig file at once, each with key, line if known, and allowed values."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -36,7 +36,7 @@ class Mistake:
 
     @property
     def where(self) -> str:
-        """Section and key, as error texts write them."""
+        """Section and key, in the form of error texts."""
         return " ".join([f"[{self.at[0]}]", *self.at[1:]]) if self.at else ""
 
 
@@ -65,7 +65,7 @@ def mistakes_of(data: Mapping[str, Any]) -> list[Mistake]:
 
 
 def _kind(name: object) -> tuple[str, list[Mistake]]:
-    """Kind of the rig, or the one that was probably meant, and the mistake in its name."""
+    """Return the kind of the rig, or the one probably meant, and the mistake in its name."""
     if isinstance(name, str) and name in KINDS:
         return name, []
     hint = nearest(name[:100], KINDS) if isinstance(name, str) else ""
@@ -75,7 +75,7 @@ def _kind(name: object) -> tuple[str, list[Mistake]]:
 
 
 def _material(data: Mapping[str, Any], film: object) -> Iterator[Mistake]:
-    """Mistakes of the section [material], which stands for the key in [film]."""
+    """Find mistakes of the section [material], which may replace the key in [film]."""
     if "material" not in data:
         return
     if isinstance(film, Mapping) and "material" in film:
@@ -119,7 +119,7 @@ def format_errors(source: str, mistakes: Sequence[Mistake], lines: Mapping[Place
 
 
 def _line(mistake: Mistake, lines: Mapping[Place, int]) -> int | None:
-    """Line of the key, or else of what holds it: the keys of an inline table stand in its line."""
+    """Return the line of the key, or of the table that contains it."""
     places = (mistake.line_of[:length] for length in range(len(mistake.line_of), 0, -1))
     return next((lines[place] for place in places if place in lines), None)
 
@@ -134,7 +134,7 @@ def _parts(path: str) -> Place:
 
 
 def _outside(name: str, table: Mapping[str, Keys]) -> Mistake:
-    """Mistake of an unknown section, or of a key above all sections."""
+    """Return the mistake of an unknown section, or of a key above all sections."""
     for section, keys in table.items():
         if name in keys:
             return Mistake(
@@ -152,7 +152,7 @@ def _outside(name: str, table: Mapping[str, Keys]) -> Mistake:
 
 
 def _of_supply(drive: object, called: str) -> Iterator[Mistake]:
-    """Mistakes of limits of a source behind which the voltage was recorded."""
+    """Find limits of a source that are stated although the film's voltage itself was recorded."""
     if not isinstance(drive, Mapping) or "input" not in drive:
         return
     limits = {key.field for key in DRIVE.values()} & {field.name for field in fields(Supply)}
@@ -165,7 +165,7 @@ def _of_supply(drive: object, called: str) -> Iterator[Mistake]:
 
 
 def _of_readings(sections: object) -> Iterator[Mistake]:
-    """Mistakes of the sections of further readings."""
+    """Find mistakes in the sections of further readings."""
     if not isinstance(sections, Mapping):
         yield Mistake(
             text=f"{READINGS} is {kind_of(sections)}; write a section [{READINGS}.current]", line_of=(READINGS,)
@@ -187,7 +187,7 @@ def _of_readings(sections: object) -> Iterator[Mistake]:
 def _inside(
     section: str, called: str, values: object, table: Mapping[str, Keys], data: Mapping[str, Any]
 ) -> Iterator[Mistake]:
-    """Mistakes of a section, which may have another name in the file."""
+    """Find mistakes of a section, which may have another name in the file."""
     keys = table[section]
     if values is None:
         required = _listed(name for name, key in keys.items() if key.required)
@@ -218,13 +218,13 @@ def _inside(
 
 
 def _written(name: str, keys: Keys) -> str:
-    """What stands in the place of another key, as a file has it."""
+    """Return the file's value for another key."""
     key = keys.get(name)
     return f'{name} = "{key.choices[0]}"' if isinstance(key, TextKey) else name
 
 
 def _unknown(name: str, section: str, called: str, table: Mapping[str, Keys]) -> Mistake:
-    """Mistake of an unknown key. It offers the key's own section, else the nearest name, else all names."""
+    """Return the mistake of an unknown key, with its proper section, else the nearest name, else all names."""
     keys = table[section]
     owners = [other for other, others in table.items() if name in others]
     hint = nearest(name[:100], keys)
@@ -241,7 +241,7 @@ def _unknown(name: str, section: str, called: str, table: Mapping[str, Keys]) ->
 def _order(
     below: Sequence[Pair], sections: Mapping[str, object], called: Mapping[str, str], table: Mapping[str, Keys]
 ) -> Iterator[Mistake]:
-    """Mistakes of numbers that are each right on their own."""
+    """Find numbers that contradict each other although each is in range."""
     for (section, name), (other, limit) in below:
         value, most = (
             _number(sections[section], table[section][name], name),
@@ -260,7 +260,7 @@ def _number(values: object, key: NumberKey | TextKey, name: str) -> float | None
 
 
 def _offered(hint: str, known: Iterable[str]) -> Place:
-    """The name that a hint offers."""
+    """Return the name that a hint suggests."""
     return tuple(name for name in known if f'"{name}"' in hint)
 
 

@@ -1,4 +1,4 @@
-"""Sections ``[readings.NAME]`` of a rig file: further readings, their columns and how noisy they are."""
+"""Sections ``[readings.NAME]`` of a rig file: further readings with their columns and noise."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def unit_fault(name: str, unit: object) -> str:
 
 
 def readings_of(sections: Mapping[str, Mapping[str, Any]]) -> tuple[Reading, ...]:
-    """Return the readings of sections without mistakes, in SI units."""
+    """Return the readings from sections without mistakes, in SI units."""
     found = []
     for name, values in sections.items():
         unit = UNITS[find_unit(values["unit"])]

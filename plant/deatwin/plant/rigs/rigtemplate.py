@@ -1,4 +1,4 @@
-"""A rig file to be filled in: each key with its unit, its meaning and what may be left out."""
+"""A rig file to be filled in: each key with its unit, its meaning and whether it may be omitted."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -72,7 +72,7 @@ def rig_template(
     kind: str = "diaphragm",
     noises: Mapping[str, float] = MappingProxyType({}),
 ) -> str:
-    """Return a rig file to be filled in, with `known` values and what tells them; `noises` in SI."""
+    """Write a rig file to be filled in, with `known` values and their origin; `noises` in SI."""
     parts, described = [_HEAD.format(about=KINDS[kind].about, kind=kind)], KINDS[kind]
     for section, keys in described.sections.items():
         lines = [f"[{section}]  # {_SECTIONS[section]}"]
@@ -96,7 +96,7 @@ def rig_template(
 def _entry(
     name: str, key: NumberKey | TextKey, known: tuple[float | str, str] | None, example: float | str
 ) -> list[str]:
-    """Return the lines of a key: what it means, and its value or an example."""
+    """Write the lines of a key: its meaning, and its value or an example."""
     allowed = f"one of {', '.join(MATERIALS)}" if name == "material" else key.allowed
     said = [f"# {name}: {key.about}; {allowed}", "" if key.required else "may be left out"]
     if known is not None:

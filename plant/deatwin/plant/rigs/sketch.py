@@ -1,4 +1,4 @@
-"""A drawing of each rig with its dimensions."""
+"""Draw each kind of rig with its dimensions."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class _Pen:
-    """Draws in units of half a drawing's height."""
+    """Draws in units of half the drawing's height."""
 
     ax: Axes
 
@@ -118,7 +118,9 @@ def _stretched(rig: Any) -> str:
 
 
 def _round(pen: _Pen, rig: Any, inner: tuple[str, float], depth: float, colour: str = ELECTRODE) -> tuple[float, float]:
-    """Draw a ring from above, and its frame from the side; return radius and place of the inner part in the side view."""
+    """Draw a ring from above and its frame from the side; return radius and position of the inner part in the side
+    view.
+    """
     name, radius = inner
     share, place = radius / rig.frame_radius, 2.7
     pen.disc((0.0, 0.0), 1.0, FILM)
@@ -188,7 +190,7 @@ def _pressure(pen: _Pen, rig: Any) -> list[str]:
 
 
 def _strip(pen: _Pen, length: float, widths: tuple[float, float], names: tuple[str, str], film: str) -> float:
-    """Draw a film between two bars, with its widths in the middle and at the bars; return the place of the right bar."""
+    """Draw a film between two bars, with its widths at the middle and the bars; return the position of the right bar."""
     size = max(length, *widths) / 1.6
     right, middle, end = length / size, widths[0] / size, widths[1] / size
     upper = [(0.0, end / 2), (right / 2, middle / 2), (right, end / 2)]

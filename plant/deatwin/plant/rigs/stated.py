@@ -1,4 +1,4 @@
-"""Checks of the fields of a rig read from a file: their types, and physically possible sizes."""
+"""Check the fields of a rig from a file: their types, and whether sizes are physically possible."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _KINDS = {
 
 
 def require_stated(rig: Rig) -> None:
-    """Raise RigError unless each field of a rig has the right type and lies in its range."""
+    """Raise RigError unless each field of a rig has the right type and is in range."""
     for field in fields(rig):
         value, kinds = getattr(rig, field.name), str(field.type).split(" | ")
         if kinds[0] in _KINDS and not (value is None and "None" in kinds) and type(value).__name__ not in kinds[1:]:

@@ -1,4 +1,4 @@
-"""Hints for a rig file that is not valid TOML: the parser knows the place, not the remedy."""
+"""Suggest remedies for a rig file that is not valid TOML; the parser only knows where the error is."""
 
 import re
 from collections.abc import Callable

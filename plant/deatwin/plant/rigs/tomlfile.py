@@ -14,7 +14,7 @@ from deatwin.plant.safe_read import RIG_BYTES, clipped, read_regular
 
 @dataclass(frozen=True, kw_only=True)
 class TomlFile:
-    """A TOML file, read but not yet checked."""
+    """A TOML file, parsed but not yet checked."""
 
     path: str
     text: str
@@ -22,7 +22,7 @@ class TomlFile:
 
     @classmethod
     def read(cls, path: str | os.PathLike[str], what: str = "rig file") -> "TomlFile":
-        """Read a file; errors call it `what`."""
+        """Read a file; error texts call it `what`."""
         try:
             text = read_regular(path, RIG_BYTES, lambda fault: RigError(f"{path}: {fault}")).decode("utf-8-sig")
             return cls(path=str(path), text=text, data=tomllib.loads(text))

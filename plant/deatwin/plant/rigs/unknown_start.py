@@ -1,4 +1,4 @@
-"""An experiment of which nobody knows how it began: what remembers is free, what is fast has settled."""
+"""An experiment with an unknown beginning: memories are fitted, fast states count as settled."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The report of a check: one HTML file that needs nothing else, its figures' data beside it."""
+"""The report of a check: one self-contained HTML file, with the data of its figures next to it."""

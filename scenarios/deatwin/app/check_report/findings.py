@@ -1,4 +1,4 @@
-"""The table of findings: each number beside what was asked, in groups."""
+"""The table of findings: each number with its limit, in groups."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Row:
 
 @dataclass(frozen=True, kw_only=True)
 class Group:
-    """Lines that belong together."""
+    """Lines of the table that belong together."""
 
     title: str  # Heading
     rows: list[Row]
@@ -39,7 +39,7 @@ class Group:
 
 @dataclass(frozen=True, kw_only=True)
 class _Kind:
-    """Format of the findings on one subject."""
+    """Format of the findings on one quantity."""
 
     group: str  # Heading; ``{}`` stands for the source
     form: str = ".3g"  # Format of a number, and its unit with the space before it
@@ -48,7 +48,7 @@ class _Kind:
     limit: str = ""  # Field of the specification; empty where none belongs to it
 
     def value(self, value: float | None) -> str:
-        """Write a value that was found."""
+        """Write the value of a finding."""
         if value is None:
             return "–"
         return amount(self.scale * value, self.form, self.unit) if isfinite(value) else "∞"
@@ -59,7 +59,7 @@ class _Kind:
 
 
 def groups(view: View) -> list[Group]:
-    """Gather the findings of a check."""
+    """Arrange the findings of a check in groups."""
     found: dict[str, list[Row]] = {}
     for finding in view.check.findings:
         subject, source = _split(finding.subject, view)
@@ -95,7 +95,7 @@ def _row(finding: Finding, subject: str, kind: _Kind, view: View) -> Row:
 
 
 def _limits(finding: Finding, subject: str, kind: _Kind, view: View) -> tuple[str, str]:
-    """Write the limits of good and of tolerable."""
+    """Write the limits for a pass and for marginal."""
     if kind.limit:
         limit: Limit = getattr(view.specification.on_a_stand_in, kind.limit)
         sign = "≥" if limit.good > limit.poor else "≤"

@@ -1,4 +1,4 @@
-"""The gains of a controller in plain numbers with their units."""
+"""The gains of a controller in numbers with units."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from deatwin.plant.amplitudes import written_amplitude
 
 
 def written_gains(check: Check) -> list[tuple[str, str]]:
-    """Name and size of each gain of a PI or PID law at the operating input; empty for laws of another form."""
+    """Return name and value of each gain of a PI or PID law at the operating input; empty for other laws."""
     controller = check.controller
     if controller is None:
         return []
@@ -30,7 +30,7 @@ def written_gains(check: Check) -> list[tuple[str, str]]:
 
 
 def _ratio(above: str, below: str) -> str:
-    """A unit by another; pure numbers have none."""
+    """Return the quotient of two units; pure numbers have none."""
     if not below:
         return above
     return f"{above or '1'}/({below})" if " " in below else f"{above or '1'}/{below}"

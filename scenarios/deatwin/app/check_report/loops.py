@@ -1,4 +1,4 @@
-"""The loops at the operating point over frequency: of the model with its band, and of the plants."""
+"""Loop gains over frequency at the operating point: of the model, with its band, and of the plants."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _LOWEST = 0.05  # of the closed loop's bandwidth
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Loops:
-    """Loops at the controller's operating point."""
+    """Loop gains at the controller's operating point."""
 
     frequency_Hz: Array  # shape (n,): Hz
     values: dict[str, Complex]  # shape (n,): Of the model and of each plant that has a state of rest there
@@ -31,7 +31,7 @@ class Loops:
 
     @classmethod
     def of(cls, view: View, controller: Controller) -> Loops:
-        """Compute them."""
+        """Compute the loop gains."""
         at, reading = controller.operating_input, view.plants["plant"].rig.reading
         models = {"model": linearise(view.model, at).in_loop(reading)}
         for name, plant in view.plants.items():

@@ -1,4 +1,4 @@
-"""Figures of margins: over operating points, over time, and the Nyquist curves at the operating point."""
+"""Figures of margins: over operating points, over time, and as Nyquist curves."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _FAR = 15.0  # times a limit: from there on an axis is logarithmic
 
 @dataclass(frozen=True, kw_only=True)
 class _Measure:
-    """A margin as it is drawn."""
+    """A margin to be drawn."""
 
     field: str
     label: str
@@ -43,13 +43,13 @@ class _Measure:
     ceiling: float = np.inf  # Beyond which a margin is drawn at the edge
 
     def values(self, rows: list[MarginRow]) -> tuple[Array, Array]:
-        """The source's own margins and their low quantiles, each of shape (n,)."""
+        """Return a source's own margins and their low quantiles, each of shape (n,)."""
         low = "phase_low_deg" if self.field == "phase_deg" else f"{self.field}_low"
         own, least = (np.array([getattr(row, name) for row in rows]) / self.scale for name in (self.field, low))
         return own, least
 
     def reach(self, values: list[float]) -> tuple[float, float]:
-        """Ends of the axis: it is logarithmic, from above 0 on, where something lies far above the limits."""
+        """Return the ends of the axis, which is logarithmic if a margin is far above its limits."""
         finite = [v for v in values if np.isfinite(v)]
         wanted = 1.15 * max([*finite, 2.0 * self.limit.good])
         high = self.ceiling if len(finite) < len(values) else min(self.ceiling, wanted)
@@ -64,7 +64,7 @@ def draw_margins(view: View) -> Drawing:
 
 
 def draw_margins_over_time(view: View) -> Drawing:
-    """Draw margins along time."""
+    """Draw margins over time."""
     rows, names = view.rows(along_time=True), ("margins_time", "Margins over time")
     return _draw(view, rows, lambda row: row.time or 0.0, "time (s)", "time_s", *names)
 
@@ -142,7 +142,7 @@ def _columns(
     column: str,
     measures: tuple[_Measure, ...],
 ) -> Columns:
-    """One row a place; a source without margins there has NaN."""
+    """Return one row per place, with NaN for sources without margins there."""
     places = np.unique([place(row) for found in rows.values() for row in found])
     columns: Columns = {column: places}
     for source, found in rows.items():
@@ -157,7 +157,7 @@ def _columns(
 
 
 def draw_nyquist(view: View, controller: Controller) -> Drawing:
-    """Draw the loops at the operating point, with the disks that they have to stay out of."""
+    """Draw the loops at the operating point, with the disks that they must avoid."""
     loops = Loops.of(view, controller)
     known = view.check.excited_band_Hz
     with draw((7.4, 4.8)) as figure:
@@ -191,7 +191,7 @@ def draw_nyquist(view: View, controller: Controller) -> Drawing:
 
 
 def _draw_disks(axes: Axes, view: View) -> None:
-    """A symmetric disk margin alpha is a circle through -(2 + alpha)/(2 - alpha) and its inverse on the real axis."""
+    """Draw a symmetric disk margin alpha: a circle through -(2 + alpha)/(2 - alpha) and its inverse on the real axis."""
     limit, turn = view.specification.disk, np.linspace(0.0, 2 * np.pi, 181)
     for margin, colour, label in (
         (limit.good, Hue.MARK, "disk of a good margin"),

@@ -27,7 +27,7 @@ NEXT = {
 
 @dataclass(frozen=True, kw_only=True)
 class Tile:
-    """A number on top of the page."""
+    """A number at the top of the page."""
 
     name: str
     value: str
@@ -65,7 +65,7 @@ def write_check_report(folder: ResultFolder, view: View, origin: Origin) -> None
 
 
 def _verdict(check: Check) -> tuple[str, list[str]]:
-    """The check's sentence with the finding that decides, and the others that are as severe."""
+    """Return the check's sentence with the decisive finding, and the other findings of the same severity."""
     head = check.sentence.removeprefix(f"{check.verdict.value}: ")
     head = f"{head.partition(f'{check.reason}.')[0]}{check.reason}."  # the caveats stand below it
     more = [f.text for f in check.findings if f.verdict is check.verdict and f is not check.worst_case]
@@ -79,7 +79,7 @@ def _capital(text: str) -> str:
 
 
 def _drawn(view: View) -> list[Drawing]:
-    """The figures of what there is, in the order of the page."""
+    """Draw the available figures, in the order of the page."""
     check = view.check
     found = []
     if check.steps is not None and check.steps.timepts.size:
@@ -126,7 +126,7 @@ def _tiles(view: View) -> list[Tile]:
 
 
 def _margins_here(view: View) -> list[tuple[str, ...]]:
-    """Rows of the table of margins at the operating point: of the model itself, of its draws, and linearised."""
+    """Return the rows of margins at the operating point: of the model, of its draws, and linearised."""
     check = view.check
     if check.controller is None or check.margins is None:
         return []

@@ -1,4 +1,4 @@
-"""Figures of the runs: steps on the plant and on the others, and the sine."""
+"""Figures of the runs: steps on the plant and on the alternatives, and the sine."""
 
 from __future__ import annotations
 
@@ -161,7 +161,7 @@ def _run_columns(view: View, run: ClosedLoop) -> Columns:
 
 
 def _step_columns(view: View, steps: ClosedLoop) -> Mapping[str, Array]:
-    """Over the whole reference where there is a prediction; a run that failed before ends in gaps."""
+    """Return columns over the whole predicted reference; a run that failed earlier ends in gaps."""
     columns = {"time_s": steps.timepts, **_run_columns(view, steps)}
     if (predicted := view.check.predicted) is None:
         return columns

@@ -1,4 +1,4 @@
-"""Data behind all parts of the report, and the look of each source in all figures."""
+"""Data for all parts of the report, and colours and line styles of each source in all figures."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _DRAWN = 1000  # points of a line: a picture shows no more
 
 @dataclass(frozen=True, kw_only=True)
 class Look:
-    """Label and line of a source."""
+    """Label, colour and line style of a source."""
 
     label: str
     colour: str
@@ -31,7 +31,7 @@ class Look:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class View:
-    """A check, with the model, plants and limits that its report shows."""
+    """A check with the model, plants and limits that its report shows."""
 
     check: Check
     model: NarxModel
@@ -40,7 +40,7 @@ class View:
 
     @property
     def looks(self) -> dict[str, Look]:
-        """Look of each source of margins and runs; variants of a source share its colour."""
+        """Colour and line style of each source of margins and runs; variants of a source share its colour."""
         styles = cycle(product(("-", "--", "-."), (Hue.MARK, Hue.MEASURED, Hue.INK)))
         found = {
             "model": Look(label="model", colour=Hue.AFTER),
@@ -83,7 +83,7 @@ class View:
         return axis_label(self.model.input_names[0].replace("_", " "), self.check.operating.input_unit)
 
     def rows(self, along_time: bool) -> dict[str, list[MarginRow]]:
-        """Margins of each source over operating points, or along time."""
+        """Margins of each source over operating points or over time."""
         found: dict[str, list[MarginRow]] = {}
         for row in self.check.table:
             if (row.time is not None) is along_time:
@@ -98,6 +98,6 @@ def header(name: str, unit: str) -> str:
 
 
 def thinned(*series: Array) -> tuple[Array, ...]:
-    """Every n-th sample of smooth series, as many as a picture can show. Shapes: `*series` (n,)."""
+    """Keep every n-th sample of smooth series, as many as a picture can show. Shapes: `*series` (n,)."""
     stride = max(1, -(-series[0].size // _DRAWN))
     return tuple(values[::stride] for values in series)

@@ -1,1 +1,1 @@
-"""One module a command of the command line; what is heavy is imported inside the commands."""
+"""One module per command of the command line; heavy packages are imported inside the commands."""

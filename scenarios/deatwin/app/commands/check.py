@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 class DesignName(StrEnum):
-    """Names of `deatwin.control.design.named`, listed here so that help loads no numbers."""
+    """Names of `deatwin.control.design.named`, repeated here so that help is fast."""
 
     PI = "pi"
     PID = "pid"
@@ -168,5 +168,5 @@ def check(
 
 
 def _longest(given: GivenPlant, file: Path) -> Recording:
-    """The recording of a file; of one that is split at its gaps the longest piece."""
+    """Return the recording in a file; of several pieces between gaps, the longest."""
     return max(given.experiment([file]).recordings, key=lambda piece: piece.n_samples)

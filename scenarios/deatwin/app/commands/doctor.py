@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """A package that deatwin can do without."""
+    """An optional package."""
 
     package: str
     use: str
@@ -96,7 +96,7 @@ def doctor(warm: Warm = False, jobs: Jobs = -1, as_json: Json = False, quiet: Qu
 
 
 def _cache() -> dict[str, Any]:
-    """Folder of compiled plants, and what it takes on the disk."""
+    """Return the folder of compiled plants, and its size on the disk."""
     from deatwin.plant.integrator.compiled import cache_folder
 
     try:
@@ -111,7 +111,7 @@ def _cache() -> dict[str, Any]:
 
 
 def _data() -> dict[str, Any]:
-    """Folder of public recordings, and what is in it."""
+    """Return the folder of public recordings, and its content."""
     from deatwin.studies.stories import DATA_VARIABLE
 
     named = os.environ.get(DATA_VARIABLE)
@@ -121,7 +121,7 @@ def _data() -> dict[str, Any]:
 
 
 def _lines(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Lines of the answer: a label and its text."""
+    """Return the lines of the answer, each with a label and a text."""
     yield from found["versions"].items()
     slower = ", ".join(f"{what} {by} times" for what, by, _ in SLOWER)
     yield "compiler", found["compiler"] or "none found on the path: install gcc or clang"
@@ -144,7 +144,7 @@ def _lines(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def _warm(voice: Voice, jobs: int) -> int:
-    """Compile the plants that a diagnosis of a diaphragm asks for; how many there are."""
+    """Compile the plants that a diagnosis of a diaphragm needs; return how many."""
     from deatwin.ident.parallel import run_jobs
     from deatwin.plant.effects import catalogue
     from deatwin.plant.integrator.compiled import compiler
@@ -168,5 +168,5 @@ def _warm(voice: Voice, jobs: int) -> int:
 
 
 def _compile(plant: Plant) -> None:
-    """Have the plant's equations compiled into the user's cache."""
+    """Compile the plant's equations into the user's cache."""
     plant.simulator  # noqa: B018  (building it compiles it)

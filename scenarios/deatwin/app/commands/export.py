@@ -90,14 +90,14 @@ def _require_ending(out: Path, to: Form) -> None:
 
 
 def _identifier(stem: str) -> str:
-    """The file's name as a C identifier."""
+    """Return the file's name as a C identifier."""
     found = re.sub(r"[^A-Za-z0-9_]", "_", stem)[:40]
     return found if re.match(r"[A-Za-z]", found) else f"model_{found}"[:40]
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Given:
-    """The model to export: the maker of its C source, and the plant if it is one."""
+    """The model to export: a function that makes its C source, and the plant if it is one."""
 
     source: Callable[..., SampledSource]
     plant: Plant | None = None
@@ -118,7 +118,7 @@ class _Given:
 
 
 def _schema(source: str) -> str | None:
-    """Schema of a JSON file; None if the file cannot be read, which loading it will report."""
+    """Return the schema of a JSON file; None if the file cannot be read, which loading it will report."""
     from deatwin.plant.documents import read_json
     from deatwin.plant.errors import ModelError
     from deatwin.plant.safe_read import clipped
@@ -134,7 +134,7 @@ def _schema(source: str) -> str | None:
 
 
 def _narx(source: str) -> _Given:
-    """A model that starts at rest under the centre of its training inputs, at zero where it has no such rest."""
+    """Return a model that starts at rest at the centre of its training inputs, or at zero if it has no such rest."""
     from deatwin.app.given import narx_model
     from deatwin.ident.frequency import equilibrium
     from deatwin.ident.narx.export import narx_source
@@ -149,7 +149,7 @@ def _narx(source: str) -> _Given:
 
 
 def _controller(source: str) -> _Given:
-    """The controller of a check."""
+    """Return the controller of a check."""
     from deatwin.control.controllers.document import controller_from_dict
     from deatwin.control.errors import ControlError
     from deatwin.control.export.controller import controller_source
@@ -165,7 +165,7 @@ def _controller(source: str) -> _Given:
 
 
 def _written(given: _Given, to: Form, out: Path, name: str) -> dict[str, Any]:
-    """Write the file, and say what it is."""
+    """Write the file, and describe it."""
     from deatwin.plant.errors import ModelError
     from deatwin.plant.export.cosimulation import export_cosimulation
     from deatwin.plant.export.model_exchange import described, export_model_exchange

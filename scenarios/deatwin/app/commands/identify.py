@@ -257,7 +257,7 @@ def identify(
 
 
 def _refuse_idle(context: typer.Context, method: Method) -> None:
-    """Refuse an option that was given and that the method does not read."""
+    """Raise an error for a given option that the method does not use."""
     idle = ("output_lags", "input_lags", "first_input_lag", "max_terms") if method is Method.NSS else ("states",)
     why = "a nonlinear state space has no lags and uses all terms" if method is Method.NSS else "only nss has states"
     for name in idle:
@@ -268,7 +268,7 @@ def _refuse_idle(context: typer.Context, method: Method) -> None:
 
 
 def _fit(identifier: NarxIdentifier, training: Sequence[Recording], records: Sequence[Recording], voice: Voice) -> None:
-    """Fit, and name the files in an error that comes of short recordings."""
+    """Fit the model; if recordings are too short, name their files in the error."""
     from deatwin.app.thinning import LEAST
     from deatwin.plant.errors import ModelError
     from deatwin.plant.recording import label
@@ -296,7 +296,7 @@ def _identifier(method: Method, lags: dict[str, Any], max_terms: int) -> NarxIde
 
 
 def _say(voice: Voice, model: NarxModel, errors: list[dict[str, Any]], labels: list[str]) -> None:
-    """Terms with their intervals, and how the model does on what it has not seen."""
+    """Print the terms with their intervals, and the errors on held-out data."""
     import numpy as np
 
     from deatwin.ident.narx.names import symbols_of
@@ -321,13 +321,13 @@ def _say(voice: Voice, model: NarxModel, errors: list[dict[str, Any]], labels: l
 
 
 def _origins(model: NarxModel) -> dict[str, float]:
-    """Origin from which terms count, by signal."""
+    """Return the origin of each signal from which the terms count."""
     values = [*model.input_origin.tolist(), *model.output_origin.tolist()]
     return dict(zip(model.input_names + model.output_names, values, strict=True))
 
 
 def _errors(model: NarxModel, unseen: Recording, tested: Tested) -> dict[str, Any]:
-    """Errors and residual tests of the model on one held-out part."""
+    """Return errors and residual tests of the model on one held-out part."""
     free, found = model.simulate(unseen), tested.validation
     return {
         "one_step": model.predict(unseen).rms_error,
@@ -341,7 +341,7 @@ def _errors(model: NarxModel, unseen: Recording, tested: Tested) -> dict[str, An
 
 
 def _tested(model: NarxModel, unseen: Sequence[Recording]) -> Tested:
-    """Validate the model on held-out parts, or give the reason why that is not possible."""
+    """Validate the model on held-out parts, or return the reason why that is impossible."""
     from deatwin.app.identify_report import Tested
     from deatwin.ident.narx import validate
     from deatwin.ident.narx.unstable import recorded_once, unstable_model

@@ -111,7 +111,7 @@ def look(
 
 
 def _seen(path: Path, asked: ReadOptions, voice: Voice) -> Seen:
-    """Read a file and look at it, and say both."""
+    """Read a file, describe it, and print the description."""
     import shlex
 
     from deatwin.app.look_next import Seen
@@ -143,7 +143,7 @@ def _seen(path: Path, asked: ReadOptions, voice: Voice) -> Seen:
 
 
 def _result(seen: Sequence[Seen], following: Next) -> dict[str, Any]:
-    """Content of look.json."""
+    """Return the content of look.json."""
     files = [
         {
             "file": one.file.path,
@@ -159,7 +159,7 @@ def _result(seen: Sequence[Seen], following: Next) -> dict[str, Any]:
 
 
 def _draw(folder: ResultFolder, looks: Sequence[Look]) -> None:
-    """Write a picture of each recording."""
+    """Draw a picture of each recording."""
     from deatwin.plant.recording import label
     from deatwin.studies.report.svg import draw, standalone
 
@@ -178,7 +178,7 @@ def _draw(folder: ResultFolder, looks: Sequence[Look]) -> None:
 
 
 def _rig_file(seen: Sequence[Seen], kind: str) -> str:
-    """Return the rig file to fill in, with what the first recording tells of it."""
+    """Return a rig file to be filled in, with what is known from the first recording."""
     from deatwin.plant.checks import falls_with_voltage
     from deatwin.plant.readings import ELECTRICAL_UNITS
     from deatwin.plant.rigs.rigkeys import AGAINST
@@ -206,7 +206,7 @@ def _rig_file(seen: Sequence[Seen], kind: str) -> str:
 
 
 def _rig_drawing(kind: str) -> str:
-    """Return a drawing of the kind with the dimensions of the file's examples."""
+    """Draw this kind of rig with the example dimensions of the file."""
     import re
     import tomllib
 

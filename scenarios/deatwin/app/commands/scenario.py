@@ -18,12 +18,12 @@ OutFolder = Annotated[
 
 
 def complete_names(incomplete: str) -> list[tuple[str, str]]:
-    """Stories with their lines, for the shell's completion."""
+    """List the scenarios with descriptions, for the shell's completion."""
     return [(entry.name, entry.line) for entry in stories().values() if entry.name.startswith(incomplete)]
 
 
 def complete_sizes(context: typer.Context, incomplete: str) -> list[str]:
-    """Sizes of the story that is named, for the shell's completion; of all where none is."""
+    """List the sizes of the named scenario, or of all, for the shell's completion."""
     known = stories()
     named = [known[word] for word in context.args if word in known]
     sizes = dict.fromkeys(size for entry in named or known.values() for size in entry.sizes)

@@ -104,19 +104,21 @@ def simulate(
 
 
 def _banded(headers: tuple[str, str, str], mean: np.ndarray, deviation: np.ndarray) -> dict[str, np.ndarray]:
-    """Columns of a reading and of the ends of its band, `mean` and `deviation` (n,), rounded to what the band tells."""
+    """Return columns of a reading and of its band, `mean` and `deviation` (n,), rounded to the resolution of the
+    band.
+    """
     half = TWO_SIDED_95 * deviation
     columns = (mean, mean - half, mean + half)
     return {name: values.round(_digits(half.min())) for name, values in zip(headers, columns, strict=True)}
 
 
 def _digits(width: float) -> int:
-    """Decimals that show three digits below a width."""
+    """Return the number of decimals that show three digits below a width."""
     return 3 - math.floor(math.log10(width))
 
 
 def _with_effects(model: CalibratedPlant, names: list[str]) -> CalibratedPlant:
-    """The model with further effects at their typical strength."""
+    """Return the model with further effects at their typical strength."""
     from dataclasses import replace
 
     from deatwin.plant.effects import effect_named
@@ -149,7 +151,7 @@ def _experiment(wanted: Recording, earlier: list[Recording], history: list[Path]
 
 
 def _finished(prediction: Prediction, model: CalibratedPlant) -> Prediction:
-    """The prediction, if it reached its end; else an error that says when and at what voltage."""
+    """Return the prediction if it is complete; else raise an error with time and voltage of the failure."""
     from deatwin.plant.amplitudes import amount
     from deatwin.plant.errors import SimulationError
 

@@ -1,4 +1,4 @@
-"""Verdicts of several folders beside each other, as a table with drawings."""
+"""Compare the verdicts of several folders in a table with drawings."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MOST = 6  # Verdicts that are compared at once
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """Verdicts beside each other."""
+    """Several verdicts, side by side."""
 
     verdicts: tuple[Verdict, ...]
     limits: tuple[float, ...]
@@ -34,7 +34,7 @@ class Comparison:
 
 
 def compare(verdicts: Sequence[Verdict]) -> Comparison:
-    """Lay verdicts beside each other."""
+    """Arrange verdicts side by side."""
     taken = tuple(verdicts[:MOST])
     largest: dict[str, float] = {}
     for verdict in taken:
@@ -48,7 +48,7 @@ def compare(verdicts: Sequence[Verdict]) -> Comparison:
 
 
 def _drawn(number: int, verdict: Verdict, limit: float) -> str:
-    """Errors before and after, on the fitted and on the held-out part, beside the noise."""
+    """Draw errors before and after, on fitted and on held-out data, with the noise."""
     from deatwin.studies.report.svg import COLOURS, draw, inline
 
     with DRAWING, draw(SIZE) as figure:

@@ -1,4 +1,4 @@
-"""Contents of the folder of the live view; no name leads out of it."""
+"""Contents of the folder that the live view shows; no name may lead out of it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 
 
 def require_folder(path: Path) -> Path:
-    """The folder that is to be shown."""
+    """Return the folder to be shown, after a check."""
     if path.is_dir():
         return path.resolve()
     if path.exists():
@@ -34,7 +34,7 @@ def require_folder(path: Path) -> Path:
 
 
 def inside(root: Path, name: str) -> Path:
-    """The path of a name in a folder."""
+    """Return the path of a name inside a folder, after a check."""
     home = root.resolve()
     try:
         path = (home / name).resolve()
@@ -60,7 +60,7 @@ def safe_name(name: str) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Desk:
-    """The names of what lies in a folder, relative to it, with ``/`` between folders, in order."""
+    """Names of the files in a folder, relative to it, with ``/`` between folders, sorted."""
 
     recordings: tuple[str, ...]  # Files in a recording's format, but for those that a diagnosis wrote
     rigs: tuple[str, ...]  # Rig files and calibrated models
@@ -69,7 +69,7 @@ class Desk:
 
     @classmethod
     def look(cls, root: Path) -> Desk:
-        """Look into a folder and the folders below it; hidden ones and links that lead out of it are passed over."""
+        """List a folder and the folders below it, without hidden ones and links that lead out of it."""
         home = root.resolve()
         files = list(islice(_files(home, home, DEEPEST), MOST_FILES + 1))
         names: dict[str, list[str]] = {"recordings": [], "rigs": [], "results": []}
@@ -86,12 +86,12 @@ class Desk:
 
 
 def free_name(root: Path, stem: str = "diagnosis") -> str:
-    """A name for the next folder of results that is not taken."""
+    """Return an unused name for the next folder of results."""
     return next(name for n in count(1) if not os.path.lexists(root / (name := f"{stem}-{n}")))
 
 
 def _files(home: Path, folder: Path, deeper: int) -> Iterator[Path]:
-    """Regular files that belong to the folder, in the order of their names."""
+    """Return the regular files in the folder, sorted by name."""
     try:
         entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
     except OSError:

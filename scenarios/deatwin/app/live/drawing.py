@@ -1,4 +1,4 @@
-"""One drawing at a time: the style of a figure is matplotlib's own global one while it is drawn."""
+"""A lock that allows one drawing at a time, because matplotlib's style is global."""
 
 import threading
 

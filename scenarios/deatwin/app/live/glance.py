@@ -1,4 +1,4 @@
-"""A first look at a recording in the folder: its columns as they are understood, what is in it, and a picture."""
+"""A first look at a recording: the interpretation of its columns, its content, and a picture."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SIZE = (5.4, 6.4)
 
 @dataclass(frozen=True, kw_only=True)
 class Glance:
-    """What one file holds, read as it was asked for, else with further options."""
+    """Content of one file, read as requested or with further options."""
 
     name: str
     columns: tuple[Column, ...]
@@ -35,7 +35,7 @@ class Glance:
 
 
 def glance(root: Path, name: str, asked: ReadOptions, rig: str = "") -> Glance:
-    """Look at a file of the folder with the options that were asked for, and the further readings of a rig in it."""
+    """Describe a file of the folder, read with the requested options and the further readings of a rig."""
     file = understand(inside(root, name), asked, _further(root, rig))
     fault = file.refused
     try:
@@ -54,7 +54,7 @@ def glance(root: Path, name: str, asked: ReadOptions, rig: str = "") -> Glance:
 
 
 def _further(root: Path, rig: str) -> tuple[Reading, ...]:
-    """Further readings of a rig file or a model; none of one at fault, which a job that is started tells."""
+    """Return the further readings of a rig file or a model; none if it is faulty, which a job would report."""
     from deatwin.plant import load_plant
 
     try:
@@ -64,7 +64,7 @@ def _further(root: Path, rig: str) -> tuple[Reading, ...]:
 
 
 def _looked(name: str, file: Understood) -> tuple[tuple[str, ...], str]:
-    """Facts and picture of what was read."""
+    """Return facts and picture of the recordings."""
     from deatwin.ident.look import look_at
     from deatwin.studies.report.svg import draw, inline
 

@@ -24,7 +24,7 @@ App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 
 class Guard:
-    """An ASGI application in front of another, which sees only what may pass."""
+    """An ASGI application that forwards only permitted requests to another one."""
 
     def __init__(self, app: App, *, port: int, key: str, most_bytes: int) -> None:
         self.app = app
@@ -36,7 +36,7 @@ class Guard:
         self.policy = _policy(self.hosts)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer, or let the other application answer."""
+        """Refuse the request, or forward it."""
         if scope["type"] == "lifespan":
             await self.app(scope, receive, send)
             return
@@ -53,7 +53,7 @@ class Guard:
             await self.app(scope, receive, self._with_policy(send))
 
     def _refusal(self, scope: Scope, headers: _Headers) -> tuple[int, str]:
-        """Status and reason for which a request is refused whoever sends it; 0 where there is none."""
+        """Return status and reason for refusing a request; status 0 if it is permitted."""
         if headers.all("host") not in [[host] for host in self.hosts]:
             return 421, "this server answers to its loopback address only"
         if any(origin not in self.origins for origin in headers.all("origin")):
@@ -86,7 +86,7 @@ class Guard:
         return hmac.compare_digest(given.encode(), self.key.encode())
 
     def _with_policy(self, send: Send) -> Send:
-        """The answers of the other application, with a policy for what the page may load where they set none."""
+        """Add a content policy to answers of the other application that set none."""
 
         async def sending(message: MutableMapping[str, Any]) -> None:
             if message["type"] == "http.response.start":
@@ -99,7 +99,7 @@ class Guard:
 
 
 class _Headers:
-    """All values of each header."""
+    """All values of each request header."""
 
     def __init__(self, pairs: Iterable[tuple[bytes, bytes]]) -> None:
         self._pairs = [(name.lower().decode("latin-1"), value.decode("latin-1")) for name, value in pairs]

@@ -1,4 +1,4 @@
-"""Diagnoses and plans that run beside the page, each in a process of its own that can be stopped."""
+"""Diagnoses and plans that run in separate processes, which can be stopped."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ LAST_LINES = 50
 
 
 class State(Enum):
-    """State of a job; the value is the word for it."""
+    """State of a job; each value is the word for it."""
 
     RUNNING = "running"
     DONE = "done"
@@ -41,7 +41,7 @@ class State(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Order:
-    """What a job is asked for."""
+    """Request for a job."""
 
     rig: str  # Rig file or ``model.json`` in the folder
     out: str  # Name of a new folder for the results, or of one that holds only what an interrupted diagnosis left
@@ -50,16 +50,16 @@ class Order:
 
     @property
     def files(self) -> tuple[str, ...]:
-        """Files in the folder that are read, the rig first."""
+        """Files that are read from the folder, the rig first."""
         raise NotImplementedError
 
     @property
     def arguments(self) -> list[str]:
-        """Arguments of ``deatwin``, run in the folder."""
+        """Arguments for ``deatwin``, which runs in the folder."""
         raise NotImplementedError
 
     def require(self) -> None:
-        """Raise DataError where something has not been chosen."""
+        """Raise DataError if a choice is missing."""
 
     def _arguments(self, command: str) -> list[str]:
         files = [f"./{name}" if name.startswith("-") else name for name in self.files]
@@ -68,7 +68,7 @@ class Order:
 
 @dataclass(frozen=True, kw_only=True)
 class Diagnosing(Order):
-    """A diagnosis that is asked for."""
+    """Request for a diagnosis."""
 
     recordings: Sequence[str]  # Files in the folder: one experiment
 
@@ -87,7 +87,7 @@ class Diagnosing(Order):
 
 @dataclass(frozen=True, kw_only=True)
 class Planning(Order):
-    """A plan that is asked for: which missing physics an input would show."""
+    """Request for a plan, which shows which missing physics an input would reveal."""
 
     commands: str = ""  # File in the folder with the input; empty to be advised one
 
@@ -105,7 +105,7 @@ class Planning(Order):
 
 
 class Job:
-    """A diagnosis or a plan on its way."""
+    """A diagnosis or a plan in progress."""
 
     def __init__(self, root: Path, order: Order, program: Sequence[str] = WORKER) -> None:
         self.order = order
@@ -137,17 +137,17 @@ class Job:
 
     @property
     def seconds(self) -> float:
-        """Since the start, up to the end."""
+        """Time from the start to the end or to now, s."""
         return (self._ended or time.monotonic()) - self._started
 
     @property
     def seconds_left(self) -> float | None:
-        """A guess from the share that is done; None where there is none yet."""
+        """Estimated remaining time from the completed share; None before there is an estimate."""
         known = self.state is State.RUNNING and 0.05 < self.share < 1.0
         return self.seconds * (1 - self.share) / self.share if known else None
 
     def cancel(self) -> None:
-        """Ask the process to stop; after a while it is ended."""
+        """Ask the process to stop; it is killed if it does not."""
         if self.state is State.RUNNING and not self._cancelled:
             self._cancelled = True
             _interrupt(self._process)
@@ -156,11 +156,11 @@ class Job:
             timer.start()
 
     def wait(self, timeout: float | None = None) -> None:
-        """Wait until the process has ended, and everything it said was read."""
+        """Wait until the process has ended and its output is read."""
         self._watch.join(timeout)
 
     def end(self) -> None:
-        """End the process and all that it started at once."""
+        """Kill the process and all its children at once."""
         self._cancelled = True
         self._end_if_running()
         self.wait(GRACE)
@@ -170,7 +170,7 @@ class Job:
             _end(self._process)
 
     def _follow(self) -> None:
-        """Read what the process says until it ends."""
+        """Read the output of the process until it ends."""
         errors = threading.Thread(target=self._listen, daemon=True)
         errors.start()
         for line in _lines(self._process.stdout):
@@ -190,7 +190,7 @@ class Job:
         self._complaints.extend(line for line in map(str.strip, _lines(self._process.stderr)) if line)
 
     def _hear(self, line: str) -> None:
-        """Take in one line of the worker's; another program may print what it likes."""
+        """Process one line from the worker; lines of other programs are ignored."""
         try:
             facts: Any = json.loads(line)
             share, step = float(facts["share"]), str(facts.get("step", ""))
@@ -204,14 +204,14 @@ class Job:
             self.sentence = f"{facts.get('verdict', '')}: {facts['sentence']}"
 
     def _complaint(self, status: int) -> str:
-        """The line that says what was wrong."""
+        """Return the line that states the error."""
         said = [line.removeprefix("error: ") for line in self._complaints if line.startswith("error: ")]
         last = said or list(self._complaints)
         return last[-1] if last else f"the process ended with the status {status} and said nothing"
 
 
 class Board:
-    """The jobs of one live view, the newest first."""
+    """The jobs of one live view, newest first."""
 
     def __init__(self, root: Path, program: Sequence[str] = WORKER) -> None:
         self.root = root
@@ -241,7 +241,7 @@ class Board:
         return job
 
     def _make(self, out: str) -> None:
-        """Make the folder for the results, or take one in which a run that was cancelled left its steps."""
+        """Create the folder for results, or reuse one that holds only the steps of a cancelled run."""
         folder = self.root / out
         try:
             folder.mkdir()
@@ -254,20 +254,20 @@ class Board:
             raise DataError(f"{out}: the folder cannot be made: {error.strerror}") from None
 
     def close(self) -> None:
-        """End all that runs."""
+        """End all running jobs."""
         for job in self.running:
             job.end()
 
 
 def _lines(pipe: IO[str] | None) -> Iterator[str]:
-    """Read a pipe in lines; an endless line is cut."""
+    """Read a pipe line by line; very long lines are cut."""
     if pipe is not None:
         with pipe:
             yield from iter(lambda: pipe.readline(LONGEST_LINE), "")
 
 
 def _same(one: Path, other: Path) -> bool:
-    """Test if two names lead to one folder: some systems ignore capitals."""
+    """Return whether two names mean the same folder; some systems ignore capitals."""
     try:
         return one.samefile(other)
     except OSError:

@@ -38,7 +38,7 @@ SHOWN = 3  # Results that are compared when the page opens
 
 
 def application(board: Board, *, most_bytes: int, send_file: Callable[[str], Any]) -> FastAPI:
-    """Build the page and what serves it."""
+    """Build the page and the application that serves it."""
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
     app.get("/results/{name:path}")(send_file)
 
@@ -52,7 +52,7 @@ def application(board: Board, *, most_bytes: int, send_file: Callable[[str], Any
 
 
 class View:
-    """One tab: its choices, the jobs of all tabs, and a comparison."""
+    """One browser tab: its choices, the jobs of all tabs, and a comparison."""
 
     def __init__(self, board: Board, most_bytes: int) -> None:
         self.board = board
@@ -141,12 +141,12 @@ class View:
         self.table = ui.html("", sanitize=False).classes("full")
 
     def complain(self, text: str) -> None:
-        """Show what was wrong; an empty text takes it away."""
+        """Show an error; an empty text removes it."""
         self.fault.set_text(text)
         self.fault.set_visibility(bool(text))
 
     def look(self) -> None:
-        """Look into the folder, and keep what is chosen as far as it is still there."""
+        """List the folder, and keep choices that still exist."""
         desk = Desk.look(self.board.root)
         for choice, names in ((self.recordings, desk.recordings), (self.compared, desk.results)):
             choice.set_options(list(names), value=[name for name in choice.value or [] if name in names])
@@ -158,7 +158,7 @@ class View:
             self.complain("the folder holds more files than are listed here; take a smaller one")
 
     async def take(self, event: Any) -> None:
-        """Keep a file that was dropped."""
+        """Save a file that was dropped on the page."""
         self.upload.reset()  # so that the same file can be dropped again
         try:
             content = await event.file.read()
@@ -176,7 +176,7 @@ class View:
             self.recordings.set_value([*self.recordings.value, name])  # and so it is shown
 
     def asked(self) -> ReadOptions:
-        """Options of the readers that the fields ask for."""
+        """Return the reading options entered in the fields."""
         named = {role: field.value or None for role, field in self.columns.items()}
         for role, field in self.units.items():
             column = named[role] or self._place(role)
@@ -188,12 +188,12 @@ class View:
         return ReadOptions(**named, **clock, allow_gaps=bool(self.allow_gaps.value))
 
     def _place(self, role: str) -> str | None:
-        """The column that was last read in a role, by its place."""
+        """Return the position of the column that was last read in a role."""
         columns = () if self.glance is None else self.glance.columns
         return next((f"#{c.place}" for c in columns if f"{c.role}_column" == role), None)
 
     async def show(self) -> None:
-        """Show what is in the recording that was chosen last, and ask for what it does not say."""
+        """Describe the recording chosen last, and ask for what it does not say."""
         name = (self.recordings.value or [None])[-1]
         if name is None:
             return
@@ -220,11 +220,11 @@ class View:
         self.seen.set_content(f"<p><strong>{escape(name)}</strong></p>{found.html()}")
 
     def diagnose(self) -> None:
-        """Start the diagnosis that is chosen."""
+        """Start the chosen diagnosis."""
         self.start(Diagnosing, recordings=tuple(self.recordings.value or ()))
 
     def plan(self) -> None:
-        """Start a plan with the commands of the first recording that is chosen, or with an input to be advised."""
+        """Start a plan with the commands of the first chosen recording, or for a suggested input."""
         self.start(Planning, commands=(self.recordings.value or [""])[0])
 
     def start(self, kind: type[Order], **chosen: Any) -> None:
@@ -247,7 +247,7 @@ class View:
         self.watch()
 
     def watch(self) -> None:
-        """Bring the cards of the jobs up to date."""
+        """Update the cards of the jobs."""
         for job in reversed(self.board.jobs):
             if job not in self.cards:
                 with self.jobs:
@@ -268,7 +268,7 @@ class View:
 
 
 class JobCard:
-    """The card of one job."""
+    """The card that shows one job."""
 
     def __init__(self, job: Job) -> None:
         self.job = job
@@ -286,7 +286,7 @@ class JobCard:
                 self.report = ui.link("Open the report", f"results/{job.order.out}/report.html", new_tab=True)
 
     def update(self) -> bool:
-        """Show the job as it is; return whether it has just ended."""
+        """Show the state of the job; return whether it has just ended."""
         job, state = self.job, self.job.state
         self.bar.set_value(round(job.share, 3))
         self.text.set_text(job.sentence if state is not State.RUNNING else _on_its_way(job))
@@ -314,13 +314,13 @@ def _compared(root: Path, names: list[str]) -> str:
 
 
 def _told(error: Exception) -> str:
-    """One line for a person, as the command line would say it."""
+    """Write one line for a reader, as on the command line."""
     text = f"{error.filename or 'the system'}: {error.strerror or error}" if isinstance(error, OSError) else str(error)
     return " ".join(text.split())
 
 
 def _choice(label: str, *, multiple: bool = False) -> Any:
-    """A list of names to choose from, that can be typed into."""
+    """Make a list of names with a search field."""
     chosen: Any = [] if multiple else None
     choice = _field(ui.select([], label=label, value=chosen, multiple=multiple, with_input=True))
     return choice.props("options-dense" + (" use-chips" if multiple else ""))
@@ -338,7 +338,7 @@ def _section(title: str) -> Any:
 
 
 def _style() -> str:
-    """The style of the page, in the colours of the report."""
+    """Return the style of the page, in the colours of the report."""
     from deatwin.studies.report.rendering import templates
     from deatwin.studies.report.svg import COLOURS
 

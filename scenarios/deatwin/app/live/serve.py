@@ -41,7 +41,7 @@ def serve(
     started: Callable[[str], None] = print,
     program: Sequence[str] = WORKER,
 ) -> None:
-    """Serve a folder until the process is asked to stop; then the running jobs are ended."""
+    """Serve a folder until the process is asked to stop, then end the running jobs."""
     try:
         import uvicorn
 
@@ -76,7 +76,7 @@ def serve(
 
 
 def _listening(port: int) -> socket.socket:
-    """A socket that only this machine can reach."""
+    """Open a socket that only this machine can reach."""
     try:
         return socket.create_server((LOOPBACK, port))
     except OSError as error:
@@ -86,7 +86,7 @@ def _listening(port: int) -> socket.socket:
 
 
 def _stop_cleanly(server: Any) -> None:
-    """End the jobs, too, where the process is asked to end or its terminal is closed."""
+    """End the jobs if the process is asked to stop or its terminal is closed."""
     if threading.current_thread() is not threading.main_thread():
         return
 
@@ -102,7 +102,7 @@ def _stop_cleanly(server: Any) -> None:
 
 
 def _sender(root: Path) -> Callable[[str], Any]:
-    """Make the handler that answers with a file of results."""
+    """Return the handler that sends a file of results."""
     from starlette.responses import FileResponse, PlainTextResponse
 
     def send(name: str) -> Any:

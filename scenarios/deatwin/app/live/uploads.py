@@ -1,4 +1,4 @@
-"""Files that are dropped on the page: kept whole, under a name of the folder's own, or refused in one line."""
+"""Save files that are dropped on the page under a safe name, or refuse them in one line."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def keep_upload(
     most_bytes: int,
     asked: ReadOptions = NO_OPTIONS,
 ) -> str:
-    """Keep a rig file that reads, or a recording that reads as it was asked for or with options that can be found."""
+    """Save a valid rig file, or a recording that can be read with the requested options or with others."""
     kept = safe_name(name)
     if len(content) > most_bytes:
         raise DataError(
@@ -52,7 +52,7 @@ def keep_upload(
 
 
 def _keep(root: Path, name: str, content: bytes, read: Callable[[Path], None]) -> None:
-    """Write beside, read, and rename: the folder never shows a file that is half there or cannot be read."""
+    """Write to a temporary name, read, and rename, so that the folder never shows an incomplete or unreadable file."""
     beside = Path(tempfile.mkdtemp(prefix=".upload-", dir=root))
     try:
         (beside / name).write_bytes(content)

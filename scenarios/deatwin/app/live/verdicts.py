@@ -30,7 +30,7 @@ TONES = {
 
 @dataclass(frozen=True, kw_only=True)
 class Left:
-    """An effect that was left out, in words."""
+    """An effect that the plant lacked, in words."""
 
     effect: str  # Name
     probability: float
@@ -71,17 +71,17 @@ class Verdict:
 
     @property
     def recordings(self) -> frozenset[str]:
-        """SHA-256 of the recordings."""
+        """SHA-256 hashes of the recordings."""
         return frozenset(digest for file, digest in self.inputs.items() if file.lower().endswith(RECORDINGS))
 
     @property
     def errors(self) -> tuple[float, ...]:
-        """All errors and the noise, as far as they are known."""
+        """All known errors, and the noise."""
         return tuple(value for value in (*self.fitted, *self.unseen, self.noise) if value is not None)
 
 
 def _said(diagnosis: Diagnosis) -> dict[str, Any]:
-    """The diagnosis in words."""
+    """Return the diagnosis in words."""
     from deatwin.plant.amplitudes import written_unit
     from deatwin.studies.report.quantities import with_interval
 
@@ -111,7 +111,7 @@ def _said(diagnosis: Diagnosis) -> dict[str, Any]:
 
 
 def _run(path: Path) -> dict[str, Any]:
-    """Read inputs and time from the record of the run, if it is there and sound."""
+    """Read inputs and time from the run record, if it exists and is valid."""
     try:
         if path.stat().st_size > MOST_BYTES:
             return {}

@@ -1,4 +1,4 @@
-"""How good is the mismatch engine? Effects are concealed from it, and it has to find them.
+"""Measure how well the mismatch engine finds effects that are concealed from it.
 
 A generator that shares no mechanism with the catalogue makes recordings: some clean, some with one effect, two, or one
 that no catalogue has. The diagnosis is given the nominal plant and the recordings. Labels, thresholds and code are

@@ -1,4 +1,4 @@
-"""Which cases the study has: plain data, the same for the same size and seed."""
+"""Cases of the study as plain data, determined by size and seed."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ FEW = 3  # Effects of a library whose intervals are tried
 
 @dataclass(frozen=True, kw_only=True)
 class Size:
-    """Numbers of cases, and how long each is recorded."""
+    """Numbers of cases, and the length of each recording."""
 
     clean: int  # Cases without an effect
     effects: int  # Cases of each effect, or of all together where the library is small
@@ -81,7 +81,7 @@ SIZES: Mapping[str, Size] = MappingProxyType(
 
 @dataclass(frozen=True, kw_only=True)
 class IntervalSpec:
-    """A fit on data of the reduced plant whose intervals are tried."""
+    """A fit to data of the reduced plant, whose intervals are tested."""
 
     name: str  # Unique in the study
     effect: str  # Added to the plant that makes the data and to the one that is fitted
@@ -117,7 +117,7 @@ def case_specs(size: str, seed: int) -> tuple[CaseSpec, ...]:
 
 
 def interval_specs(size: str, seed: int) -> tuple[IntervalSpec, ...]:
-    """List the fits of a study whose intervals are tried."""
+    """List the fits of a study whose intervals are tested."""
     of = size_named(size)
     effects = of.library[:FEW] or tuple(e.name for e in catalogue() if e.name not in INVISIBLE)
     pairs = [(effect, draw) for effect in effects for draw in range(of.draws)]
@@ -131,14 +131,14 @@ def interval_specs(size: str, seed: int) -> tuple[IntervalSpec, ...]:
 
 
 def pairable(library: Sequence[str] = ()) -> tuple[tuple[str, str], ...]:
-    """List pairs of mechanisms of different families that can both be seen, with the best commands."""
+    """List pairs of mechanisms of different families that can both be detected, with the best commands."""
     seen = _seen_well(library)
     family = {name: effect_named(KEY[name][0]).family for name in seen}
     return tuple((a, b) for a, b in combinations(seen, 2) if family[a] is not family[b])
 
 
 def _is_shown(mechanism: str, excitation: str) -> bool:
-    """Test whether commands that are given, or may be drawn, show a mechanism."""
+    """Return whether commands that are given, or may be drawn, reveal a mechanism."""
     return not excitation or mechanism not in SHOWN_BY or SHOWN_BY[mechanism] in excitation.split("+")
 
 
@@ -160,7 +160,9 @@ def _clean(of: Size) -> Iterator[Given]:
 
 
 def _effects(of: Size, rng: np.random.Generator) -> Iterator[Given]:
-    """Go up the ladder of each effect; the least noise comes with the highest ratio, so that more of it is reached."""
+    """List cases of each effect at increasing ratios; the highest ratio gets the least noise, so that it can be
+    reached.
+    """
     ratios = sorted(of.ladder * (of.effects // len(of.ladder)))
     for name in KEY:
         noises = sorted((log_uniform(rng, *NOISE_SHARES) for _ in ratios), reverse=True)
@@ -169,7 +171,7 @@ def _effects(of: Size, rng: np.random.Generator) -> Iterator[Given]:
 
 
 def _few_effects(of: Size, rng: np.random.Generator) -> Iterator[Given]:
-    """Take some effects that can be seen well."""
+    """Draw some effects that are easy to detect."""
     for name in rng.choice(_seen_well(of.library), of.effects, replace=False):
         yield _effect(str(name), 0, 2.8)
 
@@ -202,7 +204,7 @@ def _ties(of: Size, rng: np.random.Generator) -> Iterator[Given]:
 
 
 def _recorded(given: Given, excitation: str, rng: np.random.Generator) -> Given:
-    """Draw how a case is recorded, where that is left open."""
+    """Draw how a case is recorded, as far as that is not fixed."""
     drawn: Given = {
         "excitation": str(rng.choice(RICH)),
         "records": int(rng.choice([1, 2])),

@@ -26,7 +26,7 @@ BASELINES = {"pysindy": sparse_dynamics, "gaussian_process": gaussian_process, "
 
 
 def examine(spec: CaseSpec, seconds: float, check_seconds: float) -> dict[str, Any]:
-    """Make a case, diagnose it, and judge what came out on the check record."""
+    """Make a case, diagnose it, and judge the result on the check record."""
     clock = _Clock()
     with clock("make"):
         specimen = make(spec, seconds=seconds, check_seconds=check_seconds)
@@ -58,7 +58,7 @@ def examine(spec: CaseSpec, seconds: float, check_seconds: float) -> dict[str, A
 
 
 def _diagnosed(spec: CaseSpec, plant: Plant, experiments: Sequence[Experiment]) -> Diagnosis:
-    """Diagnose with the library of a case, or the whole catalogue where it has none."""
+    """Diagnose with the effects given for a case, or with the whole catalogue."""
     known = [effect for effect in plant.rig.effects() if effect.name in spec.library] if spec.library else None
     return diagnose(plant, experiments, effects=known, jobs=1, seed=spec.seed)
 
@@ -77,7 +77,7 @@ class _Clock:
 
 
 def check_rms(plant: Plant, specimen: Specimen) -> float | None:
-    """Rms error of a plant's free run over the check record, which the diagnosis has not had."""
+    """Return the rms error of a plant's free run over the check record, which the diagnosis has not seen."""
     check = specimen.check.recordings
     outputs = plant.simulate(specimen.whole).outputs[-len(check) :]
     errors = np.concatenate([r.outputs[0] - y[0] for r, y in zip(check, outputs, strict=True)])
@@ -85,7 +85,7 @@ def check_rms(plant: Plant, specimen: Specimen) -> float | None:
 
 
 def _base(diagnosis: Diagnosis, parts: Sequence[Part]) -> Calibration:
-    """The base plant of the diagnosis, fitted to all samples as its answer is."""
+    """Return the base plant of the diagnosis, fitted to all samples like the answer."""
     if diagnosis.base_model is None:
         raise SimulationError("the diagnosis kept no base plant to compare with")
     found = calibrate(diagnosis.base_model.plant, parts, starts=1)
@@ -95,7 +95,7 @@ def _base(diagnosis: Diagnosis, parts: Sequence[Part]) -> Calibration:
 
 
 def _essence(diagnosis: Diagnosis) -> dict[str, Any]:
-    """The parts of a diagnosis that are counted."""
+    """Return the parts of a diagnosis that the study counts."""
     data = diagnosis.to_dict()
     kept = "verdict noise model_error detect causes set rivals indistinguishable sentence fit free_form warnings"
     tried = diagnosis.candidates
@@ -106,7 +106,7 @@ def _essence(diagnosis: Diagnosis) -> dict[str, Any]:
 
 
 def _parameters(diagnosis: Diagnosis, specimen: Specimen) -> list[dict[str, Any]]:
-    """Intervals of added parameters whose true value is known, since generator and catalogue mean the same by it."""
+    """Return intervals of added parameters that have a true value, because generator and catalogue define them alike."""
     known = specimen.parameters
     return [
         {"name": f"{cause.effect}.{name}", "true": known[f"{cause.effect}.{name}"], "low": p.low, "high": p.high}
@@ -135,7 +135,7 @@ def _baselines(plant: Plant, specimen: Specimen) -> dict[str, Any]:
 
 
 def _oracle(specimen: Specimen, diagnosis: Diagnosis, base: Calibration, parts: Sequence[Part]) -> Plant | None:
-    """The true effects in the base plant, by a search of its own: a diagnosis that lost its way is seen by it."""
+    """Fit the true effects in the base plant by a separate search, which shows where the diagnosis went wrong."""
     if not specimen.truth:
         return None
     nominal = specimen.plant.with_rig(base.plant.rig)
@@ -152,7 +152,7 @@ def _squares(plant: Plant, parts: Sequence[Part]) -> float:
 
 
 def _advised(spec: CaseSpec, specimen: Specimen, diagnosis: Diagnosis) -> dict[str, Any] | None:
-    """Diagnose a tie again with the advised experiment."""
+    """Repeat an undecided diagnosis with the advised experiment."""
     advice = None if diagnosis.findings is None else diagnosis.findings.advice
     if spec.kind != "tie" or advice is None:
         return None
@@ -187,7 +187,7 @@ def _consulted(nominal: Plant, base: Calibration, parts: Sequence[Part], truth: 
 def _promising(
     nominal: Plant, base: Calibration, parts: Sequence[Part], effects: tuple[Effect, ...]
 ) -> tuple[Effect, ...]:
-    """The effects at the shapes that could explain most of what the base plant leaves, to first order."""
+    """Return the effects, with the shapes that could explain most of the base plant's residual, to first order."""
     error, whole = nominal.rig.model_error, tuple(parts)
     problem = DiagnosisProblem(
         nominal=nominal,

@@ -44,7 +44,7 @@ def drawings(study: Opened) -> list[Drawing]:
 
 
 def summary(study: Opened) -> str:
-    """Draw the study in one figure that stands alone."""
+    """Draw the study in one self-contained figure."""
     with draw(SIZE) as figure:
         _whole(figure, study)
         return standalone(figure)
@@ -78,7 +78,7 @@ def _mechanisms(study: Opened) -> Drawing:
 
 
 def _draw_confusion(axes: Axes, table: Confusion, size: str) -> None:
-    """Write counts into cells whose depth is the share of their row."""
+    """Write counts into cells whose shade is the share of their row."""
     from matplotlib.patches import Rectangle
 
     causes, crowded = len(table.answers) - 3, len(table.answers) > 12
@@ -124,7 +124,7 @@ def _draw_power(axes: Axes, study: Opened) -> None:
 
 
 def _classes(cases: Sequence[Case], flag: Callable[[Case], bool]) -> list[tuple[float, Rate]]:
-    """Geometric mean of the ratios, and rate, of each class that holds any case."""
+    """Return the geometric mean of the ratios, and the rate, of each class with any case."""
     made = []
     for low, high in pairwise(RUNGS):
         inside = [case for case in cases if low <= case.ratio < high]
@@ -135,7 +135,7 @@ def _classes(cases: Sequence[Case], flag: Callable[[Case], bool]) -> list[tuple[
 
 
 def _plain_ratios(axes: Axes) -> None:
-    """Label the ratios, and put the legend below."""
+    """Label the ratios, and put the legend below the axes."""
     ticks = [t for t in (0.03, 0.1, 0.3, 0.5, 1, 2, 5) if axes.get_xlim()[0] <= t <= axes.get_xlim()[1]]
     axes.set_xticks(ticks, [f"{t:g}" for t in ticks])
     axes.minorticks_off()

@@ -33,7 +33,7 @@ TOLERANCE = 1e-6
 
 
 def cover(spec: IntervalSpec) -> dict[str, Any]:
-    """Make data with an effect, fit the same plant to them, and look which intervals hold the truth."""
+    """Simulate data with an effect, fit the same plant, and return which intervals contain the true value."""
     rng = np.random.default_rng(spec.seed)
     true, silent = _simulable(spec, rng)
     recorded = _read(true, silent, spec.coloured, rng)
@@ -57,7 +57,7 @@ def cover(spec: IntervalSpec) -> dict[str, Any]:
 
 
 def _simulable(spec: IntervalSpec, rng: np.random.Generator) -> tuple[Plant, Experiment]:
-    """True plant and commands; drawn anew until the film holds."""
+    """Return true plant and commands, drawn again until the plant can be simulated."""
     for _ in range(ATTEMPTS):
         plant = _drawn(effect_named(spec.effect), rng)
         silent = _commands(rng, plant.rig.sample_time)
@@ -76,7 +76,7 @@ def _drawn(effect: Effect, rng: np.random.Generator) -> Plant:
 
 
 def _moved(parameter: Parameter, by: float) -> float:
-    """Multiply a value by an exponential, kept clear of the bounds of its range."""
+    """Multiply a value by an exponential factor, staying clear of the bounds of its range."""
     least, most = parameter.ends
     room = 0.02 * (most - least) if parameter.scale is not Scale.LINEAR else 0.0
     at = parameter.scale.to_coordinate(parameter.value * float(np.exp(by)))
@@ -84,7 +84,7 @@ def _moved(parameter: Parameter, by: float) -> float:
 
 
 def _commands(rng: np.random.Generator, sample_time: float) -> Experiment:
-    """Half of it band-limited noise, half holds, so that fast and slow effects are excited."""
+    """Return band-limited noise followed by holds, which excite fast and slow effects."""
     noise = band_limited_noise(rng, SECONDS / 2, sample_time)
     holds = random_holds(rng, SECONDS / 2, sample_time, lower=1.1, upper=3.75)
     commands = np.concatenate([noise, holds])

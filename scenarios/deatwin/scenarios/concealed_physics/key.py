@@ -1,4 +1,4 @@
-"""The key: which catalogue names are right for a concealed mechanism, and how far each mechanism reaches.
+"""The key: the catalogue names that are right for each concealed mechanism, and the range of its strength.
 
 Written before any case was run. A mechanism is another form of the same physics as the effect that is named first.
 Where two effects of the catalogue are the same physics seen from two sides, both are right, and the reason is given.

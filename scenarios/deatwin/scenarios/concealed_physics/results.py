@@ -1,4 +1,4 @@
-"""Open the key: each case beside what was concealed in it, and what may be counted of it."""
+"""Compare the result of each case with the concealed truth, and decide what may be counted."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ CLEAN_VERDICTS = frozenset({"none", "parameters"})
 
 @dataclass(frozen=True, kw_only=True)
 class Held:
-    """A fitted parameter beside the true one."""
+    """A fitted parameter with its true value."""
 
     name: str
     true: float
@@ -34,7 +34,7 @@ class Held:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Case:
-    """A case with its truth; a case that failed has no causes, and its ratio is the one that was aimed at."""
+    """A case with its truth; a failed case has no causes, and its ratio is the intended one."""
 
     name: str
     kind: str
@@ -100,7 +100,7 @@ def open_key(store: Store, key: Mapping[str, Any]) -> Opened:
 
 
 def open_part(store: Store, key: Mapping[str, Any]) -> Opened:
-    """Put the truth beside the results that there are."""
+    """Add the truth to the available results."""
     if digest(key) != store.seal.key:
         raise DataError(
             f"the key (hash {digest(key)[:12]}) is not the one that was sealed ({store.seal.key[:12]}): "

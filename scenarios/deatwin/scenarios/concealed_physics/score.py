@@ -1,4 +1,4 @@
-"""The stated goals: what is demanded, what was reached, with its bound."""
+"""The stated goals: required value, reached value, and bound."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Ends = tuple[float, float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class Goal:
-    """A stated measure."""
+    """A stated goal with the reached value."""
 
     measure: str
     demanded: str
@@ -37,7 +37,7 @@ class Goal:
 
     @property
     def outcome(self) -> str:
-        """``yes``, ``no``, or ``reported`` where nothing is demanded."""
+        """``yes``, ``no``, or ``reported`` if there is no requirement."""
         return REPORTED if self.met is None else "yes" if self.met else "no"
 
     @property
@@ -98,7 +98,7 @@ def sentence(study: Opened, goals: Sequence[Goal]) -> str:
 
 
 def gaps_closed(study: Opened) -> list[float]:
-    """Share of the way from the base plant to the oracle that the diagnosis' plant goes on the check record."""
+    """Return how much of the oracle's gain over the base plant the diagnosis' plant reaches on the check record."""
     closed = []
     for case in study.of("effect", ratio=VERY_STRONG):
         base, oracle = case.errors.get("base"), case.errors.get("oracle")
@@ -115,7 +115,7 @@ def _ahead(case: Case) -> bool:
 
 
 def _harm(study: Opened) -> Goal:
-    """Error on the check record with the diagnosis' plant over that with the base plant, on clean cases."""
+    """Return the error of the diagnosis' plant on clean check records, relative to the base plant."""
     errors = [case.errors for case in study.of("clean")]
     ratios = [e["diagnosis"] / e["base"] for e in errors if {"diagnosis", "base"} <= e.keys()]
     low, high = median_interval(ratios)
@@ -174,7 +174,7 @@ def _median(name: str, values: Sequence[float], limit: float) -> Goal:
 
 
 def _points(name: str, cases: Sequence[Case], limit: float) -> Goal:
-    """Difference of two rates on the same cases; its bound takes each rate's own, which is on the safe side."""
+    """Return the difference of two rates on the same cases, with a conservative bound."""
     ours, theirs = Rate.of(c.first_right for c in cases), Rate.of(c.sparse_right for c in cases)
     demanded = f"at least {100 * limit:g} points"
     if not cases:
@@ -186,7 +186,7 @@ def _points(name: str, cases: Sequence[Case], limit: float) -> Goal:
 
 
 def _goal(name: str, demanded: str, words: str, ends: Ends, count: int, met: bool | None) -> Goal:
-    """A goal whose value and interval are numbers; they are absent where no case counts."""
+    """Make a goal from numbers, which are None if no case counts."""
     value, low, high = ends if count else (None, None, None)
     return Goal(
         measure=WORDS.text(f"goal.{name}", strong=STRONG, far=FAR),

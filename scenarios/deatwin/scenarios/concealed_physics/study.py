@@ -90,12 +90,12 @@ class Store(CaseStore[Seal]):
     """The cases of a sealed study."""
 
     def put(self, name: str, result: Mapping[str, Any]) -> None:
-        """Write the result of a case, numbers that are not finite as None; one that is there already stays."""
+        """Write the result of a case, with non-finite numbers as None; an existing result is kept."""
         super().put(name, _finite(dict(result)))
 
     @classmethod
     def opened(cls, folder: Path | str) -> Self:
-        """Open a folder under the seal that it has."""
+        """Open a folder with its own seal."""
         return cls(folder, read_seal(Seal, folder))
 
 
@@ -139,7 +139,7 @@ def carry_out(folder: Path, size: str, seed: int, jobs: int, tell: Callable[[flo
 
 
 def run_case(size: str, spec: Spec) -> dict[str, Any]:
-    """Run a case; an error is a result."""
+    """Run a case; an exception becomes a result."""
     begun = time.process_time()
     of = size_named(size)
     try:
@@ -151,5 +151,5 @@ def run_case(size: str, spec: Spec) -> dict[str, Any]:
 
 
 def _mixed(specs: Sequence[Spec], seed: int) -> list[Spec]:
-    """Mix all kinds: the time left is known early, and an interrupted study holds a fair sample."""
+    """Mix all kinds of cases, so that an interrupted study holds a fair sample and the remaining time is known early."""
     return [specs[k] for k in np.random.default_rng(seed).permutation(len(specs))]

@@ -110,7 +110,7 @@ def tables(study: Opened, seal: Seal) -> list[Table]:
 
 
 def reported(goals: Sequence[Goal]) -> Table:
-    """List the results for which no goal is set."""
+    """List results without a goal."""
     columns: dict[str, Callable[[Goal], str]] = {"measure": lambda g: g.measure, "reached": lambda g: g.reached}
     return Table.of("Results without a goal", [goal for goal in goals if goal.met is None], columns)
 
@@ -126,7 +126,7 @@ def _verdicts(study: Opened) -> Table:
 
 
 def _grouped(cases: Iterable[Case], key: Callable[[Case], str]) -> dict[str, list[Case]]:
-    """Group cases by name; each group goes up by its ratio."""
+    """Group cases by name, each group by increasing ratio."""
     groups: dict[str, list[Case]] = {}
     for case in cases:
         groups.setdefault(key(case), []).append(case)
@@ -220,7 +220,7 @@ def _ties(study: Opened) -> Table:
 
 
 def _predictions(study: Opened) -> Table:
-    """Errors on held-out data over the oracle's, of single effects that are at least as large as the noise."""
+    """Return errors on held-out data relative to the oracle, for single effects at least as large as the noise."""
     cases = [case for case in study.of("effect", ratio=1.0) if "oracle" in case.errors]
     rows = []
     for name, words in MADE_BY.items():
@@ -238,7 +238,7 @@ def _predictions(study: Opened) -> Table:
 
 
 def _reach() -> Table:
-    """Show what the displacement under a voltage can show of each mechanism at all."""
+    """Show how much of each mechanism the displacement at a given voltage can reveal at all."""
     return Table.of(
         "Largest ratio that each mechanism reaches at a plausible size, measured beforehand on one rig with noise of 1 % of the motion",
         sorted(REACH, key=lambda name: (REACH[name], name in OUTSIDE, name)),
@@ -313,7 +313,7 @@ def results_page(study: Opened, goals: Sequence[Goal], seal: Seal) -> str:
 
 
 def page_data(study: Opened, goals: Sequence[Goal], seal: Seal) -> dict[str, Any]:
-    """Collect the content of the page as plain data that are kept with the sources."""
+    """Return the content of the page as plain data, for the source tree."""
     counted, seconds = Counter(case.kind for case in study.cases), np.array(study.seconds or (0.0,))
     return {
         "schema": DATA,

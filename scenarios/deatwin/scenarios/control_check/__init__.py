@@ -1,4 +1,4 @@
-"""Would the controller survive the real actuator? The control-design check, held against rigs that it does not see.
+"""Test the control check on rigs that it does not know: would its controllers survive the real actuator?
 
 What an inverse feedforward buys, and how near it comes to a design on the true plant; one schedule on six actuators;
 five models of one actuator, what each promises and gets; a concealed effect, and designs before and after its
@@ -44,7 +44,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
 
 
 def _answer(study: Study, rows: Sequence[Measure]) -> str:
-    """Say what came out, in a few sentences."""
+    """Summarise the results in a few sentences."""
     factor = study.tracking[0].ratio("PI", "inverse")
     passed, unsound = inside(study.outcomes), caught(study.outcomes)
     return (
@@ -66,7 +66,7 @@ def _tracked_in_words(every: Sequence[Tracking]) -> dict[str, Any]:
 
 
 def _chosen() -> dict[str, Any]:
-    """Numbers that were chosen beforehand."""
+    """Return the numbers that were chosen beforehand."""
     return {
         "seconds": SECONDS,
         "band": BAND,

@@ -1,4 +1,4 @@
-"""A concealed effect: designs from the base model and from the model that the diagnosis amended."""
+"""A concealed effect: controllers designed on the base model and on the amended model."""
 
 from __future__ import annotations
 

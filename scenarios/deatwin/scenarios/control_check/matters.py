@@ -1,4 +1,4 @@
-"""Does the model matter? One design rule on five models of one actuator: what each promises, and what it gets."""
+"""Compare one design rule on five models of one actuator: predicted and achieved performance."""
 
 from __future__ import annotations
 
@@ -110,13 +110,13 @@ class Promise:
 
     @property
     def kept(self) -> bool:
-        """True if the plant's number lies inside the interval."""
+        """Whether the plant's number lies inside the predicted interval."""
         return self.predicted.low <= self.achieved <= self.predicted.high
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Matter:
-    """One model: what its design promised, and what it got."""
+    """One model, with the predicted and the achieved performance of its design."""
 
     name: str
     residual: float | None  # Rms that its free run leaves of the recording, in the output's unit
@@ -133,12 +133,12 @@ class Matters:
 
     @property
     def promises(self) -> tuple[Promise, ...]:
-        """Numbers of every model that allowed a design."""
+        """Predicted and achieved numbers of every model that allowed a design."""
         return tuple(promise for matter in self.models for promise in matter.promises)
 
 
 def compare_models(rng: np.random.Generator) -> Matters:
-    """Record an actuator, model it in five ways, design alike, and close the loops."""
+    """Record an actuator, model it in five ways, design a controller on each, and run all loops."""
     plant = fabricated(rng)
     recording = recorded(plant, band_limited_noise(rng, 120.0, plant.rig.sample_time, band=2.0), rng)
     truth = _Truth.of(plant)

@@ -1,4 +1,4 @@
-"""The stated measures, what is demanded of design and check and what they reach; the tables and figures of the page."""
+"""Goals, results, tables and figures of the page."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def _scheduled(fleet: Sequence[FleetRun]) -> Measure:
 
 
 def _both(designed: Designed) -> str:
-    """Verdict of the check, and what the true rig did."""
+    """Return the verdict of the check, and the behaviour on the true rig."""
     true = designed.truth.text.removeprefix("in simulation with the plant model, ").replace("the plant model", "it")
     return f"{designed.check.verdict.value}; on the true rig {designed.truth.verdict.value}: {true}"
 
@@ -287,7 +287,7 @@ def _tracking(nominal: Tracking) -> Drawing:
 
 
 def _concealed(every: Sequence[Concealed]) -> Drawing:
-    """Steps of both designs on the true plant, an effect a panel."""
+    """Draw the steps of both designs on the true plant, one panel per effect."""
     with draw((9.6, 2.0 + 2.0 * len(every))) as figure:
         panels = figure.subplots(len(every), 1, squeeze=False)[:, 0]
         for axes, one in zip(panels, every, strict=True):

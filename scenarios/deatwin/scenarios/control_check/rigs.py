@@ -1,4 +1,4 @@
-"""Rigs that no check has seen, fabricated beside their specification; and what is made of a recording of one."""
+"""Random rigs that no check has seen, with models identified from their recordings."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ LIMITS = (1.3, 3.6)
 
 
 def linear_feedback(term: Term) -> bool:
-    """Test that a term has a past output alone, or none: with products of both the free run soon diverges."""
+    """Return whether a term contains a past output only alone; with products of both, the free run soon diverges."""
     return term.degree == 1 or all(variable.kind == "u" for variable, _ in term.factors)
 
 
@@ -80,7 +80,7 @@ def recorded(plant: Plant, commands: NDArray[np.float64], rng: np.random.Generat
 
 
 def fabricated(rng: np.random.Generator) -> Plant:
-    """Fabricate a rig with twice the tolerances of a fleet of one batch."""
+    """Fabricate a rig with twice the tolerances of one batch of actuators."""
     wished = specification()
     factors = {name: 1.0 + WIDER * t.share * rng.uniform(-1.0, 1.0) for name, t in TOLERANCES.items()}
     geometry = {n: f * getattr(wished.rig, n) for n, f in factors.items() if hasattr(wished.rig, n)}
@@ -102,7 +102,7 @@ def _concealed(rng: np.random.Generator) -> tuple[Effect, ...]:
 
 
 def identified(recording: Recording) -> NarxModel:
-    """Identify a polynomial model for control: stable at all commands, with an invertible curve if one is, of least error."""
+    """Identify a model for control: stable at all commands, with an invertible curve if possible, of least error."""
     found = []
     for method in METHODS:
         with suppress(ModelError):  # the free run of a first guess may diverge
@@ -117,7 +117,7 @@ def identified(recording: Recording) -> NarxModel:
 
 
 def calibrated(recording: Recording) -> CalibratedPlant:
-    """Fit the least known parameters of the specification: it stands for an actuator whose plant nobody has."""
+    """Fit the least known parameters of the specification, to represent an actuator without a known plant."""
     wished = specification()
     part = Part.whole(Experiment(recordings=(recording,)))
     fit = calibrate(wished, [part], names=CALIBRATED, starts=1, evaluations=30, tolerance=1e-4)

@@ -1,4 +1,4 @@
-"""Does the inverse pay? PI alone, PI behind the inverse of the static curve, and designs on the true plant."""
+"""Compare tracking by PI alone, by PI behind the inverse static curve, and by designs on the true plant."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ SCHEDULE = np.linspace(1.5, 3.4, 6)  # Operating inputs of the scheduled design,
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tracked:
-    """A controller on the reference."""
+    """A controller with its run on the reference."""
 
     controller: Controller
     run: ClosedLoop
@@ -70,7 +70,7 @@ class Tracking:
     residual: float  # Rms that the model's free run leaves of its recording, in the output's unit
 
     def ratio(self, one: str, other: str) -> float:
-        """Rms error of one controller over that of another."""
+        """Return the rms error of one controller divided by that of another."""
         return self.tracked[one].rms / self.tracked[other].rms
 
 
@@ -84,12 +84,12 @@ class FleetRun:
 
     @property
     def stable(self) -> bool:
-        """True if both runs reached their end and nothing rings late after a step."""
+        """Whether both runs reached their end and no oscillation remains long after a step."""
         return self.steps.status.ok and self.tones.status.ok and self.steps.ripple < 0.1
 
 
 def nominal_plant() -> Plant:
-    """The rig as its file has it: the diaphragm, the published material, nothing else."""
+    """Return the rig as its file describes it: diaphragm, published material, no effects."""
     return Plant(rig=Diaphragm())
 
 
@@ -162,7 +162,7 @@ def _margins(controller: Controller, linear: LinearModel) -> Margins:
 
 
 def _tones(centre: Array | float, ends: Array, sample_time: float, rng: np.random.Generator) -> Array:
-    """Tones that use 60 % of the way from the centre to the nearer end."""
+    """Return tones that use 60 % of the distance from the centre to the nearer end."""
     amplitude = 0.6 * float(np.abs(np.asarray(ends) - centre).min())
     frequencies = np.linspace(*BAND, TONES)
     return tone_reference(float(centre), amplitude, frequencies, sample_time, round(SECONDS / sample_time), rng)

@@ -1,4 +1,4 @@
-"""A random rig, a random design, a check, and then the truth: did the verdict keep its word?"""
+"""Random rigs with random designs: is the verdict of the check confirmed by the true rig?"""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Outcome:
 
 
 def try_one(number: int, seed: int) -> Outcome:
-    """Fabricate a rig, identify and calibrate it, design, check, and run the design on the truth."""
+    """Fabricate a rig, identify and calibrate it, design, check, and run the design on the true rig."""
     rng = np.random.default_rng((seed, number))
     bench = random_bench(rng)
     name, closed_loop_time = str(rng.choice(list(DESIGNS))), float(10 ** rng.uniform(-1.3, 0.0))
@@ -105,7 +105,7 @@ def _truth(found: Check, bench: Bench, model: NarxModel, rng: np.random.Generato
 
 
 class _Seal(SweepSeal):
-    """Seed and code; each trial bears both."""
+    """Seed and code version, which each trial stores."""
 
     def stamp(self, name: str) -> dict[str, Any]:
         return {"schema": self.schema, **self.parts}
@@ -135,7 +135,7 @@ def _digest() -> str:
 
 
 def inside(outcomes: Iterable[Outcome]) -> Rate:
-    """Count passed designs whose true steps lie wholly inside the predicted band."""
+    """Count passed designs whose steps on the true rig lie entirely inside the predicted band."""
     return Rate.of(o.inside == 1.0 for o in outcomes if o.verdict == PASS)
 
 

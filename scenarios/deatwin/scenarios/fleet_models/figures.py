@@ -57,7 +57,7 @@ def _orders(plan: Plan) -> Drawing:
 
 
 def _semp(benches: Iterable[Bench]) -> Drawing:
-    """The path of each search: what every addition brought, and the free-run error after it."""
+    """Draw the path of each search: the effect of each added term, and the free-run error after it."""
     with draw((9.6, 7.0)) as figure:
         panels = panels_of(figure, 3, 2, "step", "share of mean y²", sharex=True, sharey=True)
         for axes, bench in zip(panels.T.ravel(), benches, strict=True):
@@ -197,11 +197,11 @@ class Choice:
 
     @property
     def by_bound(self) -> int:
-        """Number of terms that the largest bound takes."""
+        """Number of terms with the largest lower bound."""
         return int(self.terms[np.argmax(self.bounds)])
 
     def by_threshold(self, threshold: float) -> int:
-        """Number of terms that a threshold of the error reduction ratio takes."""
+        """Number of terms above a threshold of the error reduction ratio."""
         below = np.flatnonzero(self.err < threshold)
         return max(int(below[0]) if below.size else self.err.size, 1)
 

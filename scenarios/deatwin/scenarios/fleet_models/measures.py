@@ -1,4 +1,4 @@
-"""The stated measures: what is demanded of the models, what they reach."""
+"""Goals for the models, and the values reached."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ RISE = 1e-9  # Share of itself by which a lower bound may seem to fall, by round
 
 
 def judge_semp(study: Study) -> list[Measure]:
-    """Hold the models of SEMP against what is demanded."""
+    """Compare the models of SEMP with the goals."""
     runs = [[float(b.models[m].training.free_run.rms[0]) for m in (SEMP, FRO)] for b in study.recorded]
     better = sum(own < other for own, other in runs)
     sound = [bench for bench in study.recorded if not bench.models[SEMP].held_out.diverged]
@@ -33,7 +33,7 @@ def judge_semp(study: Study) -> list[Measure]:
 
 
 def judge_svb(study: Study) -> list[Measure]:
-    """Hold the models of SVB, and their posteriors, against what is demanded."""
+    """Compare the models of SVB and their posteriors with the goals."""
     shares = [bench.models[SVB].error / bench.models[SEMP].error for bench in study.recorded]
     fall = max(
         float(np.max(-np.diff(step.bounds), initial=0.0)) / abs(step.lower_bound)
@@ -52,7 +52,7 @@ def judge_svb(study: Study) -> list[Measure]:
 
 
 def _of_method(study: Study, method: str) -> Iterable[Measure]:
-    """Demands on either method."""
+    """Return the goals for either method."""
     models = {variant: [bench.models[method] for bench in benches] for variant, benches in study.benches.items()}
     found = [bench.models[method] for bench in study.recorded]
     finite = [not one.held_out.diverged for one in found]

@@ -1,4 +1,4 @@
-"""From six recordings to their models, and to those of the same actuators with less physics."""
+"""Identify models from six recordings, and from those of the same actuators with less physics."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ THRESHOLDS = (1e-2, 1e-3, 1e-4, 1e-5)  # Error reduction ratios below which a te
 
 @dataclass(frozen=True, kw_only=True)
 class Programme:
-    """Which methods identify the actuators; a linear model of the same lags stands beside them everywhere."""
+    """Methods that identify the actuators; a linear model with the same lags is always added."""
 
     methods: tuple[str, ...]
     beside: tuple[str, ...]  # Only on the actuators as recorded
@@ -32,7 +32,7 @@ class Programme:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Identified:
-    """A model, how it was found, and what two sections say of it."""
+    """A model with its search, and its results on two sections."""
 
     search: Any
     model: NarxModel
@@ -57,7 +57,7 @@ class Identified:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bench:
-    """An actuator, or the same with less physics, and its models."""
+    """An actuator, possibly with less physics, and its models."""
 
     name: str
     sections: tuple[Recording, Recording]  # Training and held-out
@@ -139,7 +139,7 @@ def save(setting: Setting, record: Any, page: StoryPage, study: Study, method: s
 
 
 def _search(method: str, plan: Plan, found: Mapping[str, Identified]) -> NarxIdentifier:
-    """The search for a structure; that of FRO ends with as many terms as SEMP has."""
+    """Run the search for a structure; FRO stops at as many terms as SEMP has."""
     among = candidates(plan)
     if method == LINEAR:
         lagged = 1 + plan.output_lags + len(plan.input_lags)

@@ -61,7 +61,7 @@ def svb_tables(study: Study) -> list[Table]:
 
 
 def failures(study: Study) -> dict[str, Any]:
-    """Tests that pass and errors that are left with less and less physics, for the notes."""
+    """Return passed tests and remaining errors with less and less physics, for the notes."""
     every = [study.models(variant) for variant in VARIANTS]
     return {
         "number": len(every[0]),
@@ -126,7 +126,7 @@ def _verdict(one: Identified, name: str) -> str:
 
 
 def _physics(study: Study) -> Table:
-    """Fit and tests with less and less physics in the actuators."""
+    """Return fit and tests with less and less physics in the actuators."""
     rows = []
     for number, one in enumerate(study.prepared):
         for method in study.methods:

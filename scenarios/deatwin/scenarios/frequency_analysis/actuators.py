@@ -1,4 +1,4 @@
-"""The fleet: DC removal, frequency responses of all orders, NOFRFs, outputs with bands, and an actuator's own answer."""
+"""Analyse the fleet: DC removal, frequency responses of all orders, NOFRFs, outputs with bands, true responses."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class Analysed:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Side:
-    """The test signal beside a piece of the record of equal length, for one actuator."""
+    """The test signal, and an equally long piece of the record, for one actuator."""
 
     random: Array  # shape (n_samples,): commands of the record, as deviations from the operating input, V
     designed_inputs: tuple[InputSpectrum, ...]
@@ -171,7 +171,7 @@ def anchor(alike: Alike, fleet: Fleet, frequency_Hz: tuple[float, ...] = TONES) 
 
 
 def _signal(fleet: Fleet) -> TestSignal:
-    """One test signal for all, inside the commands that each model was trained on."""
+    """Return one test signal for all actuators, within the training commands of each model."""
     ranges = [one.model.operating for one in fleet.actuators if one.model.operating is not None]
     room = min(min(OPERATING_INPUT - float(r.input_min[0]), float(r.input_max[0]) - OPERATING_INPUT) for r in ranges)
     return design_excitation(BAND, fleet.actuators[0].model.sample_time, amplitude=room, unit="V")
@@ -195,7 +195,7 @@ def _first(model: NarxModel, frequency_Hz: Array) -> FrequencyResponse:
 
 
 def _nofrf(model: NarxModel, excitation: Array) -> Nofrf:
-    """NOFRFs by least squares; what the package warns of is in the status, and on the page."""
+    """Estimate NOFRFs by least squares; the package's warnings appear in the status and on the page."""
     highest = max(ORDERS, *(term.degree for term in model.terms))  # the series of such a model ends there
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NofrfWarning)

@@ -1,4 +1,4 @@
-"""The stated measures and the tables: what is demanded of theory, tools and fleet, what they reach."""
+"""Goals and tables: requirements on theory, tools and fleet, and the values reached."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def judge(known: Known, found: Actuators, truth: Anchor) -> list[Measure]:
 
 
 def spread(each: Iterable[Analysed], frequency_Hz: float) -> float:
-    """Largest first-order gain over the smallest, less one."""
+    """Return the largest first-order gain divided by the smallest, minus one."""
     place = int(np.argmin(np.abs(FREQUENCIES - frequency_Hz)))
     gains = [float(one.first.gain[place]) for one in each]
     return max(gains) / min(gains) - 1
@@ -91,7 +91,7 @@ def _nofrfs(found: Actuators) -> Iterable[Measure]:
 
 
 def _outside(one: Analysed) -> float:
-    """Largest share of the energy of an order outside its range."""
+    """Return the largest share of an order's energy outside its range."""
     powers = [(y.gain**2, y.frequency_Hz > y.order * BAND[1] + 1e-9) for y in one.outputs]
     return max(float(power[beyond].sum() / (power.sum() or 1.0)) for power, beyond in powers)
 

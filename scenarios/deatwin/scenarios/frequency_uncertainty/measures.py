@@ -1,4 +1,4 @@
-"""The stated measures and the tables: what is demanded of propagation and comparison, what they reach."""
+"""Goals and tables: requirements on propagation and comparison, and the values reached."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def _tests(fleet: Consistency) -> Iterable[Measure]:
 
 
 def _sizes(fleet: Consistency) -> Iterable[Measure]:
-    """Sizes of differences against what is true of the simulated fleet."""
+    """Compare the sizes of differences with the true ones of the simulated fleet."""
     inside = [contrast.inside for contrast in fleet.contrasts]
     share = float(np.mean(inside))
     yield WORDS.measure("truth", share >= 0.9, percent=100 * share, total=len(inside))

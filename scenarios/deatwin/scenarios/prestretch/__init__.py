@@ -54,7 +54,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
 
 
 def dead_load(prestretch: float, **fields: Any) -> ActuationCurve:
-    """Actuation curve of the square film under equal dead loads. returns Over film volts up to 10 kV."""
+    """Return the actuation curve of the square film under equal dead loads, up to 10 kV."""
     rig = Planar(**{"prestretch": float(prestretch), "gain": 1.0, **fields})
     return actuation_curve(Plant(rig=rig), np.linspace(0.0, TOP, 201))
 
@@ -87,7 +87,7 @@ def _under_dead_load(prestretch: float) -> dict[str, float]:
 
 
 def _crossing(volts: Array, share: Array) -> float:
-    """Voltage at which a share that starts at 0 first reaches 1; NaN if it does not."""
+    """Return the voltage at which a share that starts at 0 first reaches 1; NaN if it does not."""
     if share.max() < 1.0:
         return np.nan
     first = int(np.argmax(share >= 1.0))
@@ -95,7 +95,7 @@ def _crossing(volts: Array, share: Array) -> float:
 
 
 def _prompt_share(prestretch: float, voltage: float) -> float:
-    """Share of the final strain that is there 20 ms after a step, with a part that has neither mass nor damping."""
+    """Return the share of the final strain reached 20 ms after a step, without mass and damping."""
     rig = Planar(prestretch=float(prestretch), gain=1.0, mass=0.0, damping=1e-6)
     step = Recording.from_arrays(np.array([0.0, voltage]), np.zeros(2), rig.sample_time)
     prompt = Plant(rig=rig).simulate(Experiment(recordings=(step,))).require().outputs[0][0, -1]
@@ -103,7 +103,7 @@ def _prompt_share(prestretch: float, voltage: float) -> float:
 
 
 def _mounted(prestretch: float) -> dict[str, float]:
-    """Values of the film as mounted, and in the ring with the ball."""
+    """Return values of the film as mounted, and in the ring with the ball."""
     film = material(Planar.material)
     thickness = Planar.thickness / prestretch**2
     tension = relaxed_stresses(film, prestretch, prestretch)[0]
@@ -119,7 +119,7 @@ def _mounted(prestretch: float) -> dict[str, float]:
 
 
 def _tension_lost(prestretch: float) -> float:
-    """Share of the tension right after mounting that the branches take back; NaN without any tension."""
+    """Return the share of the initial tension that the branches relax; NaN without tension."""
     film = material(RELAXING)
     branches, _ = nominal_stress(maxwell_branch, prestretch, prestretch)
     relaxing = sum(branch.modulus.value for branch in film.branches) * float(branches)
@@ -128,7 +128,7 @@ def _tension_lost(prestretch: float) -> float:
 
 
 def _ball(prestretch: float) -> float:
-    """Displacement of the ball on the film in its ring; NaN where a film without tension cannot hold it."""
+    """Return the displacement of the ball on the film; NaN if a film without tension cannot hold it."""
     if prestretch < 1.5:
         return np.nan
     curve = actuation_curve(Plant(rig=Diaphragm(prestretch=float(prestretch), gain=1.0)), np.linspace(0, 2000.0, 11))
@@ -148,7 +148,7 @@ def unequal(ratios: Array) -> dict[str, Array]:
 
 
 def pull_in_ends_at(columns: Mapping[str, Array]) -> float:
-    """The prestretch from which on a film under dead load no longer pulls in."""
+    """Return the prestretch above which a film under dead load no longer pulls in."""
     stretches, pulls_in = columns["prestretch"], np.isfinite(columns["pull_in_V"])
     low, high = float(stretches[pulls_in].max()), float(stretches[~pulls_in].min())
     while high - low > 0.01:

@@ -27,13 +27,13 @@ def _key(method: str) -> str:
 
 
 def _running(values: Array) -> Array:
-    """Root mean square of whole windows."""
+    """Return the root mean square of each complete window."""
     count = values.size // WINDOW
     return np.sqrt(np.mean(values[: count * WINDOW].reshape(count, WINDOW) ** 2, axis=1))
 
 
 def arrow_head(data: DataSet, outcomes: Mapping[str, Outcome]) -> Drawing:
-    """The Silverbox over its growing amplitude: errors of a linear and of two nonlinear models."""
+    """Draw the Silverbox over its growing amplitude, with errors of a linear and of two nonlinear models."""
     measured, step = data.test.outputs[0] / data.scale, data.test.sample_time
     timepts = (np.arange(measured.size // WINDOW) + 0.5) * WINDOW * step
     learned = np.abs(data.train.outputs).max() / data.scale
@@ -69,7 +69,7 @@ def _said(outcome: Outcome) -> str:
 
 
 def converter(data: DataSet, outcomes: Mapping[str, Outcome]) -> Drawing:
-    """The buck converter's free run beside that of the documented model."""
+    """Draw the buck converter's free run and that of the documented model."""
     name, terms = next(iter(DOCUMENTED.items()))
     theirs = NarxModel.from_terms(terms, sample_time=data.test.sample_time).simulate(data.test).outputs[0]
     runs = {LINEAR: outcomes[LINEAR].outputs, name: theirs, REFINED: outcomes[REFINED].outputs}
@@ -77,7 +77,7 @@ def converter(data: DataSet, outcomes: Mapping[str, Outcome]) -> Drawing:
 
 
 def free_runs(data: DataSet, outcomes: Mapping[str, Outcome], methods: Sequence[str]) -> Drawing:
-    """Free runs of some methods over the test recording, and their errors."""
+    """Draw free runs of some methods over the test recording, with their errors."""
     runs = {method: outcomes[method].outputs for method in methods if not outcomes[method].failure}
     return _runs(data, runs, "free_run", data.name, data=data.title, note=data.note)
 

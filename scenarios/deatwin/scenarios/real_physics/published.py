@@ -77,7 +77,7 @@ PUBLISHED = (
 
 
 def said(test: str) -> str:
-    """Return what others reached on a test part, in a line."""
+    """Return the results of others on a test part, in one line."""
     return ", ".join(f"{one.error} ({one.model})" for one in PUBLISHED if one.test == test)
 
 

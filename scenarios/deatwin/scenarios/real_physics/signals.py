@@ -9,7 +9,7 @@ Array = NDArray[np.float64]
 
 
 def held(values: Array) -> Array:
-    """Held values (n,) that act on a plant like a band-limited input of which `values` (n,) are the samples."""
+    """Return held values (n,) that act on a plant like the band-limited input with the samples `values` (n,)."""
     frequencies = np.fft.rfftfreq(values.size)
     spectrum = np.fft.rfft(values) * np.exp(1j * np.pi * frequencies) / np.sinc(frequencies)
     return np.fft.irfft(spectrum, values.size)

@@ -55,7 +55,7 @@ class Row:
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Learn, run free, and write the table; Ctrl-C ends with the models that were learned until then."""
+    """Train and test all models, and write the table; Ctrl-C ends with the models trained so far."""
     tasks, left_out = standard_tasks(setting.data)
     record = setting.record(hashes(path for task in tasks for path in task.data.files))
     jobs = _ordered([(method, task.data) for task in tasks for method in task.methods], setting.jobs)
@@ -90,7 +90,7 @@ def _length(job: tuple[str, DataSet]) -> float:
 
 
 def _learn(jobs: list[tuple[str, DataSet]], setting: Setting, done: list[Outcome]) -> None:
-    """Learn all models, and tell how far that is by how long each takes."""
+    """Train all models, with progress by the expected time of each."""
     left = set(range(len(jobs)))
 
     def tell() -> None:
@@ -183,7 +183,7 @@ def _of_plant(one: Judged) -> Row:
 
 
 def _measure(row: Row) -> Measure:
-    """Hold an error against the goal."""
+    """Compare an error with the goal."""
     told = row.said or f"{row.error:.3g} {row.unit}, {row.size}"
     return Measure(
         f"{row.task}: {row.model}", f"at most {row.goal:g} {row.unit} rms", told, bool(row.error <= row.goal)

@@ -51,7 +51,7 @@ class Trial:
 
     @property
     def exact(self) -> bool:
-        """True if the terms are the true ones."""
+        """Whether the terms are exactly the true ones."""
         return self.missed == self.false == 0
 
 
@@ -62,13 +62,13 @@ def system_of(name: str, noise_variance: float | None = None) -> BenchmarkSystem
 
 
 def draw_of(system: BenchmarkSystem, seed: int, number: int) -> Draw:
-    """Make a draw: the same for the same numbers, whatever else is drawn."""
+    """Make a draw; it depends only on its own numbers."""
     place = list(SYSTEMS).index(system.name)
     return system.draw(np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(place, number))))
 
 
 def covered(name: str, estimator: str, seed: int, number: int, noise_variance: float | None = None) -> Flags:
-    """Say which intervals hold the true parameter if the structure is right. Shapes: returns (n_terms,)."""
+    """Return which intervals contain the true parameter, if the structure is right. Shapes: returns (n_terms,)."""
     system = system_of(name, noise_variance)
     model = ESTIMATORS[estimator](system, draw_of(system, seed, number).recording)
     low, high = ThetaPosterior(model=model).interval(LEVEL).T
@@ -153,7 +153,7 @@ def _candidates(system: BenchmarkSystem, draw: Draw) -> Regression:
 
 
 def consult(margins: Sequence[Margin]) -> Oracle:
-    """Choose the threshold by which most draws of a system come out exactly right; of equals the least."""
+    """Choose the smallest threshold with which most draws of a system are identified exactly."""
     true = np.array([margin.true for margin in margins])
     false = np.array([margin.false for margin in margins])
     # A draw comes out right if false <= threshold < true, so that one of the lower ends is best of all thresholds.

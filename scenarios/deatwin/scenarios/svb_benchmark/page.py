@@ -1,4 +1,4 @@
-"""The stated measures, what is demanded and what is reached; the tables and figures of the page."""
+"""Goals, results, tables and figures of the page."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ CLEAN = "svb-clean"
 
 
 def exact(study: Study, system: str, method: str) -> Rate:
-    """Count the draws of which a method finds the true structure."""
+    """Count the draws for which a method finds exactly the true structure."""
     return Rate.of(trial.exact for trial in study.of(system, method))
 
 
 def kept(study: Study, system: str, method: str) -> Rate:
-    """Count the draws of which a method keeps every true term."""
+    """Count the draws for which a method keeps every true term."""
     return Rate.of(trial.kept for trial in study.of(system, method))
 
 

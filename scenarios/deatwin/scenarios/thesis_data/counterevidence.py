@@ -42,7 +42,9 @@ class SideBands:
 
     @property
     def reached(self) -> tuple[float, float]:
-        """Amplitudes of the output at the line less and plus the drift's frequency, where the input has none."""
+        """Amplitudes of the output at the line's frequency plus and minus that of the drift, where the input has
+        none.
+        """
         sides = np.interp((self.line - self.drift, self.line + self.drift), self.frequencies, self.outputs)
         return float(sides[0]), float(sides[1])
 

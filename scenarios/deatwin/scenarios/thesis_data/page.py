@@ -1,4 +1,4 @@
-"""The stated measures, what is demanded of the fleet; the figures, after 2.5 to 2.8 of the thesis, and of the counter-evidence."""
+"""Goals for the fleet, the figures after 2.5 to 2.8 of the thesis, and those of the counter-evidence."""
 
 from __future__ import annotations
 

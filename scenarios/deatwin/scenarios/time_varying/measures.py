@@ -1,4 +1,4 @@
-"""The stated measures: what is demanded of the story, what it reaches."""
+"""Goals of the scenario, and the values reached."""
 
 from __future__ import annotations
 
@@ -151,6 +151,6 @@ def _spectra(driven: Sequence[Driven]) -> Iterable[Measure]:
 
 
 def _standing(shown: Sequence[Driven]) -> Measure:
-    """How little the actuators change within their own memory."""
+    """Return how little the actuators change within their own memory."""
     shares = [100 * share for one in shown for share in one.frozen.values()]
     return WORDS.measure("standing", max(shares) < 1.0, shares=Span(shares))

@@ -1,4 +1,4 @@
-"""All that the story computes: the benchmark systems, and the six actuators."""
+"""All computations of the scenario: the benchmark systems, and the six actuators."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Driven:
 
     @property
     def chance(self) -> float:
-        """Smaller chance of so much change of mean or gain in an actuator that stands still."""
+        """Smaller probability that a constant actuator shows as much change of mean or gain."""
         return min(self.sliding.p_mean, self.sliding.p_gain)
 
 

@@ -1,4 +1,4 @@
-"""Answers held against the key."""
+"""Compare the answers with the key."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Estimate:
 
     @property
     def covered(self) -> bool:
-        """True if the interval holds the truth."""
+        """Whether the interval contains the true value."""
         return self.low <= self.truth <= self.high
 
 

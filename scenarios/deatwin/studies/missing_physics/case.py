@@ -40,7 +40,7 @@ class HeldOut:
     follows: bool = False  # True if the readings follow the input
 
     def readings(self, plant: Plant) -> Array:
-        """Return a plant's free run at the samples that count. Shapes: returns (n,)."""
+        """Return a plant's free run at the counted samples. Shapes: returns (n,)."""
         return plant.simulate(self.experiment).require().outputs[-1][0, self.first :]
 
     @property
@@ -50,7 +50,7 @@ class HeldOut:
 
     @property
     def level(self) -> Array:
-        """Level that figures subtract from readings, shape (n,), SI: the input if they follow it, else 0."""
+        """Level subtracted from readings in figures, shape (n,), SI: the input if readings follow it, else 0."""
         command = self.experiment.recordings[-1].inputs[0, self.first :]
         return command if self.follows else np.zeros_like(command)
 
@@ -73,7 +73,7 @@ class Law:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Case:
-    """A recording, and a plant that lacks its documented physics."""
+    """A recording with a plant that lacks documented physics."""
 
     name: str
     title: str
@@ -91,7 +91,7 @@ class Case:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trial:
-    """Free runs over a held-out recording."""
+    """Free runs of all models over a held-out recording."""
 
     held_out: HeldOut
     base: Array  # shape (n,): readings of the calibrated base plant, SI
@@ -110,13 +110,13 @@ class Trial:
 
     @property
     def best_black_box(self) -> Outcome | None:
-        """NARX model with the smallest error on the held-out recording, chosen in its favour."""
+        """The NARX model with the smallest error on the held-out recording; choosing it there favours it."""
         sound = [o for o in self.black_boxes if o.method != LINEAR and np.isfinite(o.free_run)]
         return min(sound, key=lambda o: o.free_run) if sound else None
 
 
 def experiment_of(rig: Rig, inputs: Array, outputs: Array, sample_time: float | None = None, **more: Any) -> Experiment:
-    """One recording, named as the rig names its signals. Shapes: `inputs, outputs` (n,)."""
+    """Make an experiment of one recording, with the rig's signal names. Shapes: `inputs, outputs` (n,)."""
     record = Recording.from_arrays(
         inputs,
         outputs,
@@ -131,7 +131,7 @@ def experiment_of(rig: Rig, inputs: Array, outputs: Array, sample_time: float | 
 
 
 def diagnosed(setting: Setting, case: Case, name: str, progress: Progress) -> Diagnosis:
-    """Diagnose the fitted recordings, into a folder below that of the story."""
+    """Diagnose the fitted recordings; results go to a folder inside that of the scenario."""
     task = DiagnosisTask(
         plant=case.plant,
         experiments=case.fitted,
@@ -152,7 +152,7 @@ def amended_plant(diagnosis: Diagnosis) -> Plant | None:
 
 
 def judged(case: Case, diagnosis: Diagnosis, jobs: int = 1) -> tuple[Trial, ...]:
-    """Simulate the plants, and black boxes trained on the same samples, over the held-out recordings."""
+    """Simulate plants, and black boxes trained on the same samples, over the held-out recordings."""
     known, model = diagnosis.base_model, diagnosis.model
     if known is None or model is None:
         raise ModelError("a diagnosis without its evidence cannot be judged")
@@ -191,7 +191,7 @@ def measures(case: Case, diagnosis: Diagnosis, trials: Sequence[Trial]) -> list[
 
 
 def error_table(case: Case, trials: Sequence[Trial]) -> Table:
-    """Errors of all free runs over the held-out recordings."""
+    """Return the table of free-run errors on the held-out recordings."""
     rows = []
     for trial in trials:
         errors = {

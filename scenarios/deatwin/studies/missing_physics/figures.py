@@ -1,4 +1,4 @@
-"""The figures of the stories: held-out recordings, what is left of them, and the missing force over its state."""
+"""Figures of the scenarios: held-out recordings, residuals, and the missing force over its state."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ DRAWN = 4000  # Points of a long line: the extremes of each piece of it
 
 
 def held_out(case: Case, trial: Trial) -> Drawing:
-    """The recording beside both plants: the whole, and where the base plant fails most."""
+    """Draw the recording with both plants: in full, and where the base plant fails most."""
     held, rig = trial.held_out, case.plant.rig
     time, scale = held.timepts, case.scale
     measured, base, amended = ((y - held.level) / scale for y in (held.measured, trial.base, trial.amended))
@@ -48,7 +48,7 @@ def held_out(case: Case, trial: Trial) -> Drawing:
 
 
 def residuals(case: Case, trial: Trial) -> Drawing:
-    """Residuals of both plants, over time and over frequency."""
+    """Draw the residuals of both plants over time and over frequency."""
     from scipy.signal import welch
 
     time, rate = trial.held_out.timepts, 1 / case.plant.rig.sample_time
@@ -76,7 +76,7 @@ def residuals(case: Case, trial: Trial) -> Drawing:
 
 
 def law(case: Case, found: Law) -> Drawing:
-    """The missing force over what it depends on."""
+    """Draw the missing force over the quantity on which it depends."""
     with draw((6.4, 4.2)) as figure:
         axes = figure.add_subplot()
         if found.measured[0].size:
@@ -92,6 +92,6 @@ def law(case: Case, found: Law) -> Drawing:
 
 
 def drawings(case: Case, trial: Trial, amended: Plant | None) -> list[Drawing]:
-    """Draw all figures; the law only if an effect was built in."""
+    """Draw all figures; the law only if an effect was named."""
     made = [held_out(case, trial), residuals(case, trial)]
     return made if amended is None else [*made, law(case, case.law(amended))]

@@ -1,4 +1,4 @@
-"""A story of missing physics: diagnose, judge on the held-out recordings, and write the page."""
+"""Run a scenario of missing physics: diagnose, judge on held-out recordings, write the page."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Public recordings of others: their files, what is learned from and judged on, and black boxes beside a plant."""
+"""Public recordings: files, training and test parts, and black-box models for comparison."""

@@ -1,4 +1,4 @@
-"""The methods, each as a function from a data set to a model, and what a model is worth."""
+"""Black-box methods, each a function from a data set to a model, with their errors."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class Outcome:
 
     @property
     def plain(self) -> dict[str, Any]:
-        """For files: numbers that do not change from run to run, and the model in words."""
+        """Return numbers that are equal in every run, and the model in words, for files."""
         numbers = {"one_step": self.one_step, "free_run": self.free_run, "training": self.training}
         finite = {name: value if np.isfinite(value) else None for name, value in numbers.items()}
         return {
@@ -101,7 +101,7 @@ class Outcome:
 
 
 def learned(method: str, data: DataSet) -> Outcome:
-    """Identify a data set by a method, or by an estimator of its own."""
+    """Identify a data set by a method, or by a given estimator."""
     begun = time.perf_counter()
     further, first_state = data.further.get(method), None
     try:
@@ -121,7 +121,7 @@ def learned(method: str, data: DataSet) -> Outcome:
 
 
 def attempt(method: str, data: DataSet) -> Outcome:
-    """Let a method learn, and hold its model against the test recording."""
+    """Let a method learn, and test its model on the test recording."""
     found = learned(method, data)
     if found.model is None:
         return replace(found, outputs=np.full(data.test.n_samples, np.nan))
@@ -137,7 +137,7 @@ def attempt(method: str, data: DataSet) -> Outcome:
 
 
 def free(model: Model, recording: Recording, shown: int | None = None, first_state: Array | None = None) -> Any:
-    """Free run from the first lags alone; a state space takes the shown samples, or a first state."""
+    """Simulate from the first lags only; a state space uses the shown samples, or an initial state."""
     if isinstance(model, LinearModel):
         return model.simulate(recording, warmup=model.poles.size)
     if isinstance(model, NarxModel):

@@ -28,20 +28,20 @@ NUMERIC = frozenset(
 
 
 def require_file(path: Path) -> Path:
-    """Return the path of a file that must be there."""
+    """Return the path of a required file."""
     if not path.is_file():
         raise DataError(f"{path}: no such file; --data or DEATWIN_DATA must name the folder of public recordings")
     return path
 
 
 def require_samples(path: Path, found: int, needed: int) -> None:
-    """Refuse a file with too few samples: one that was cut, or another than that which was published."""
+    """Raise an error for a file with too few samples, because it is truncated or another version."""
     if found < needed:
         raise DataError(f"{path}: it has {found} samples; the published file has at least {needed}: get it anew")
 
 
 def csv_columns(path: Path, names: Sequence[str]) -> Array:
-    """Columns of a CSV file with one line of headers. Shapes: returns (n, len(names)."""
+    """Return columns of a CSV file with one header line. Shapes: returns (n, len(names))."""
     content = read_bytes(require_file(path), LARGEST)
     with reading(str(path), "CSV"):
         head, *lines = content.decode("utf-8-sig").splitlines() or [""]
@@ -55,7 +55,7 @@ def csv_columns(path: Path, names: Sequence[str]) -> Array:
 def matlab_vectors(
     path: Path, names: Sequence[str], *, single: Sequence[str] = (), optional: Sequence[str] = ()
 ) -> Mapping[str, Array]:
-    """Vectors of a MATLAB file of version 5. Shapes: returns (n,)."""
+    """Return vectors of a MATLAB file of version 5. Shapes: returns (n,)."""
     content = read_bytes(require_file(path), LARGEST)
     with reading(str(path), "MATLAB"):
         plain, held = unpacked(level_5_numbers, content, str(path), *names, *single, *optional)
@@ -71,7 +71,7 @@ def matlab_vectors(
 
 
 def level_5_numbers(content: bytes, path: str, *wanted: str) -> tuple[list[str], dict[str, Any]]:
-    """Return the names of the variables that hold numbers, and those wanted of them."""
+    """Return the names of the numeric variables, and the requested variables."""
     from scipy.io import loadmat, whosmat
 
     require_sound_level_5(content, path)
@@ -80,7 +80,7 @@ def level_5_numbers(content: bytes, path: str, *wanted: str) -> tuple[list[str],
 
 
 def hdf5_vectors(path: Path, group: str, names: Sequence[str]) -> tuple[Array, ...]:
-    """Vectors of a group of an HDF5 file. Shapes: returns (n,)."""
+    """Return vectors of a group in an HDF5 file. Shapes: returns (n,)."""
     require("h5py", str(path))
     content = read_bytes(require_file(path), LARGEST)
     with reading(str(path), "HDF5"):
@@ -92,7 +92,7 @@ def hdf5_vectors(path: Path, group: str, names: Sequence[str]) -> tuple[Array, .
 
 
 def hdf5_arrays(content: bytes, path: str, group: str, *wanted: str) -> tuple[list[str], dict[str, Any]]:
-    """Return the names of the datasets of a group, and those wanted of them."""
+    """Return the names of a group's datasets, and the requested datasets."""
     h5py = require("h5py", path)
     with h5py.File(io.BytesIO(content), "r") as file:
         require_plain_hdf5(file, path)

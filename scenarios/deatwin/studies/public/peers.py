@@ -1,4 +1,4 @@
-"""Other packages as estimators: their polynomials become our models, so that the same free run judges them."""
+"""Estimators of other packages; their polynomials are converted to NarxModel, so that all are simulated alike."""
 
 from __future__ import annotations
 
@@ -81,13 +81,13 @@ class Fastcan:
 
 
 def like_ours(candidates: Candidates) -> dict[str, Learner]:
-    """Estimators of the others with as many lags, terms and degrees as ours take."""
+    """Return estimators of other packages with the same lags, terms and degrees."""
     like = {"lags": candidates.output_lags, "degree": candidates.degree, "terms": candidates.max_terms}
     return {SYSIDENTPY: SysIdentPy(**like), FASTCAN: Fastcan(**like)}
 
 
 def _installed(package: str, *modules: str) -> list[Any]:
-    """Import modules of a package, or say in a word that it is not there."""
+    """Import modules of a package, or say that it is missing."""
     try:
         return [import_module(f"{package}.{module}") for module in modules]
     except ImportError:
@@ -95,12 +95,12 @@ def _installed(package: str, *modules: str) -> list[Any]:
 
 
 def _product(codes: Iterable[int]) -> str:
-    """Write a regressor of SysIdentPy: its codes are 1000 times the signal, from the output on, plus the lag."""
+    """Convert a regressor of SysIdentPy, whose codes are 1000 times the signal (output first) plus the lag."""
     return "".join(f"{'y' if code // 1000 == 1 else 'u'}(k-{code % 1000})" for code in codes if code) or "1"
 
 
 def _model(recording: Recording, terms: Iterable[str], theta: Any) -> NarxModel:
-    """Return the polynomial as a model."""
+    """Return the polynomial as a NarxModel."""
     return NarxModel.from_terms(
         dict(zip(terms, theta.tolist(), strict=True)),
         sample_time=recording.sample_time,

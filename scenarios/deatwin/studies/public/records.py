@@ -1,4 +1,4 @@
-"""The public recordings, parted into what is learned from and what is judged on."""
+"""The public recordings, divided into training and test parts."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ EMPS_LEAST = 1000  # Samples that the filters need
 
 @dataclass(frozen=True, kw_only=True)
 class Candidates:
-    """Among which terms structures are sought."""
+    """Candidate terms for the choice of a structure."""
 
     output_lags: int  # Number of output lags
     input_lags: tuple[int, ...]  # Input lags
@@ -39,7 +39,7 @@ class Candidates:
 
     @property
     def arguments(self) -> dict[str, object]:
-        """For an estimator, without the number of terms."""
+        """Return arguments for an estimator, without the number of terms."""
         return {
             "output_lags": self.output_lags,
             "input_lags": self.input_lags,
@@ -50,12 +50,12 @@ class Candidates:
 
 
 class Learner(Protocol):
-    """An estimator."""
+    """Interface of an estimator."""
 
     model_: Any
 
     def fit(self, recordings: Recording, /) -> Learner:
-        """Learn, and keep the model."""
+        """Fit to recordings, and keep the model."""
         ...
 
 
@@ -185,7 +185,7 @@ def _recording(inputs: Array, outputs: Array, step: float, units: tuple[str, str
 
 
 def _columns(folder: Path, stem: str, names: Sequence[str]) -> tuple[Array, Path]:
-    """Columns of a set that is published both as CSV and as MAT, and the file that is there."""
+    """Return columns of a set published as both CSV and MAT, and the file that exists."""
     matlab = folder / f"{stem}.mat"
     file = folder / f"{stem}.csv"
     if file.is_file() or not matlab.is_file():

@@ -1,4 +1,4 @@
-"""Sources of the public recordings: the user's folder, or the download of the package nonlinear_benchmarks."""
+"""Find the public recordings: in the user's folder, or downloaded by the package nonlinear_benchmarks."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PACKAGE = "nonlinear_benchmarks"
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    """Who published a set of recordings."""
+    """Publisher of a set of recordings."""
 
     title: str  # Name of the set
     published: str
@@ -62,7 +62,7 @@ SOURCES: Mapping[str, Source] = MappingProxyType(
 
 
 def data_folder(given: Path | None, name: str) -> Path:
-    """Find the folder of public recordings in the given folder or the variable's, or download it."""
+    """Return the folder of public recordings: the given one, that of the environment variable, or a download."""
     root = given or os.environ.get(DATA_VARIABLE)
     if not root:
         return downloaded(name)
@@ -73,7 +73,7 @@ def data_folder(given: Path | None, name: str) -> Path:
 
 
 def downloaded(name: str) -> Path:
-    """The folder to which nonlinear_benchmarks downloads a set; it does so once."""
+    """Return the folder to which nonlinear_benchmarks downloads a set, once."""
     wanted = f"the scenario needs the recordings {name}: give their folder by --data or {DATA_VARIABLE}"
     loader = SOURCES[name].loader
     if not loader:
@@ -94,7 +94,7 @@ def downloaded(name: str) -> Path:
 
 
 def origins(given: Path | None, files: Mapping[str, Iterable[Path]]) -> Table:
-    """Describe the publishers, the origin and the hashes of a page's recordings."""
+    """Describe publishers, origins and hashes of a page's recordings."""
     rows = [
         [SOURCES[name].title, SOURCES[name].published, _way(given), Path(one["file"]).name, one["sha256"]]
         for name, read in files.items()

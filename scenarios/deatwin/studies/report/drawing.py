@@ -36,7 +36,7 @@ class Drawing:
     def of(
         cls, figure: Figure, name: str, title: str, caption: str, columns: Mapping[str, ArrayLike] | str | None = None
     ) -> Drawing:
-        """Return a drawn figure whose data belong in ``figures/NAME.csv``; call it before `draw` ends."""
+        """Return a drawn figure whose data go to ``figures/NAME.csv``; must be called before `draw` ends."""
         svg = inline(figure, name, title)
         return cls(name=name, title=title, caption=caption, svg=svg, data=f"figures/{name}.csv", columns=columns)
 

@@ -1,4 +1,4 @@
-"""The figures of a diagnosis: each drawn, and its data as columns."""
+"""Draw the figures of a diagnosis, and return their data as columns."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ ZOOM_SHARE, ZOOM_SAMPLES = 1 / 30, 250
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _View:
-    """What all figures are drawn from."""
+    """Data from which all figures are drawn."""
 
     tracks: tuple[Stretch, ...]
     amendment: str
@@ -43,7 +43,7 @@ class _View:
 
     @property
     def models(self) -> list[tuple[str, str, str]]:
-        """Attribute of a track, label and colour of each simulation."""
+        """For each simulation: attribute of a track, label and colour."""
         base = ("base", "calibrated plant", BEFORE)
         return [base, ("amended", f"with {self.amendment}", AFTER)] if self.amendment else [base]
 
@@ -78,7 +78,7 @@ def drawings(diagnosis: Diagnosis) -> tuple[list[Drawing], dict[str, dict[str, A
 
 
 def _further(diagnosis: Diagnosis, view: _View) -> dict[str, _View]:
-    """What the figure of each further reading is drawn from, in a unit with the prefix that suits its noise."""
+    """Return the data for the figure of each further reading, in a unit with a suitable prefix."""
     known = {reading.reading: reading for reading in diagnosis.taught or ()}
     found = {}
     for one in diagnosis.further:
@@ -88,7 +88,7 @@ def _further(diagnosis: Diagnosis, view: _View) -> dict[str, _View]:
 
 
 def _amendment(diagnosis: Diagnosis) -> str:
-    """What was built in, short enough for a legend."""
+    """Describe the added effects briefly, for a legend."""
     names = [cause.effect.replace("_", " ") for cause in diagnosis.causes]
     if not names and diagnosis.free_form is not None:
         return "the free form"
@@ -96,7 +96,7 @@ def _amendment(diagnosis: Diagnosis) -> str:
 
 
 def _residual(view: _View, further: str = "") -> Drawing:
-    """Residual over time, without and with the amendment, on the same scale; of the first reading or a further one."""
+    """Draw the residual over time with and without the effects, on one scale, for the first or a further reading."""
     rows = len(view.models)
     with draw((6.4, 2.0 + 1.2 * rows)) as figure:
         panels = figure.subplots(rows, 1, sharex=True, sharey=True, squeeze=False)[:, 0]
@@ -167,7 +167,7 @@ def _frequency(view: _View, columns: Sequence[Array]) -> Drawing:
 
 
 def _spectrum(view: _View, suffix: str) -> dict[str, Array]:
-    """Welch's estimate over all records long enough, averaged in bins even on a logarithmic axis."""
+    """Return Welch's estimate over all long records, averaged in logarithmic frequency bins."""
     from scipy.signal import welch
 
     longest = max(track.measured.size for track in view.tracks)
@@ -194,7 +194,7 @@ def _smooth(frequency: Array, density: Array) -> tuple[Array, Array]:
 
 
 def _zoom(view: _View) -> Drawing:
-    """The stretch in which the base plant is furthest off, with its residual and the command below."""
+    """Draw the stretch with the largest residual of the base plant, its residual, and the command."""
     track, first, last = _worst(view.tracks)
     part = slice(first, last)
     with draw((6.4, 4.6)) as figure:
@@ -220,7 +220,7 @@ def _zoom(view: _View) -> Drawing:
 
 
 def _worst(candidates: Sequence[Stretch]) -> tuple[Stretch, int, int]:
-    """Stretch, first and last-plus-one sample of the stretch with the largest residual, of the held-out part."""
+    """Return the stretch, by first and last-plus-one sample, with the largest residual in the held-out data."""
     best: tuple[float, Stretch, int, int] | None = None
     has_unseen = any(track.unseen.any() for track in candidates)
     for track in candidates:
@@ -263,7 +263,7 @@ def _whole(view: _View) -> Drawing:
 
 
 def _time_columns(view: _View, suffix: str) -> dict[str, Array]:
-    """Every sample of every record, readings rounded to what a sensor could tell."""
+    """Return every sample of every record, with readings rounded to the resolution of a sensor."""
     scale = max(float(np.nanmax(t.measured) - np.nanmin(t.measured)) for t in view.tracks) or 1.0
     digits = max(0, 6 - int(np.floor(np.log10(scale))))
     columns = {

@@ -1,4 +1,4 @@
-"""Origin of a result, as the end of its page states it."""
+"""Origin of a result, shown at the end of its page."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LEFT_OUT = {"--out": 1, "--report": 1, "--jobs": 1, "--json": 0, "--quiet": 0}
 
 @dataclass(frozen=True, kw_only=True)
 class Origin:
-    """Origin of a result, without what differs between equal runs."""
+    """Origin of a result, without what may differ between equal runs."""
 
     inputs: Sequence[Mapping[str, str]]  # ``file`` and ``sha256`` of each input
     seed: int
@@ -28,7 +28,7 @@ class Origin:
 
     @property
     def files(self) -> str:
-        """Names of the inputs, without their folders."""
+        """Names of the input files, without folders."""
         return ", ".join(PurePath(given["file"]).name for given in self.inputs)
 
     @property

@@ -1,4 +1,4 @@
-"""The page of a diagnosis."""
+"""Write the page of a diagnosis."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from deatwin.ident.mismatch.locate.region import RATE
 from deatwin.plant.amplitudes import reported_size, written_unit
 from deatwin.studies.folder import ResultFolder
+from deatwin.studies.report.certainty import certainty
 from deatwin.studies.report.figures import drawings
 from deatwin.studies.report.origin import Origin
 from deatwin.studies.report.quantities import with_interval
@@ -37,6 +38,7 @@ def write_report(folder: ResultFolder, diagnosis: Diagnosis, origin: Origin) -> 
         [*figures, *filter(None, steps.values())],
         origin,
         diagnosis=diagnosis,
+        certainty=certainty(diagnosis),
         unit=written_unit(unit),
         figures={figure.name: figure for figure in figures},
         steps=steps,
@@ -52,7 +54,7 @@ def write_report(folder: ResultFolder, diagnosis: Diagnosis, origin: Origin) -> 
 
 
 def _causes(diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    """Return the rows of the table of causes: one for each parameter."""
+    """Return the rows of the table of causes, one for each parameter."""
     rows = []
     for cause in diagnosis.causes:
         values = {n: with_interval(p.value, p.low, p.high, p.unit) for n, p in cause.parameters.items()}
@@ -61,7 +63,7 @@ def _causes(diagnosis: Diagnosis) -> list[dict[str, Any]]:
 
 
 def _located(found: LocationSummary | None) -> LocationSummary | None:
-    """Return the entries worth a line; the file has them all."""
+    """Return the most important locations; the file contains all of them."""
     if found is None:
         return None
     return replace(

@@ -1,4 +1,4 @@
-"""What figures of several panels share: colours by role, titles, axes without powers, and columns of one length."""
+"""Helpers for figures of several panels: colours by role, titles, axes without powers, equally long columns."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Columns = Mapping[str, Array]
 
 
 class Hue:
-    """Colours by the role of what is drawn."""
+    """Colours by role."""
 
     INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[r][0] for r in ("ink", "measured", "before", "after", "mark"))
 
@@ -31,7 +31,7 @@ SUBSCRIPTS = "₀₁₂₃₄₅₆₇₈"
 
 
 def panels_of(figure: Figure, rows: int, columns: int, x: str = "", y: str = "", **how: Any) -> NDArray[np.object_]:
-    """Panels of a figure, shape (rows, columns): `x` below the last row, `y` beside all of them."""
+    """Make the panels of a figure, shape (rows, columns): `x` labels the last row, `y` all panels."""
     panels: NDArray[np.object_] = figure.subplots(rows, columns, squeeze=False, **how)
     for axes in panels[-1]:
         axes.set_xlabel(x)
@@ -67,7 +67,7 @@ def share_bar(figure: Figure, mesh: Any, panels: Sequence[Axes], label: str) -> 
 
 
 def ink_on(mesh: Any, value: float) -> str:
-    """Colour of words on a cell of a map: the one of black and white that stands out more."""
+    """Return black or white, whichever is more visible on a cell of a map."""
     linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in mesh.to_rgba(value)[:3]]
     luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]  # WCAG 2
     return "#000001" if (luminance + 0.05) ** 2 > 1.05 * 0.05 else "#fffffe"
@@ -84,7 +84,7 @@ def plain_numbers(axis: Axis, *steps: float) -> None:
 
 
 def numbers_of_decades(axis: Axis, short: float) -> None:
-    """Write 0.1, 1 and 10, and 2 and 5 of each decade if the axis ends below `short` times where it begins."""
+    """Write 0.1, 1 and 10; also 2 and 5 if the axis covers less than the factor `short`."""
     low, high = axis.get_view_interval()
     plain_numbers(axis, *((1.0, 2.0, 5.0) if high / low < short else (1.0,)))
 
@@ -95,6 +95,6 @@ def key_of(name: str) -> str:
 
 
 def filled(columns: Columns) -> Columns:
-    """Columns of one length: the shorter ones end in gaps."""
+    """Extend columns to one length; shorter ones end in gaps."""
     longest = max(column.size for column in columns.values())
     return {name: np.concatenate([column, np.full(longest - column.size, np.nan)]) for name, column in columns.items()}

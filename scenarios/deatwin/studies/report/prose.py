@@ -1,4 +1,4 @@
-"""Prose of a page: a text file beside the story, in which numbers stand by name."""
+"""Text of a page from a template next to the scenario, with numbers by name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Numbers with units as a person writes them."""
+"""Write numbers with units for readers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from deatwin.plant.prefixes import prefixed, resolving
 
 
 def quantity(value: float, unit: str) -> str:
-    """A value in SI with three digits and a prefix.
+    """Write an SI value with three digits and a prefix.
 
     >>> quantity(26400.0, "Pa"), quantity(0.05, "s"), quantity(-0.1, "1")
     ('26.4 kPa', '50 ms', '-0.1')
@@ -20,7 +20,7 @@ def quantity(value: float, unit: str) -> str:
 
 
 def three_digits(value: float | None) -> str:
-    """A number with three significant digits, or a dash for none.
+    """Write a number with three significant digits, or a dash for None.
 
     >>> three_digits(2.0), three_digits(128.4), three_digits(4321.0), three_digits(0.0123), three_digits(None)
     ('2.00', '128', '4321', '0.0123', '–')
@@ -62,5 +62,5 @@ def _in_interval(value: float, low: float, high: float) -> tuple[str, str]:
 
 
 def _written(value: float) -> str:
-    """Three significant digits, and no exponent for sizes that a person would write out."""
+    """Write three significant digits, without an exponent for ordinary sizes."""
     return f"{value:.0f}" if 1000 <= abs(value) < 1e6 else f"{value:.3g}"

@@ -1,4 +1,4 @@
-"""Pages: each one HTML file that needs nothing else, with the data of its figures inside."""
+"""Write pages: each one self-contained HTML file that includes its figures' data."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def write_page(
     package: str = "deatwin.studies.report",
     **shown: Any,
 ) -> None:
-    """Write ``report.html`` from a template of a package, which may extend those of this one."""
+    """Write ``report.html`` from a template of a package; the template may extend those of this package."""
     script = files("deatwin.studies.report").joinpath("templates", "figures.js").read_text(encoding="utf-8")
     figures = list(drawings)
     page = (
@@ -58,7 +58,7 @@ def write_page(
 
 
 def templates(package: str) -> Environment:
-    """The templates of a package, and behind them those of the reports."""
+    """Return the templates of a package, with those of the reports as fallback."""
     from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
@@ -99,7 +99,7 @@ def unbroken(shown: Any) -> Any:
 
 
 def packed(folder: Path, drawings: Iterable[Drawing]) -> dict[str, str]:
-    """The data of figures, compressed, as far as a page has room for them."""
+    """Return the figures' data, compressed, as far as the page's size limit allows."""
     figures = list(drawings)
     names = dict.fromkeys(name for figure in figures for name in figure.files)
     texts = {
@@ -116,5 +116,5 @@ def packed(folder: Path, drawings: Iterable[Drawing]) -> dict[str, str]:
 
 
 def _hash(script: str) -> str:
-    """Hash by which the page's policy allows its one script."""
+    """Return the hash by which the page's security policy allows its one script."""
     return f"sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode('ascii')}"

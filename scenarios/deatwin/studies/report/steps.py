@@ -1,4 +1,4 @@
-"""The steps of a diagnosis, each as its result draws itself and as rows of tables."""
+"""The steps of a diagnosis as drawings and as rows of tables."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def _drawable(findings: Findings) -> dict[str, Drawable]:
 
 
 def noise_source(diagnosis: Diagnosis) -> str:
-    """Return the source of the noise's size in words; empty if the file does not state it."""
+    """Return the source of the noise level in words; empty if the file does not state it."""
     name = (diagnosis.detection.noise_source or "").upper()
     return NoiseSource[name].value if name in NoiseSource.__members__ else ""
 

@@ -1,4 +1,4 @@
-"""How a story ends: measures beside their goals, notes, tables and figures on one page, and the files beside it."""
+"""The end of a scenario: measures with goals, notes, tables and figures on one page, and the result files."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Measure:
 
 @dataclass(frozen=True, kw_only=True)
 class Note:
-    """Text under a heading, and a file or commands behind it."""
+    """Text under a heading, optionally with a file or commands."""
 
     title: str
     paragraphs: Sequence[str]  # Plain text

@@ -1,4 +1,4 @@
-"""Figures as SVG whose colours are CSS variables, so that one drawing serves light and dark."""
+"""SVG figures whose colours are CSS variables, so that one drawing works in light and dark mode."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ _SETTINGS: dict[Any, Any] = {
 
 @contextmanager
 def draw(size: tuple[float, float]) -> Iterator[Figure]:
-    """A figure to draw into, in the report's style."""
+    """Provide a figure to draw into, in the report's style."""
     from cycler import cycler
     from matplotlib import rc_context
     from matplotlib.figure import Figure
@@ -68,7 +68,7 @@ def draw(size: tuple[float, float]) -> Iterator[Figure]:
 
 
 def inline(figure: Figure, name: str, title: str) -> str:
-    """The figure for a page that defines the colours' CSS variables."""
+    """Return the figure as SVG for a page that defines the CSS variables."""
     text = _source(figure)
     for role, (written, _, _) in COLOURS.items():
         text = text.replace(written, f"var(--{role})")
@@ -81,14 +81,14 @@ def inline(figure: Figure, name: str, title: str) -> str:
 
 
 def _escaped(title: str) -> str:
-    """Fit for an attribute, and for a replacement by regular expression."""
+    """Escape text for an attribute and for a regular-expression replacement."""
     from html import escape
 
     return escape(title).replace("\\", r"\\")
 
 
 def _adaptive(grey: re.Match[str]) -> str:
-    """A plain grey as a mixture of ink and page, so that it is as faint in the dark as in the light."""
+    """Return a grey as a mixture of ink and page colour, so that it is equally faint in light and dark mode."""
     stroke, level = grey.group(1) or "", int(grey.group(2), 16)
     ink = round(100 * (1 - level / 255))
     if stroke and ink > _GUIDE:
@@ -97,7 +97,7 @@ def _adaptive(grey: re.Match[str]) -> str:
 
 
 def standalone(figure: Figure) -> str:
-    """The figure as a file of its own; it follows the viewer's light or dark."""
+    """Return the figure as an SVG file that follows the viewer's light or dark mode."""
     text = _source(figure)
     for role, (written, _, _) in COLOURS.items():
         text = text.replace(written, f"var(--{role})")

@@ -1,4 +1,4 @@
-"""Tables as text: Markdown for documents, CSV for files whose cells may be words, parameters of models."""
+"""Tables as text: Markdown for documents, CSV for files, parameters of models."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def markdown_table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
-    """The lines of a table in Markdown; a vertical bar in a cell becomes a slash."""
+    """Return the lines of a table in Markdown; a vertical bar in a cell becomes a slash."""
     return [
         f"| {' | '.join(columns)} |",
         f"|{'---|' * len(columns)}",
@@ -28,7 +28,7 @@ def csv_text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 
 
 def parameters_by_term(*models: NarxModel) -> list[list[str]]:
-    """Rows of a table: each term of any of the models, by degree, and its parameter in each."""
+    """Return rows of a table: each term of any model, by degree, with its parameter in each model."""
     values = [dict(zip(model.terms, model.theta, strict=True)) for model in models]
     every = sorted({term for each in values for term in each}, key=lambda term: (term.degree, term.factors))
     return [[str(term), *(f"{each[term]:.4g}" if term in each else "–" for each in values)] for term in every]

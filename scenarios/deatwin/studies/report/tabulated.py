@@ -1,4 +1,4 @@
-"""The data of a drawn figure as a table, for results that draw themselves."""
+"""Extract the data of a drawn figure as a table, for results that draw themselves."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ Rows = Iterator[tuple[str, str, Any]]
 
 
 def drawn_table(figure: Figure) -> str:
-    """The points of all that is drawn in a figure."""
+    """Return the points of everything drawn in a figure."""
     figure.draw_without_rendering()  # so that ticks have their texts
     panels = [axes for axes in figure.axes if axes.get_label() != "<colorbar>"]
     return csv_text(HEADER, (row for number, axes in enumerate(panels, start=1) for row in _rows(number, axes)))
 
 
 def _rows(number: int, axes: Axes) -> Iterator[tuple[object, ...]]:
-    """The points of a panel."""
+    """Return the points of a panel."""
     across, up = _names(axes.xaxis), _names(axes.yaxis)
     for series, kind, points in _series(axes):
         shown = "" if series.startswith("_child") else series.removeprefix("_")  # which hides it from a legend
@@ -38,7 +38,7 @@ def _rows(number: int, axes: Axes) -> Iterator[tuple[object, ...]]:
 
 
 def _series(axes: Axes) -> Rows:
-    """Label, kind and points of each artist that is drawn in the panel's own coordinates; of a map with its values."""
+    """Return label, kind and points of each artist drawn in data coordinates; for a map, also its values."""
     from matplotlib.collections import LineCollection, PathCollection, PolyCollection, QuadMesh
     from matplotlib.container import BarContainer
 
@@ -64,7 +64,7 @@ def _series(axes: Axes) -> Rows:
 
 
 def _cells_of(mesh: Any) -> Any:
-    """Middle and value of each cell, shape (n, 3)."""
+    """Return middle and value of each cell, shape (n, 3)."""
     corners = mesh.get_coordinates()
     middles = (corners[:-1, :-1] + corners[1:, 1:]) / 2
     return np.dstack([middles, np.ma.filled(mesh.get_array(), np.nan).reshape(middles.shape[:2])])
@@ -76,7 +76,7 @@ def _tip(bar: Any, lying: bool) -> tuple[float, float]:
 
 
 def _names(axis: Any) -> dict[float, str]:
-    """Places of an axis that have a name rather than a number."""
+    """Return the positions on an axis that have names instead of numbers."""
     from matplotlib.category import StrCategoryFormatter
     from matplotlib.ticker import FixedFormatter
 

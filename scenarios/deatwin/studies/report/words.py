@@ -1,4 +1,4 @@
-"""Words of measures, figures and tables: a TOML file beside the story, in which numbers stand by name."""
+"""Texts of measures, figures and tables, from a TOML file next to the scenario with numbers by name."""
 
 from __future__ import annotations
 

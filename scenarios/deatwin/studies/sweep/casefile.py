@@ -34,7 +34,7 @@ Array = NDArray[Any]
 
 
 def encode(record: Mapping[str, Any]) -> bytes:
-    """The file of a case."""
+    """Return the content of a case's file."""
     from scipy.io import netcdf_file
 
     buffer = _Kept()
@@ -52,7 +52,7 @@ def encode(record: Mapping[str, Any]) -> bytes:
 
 
 def decode(content: bytes) -> dict[str, Any]:
-    """The case that `encode` was given."""
+    """Return the case from a file made by `encode`."""
     from scipy.io import netcdf_file
 
     stated = STATED.search(content)
@@ -76,19 +76,19 @@ def read_case(path: Path | str) -> dict[str, Any]:
 
 
 def write_case(path: Path | str, record: Mapping[str, Any]) -> None:
-    """Write the file of a case, whole or not at all."""
+    """Write the file of a case, completely or not at all."""
     content = encode(record)
     with replacing(path) as half:
         half.write_bytes(content)
 
 
 def _stating(content: bytes, sha256: bytes) -> bytes:
-    """Put another hash into the file; names of dimensions, which come first, have no zero bytes around them."""
+    """Replace the hash in the file; dimension names, which come first, are not surrounded by zero bytes."""
     return STATED.sub(lambda found: found[0][:-64] + sha256, content, count=1)
 
 
 class _Kept(io.BytesIO):
-    """Keeps what was written when it is closed."""
+    """A buffer that keeps its content after it is closed."""
 
     content = b""
 
@@ -99,7 +99,7 @@ class _Kept(io.BytesIO):
 
 
 def _variables(path: str, value: Any) -> Iterator[tuple[str, Array]]:
-    """Parts of a value that fit into variables, by their paths; rows of a table become columns."""
+    """Return the parts of a value that can be variables, by path; rows of a table become columns."""
     if isinstance(value, (list, tuple)) and value and all(isinstance(row, dict) for row in value):
         value = {key: [row.get(key) for row in value] for key in dict.fromkeys(key for row in value for key in row)}
     if isinstance(value, Mapping):
@@ -110,7 +110,7 @@ def _variables(path: str, value: Any) -> Iterator[tuple[str, Array]]:
 
 
 def _array(value: Any) -> Array | None:
-    """A value as the classic format has it, None where that cannot hold it: nothing, empty, of several lengths."""
+    """Return a value in the classic format; None for nothing, empty values and unequal lengths."""
     if value is None or (isinstance(value, (str, list, tuple)) and not value):
         return None
     if isinstance(value, str):
@@ -127,7 +127,7 @@ def _array(value: Any) -> Array | None:
 
 
 def _narrowed(array: Array) -> Array:
-    """The format knows no truth values, and no integers of more than 32 bits."""
+    """Convert truth values and large integers, which the format does not have."""
     if array.dtype.kind == "b":
         return array.astype(np.int8)
     if array.dtype.kind in "iu":
@@ -136,7 +136,7 @@ def _narrowed(array: Array) -> Array:
 
 
 def _letters(value: Any) -> Array | None:
-    """A text, or several, as UTF-8 bytes along a last axis."""
+    """Return one or several texts as UTF-8 bytes along a last axis."""
     one = isinstance(value, str)
     texts = np.array([(text or "").encode("utf-8", "backslashreplace") for text in ([value] if one else value)])
     if not texts.dtype.itemsize:
@@ -146,7 +146,7 @@ def _letters(value: Any) -> Array | None:
 
 
 def _distinct(paths: list[str]) -> list[str]:
-    """Names that every reader takes, no two the same."""
+    """Return unique names that every reader accepts."""
     taken = {RECORD, f"{RECORD}_length"}
     return [_free(_lettered(path), taken) for path in paths]
 
@@ -166,7 +166,7 @@ def _free(name: str, taken: set[str]) -> str:
 
 
 def _dimensions(file: Any, name: str, values: Array, names: list[str]) -> tuple[str, ...]:
-    """One for each axis, of which none is called as a variable is: xarray would take that for its coordinate."""
+    """Name one dimension per axis, different from all variables, which xarray would take as coordinates."""
     text = values.dtype.kind == "S"
     own = values.shape[:-1] if text else values.shape
     taken = {*names, *file.dimensions}

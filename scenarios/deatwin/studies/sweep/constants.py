@@ -1,4 +1,4 @@
-"""The numbers that decide what a package finds, for a seal."""
+"""Collect the numerical constants of a package, for a seal."""
 
 from __future__ import annotations
 

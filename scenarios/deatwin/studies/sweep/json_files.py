@@ -1,4 +1,4 @@
-"""JSON files that studies keep: read with one clear error, whatever they hold."""
+"""Read JSON files of studies, with one clear error."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from deatwin.plant.errors import DataError, ModelError
 
 
 def read_object(path: Path, wanted: str = "an object") -> dict[str, Any]:
-    """The object that a JSON file holds."""
+    """Return the object in a JSON file."""
     try:
         found = read_json(path)
     except ModelError as error:

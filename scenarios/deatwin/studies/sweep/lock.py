@@ -1,4 +1,4 @@
-"""One run at a time in a folder: a lock that the system takes back from a process that is killed."""
+"""A lock that allows one run at a time in a folder; the system releases it if the process is killed."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def exclusive_lock(folder: Path) -> Iterator[None]:
 
 
 def _held(path: Path) -> int:
-    """The lock file, open and locked."""
+    """Return the open, locked lock file."""
     while True:
         path.parent.mkdir(parents=True, exist_ok=True)
         try:

@@ -133,12 +133,12 @@ def open_study(folder: Path | str) -> Study:
 
 
 def _keys(rows: Any) -> list[str]:
-    """All keys, in the order in which they first come."""
+    """Return all keys in the order of their first occurrence."""
     return list(dict.fromkeys(key for row in rows for key in row))
 
 
 def _column(key: str, values: list[Any]) -> np.ndarray[Any, Any]:
-    """One value a case; where there is none, NaN or an empty text."""
+    """Return one value per case; NaN or an empty text if there is none."""
     there = [value for value in values if value is not None]
     if any(isinstance(value, str) for value in there):
         if not all(isinstance(value, str) for value in there):

@@ -89,7 +89,7 @@ def _run_all(
     jobs: int | None,
     progress: _Progress,
 ) -> None:
-    """Run turn by turn until nothing is missing; after a death those that were being run have to wait."""
+    """Run all missing cases, in turns; after a worker's death, the cases that were running are delayed."""
     deaths: Counter[str] = Counter()
     while missing := store.missing(list(cases)):
         progress.only(missing)
@@ -123,7 +123,7 @@ def _turn(
     store: CaseStore[Any],
     jobs: int | None,
 ) -> Iterator[str]:
-    """Run cases, and give the name of each as soon as it is through."""
+    """Run cases; yield the name of each when it is finished."""
     from joblib import Parallel, delayed
 
     tasks = (delayed(_one)(work, store, name, case) for name, case in cases)
@@ -132,7 +132,7 @@ def _turn(
 
 
 def _one(work: Callable[[Case], Mapping[str, Any]], store: CaseStore[Any], name: str, case: Case) -> str:
-    """Run a case with one BLAS thread: workers must not fight for the cores, nor round differently."""
+    """Run a case with one BLAS thread, so that workers do not compete for cores or round differently."""
     from threadpoolctl import threadpool_limits
 
     _end_with_master()
@@ -148,7 +148,7 @@ _watched = threading.Lock()
 
 
 def _end_with_master() -> None:
-    """End this worker soon after its master was killed: else it would run on against the workers of a new run."""
+    """End this worker soon after its master was killed, so that it does not compete with a new run."""
     if os.name == "nt" or current_process().name == "MainProcess" or not _watched.acquire(blocking=False):
         return
 
@@ -161,7 +161,7 @@ def _end_with_master() -> None:
 
 
 class _Progress:
-    """Progress of a sweep: the share by effort, the count, and the time left."""
+    """Progress of a sweep: share of the effort, number of cases, and remaining time."""
 
     def __init__(
         self, cases: Mapping[str, Any], missing: list[str], tell: Tell, noun: str, efforts: Mapping[str, float]
@@ -176,7 +176,7 @@ class _Progress:
             tell(1.0 - self.todo / self.total, f"{noun} {self.count - len(missing)} of {self.count}")
 
     def only(self, missing: list[str]) -> None:
-        """Count as through whatever is not missing: of some the news was lost with a worker."""
+        """Count as finished all cases except the missing ones, because messages may be lost with a worker."""
         for name in self.left.keys() - set(missing):
             self.through(name)
 

@@ -1,4 +1,4 @@
-"""The seal of a sweep: everything that must not change between its first case and its last."""
+"""The seal of a sweep: everything that must not change between its first and its last case."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ SCHEMA = "deatwin/sweep-seal/1"
 
 
 class Sealed(ABC):
-    """Everything that must not change between the first case of a sweep and its last; each case bears its hash."""
+    """Everything that must not change between the first and the last case of a sweep; each case stores its hash."""
 
     @property
     @abstractmethod
     def content(self) -> dict[str, Any]:
-        """Return everything that must not change, as plain data."""
+        """Return the sealed content as plain data."""
 
     @property
     @abstractmethod
@@ -32,12 +32,12 @@ class Sealed(ABC):
 
     @abstractmethod
     def described(self) -> dict[str, Any]:
-        """The content of ``seal.json`` without the hash."""
+        """Return the content of ``seal.json`` without the hash."""
 
     @classmethod
     @abstractmethod
     def read(cls, data: Mapping[str, Any]) -> Self:
-        """Read the seal from the data that `described` gave; KeyError, TypeError or ValueError if they are none."""
+        """Read the seal from data of `described`; KeyError, TypeError or ValueError if they are invalid."""
 
     @abstractmethod
     def changes(self, other: Self) -> str:
@@ -45,7 +45,7 @@ class Sealed(ABC):
 
     @cached_property
     def hash(self) -> str:
-        """SHA-256 of everything that must not change; each case bears it."""
+        """SHA-256 of the sealed content; each case stores it."""
         return digest(self.content)
 
     def to_dict(self) -> dict[str, Any]:
@@ -54,7 +54,7 @@ class Sealed(ABC):
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Read the seal from the content of ``seal.json``; DataError if it is none or was altered."""
+        """Read the seal from the content of ``seal.json``; DataError if it is invalid or was altered."""
         try:
             seal, stated = cls.read(data), data["hash"]
         except (KeyError, TypeError, ValueError) as error:
@@ -66,7 +66,7 @@ class Sealed(ABC):
         return seal
 
     def require_same(self, other: Self, where: Path) -> None:
-        """Raise DataError, naming what differs from the seal found in a folder."""
+        """Raise DataError, naming the differences from the seal in a folder."""
         if changed := self.changes(other):
             raise DataError(
                 f"{where} was begun under another seal ({changed}): its cases cannot be mixed with new ones; continue "
@@ -74,7 +74,7 @@ class Sealed(ABC):
             )
 
     def stamp(self, name: str) -> dict[str, Any]:
-        """Schema, hash of the seal and name, with which the file of a case begins."""
+        """Schema, hash of the seal and name, the first entries of a case's file."""
         return {"schema": self.case_schema, "seal": self.hash, "name": name}
 
 
@@ -156,7 +156,7 @@ def sources_digest(packages: Iterable[str], files: Iterable[Path] = ()) -> str:
 
 
 def _short(value: Any) -> str:
-    """A part in a few words: of a hash twelve digits."""
+    """Write a part in a few words; for a hash, twelve digits."""
     if isinstance(value, str) and len(value) == 64:
         return value[:12]
     text = "nothing" if value is None else json.dumps(value, ensure_ascii=False)

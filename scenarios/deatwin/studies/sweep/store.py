@@ -72,7 +72,7 @@ class CaseStore(Generic[S]):
         self.sealed_as = path.read_text(encoding="utf-8")
 
     def adopt(self) -> None:
-        """Check a folder that has no seal.
+        """Check a folder that has no seal before using it.
 
         Raises
         ------
@@ -156,7 +156,7 @@ class CaseStore(Generic[S]):
             ) from None
 
     def has(self, name: str) -> bool:
-        """Test if a case is finished.
+        """Return whether a case is finished.
 
         Parameters
         ----------

@@ -107,7 +107,7 @@ def run_study(
 
 @dataclass(frozen=True, kw_only=True)
 class _Recorded:
-    """Work whose error is a result too; called in the worker."""
+    """A work function whose exceptions become results; called in the worker."""
 
     work: Work
     seed: int
@@ -123,7 +123,7 @@ class _Recorded:
 
 
 def _named(cases: Iterable[Case]) -> dict[str, dict[str, Any]]:
-    """Cases by the SHA-256 of their content, which is plain data."""
+    """Return cases by the SHA-256 of their content, which is plain data."""
     known: dict[str, dict[str, Any]] = {}
     for number, case in enumerate(cases):
         plain = {str(key): _scalar(number, str(key), value) for key, value in case.items()}
@@ -146,7 +146,7 @@ def _scalar(number: int, key: str, value: Any) -> Any:
 
 
 def _plain(name: str, value: Any) -> Any:
-    """A value of a result as JSON has it."""
+    """Convert a value of a result for JSON."""
     array = np.asarray(value) if isinstance(value, (np.ndarray, np.generic, Sequence)) else None
     if array is not None and array.dtype.kind in "biuf":
         return array.tolist()
@@ -156,7 +156,7 @@ def _plain(name: str, value: Any) -> Any:
 
 
 def _function(work: Work) -> dict[str, str]:
-    """Name of the function and SHA-256 of the file that it stands in."""
+    """Return name of the function and SHA-256 of its file."""
     if not inspect.isfunction(work) or work.__closure__ or work.__name__ == "<lambda>":
         raise DataError(
             "the work must be a function of a module, because values inside a partial, a closure or an object could "

@@ -1,4 +1,4 @@
-"""Do two models differ: in which order, in which band, and by how much?"""
+"""Test whether two models differ: in which order, in which band, and by how much."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Difference:
 
     @property
     def p_value(self) -> float:
-        """The p-value of this test alone, not corrected."""
+        """The p-value of this test alone, without correction for the number of tests."""
         return self.test.p_value
 
     @property
@@ -124,12 +124,12 @@ class Drift:
 
     @property
     def p_value(self) -> float:
-        """The p-value of this test alone, not corrected."""
+        """The p-value of this test alone, without correction for the number of tests."""
         return self.test.p_value
 
 
 def _each(name: str) -> Callable[[Comparison], Any]:
-    """A property of each difference, by pair and column."""
+    """Return a property of each difference, by pair and column."""
     values = attrgetter(name)
     return lambda found: np.reshape([values(d) for d in found.differences], (len(found.pairs), len(found.columns)))
 
@@ -270,7 +270,7 @@ def compare(
 
 
 def difference_of(a: BandMean, b: BandMean, names: tuple[str, str], least: float) -> Difference:
-    """Compare two means over a band, before any correction."""
+    """Compare two means over a band, without correction for the number of tests."""
     gain = float(np.hypot(a.gain, b.gain) / np.sqrt(2))
     apart = a.value - b.value
     test = equality(apart, (a.scatter, b.scatter), least * gain)
@@ -288,7 +288,7 @@ def difference_of(a: BandMean, b: BandMean, names: tuple[str, str], least: float
 
 
 def tabulated(differences: Sequence[Difference], level: float) -> Comparison:
-    """Correct tests for their number and judge them."""
+    """Correct tests for their number, and decide which differences are significant."""
     level = probability(level)
     corrected = holm([d.p_value for d in differences])
     judged = (
@@ -339,7 +339,7 @@ def _plot(comparison: Comparison, ax: Axes | None) -> Axes:
 
 
 def _new_axes(shape: tuple[int, int], longest: int) -> Axes:
-    """Axes of a figure in which rows, columns, and names of so many letters have room."""
+    """Create axes whose figure has room for all rows, columns and names."""
     from matplotlib import pyplot
 
     size = max(6.4, 1.6 + 0.6 * shape[1] + 0.075 * longest), max(4.0, 1.2 + 0.25 * shape[0])  # inches

@@ -1,4 +1,4 @@
-"""Are two vectors of means the same? Hotelling's test of two samples of unequal scatter, and Holm's correction."""
+"""Test whether two vectors of means are equal: Hotelling's test for unequal covariances, and Holm's correction."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def equality(difference: ArrayLike, scatters: Sequence[Scatter], margin: float =
 
 
 def _inverted(total: Array) -> tuple[Array, int]:
-    """Inverse of scales on the directions that have scatter, and the number of these."""
+    """Return inverse scales of the directions that have scatter, and the number of these directions."""
     sizes, directions = np.linalg.eigh(total)
     largest = sizes[..., -1:]
     if not np.all(largest > 0):
@@ -78,7 +78,7 @@ def _freedom(inverse: Array, scatters: Sequence[Scatter], rank: int) -> Array:
 
 
 def _beyond(difference: Array, inverse: Array, margin: float) -> Array:
-    """Smallest squared distance to a point that is no farther from zero than the margin."""
+    """Return the smallest squared distance to a point whose distance from zero is within the margin."""
     if margin <= 0:
         return np.asarray(np.einsum("...i,...ij,...j->...", difference, inverse, difference), dtype=np.float64)
     angles = 2 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
@@ -97,7 +97,7 @@ def holm(p_values: ArrayLike) -> Array:
 
 
 def no_drift(cosines: Cosines) -> Equality:
-    """Test whether slow cosines are no larger than others: no drift (Rao, Bull. Inst. Int. Stat. 33 (1951) 177)."""
+    """Test for drift: are slow cosines no larger than others (Rao, Bull. Inst. Int. Stat. 33 (1951) 177)?"""
     slow, fast = cosines.slow, cosines.fast
     if cosines.n_slow == 0 or slow.shape[1] > 2:
         raise ModelError(f"{cosines.n_slow} slow cosines of {slow.shape[1]} series; give some, of one or two series")
@@ -111,7 +111,7 @@ def no_drift(cosines: Cosines) -> Equality:
 
 
 def _wilks(effect: Array, error: Array) -> Equality:
-    """Test whether one or two series have no larger values in ``effect`` than in ``error``."""
+    """Test whether one or two series have larger values in ``effect`` than in ``error``."""
     from scipy.stats import f
 
     rank = effect.shape[1]

@@ -1,4 +1,4 @@
-"""Summaries of the responses of a fleet: their spread, differences beside true ones, and what tolerances predict."""
+"""Summarise the responses of a fleet: spread, measured and true differences, spread predicted from tolerances."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Means = tuple[BandMean, ...]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Contrast:
-    """The difference of two actuators in one order and band, as measured and as it is, over the gain."""
+    """Measured and true difference of two actuators in one order and band, relative to the gain."""
 
     measured: float  # Along the direction of the true difference
     true: float
@@ -27,7 +27,7 @@ class Contrast:
 
 
 def contrast(measured: tuple[BandMean, BandMean], true: tuple[BandMean, BandMean]) -> Contrast:
-    """Hold a measured difference against the true one."""
+    """Compare a measured difference with the true one."""
     gain = float(np.hypot(true[0].gain, true[1].gain) / np.sqrt(2))
     away, apart = (pair[0].value - pair[1].value for pair in (measured, true))
     along = apart / max(float(np.linalg.norm(apart)), np.finfo(float).tiny)
@@ -42,7 +42,7 @@ def contrast(measured: tuple[BandMean, BandMean], true: tuple[BandMean, BandMean
 
 
 def spread_of_means(group: Iterable[Means]) -> Array:
-    """Standard deviation of a group about its mean over the gain, less the estimates' scatter, (n_columns,)."""
+    """Return the relative standard deviation (n_columns,) of a group, without the estimates' own scatter."""
     found = []
     for column in zip(*group, strict=True):
         values = np.array([mean.value for mean in column])
@@ -54,7 +54,7 @@ def spread_of_means(group: Iterable[Means]) -> Array:
 
 
 def shares_of(wished: Means, off: Mapping[str, Means]) -> dict[str, Array]:
-    """Spread by each tolerance alone, uniform within it, (n_columns,); `off`: responses at the ends of tolerances."""
+    """Return the spread (n_columns,) due to each tolerance alone; `off` has the responses at the tolerances' ends."""
     return {
         name: np.array(
             [np.linalg.norm(a.value - b.value) / (np.sqrt(3) * b.gain) for a, b in zip(made, wished, strict=True)]
@@ -64,11 +64,11 @@ def shares_of(wished: Means, off: Mapping[str, Means]) -> dict[str, Array]:
 
 
 def share_of(table: Comparison, agreement: Agreement) -> Array:
-    """Share of the pairs of a table with a given agreement. Shapes: returns (n_columns,)."""
+    """Return the share of a table's pairs with a given agreement. Shapes: returns (n_columns,)."""
     flags = np.array([d.agreement is agreement for d in table.differences])
     return np.asarray(flags.reshape(len(table.pairs), len(table.columns)).mean(axis=0))
 
 
 def _variance(mean: BandMean) -> float:
-    """Variance of both parts of an estimate together."""
+    """Return the sum of the variances of both parts of an estimate."""
     return float(np.trace(mean.scatter.scale)) * mean.scatter.dof / (mean.scatter.dof - 2)

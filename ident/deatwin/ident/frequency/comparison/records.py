@@ -52,7 +52,7 @@ class _Track:
 
     @property
     def motion(self) -> tuple[Array, Array]:
-        """Values in the course of the record, (n_times, 2), and their squared scales; a single time without a drift."""
+        """Return values during the record, (n_times, 2), and their squared scales; one time if there is no drift."""
         if not self.moves:
             return self.mean.value[None], self.cosines.scale[None]
         return self.mean.value + self.cosines.drift(TIMES), self.cosines.drift_scales(TIMES)
@@ -148,7 +148,7 @@ def _centre(models: Sequence[NarxModel]) -> Array:
 
 
 def _track(name: str, mean: BandMean, cosines: Cosines) -> _Track:
-    """Course of a mean through its record, uncorrected."""
+    """Follow a mean through its record, uncorrected."""
     way = cosines.drift(TIMES)
     reach = float(np.linalg.norm(way[:, None] - way, axis=-1).max())
     test = no_drift(cosines)
@@ -167,7 +167,7 @@ def _track(name: str, mean: BandMean, cosines: Cosines) -> _Track:
 
 
 def _judged(tracks: Mapping[str, tuple[_Track, ...]], level: float) -> dict[str, tuple[_Track, ...]]:
-    """Correct the tests of drift for their number. A record that drifts anywhere is taken to drift everywhere."""
+    """Correct the tests of drift for their number. A record that drifts anywhere counts as drifting everywhere."""
     corrected = iter(holm([track.drift.p_value for each in tracks.values() for track in each]))
     judged = {}
     for name, each in tracks.items():
@@ -181,7 +181,7 @@ def _judged(tracks: Mapping[str, tuple[_Track, ...]], level: float) -> dict[str,
 
 
 def _beyond_drift(difference: Difference, a: _Track, b: _Track, least: float) -> Equality:
-    """Test whether some time of one record is like some time of the other."""
+    """Test whether two records differ by more than the drift within each record."""
     if not difference.differs or not (a.moves or b.moves):
         return difference.test
     (one, its), (other, others) = a.motion, b.motion

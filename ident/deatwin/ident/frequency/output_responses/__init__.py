@@ -1,1 +1,1 @@
-"""Nonlinear output frequency responses: estimates over levels, test signals, and the frequencies that outputs reach."""
+"""Nonlinear output frequency responses: estimation from several levels, test signals, frequencies of the output."""

@@ -180,7 +180,7 @@ def _powers_of_inputs(model: NarxModel, order: int | Mapping[str, int]) -> tuple
 
 
 def _wanted_orders(order: int, highest: int | None) -> range:
-    """Range of the number of orders to fit."""
+    """Return the range of the number of orders to fit."""
     fewest = order if highest is None else whole_number(highest, "highest", order)
     if fewest > _HIGHEST:
         raise ModelError(
@@ -192,7 +192,7 @@ def _wanted_orders(order: int, highest: int | None) -> range:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Runs:
-    """Spectra of the output at the levels at which it stays finite."""
+    """Spectra of the output at those levels at which it stays finite."""
 
     levels: Array  # shape (n_levels,): Factors of the excitation
     spectra: Complex  # shape (n_levels, n_lines): Of the output's deviations
@@ -201,7 +201,7 @@ class _Runs:
 
     @property
     def kept_share(self) -> float:
-        """The largest level that did not diverge by the largest of all."""
+        """Return the largest level without divergence, divided by the largest of all."""
         largest = float(np.abs(self.levels).max())
         return largest / max(largest, float(np.abs(self.lost).max(initial=0.0)))
 
@@ -236,7 +236,7 @@ def _result(
     runs: _Runs,
     fit: LevelFit,
 ) -> Nofrf:
-    """Result of the fit before it is judged; its derivatives are those of the exact orders, without truncation."""
+    """Return the fit before it is judged; its derivatives are those of the exact orders, without truncation."""
     outputs = tuple(as_fitted(y, values) for y, values in zip(exact, fit.orders, strict=True))
     return Nofrf(
         order=order,
@@ -257,7 +257,7 @@ def _result(
 
 
 def _judged(found: Nofrf, settled: bool) -> Nofrf:
-    """Say the gravest of what there is to say."""
+    """Return the result with its most serious warning."""
     faults = {
         NofrfStatus.UNSTABLE: not found.response.status.ok,
         NofrfStatus.DIVERGED: found.lost_levels.size > 0,
@@ -271,7 +271,7 @@ def _judged(found: Nofrf, settled: bool) -> Nofrf:
 
 
 def as_fitted(exact: FrequencyResponse, values: Complex) -> FrequencyResponse:
-    """An order of the output as it was fitted; with other parameters it moves as the exact one does."""
+    """Return a fitted order of the output, which changes with the parameters as the exact order does."""
     many = None if exact.evaluate is None else partial(_moved, exact.evaluate, values - exact.values)
     return replace(exact, values=values, evaluate=many)
 
@@ -282,7 +282,7 @@ def _moved(evaluate: Callable[[Array], Evaluated], shift: Complex, thetas: Array
 
 
 def quotient(output: FrequencyResponse, power: InputSpectrum, unit: str) -> FrequencyResponse:
-    """G_n = Y_n / U_n where it exists."""
+    """Return G_n = Y_n / U_n, where U_n is not zero."""
     powers, some = power.values[power.defined], output.at_points(power.defined)
     many = None if some.evaluate is None else partial(_quotients, some.evaluate, powers)
     return replace(
@@ -305,7 +305,7 @@ def _quotients(evaluate: Callable[[Array], Evaluated], powers: Complex, thetas: 
 
 
 def _said(found: Nofrf) -> str:
-    """The advice, and to what it refers."""
+    """Return the advice with what it refers to."""
     if found.status is NofrfStatus.DIVERGED:
         return f"{found.status.value} ({_written(found.lost_levels)} times the excitation)"
     if found.status is NofrfStatus.TRUNCATED:

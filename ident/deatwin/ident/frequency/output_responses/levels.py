@@ -24,7 +24,7 @@ _NOTHING = 1e-10  # errors below this share of all orders are no truncation, as 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LevelFit:
-    """Orders of the output, fitted line by line to its spectra at several levels."""
+    """Orders of the output, fitted at each spectral line to the spectra at several levels."""
 
     levels: Array  # shape (n_levels,): Factors of the excitation
     orders: Complex
@@ -34,7 +34,7 @@ class LevelFit:
     changes: Array
 
     def advisable_level(self, order: int, share: float) -> float:
-        """Return the factor of the levels at which truncation would be a given share of the orders up to one."""
+        """Return the factor on the levels that makes the truncation error a given share of the orders up to one."""
         # Truncation begins with order N + 1 and affects Y_n by a share that grows with the level to the power N + 1 -
         # n. Pairs of both signs separate even from odd orders: then the first order of n's parity counts.
         paired = np.allclose(np.sort(self.levels), np.sort(-self.levels), rtol=1e-9, atol=0.0)
@@ -49,7 +49,7 @@ class LevelFit:
 
 
 def chebyshev_levels(count: int) -> Array:
-    """Chebyshev nodes of both signs, the largest at 1, for polynomials without a constant, (count,)."""
+    """Return Chebyshev nodes of both signs, the largest 1, for polynomials without a constant, (count,)."""
     # An even number of nodes omits level zero, which carries no information.
     if count < 2 or count % 2:
         raise ModelError(f"{count} levels; the number must be even and positive, so that they come in pairs without 0")
@@ -96,7 +96,7 @@ def fit_orders(levels: Array, spectra: Complex, in_range: Sequence[Flags], tried
 
 
 def separated(powers: Array, spectra: Complex, in_range: Flags) -> tuple[Complex, Complex]:
-    """Fit the orders (n_orders, n_lines), and what the fit to all other levels leaves of `spectra`."""
+    """Return the fitted orders (n_orders, n_lines), and the residual at each level when it is left out of the fit."""
     lengths = np.linalg.norm(powers, axis=0)
     orders, left_out = np.zeros(in_range.shape, dtype=np.complex128), spectra.copy()
     sets, which = np.unique(in_range, axis=1, return_inverse=True)
@@ -114,7 +114,7 @@ def separated(powers: Array, spectra: Complex, in_range: Flags) -> tuple[Complex
 
 
 def _left_out(levels: Array, spectra: Complex, in_range: Flags, most: int) -> Array:
-    """For 1, 2, ... orders: the share of the spectra that is left at levels that the fit has not seen."""
+    """Return, for 1, 2, ... orders, the unexplained share of the spectra at levels that were left out of the fit."""
     errors = np.full(most, np.inf)
     for n in range(1, min(most, levels.size - 1) + 1):
         errors[n - 1] = np.linalg.norm(separated(_powers(levels, n)[0], spectra, in_range[:n])[1])
@@ -122,13 +122,13 @@ def _left_out(levels: Array, spectra: Complex, in_range: Flags, most: int) -> Ar
 
 
 def _residual(powers: Array, spectra: Complex, orders: Complex) -> Array:
-    """The share of each spectrum that the first n orders leave, shape (n_levels, n_orders)."""
+    """Return the share of each spectrum that the first n orders do not explain, shape (n_levels, n_orders)."""
     sums = np.cumsum(powers[:, :, None] * orders, axis=1)
     left, size = np.linalg.norm(spectra[:, None, :] - sums, axis=2), np.linalg.norm(spectra, axis=1)[:, None]
     return np.divide(left, size, out=np.zeros_like(left), where=size > 0)
 
 
 def _powers(levels: Array, n_orders: int) -> tuple[Array, Array]:
-    """The matrix of the fit, shape (n_levels, n_orders), and the lengths of its columns."""
+    """Return the matrix of the fit, shape (n_levels, n_orders), and the norms of its columns."""
     powers = levels[:, None] ** np.arange(1, n_orders + 1)
     return powers, np.linalg.norm(powers, axis=0)

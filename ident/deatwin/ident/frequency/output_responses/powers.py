@@ -184,13 +184,13 @@ def product_spectrum(periods: Array, powers: Sequence[int], sample_time: float, 
 
 
 def _unit(powers: Sequence[tuple[str, int]]) -> str:
-    """Return a product of powers of units; empty where one is unknown."""
+    """Return a product of powers of units; empty if one is unknown."""
     written = [f"{unit}^{power}" if power > 1 else unit for unit, power in powers]
     return " ".join(written) if all(unit for unit, _ in powers) else ""
 
 
 def _reached(excited: Sequence[Flags], n: int) -> Flags:
-    """The lines that sums of an excited one of each factor reach, modulo the period's n lines: by counting the ways."""
+    """Return the lines reached by sums of one excited line per factor, modulo the period's n lines."""
     reached = excited[0]
     for more in excited[1:]:
         once = np.fft.irfft(more.astype(np.float64), n)

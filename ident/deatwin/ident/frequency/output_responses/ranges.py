@@ -78,14 +78,14 @@ def checked_sample_time(sample_time: float) -> float:
 
 
 def _magnitudes(low: float, high: float) -> list[tuple[float, float]]:
-    """The magnitudes of an interval of either sign."""
+    """Return the absolute values of an interval that may contain both signs."""
     if low >= 0:
         return [(low, high)]
     return [(-high, -low)] if high <= 0 else [(0.0, max(-low, high))]
 
 
 def _folded(low: float, high: float, nyquist: float) -> list[tuple[float, float]]:
-    """Cut at the multiples of half the sampling rate; every second piece runs backwards."""
+    """Cut an interval at multiples of half the sampling rate, and reverse every second piece."""
     first = math.floor(low / nyquist)
     last = max(math.ceil(high / nyquist), first + 1)
     pieces = []
@@ -96,7 +96,7 @@ def _folded(low: float, high: float, nyquist: float) -> list[tuple[float, float]
 
 
 def _merged(intervals: list[tuple[float, float]], scale: float) -> Array:
-    """Join what overlaps or meets."""
+    """Join intervals that overlap or touch."""
     joined: list[list[float]] = []
     for low, high in sorted(intervals):
         if joined and low <= joined[-1][1] + _ROUNDING * scale:

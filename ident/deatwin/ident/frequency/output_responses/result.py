@@ -1,4 +1,4 @@
-"""Nonlinear output frequency responses that were fitted, and what is to be said of them."""
+"""Result of estimating nonlinear output frequency responses, with its warnings."""
 
 from __future__ import annotations
 
@@ -106,9 +106,9 @@ class Nofrf(Described, Frozen):
         Change of each G_n when two more orders are fitted, shape (n,) as G_n and in its unit: about the error caused by
         orders that were not fitted. NaN if there are too few levels to know.
     advisable_level : float
-        Factor of the levels at which the truncation error of the orders of the output up to ``order`` would be about 1
-        % of them (root mean square over their lines, from its power law), and at which no level is known to diverge; 1
-        if both hold already, NaN if the truncation error is not known. At the ends of an order's range, where U_n is
+        Factor for the levels that would reduce the truncation error of all orders up to ``order`` to about 1 % (root mean
+        square over their lines, by extrapolation) and avoid levels that diverge; 1 if that is already so, NaN if the
+        truncation error is not known. At the ends of an order's range, where U_n is
         small, the error of G_n may be larger: see ``truncation``.
     status : NofrfStatus
         Most serious problem found, if any.
@@ -137,7 +137,7 @@ class Nofrf(Described, Frozen):
 
     @property
     def response(self) -> FrequencyResponse:
-        """Response G_n of the requested order."""
+        """Response G_n of the requested order n."""
         return self.orders[self.order - 1]
 
     @property
@@ -255,13 +255,13 @@ def _summed_gradient(outputs: Sequence[FrequencyResponse], shares: Array) -> Com
 
 
 def _summed(evaluates: Sequence[Callable[[Array], Evaluated]], shares: Array, thetas: Array) -> Evaluated:
-    """The sum at other parameters; which of them have an equilibrium is the same for all orders."""
+    """Return the sum of orders at other parameters; all orders have an equilibrium at the same parameters."""
     found = [evaluate(thetas) for evaluate in evaluates]
     return replace(found[0], values=np.tensordot(shares, [each.values for each in found], axes=1))
 
 
 def _by_line(found: Nofrf) -> Variables:
-    """G_n, U_n and what the fit leaves; NaN at lines where a G_n does not exist."""
+    """Return G_n, U_n and the residual of the fit; NaN at lines where G_n does not exist."""
     shape, along = (found.highest, found.inputs[0].omega.size), ("order", "frequency")
     g, truncation = np.full(shape, np.nan, dtype=np.complex128), np.full(shape, np.nan)
     for n, (response, power) in enumerate(zip(found.orders, found.inputs, strict=True)):

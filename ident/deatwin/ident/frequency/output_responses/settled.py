@@ -1,4 +1,4 @@
-"""Settled free runs under periodic inputs, beside NOFRFs and the sum of the orders of an output."""
+"""Compare settled free runs under periodic inputs with NOFRFs and with the sum of the orders of an output."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PERIODS = 40  # Periods until an output is settled: with 200 samples a period a 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Evaluated:
-    """NOFRFs of a model under a test signal, by least squares over levels and directly, and the simulated output."""
+    """NOFRFs of a model under a test signal, by least squares over levels and exactly, and the simulated output."""
 
     fitted: Nofrf
     direct: tuple[FrequencyResponse, ...]  # G_1, G_2, ... from the model, without truncation
@@ -33,20 +33,22 @@ class Evaluated:
 
     @property
     def errors(self) -> Array:
-        """Largest error of each G_n of least squares, over the largest gain if there is any, shape (n_orders,)."""
+        """Largest error of each G_n of least squares, relative to the largest gain if there is one, shape
+        (n_orders,).
+        """
         pairs = zip(self.fitted.orders, self.direct, strict=False)
         return np.array([np.abs(g.values - d.values).max() / (d.gain.max() or 1.0) for g, d in pairs])
 
     @property
     def line_errors(self) -> Array:
-        """Largest error of each G_n U_n of least squares, over the largest line of the output, shape (n_orders,)."""
+        """Largest error of each G_n U_n of least squares, relative to the output's largest line, shape (n_orders,)."""
         every = zip(self.fitted.orders, self.direct, self.fitted.inputs, strict=False)
         errors = [float(np.abs((g.values - d.values) * u.values[u.defined]).max()) for g, d, u in every]
         return np.array(errors) / np.abs(self.simulated).max()
 
     @property
     def sum_error(self) -> float:
-        """Largest error of the sum of G_n U_n, over the largest line of the simulated output."""
+        """Largest error of the sum of G_n U_n, relative to the largest line of the simulated output."""
         error = np.abs(self.fitted.output_spectrum().values - self.simulated)
         return float(error.max() / np.abs(self.simulated).max())
 
@@ -89,7 +91,7 @@ def order_ranges(model: NarxModel, signal: TestSignal, orders: int) -> OrderRang
 def evaluate(
     model: NarxModel, signal: TestSignal, fitted: Nofrf, orders: int, operating_input: ArrayLike | None = None
 ) -> Evaluated:
-    """Hold the first orders of NOFRFs of least squares against the model's own, and their sum against simulation."""
+    """Compare the first orders of NOFRFs by least squares with the exact ones, and their sum with a simulation."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NofrfWarning)  # it is in the status of what was fitted
         direct = [nofrf_exact(model, signal.values, n + 1, operating_input=operating_input) for n in range(orders)]
@@ -105,7 +107,7 @@ def settled(model: NarxModel, period: Array, *, periods: int = PERIODS) -> Compl
 
 
 def left_by_orders(model: NarxModel, period: Array, highest: int, operating_input: ArrayLike) -> Array:
-    """Share of the settled free run, without mean, that the sum of 1, 2, ... orders leaves, (highest,)."""
+    """Return the share of the settled free run, without mean, that the first 1, 2, ... orders leave, (highest,)."""
     run = settled(deviations(model, operating_input).model, period)
     orders = output_orders(model, period, highest, operating_input=operating_input)
     rest = run - np.cumsum([order.values for order in orders], axis=0)

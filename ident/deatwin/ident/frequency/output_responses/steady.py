@@ -1,4 +1,4 @@
-"""The steady state of a model under a periodic input, by marching."""
+"""Find the steady state of a model under a periodic input by simulating until it repeats."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _SMALL = 1e-11  # a change of the output by less, which falls no more, is roundi
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SteadyState:
-    """The last period of a march from rest."""
+    """The last period of a simulation from rest."""
 
     values: Array  # shape (n_samples,): The output over one period, in the output's unit
     settled: bool  # True if it repeats from period to period up to rounding
@@ -28,7 +28,7 @@ class SteadyState:
 
 
 def steady_state(model: NarxModel, excitation: Array) -> SteadyState:
-    """March a model from rest under a period, (n_samples,) or (n_inputs, n_samples), until it repeats."""
+    """Simulate a model from rest under a period, (n_samples,) or (n_inputs, n_samples), until the output repeats."""
     lag, n = model.table.max_lag, excitation.shape[-1]
     periods = -(-_RUN // n)
     inputs = np.atleast_2d(excitation)[:, np.arange(-lag, periods * n) % n]

@@ -1,1 +1,1 @@
-"""Regions of frequency responses from the covariance of parameters, by derivatives and by draws."""
+"""Uncertainty of frequency responses from the covariance of parameters, by derivatives and by draws."""

@@ -1,4 +1,4 @@
-"""A frequency response with the uncertainty that is propagated to it, beside draws of it."""
+"""Compare the propagated uncertainty of a frequency response with posterior draws."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _DIGITS = "₀₁₂₃₄₅₆₇₈"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Spread:
-    """A response, propagated and drawn."""
+    """A response with its propagated uncertainty and with draws."""
 
     case: str
     propagated: Propagated
@@ -46,41 +46,43 @@ class Spread:
 
     @property
     def relative(self) -> Array:
-        """Largest standard deviation in any direction of the complex plane, over the gain, shape (n,)."""
+        """Largest standard deviation in any direction of the complex plane, divided by the gain, shape (n,)."""
         longest: Array = np.sqrt(np.linalg.eigvalsh(self.propagated.covariance)[:, -1])
         return longest / self.propagated.gain
 
     @property
     def whitened(self) -> Array:
-        """Covariance of the draws in axes in which the propagated one is the unit matrix, shape (n, 2, 2)."""
+        """Covariance of the draws in axes in which the propagated covariance is the unit matrix, shape (n, 2, 2)."""
         return whitened(self.propagated.covariance, self.sampled.covariance)
 
     @property
     def strict(self) -> NDArray[np.bool_]:
-        """True where the law should hold to the accuracy of the draws, shape (n,)."""
+        """True where propagation should agree with the draws to their accuracy, shape (n,)."""
         return np.asarray(self.propagated.nonlinearity <= STRICT)
 
     @property
     def largest(self) -> float:
-        """Largest departure of the draws' covariance from the propagated one, over its Monte Carlo error."""
+        """Largest difference between the two covariances, divided by its Monte Carlo error."""
         error = np.array([[2.0, 1.0], [1.0, 2.0]]) / len(self.sampled.draws)  # of a Wishart matrix about the unit
         departure = np.abs(self.whitened - np.eye(2)) / np.sqrt(error)
         return float(np.max(departure[self.strict], initial=0.0))
 
     @property
     def allowed(self) -> float:
-        """Bound of `largest` with probability `SIMULTANEOUS`, were the propagated covariance exact."""
+        """Limit of `largest` that an exact propagated covariance keeps with probability `SIMULTANEOUS`."""
         return NormalDist().inv_cdf(1 - (1 - SIMULTANEOUS) / (2 * 3 * max(1, int(self.strict.sum()))))
 
     @property
     def ratio(self) -> float:
-        """The draws' variance over the propagated one, at the frequency and in the direction furthest from one."""
+        """Draws' variance divided by the propagated one, at the frequency and in the direction where it is farthest
+        from one.
+        """
         values = np.linalg.eigvalsh(self.whitened).ravel()
         return float(values[np.argmax(np.abs(np.log(values)))])
 
     @property
     def held(self) -> float:
-        """Smallest or largest share of the draws that the 95 % region holds, whichever is further from 95 %."""
+        """Share of the draws inside the 95 % region, at the frequency where it is farthest from 95 %."""
         shares = self.propagated.contains(self.sampled.draws).mean(axis=0)
         return float(shares[np.argmax(np.abs(shares - 0.95))])
 
@@ -91,7 +93,7 @@ def symbol_of(response: FrequencyResponse) -> str:
 
 
 def whitened(reference: Array, covariance: Array) -> Array:
-    """Covariances in axes in which the reference is the unit matrix. Shapes: all (n, 2, 2)."""
+    """Return covariances in axes in which the reference is the unit matrix. Shapes: all (n, 2, 2)."""
     sizes, axes = np.linalg.eigh(reference)
     flat = sizes <= _FLAT * sizes[:, 1:]
     root = np.where(flat, 0.0, 1 / np.sqrt(np.where(flat, 1.0, sizes)))
@@ -101,14 +103,14 @@ def whitened(reference: Array, covariance: Array) -> Array:
 
 
 def departure(reference: Array, covariance: Array) -> float:
-    """Largest relative departure of covariances from others, over frequency and direction, (n, 2, 2)."""
+    """Return the largest relative difference of two covariances over frequency and direction, (n, 2, 2)."""
     return float(np.abs(np.linalg.eigvalsh(whitened(reference, covariance)) - 1).max())
 
 
 def spread_of(
     case: str, model: NarxModel, quantity: Quantity, rng: np.random.Generator, curve: Complex | None = None
 ) -> Spread:
-    """Propagate and draw. Shapes: `curve` (n_curve,)."""
+    """Propagate the uncertainty, and draw. Shapes: `curve` (n_curve,)."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UncertaintyWarning)  # the page says it, where it is looked for
         propagated = propagate(model, quantity)
@@ -119,7 +121,7 @@ def spread_of(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sweep:
-    """Propagation beside draws, with the parameters known better and worse."""
+    """Propagated and drawn uncertainties for larger and smaller deviations of the parameters."""
 
     held: Array  # shape (n,): share of the draws in the 95 % region, furthest from 95 %
     holds: NDArray[np.bool_]  # shape (n,): whether propagation says that its law holds at all frequencies
@@ -127,7 +129,7 @@ class Sweep:
 
 @dataclass(frozen=True, kw_only=True)
 class Speed:
-    """Cost of propagation to one response, beside draws of equal accuracy."""
+    """Cost of propagation for one response, and of equally accurate draws."""
 
     label: str
     propagated: float  # Processor time of propagation, and of 20,000 draws all at once, s
@@ -136,12 +138,12 @@ class Speed:
 
     @property
     def ratio(self) -> float:
-        """Time of draws of equal accuracy, computed all at once, over that of propagation."""
+        """Time of equally accurate draws, computed together, divided by the time of propagation."""
         return self.drawn * self.equal / DRAWS / self.propagated
 
 
 def columns_of(spreads: Sequence[Spread]) -> dict[str, Array]:
-    """Values, propagated covariances, and those of the draws; one response after the other."""
+    """Return values, propagated covariances and covariances of the draws, for all responses in sequence."""
     every: dict[str, list[Array]] = {}
     for number, spread in enumerate(spreads, start=1):
         response = spread.propagated
@@ -174,7 +176,7 @@ def sweep_of(
 
 
 def speed_of(name: str, model: NarxModel, quantity: Quantity, rng: np.random.Generator) -> Speed:
-    """Measure what propagation costs and how accurate it is."""
+    """Measure the time and the accuracy of propagation."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UncertaintyWarning)
         propagated = propagate(model, quantity).covariance
@@ -196,7 +198,7 @@ def speed_of(name: str, model: NarxModel, quantity: Quantity, rng: np.random.Gen
 
 
 def _timed(work: Callable[[], object]) -> float:
-    """Processor time, s."""
+    """Return the processor time of a call, s."""
     begun = process_time()
     work()
     return process_time() - begun

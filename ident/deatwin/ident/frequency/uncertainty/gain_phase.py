@@ -26,7 +26,7 @@ _NOTHING = 1e-24  # of the largest variance over frequency: below this there is 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ellipses(Frozen):
-    """Principal axes of covariances, without what only rounding made."""
+    """Principal axes of covariances; axes that consist only of rounding errors are set to 0."""
 
     variances: Array
     axes: Array  # shape (n, 2, 2): In columns
@@ -45,11 +45,11 @@ class Ellipses(Frozen):
 
     @property
     def roots(self) -> Array:
-        """Roots R of the covariances R R', shape (n, 2, 2)."""
+        """Return matrices R with R R' equal to the covariances, shape (n, 2, 2)."""
         return np.asarray(self.axes * np.sqrt(self.variances)[:, None, :])
 
     def squared_distance(self, away: Complex) -> Array:
-        """Squared Mahalanobis distances (..., n); along an axis of 0 nothing counts."""
+        """Return squared Mahalanobis distances (..., n); deviations along an axis of length 0 are ignored."""
         weights = np.divide(1.0, self.variances, out=np.zeros_like(self.variances), where=self.variances > 0)
         along = (away.real * self.axes[:, 0, i] + away.imag * self.axes[:, 1, i] for i in (0, 1))
         return sum((weights[:, i] * part**2 for i, part in enumerate(along)), start=np.zeros(away.shape))
@@ -57,7 +57,7 @@ class Ellipses(Frozen):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Polar(Frozen):
-    """Gain and phase by the law of propagation."""
+    """Gain and phase with variances by linear propagation."""
 
     covariance: Array  # shape (n, 2, 2): Of gain (in the values' unit) and phase (rad); infinite where the gain is 0
     gain_bend: Array
@@ -66,12 +66,12 @@ class Polar(Frozen):
 
     @property
     def gain_index(self) -> Array:
-        """Nonlinearity of the gain, shape (n,): the larger of its bend and the relative deviation."""
+        """Nonlinearity of the gain, shape (n,): the larger of its curvature and its relative deviation."""
         return np.maximum(self.gain_bend, self.relative_deviation)
 
     @property
     def phase_index(self) -> Array:
-        """Nonlinearity of the phase, shape (n,): the larger of its bend and the relative deviation."""
+        """Nonlinearity of the phase, shape (n,): the larger of its curvature and the relative deviation."""
         return np.maximum(self.phase_bend, self.relative_deviation)
 
 

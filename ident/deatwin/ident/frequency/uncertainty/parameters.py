@@ -1,4 +1,4 @@
-"""A model at other parameters: draws of its posterior, and what a frequency response is at them."""
+"""Evaluate a model and its frequency responses at other parameters, such as posterior draws."""
 
 from __future__ import annotations
 
@@ -67,13 +67,13 @@ def response_of(model: Model, quantity: Quantity, level: float) -> FrequencyResp
 
 
 def require_memory(count: int, what: str) -> None:
-    """Raise ModelError where an array would be too large."""
+    """Raise ModelError if an array would be too large."""
     if 8 * count > _MOST_BYTES:
         raise ModelError(f"{8 * count / 2**30:.3g} GiB, more than {_MOST_BYTES >> 30} GiB, are needed for {what}")
 
 
 def evaluate(model: Model, quantity: Quantity, response: FrequencyResponse, thetas: Array) -> Evaluated:
-    """Compute a quantity at many parameters, at once where the response can. Shapes: `thetas` (n_draws, n_theta)."""
+    """Compute a quantity at many parameter vectors, all at once if possible. Shapes: `thetas` (n_draws, n_theta)."""
     if response.evaluate is not None:
         many = response.evaluate(thetas)
         if many.values.shape != (len(thetas), response.values.size):

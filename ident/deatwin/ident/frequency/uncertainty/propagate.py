@@ -1,4 +1,4 @@
-"""The uncertainty that a model's parameters give its frequency responses, by the law of propagation."""
+"""Propagate the uncertainty of a model's parameters to its frequency responses, to first order."""
 
 from __future__ import annotations
 
@@ -264,7 +264,7 @@ def propagate(model: Model, quantity: Quantity, *, level: float = 0.95) -> Propa
 
 
 def _probe(model: Model, quantity: Quantity, response: FrequencyResponse) -> tuple[Array, float]:
-    """Nonlinearity at each frequency, and the share of probes that lost the operating point."""
+    """Return the nonlinearity at each frequency, and the share of test points without the operating point."""
     if not np.any(response.theta_cov):
         return np.zeros(response.values.size), 0.0
     steps = draw_theta(model, np.random.default_rng(_PROBES), _PAIRS) - model.theta

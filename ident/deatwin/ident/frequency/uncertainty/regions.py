@@ -1,4 +1,4 @@
-"""Common base of propagated and sampled uncertainties of a frequency response."""
+"""Base class of propagated and sampled uncertainties of a frequency response."""
 
 from __future__ import annotations
 
@@ -226,7 +226,7 @@ def _bands(found: Uncertain) -> Variables:
 
 
 def shown_points(uncertain: Uncertain) -> NDArray[np.int64]:
-    """Return which of many frequencies get an ellipse: evenly some of those where the gain is more than rounding."""
+    """Return which frequencies get an ellipse: an even selection of those whose gain exceeds rounding errors."""
     there = np.flatnonzero(drawn_points(uncertain.response))
     return there[np.unique(np.linspace(0, there.size - 1, min(there.size, _MOST_ELLIPSES)).round().astype(np.int64))]
 
@@ -269,7 +269,7 @@ def _percent(level: float) -> str:
 
 
 def _axis(uncertain: Uncertain) -> tuple[Array, str]:
-    """Frequency of the output in Hz: the sum of those of the tones."""
+    """Return the frequency of the output in Hz: the sum of the tones' frequencies."""
     if uncertain.omega.ndim == 1:
         return uncertain.frequency_Hz, "frequency (Hz)"
     if not _goes_one_way(_sums(uncertain)):
@@ -281,7 +281,7 @@ def _axis(uncertain: Uncertain) -> tuple[Array, str]:
 
 
 def _is_line(uncertain: Uncertain) -> bool:
-    """True if neighbouring points form a curve: lines of a spectrum and points of a grid do not."""
+    """Return whether neighbouring points form a curve, unlike spectral lines and grid points."""
     if uncertain.response.symbol == "Y":
         return False
     return uncertain.omega.ndim == 1 or _goes_one_way(_sums(uncertain))

@@ -1,4 +1,4 @@
-"""The uncertainty that a model's parameters give its frequency responses, by sampling of the posterior."""
+"""Sample the uncertainty of frequency responses from the posterior of the model's parameters."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Frequency responses along time, and what a record shows of drift before any fit."""
+"""Frequency responses that change with time, and tests for drift before any model is fitted."""

@@ -1,4 +1,4 @@
-"""Frequency responses along time: the equilibrium followed, and about it the response of the model of each time."""
+"""Compute frequency responses along time: at each time, the model is expanded about its equilibrium."""
 
 from __future__ import annotations
 
@@ -218,7 +218,7 @@ def _along(
     operating_input: ArrayLike | None,
     progress: Progress | None,
 ) -> VaryingResponse:
-    """Compute a quantity of the model of each time, about its equilibrium."""
+    """Compute a quantity of the model at each time, about its equilibrium."""
     require_one_input(trajectory.model, "gfrf of ThetaTrajectory.at(time), with inputs by name")
     times = checked_times(trajectory, timepts)
     inputs = checked_inputs(trajectory, operating_input, times.size)

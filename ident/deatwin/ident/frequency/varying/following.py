@@ -1,4 +1,4 @@
-"""The equilibrium of a model whose parameters change with time: followed from time to time, or held."""
+"""The equilibrium of a model whose parameters change with time, followed from one time to the next or held."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _CLEAR = 0.25  # an equilibrium is that of before if all others are four times a
 
 
 def followed(trajectory: ThetaTrajectory, timepts: Array, inputs: Array) -> Iterator[NarxModel | None]:
-    """Yield the model of each time about its equilibrium near the data. Shapes: `timepts`, `inputs` (n_times,)."""
+    """Yield the model at each time about the equilibrium near the data. Shapes: `timepts`, `inputs` (n_times,)."""
     # The nearest equilibrium continues the branch; if others are about as near, times between are tried too.
     last: _Frozen | None = None
     for time, level in zip(timepts.tolist(), inputs.tolist(), strict=True):
@@ -97,7 +97,7 @@ def _with_constant(model: NarxModel, theta: Array, change: Array) -> NarxModel:
 
 
 class _Frozen(NamedTuple):
-    """The model of a time, and its equilibrium."""
+    """The model with the parameters of one time, and its equilibrium."""
 
     time: float
     level: float
@@ -106,7 +106,7 @@ class _Frozen(NamedTuple):
 
 
 def _step(trajectory: ThetaTrajectory, last: _Frozen | None, time: float, level: float) -> _Frozen | None:
-    """Follow the equilibrium to a time."""
+    """Follow the equilibrium to the next time."""
     model = trajectory.at(time)
     if last is not None:
         model = _centred(model, level, last.output)
@@ -121,7 +121,7 @@ def _step(trajectory: ThetaTrajectory, last: _Frozen | None, time: float, level:
 
 
 def _equilibrium(model: NarxModel, level: float) -> Equilibrium | None:
-    """Return the equilibrium that the model's centre leads to; None if there is none, or just two that meet."""
+    """Return the equilibrium reached from the model's origin; None if there is none, or if two of them meet."""
     try:
         point = equilibrium(model, level)
         motion(model, levels(model, point.operating_input, point.output))
@@ -131,18 +131,18 @@ def _equilibrium(model: NarxModel, level: float) -> Equilibrium | None:
 
 
 def _is_clear(point: Equilibrium, near: float) -> bool:
-    """True if the chosen equilibrium is much nearer to the previous one than all others are."""
+    """Return whether the chosen equilibrium is much nearer to the previous one than all others are."""
     distances = np.abs(point.outputs - near)
     return bool(np.all(distances[point.chosen] <= _CLEAR * np.delete(distances, point.chosen)))
 
 
 def _has_between(trajectory: ThetaTrajectory, first: float, last: float) -> bool:
-    """True if the trajectory has a time between two given ones."""
+    """Return whether the trajectory has a time between two given times."""
     return bool(np.searchsorted(trajectory.timepts, last) > np.searchsorted(trajectory.timepts, first, side="right"))
 
 
 def _centred(model: NarxModel, level: float, output: float) -> NarxModel:
-    """Return the model as one whose data are near an equilibrium."""
+    """Return the model with its origin moved to an equilibrium near its data."""
     u, y = np.array([level]), np.array([output])
     if model.operating is None:
         around = OperatingRange(input_min=u, input_max=u, input_centre=u, output_min=y, output_max=y, output_centre=y)

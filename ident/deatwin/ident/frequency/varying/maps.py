@@ -1,4 +1,4 @@
-"""Responses along time as plain arrays, which travel between processes."""
+"""Responses along time as plain arrays, which can be sent to other processes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Map:
 
     @classmethod
     def of(cls, response: VaryingResponse) -> Self:
-        """Take the arrays of a response along time."""
+        """Take the arrays from a response along time."""
         frequencies = response.frequency_Hz
         return cls(
             timepts=response.timepts,
@@ -42,5 +42,5 @@ class Map:
 
     @property
     def change_dB(self) -> Array:
-        """Gain over its mean along time at each frequency, shape (n_times, n)."""
+        """Gain divided by its mean over time at each frequency, dB, shape (n_times, n)."""
         return np.asarray(20 * np.log10(self.gain / self.gain.mean(axis=0)))

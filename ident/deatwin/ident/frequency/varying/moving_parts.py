@@ -34,7 +34,7 @@ _BLOCK = 65536  # values of a block of times bound the memory
 
 
 class MovingParts:
-    """Parts whose amplitudes change along their first axis. Shapes: `rates` (n_times, n)."""
+    """Parts whose amplitudes change along their first axis, which is time. Shapes: `rates` (n_times, n)."""
 
     def __init__(self, parts: Parts, rates: Mapping[int, Array]) -> None:
         self.parts = parts
@@ -54,7 +54,7 @@ class MovingParts:
         return self.parts.input(part, lag, row)
 
     def delayed(self, values: Array, part: int, lag: int) -> Array:
-        """Delay a part, the amplitude of a lag ago included. Shapes: `values` (n_times, n)."""
+        """Delay a part, taking its earlier amplitude into account. Shapes: `values` (n_times, n)."""
         return self.parts.delayed(values - lag * self.rates[part], part, lag)
 
     def filtered(self, values: Array, part: int, feedback: Feedback) -> Array:
@@ -64,7 +64,7 @@ class MovingParts:
 
 
 def correction(models: Sequence[NarxModel | None], timepts: Array, parts: Parts, read: Reading, size: int) -> Complex:
-    """Return what moving parameters add to a response, to first order, (n_times, n)."""
+    """Return the first-order correction of a response for parameters that change with time, (n_times, n)."""
     added = np.full((timepts.size, size), np.nan, dtype=np.complex128)
     step = max(_BLOCK // size, 1)
     for first in range(0, timepts.size if timepts.size > 1 else 0, step):
@@ -96,7 +96,7 @@ def _added(models: Sequence[NarxModel | None], timepts: Array, parts: Parts, rea
 
 
 def _moved(terms: Sequence[Term], theta: Array, output_rate: Array, input_rate: Array) -> Array:
-    """Expand about the levels that the delayed factors see while the equilibrium moves, shape (n_terms, n_times)."""
+    """Expand about the levels that the delayed factors had while the equilibrium moved, shape (n_terms, n_times)."""
     place = {term: m for m, term in enumerate(terms)}
     linear = {term.factors[0][0]: theta[m] for term, m in place.items() if term.degree == 1}
     rates: dict[str, Array] = {"y": output_rate, "u": input_rate}
@@ -113,7 +113,7 @@ def _moved(terms: Sequence[Term], theta: Array, output_rate: Array, input_rate: 
 
 
 def _without(term: Term, variable: Variable) -> Term:
-    """Take one factor away."""
+    """Remove one factor from a product."""
     factors = list(term.expanded)
     factors.remove(variable)
     return Term.product(factors)

@@ -20,7 +20,7 @@ _RANGE = 1e4  # gains below the largest by more than this have one colour
 
 
 def colours(gain: Array) -> tuple[float, Normalize]:
-    """Return the gain below which all have one colour, and the scale of the colours."""
+    """Return the gain below which all values share one colour, and the colour scale."""
     from matplotlib.colors import LogNorm, Normalize
 
     largest = float(np.nanmax(gain, initial=0.0)) or 1.0
@@ -33,7 +33,7 @@ def colours(gain: Array) -> tuple[float, Normalize]:
 
 
 def first_tone(frequency: Array) -> tuple[Array, str]:
-    """Return the coordinate along a line of frequencies, shape (n,), and what it and the others are."""
+    """Return the coordinate along a line of frequencies, shape (n,), and descriptions of all frequencies."""
     moving = int(np.argmax(np.ptp(frequency, axis=0) > 0))
     along = frequency[:, moving]
     far = np.flatnonzero(along != along[0])
@@ -51,7 +51,7 @@ def first_tone(frequency: Array) -> tuple[Array, str]:
 
 
 def _written(slope: float, offset: float, moving: int) -> str:
-    """Write slope * f + offset."""
+    """Write ``slope * f + offset`` as text."""
     if slope == 0:
         return rf"{offset:.4g}\,\mathrm{{Hz}}"
     factor = {1.0: "", -1.0: "-"}.get(slope, f"{slope:.4g}\\,")
@@ -60,7 +60,7 @@ def _written(slope: float, offset: float, moving: int) -> str:
 
 
 def edges(centres: Array) -> Array:
-    """Return the borders halfway between centres, shape (n + 1,)."""
+    """Return cell borders halfway between centres, shape (n + 1,)."""
     if centres.size == 1:
         return centres[0] + np.array([-0.5, 0.5])
     middle = 0.5 * (centres[1:] + centres[:-1])

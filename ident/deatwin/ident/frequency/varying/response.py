@@ -1,4 +1,4 @@
-"""A frequency response along time: that of the model of each time, as if its parameters stayed so."""
+"""A frequency response along time; at each time, the parameters are taken as constant."""
 
 from __future__ import annotations
 
@@ -267,7 +267,7 @@ class VaryingResponse(Described, Frozen):
         return _plot_equilibria(self, ax)
 
     def _stacked(self, get: Callable[[FrequencyResponse], NDArray[Any]]) -> NDArray[Any]:
-        """Stack what the responses have; NaN where there is none."""
+        """Stack the arrays of all times; NaN where there is none."""
         missing = np.full_like(get(self._first), np.nan)
         return np.stack([missing if response is None else get(response) for response in self.responses])
 
@@ -322,7 +322,7 @@ def _plot_equilibria(response: VaryingResponse, ax: Axes | None) -> Axes:
 
 
 def _along_line(response: VaryingResponse) -> tuple[Array, Array, str]:
-    """Return borders of increasing frequencies in Hz, the gain between, and what the axis is called."""
+    """Return cell borders of increasing frequencies in Hz, the gain between them, and the label of the axis."""
     frequency, gain = response.frequency_Hz, response.gain
     label = "frequency (Hz)"
     if frequency.ndim == 2:
@@ -339,7 +339,7 @@ def _along_line(response: VaryingResponse) -> tuple[Array, Array, str]:
 
 
 def _unstable(response: VaryingResponse) -> list[tuple[float, float]]:
-    """Return the spans of time in s in which the equilibrium is unstable."""
+    """Return the time spans in s in which the equilibrium is unstable."""
     borders = edges(response.timepts)
     marked = np.array([status is VaryingStatus.UNSTABLE for status in response.statuses], dtype=int)
     change = np.diff(np.concatenate([[0], marked, [0]]))

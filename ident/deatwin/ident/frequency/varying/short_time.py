@@ -32,7 +32,7 @@ is input, above only what the nonlinearity makes."""
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ShortTime:
-    """Short-time spectra of a recording, and what was predicted of them."""
+    """Short-time spectra of a recording, and the predicted ones."""
 
     timepts: Array  # shape (n_windows,): Middle of each window, s
     frequencies: Array  # shape (n,): Hz
@@ -40,13 +40,15 @@ class ShortTime:
     predicted: Mapping[str, Complex]  # shape (n_windows, n): Amplitudes of each prediction
 
     def power_ratio_dB(self, name: str, band: tuple[float, float]) -> Array:
-        """Predicted over recorded power in a band, Hz, by window, dB. Shapes: returns (n_windows,)."""
+        """Predicted power in a band, Hz, divided by the recorded power, for each window, dB. Shapes: returns
+        (n_windows,).
+        """
         inside = self._inside(band)
         powers = [np.sum(np.abs(s[:, inside]) ** 2, axis=1) for s in (self.predicted[name], self.recorded)]
         return np.asarray(10 * np.log10(powers[0] / powers[1]))
 
     def error(self, name: str, band: tuple[float, float]) -> float:
-        """Root mean square of predicted less recorded lines in a band, Hz, over that of the recorded ones."""
+        """Rms difference of predicted and recorded lines in a band, Hz, relative to the recorded ones."""
         inside = self._inside(band)
         missed = np.sum(np.abs(self.predicted[name] - self.recorded)[:, inside] ** 2)
         return float(np.sqrt(missed / np.sum(np.abs(self.recorded[:, inside]) ** 2)))
@@ -65,7 +67,7 @@ def windows_of(recording: Recording, length: float) -> list[Recording]:
 def compare_windows(
     windows: Sequence[Recording], sources: Mapping[str, NarxModel | ThetaTrajectory], operating_input: float
 ) -> ShortTime:
-    """Predict the spectrum of each window from its input, and compute that of its output."""
+    """Predict the spectrum of each window from its input, and compute the recorded spectrum."""
     middles = np.array([0.5 * (w.start + w.end) for w in windows])
     step = windows[0].sample_time
     recorded = [short_time(w.outputs[0], step) for w in windows]
@@ -84,7 +86,7 @@ def compare_windows(
 
 
 def predicted(source: NarxModel | ThetaTrajectory, period: Array, time: float, operating_input: float) -> Array:
-    """A period of the output's deviation from rest, Y = G_1 U_1 + ... + G_N U_N. Shapes: `period`, result (n,)."""
+    """Return one period of the output's deviation, Y = G_1 U_1 + ... + G_N U_N. Shapes: `period`, result (n,)."""
     if isinstance(source, NarxModel):
         spectrum = output_spectrum(source, period, HIGHEST, operating_input=operating_input).values
     else:
@@ -95,7 +97,9 @@ def predicted(source: NarxModel | ThetaTrajectory, period: Array, time: float, o
 
 
 def series_error(trajectory: ThetaTrajectory, window: Recording, operating_input: float) -> float:
-    """Error of the sum of G_n U_n, order by order, against the steady free run of the model of a window's middle."""
+    """Return the error of the sum of G_n U_n, for each number of orders, against the steady free run of a window's
+    model.
+    """
     period, middle = window.inputs[0] - operating_input, 0.5 * (window.start + window.end)
     spectrum = np.zeros(period.size // 2 + 1, dtype=np.complex128)
     with warnings.catch_warnings():

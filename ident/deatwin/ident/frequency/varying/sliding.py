@@ -1,4 +1,4 @@
-"""Mean and gain of a record in sliding windows, before any model is fitted: does it drift?"""
+"""Compute mean and gain of a record in sliding windows, to find drift before any model is fitted."""
 
 from __future__ import annotations
 
@@ -224,7 +224,7 @@ def sliding_mean_and_gain(
 
 
 def _windows(recording: Recording, window_s: float, step_s: float | None) -> tuple[NDArray[np.intp], int, int]:
-    """Return the first samples of the windows, their length, and every how many do not overlap."""
+    """Return the first samples of the windows, their length, and the step between windows that do not overlap."""
     sample_time, n = recording.sample_time, recording.n_samples
     window = real_number(window_s, "window_s")
     length = _BATCHES * round(window / sample_time / _BATCHES) if np.isfinite(window) else 0
@@ -241,7 +241,7 @@ def _windows(recording: Recording, window_s: float, step_s: float | None) -> tup
 
 
 def _batches(recording: Recording, starts: NDArray[np.intp], length: int) -> tuple[Array, Array]:
-    """Return the batches' means of the output and pseudo-values of the logarithmic gain, (n_windows, batches) each."""
+    """Return batch means of the output and pseudo-values of the logarithmic gain, (n_windows, batches) each."""
     size = length // _BATCHES
     firsts, place = np.unique(starts[:, None] + size * np.arange(_BATCHES), return_inverse=True)
     place = place.reshape(len(starts), _BATCHES)  # windows that overlap share batches
@@ -251,7 +251,7 @@ def _batches(recording: Recording, starts: NDArray[np.intp], length: int) -> tup
 
 
 def _moments(signal: Array, firsts: NDArray[np.intp], size: int) -> Array:
-    """Return mean and variance of batches, shape (2, n_batches); of some at a time, which need little memory."""
+    """Return mean and variance of batches, shape (2, n_batches), computed in blocks to save memory."""
     batches, some = np.lib.stride_tricks.sliding_window_view(signal, size), max(1, _SAMPLES // size)
     parts = (batches[firsts[first : first + some]] for first in range(0, firsts.size, some))
     return np.concatenate([np.stack([part.mean(axis=1), part.var(axis=1)]) for part in parts], axis=1)
@@ -270,7 +270,7 @@ def _log_variance(mean: Array, variance: Array) -> Array:
 
 
 def _correlation(groups: Array) -> float:
-    """Return the correlation of neighbouring observations about a straight line, over all groups; not below 0."""
+    """Return the correlation of neighbouring observations about a straight line, over all groups; at least 0."""
     line = np.arange(_BATCHES) - (_BATCHES - 1) / 2
     known = groups[np.isfinite(groups).all(axis=1)]
     left = known - known.mean(axis=1, keepdims=True)
@@ -282,7 +282,7 @@ def _correlation(groups: Array) -> float:
 
 
 def _chance(groups: Array, wider: float) -> float:
-    """Return the probability that the means of groups differ so much by chance, each ``wider`` than its scatter."""
+    """Return the probability that chance makes group means differ this much, each ``wider`` than its scatter."""
     from scipy.stats import f
 
     known = groups[np.isfinite(groups).all(axis=1)]

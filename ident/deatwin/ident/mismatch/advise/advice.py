@@ -1,4 +1,4 @@
-"""The advice of a diagnosis: the input that would decide between explanations, or what else to measure."""
+"""The advice of a diagnosis: an input that would decide between explanations, or another quantity to measure."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Advice(Described):
         after the advised experiment; equal if there is none. The first is the larger of two estimates: first-order, and
         from refits to all recordings.
     undecided : tuple of str
-        Those of `alternatives` that the experiment leaves with another explanation nearby (d² below 16).
+        Entries of `alternatives` that the experiment would not distinguish from another one (d² below 16).
     tried : mapping of str to float
         First-order d² that each waveform would reach, all at the length used for screening.
     predicted : tuple of ndarray, each of shape (n,)
@@ -143,7 +143,7 @@ class Advice(Described):
 
     @property
     def _odds(self) -> str:
-        """Say how likely the best further reading would make the truth, if it distinguishes the explanations."""
+        """State how likely the best further reading would make the true explanation, if it can distinguish them."""
         best = next((one for one in self.readings if one.resolves), None)
         if best is None:
             return ""
@@ -249,5 +249,5 @@ def _listed(names: tuple[str, ...]) -> str:
 
 
 def _percent(share: float) -> str:
-    """A probability as a person writes it; predictions of less than a thousandth are not worth their digits."""
+    """Write a probability in per cent; below a thousandth, only the bound is given."""
     return f"{100 * share:.2g} %" if share >= 1e-3 else "below 0.1 %"

@@ -63,7 +63,7 @@ def advise(
     distances: Sequence[Distance] = (),
     progress: Callable[[float, str], None] | None = None,
 ) -> Advice | None:
-    """Find the shortest safe input that distinguishes all explanations, or one that distinguishes some of them.
+    """Find the shortest safe input that distinguishes all explanations or, if there is none, some of them.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def advise(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Load:
-    """Question on the rig as it is, or with an added mass, kg."""
+    """A question asked on the rig as it is, or with an added mass, kg."""
 
     question: Question
     added: float | None
@@ -143,7 +143,7 @@ class _Load:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Input:
-    """Waveform, with d² from each explanation to the nearest other one."""
+    """A waveform with d² from each explanation to the nearest other one."""
 
     load: _Load
     name: str
@@ -163,7 +163,7 @@ class _Input:
 
 
 def _loads(question: Question) -> list[_Load]:
-    """Return the question on the rig as it is and, if its load is known and can be increased, with an added mass."""
+    """Return the question for the rig as it is and, if its load is known and can be increased, for an added mass."""
     loads, parameters = [_Load(question=question, added=None)], question.fits[0].plant.parameters
     mass: Parameter | None = parameters["mass"] if "mass" in parameters else None
     if mass is not None and mass.known and 0 < HEAVIER * mass.value <= mass.upper:
@@ -172,7 +172,9 @@ def _loads(question: Question) -> list[_Load]:
 
 
 def _search(loads: Sequence[_Load], tell: Callable[[float, str], None]) -> _Input | None:
-    """Return the shortest input that distinguishes all explanations, if possible without an added mass; else the best."""
+    """Return the shortest input that distinguishes all explanations, without added mass if possible; otherwise the
+    best input.
+    """
     searches = [(look, load) for look in (_shortest, _least_confusing) for load in loads]
     for number, (look, load) in enumerate(searches):
         tell(0.9 * number / len(searches), "trying inputs" + (" with an added mass" if load.added else ""))
@@ -210,7 +212,7 @@ def _least_confusing(load: _Load) -> _Input | None:
 
 
 def _needed(question: Question, name: str) -> float:
-    """Return the number of samples that a waveform needs if d² grows as it does to first order."""
+    """Return how many samples a waveform needs if d² grows as its first-order estimate does."""
     commands = question.commands(name, SCREENED)
     if commands is None or not question.is_safe(commands):
         return float(np.inf)
@@ -233,7 +235,7 @@ def _needed(question: Question, name: str) -> float:
 
 
 def _long_enough(load: _Load, name: str, needed: float) -> _Input | None:
-    """Return the waveform at the length at which the explanations count as distinguished."""
+    """Return the waveform, just long enough for the explanations to count as distinguished."""
     for _ in range(ATTEMPTS):
         count = int(np.clip(ROUND * np.ceil(needed / ROUND), SHORTEST, LONGEST))
         found = _judged(load, name, count)
@@ -249,7 +251,7 @@ def _long_enough(load: _Load, name: str, needed: float) -> _Input | None:
 
 
 def _judged(load: _Load, name: str, count: int) -> _Input | None:
-    """Judge a waveform of some length; None if it is not safe."""
+    """Judge a waveform of a given length; None if it is not safe."""
     question = load.question
     commands = question.commands(name, count)
     if commands is None or not question.is_safe(commands):
@@ -266,14 +268,14 @@ def _confused(nearest: np.ndarray) -> float:
 
 
 def _by_number(alternatives: Sequence[Candidate], distances: Sequence[Distance]) -> dict[frozenset[int], float]:
-    """Return d² of pairs of explanations by number, except for effects that occur in several rig variants."""
+    """Return d² of pairs of explanations, given by number; effects that occur in several rig variants are omitted."""
     names = ["+".join(alternative.effects) for alternative in alternatives]
     number = {name: k for k, name in enumerate(names) if names.count(name) == 1}
     return {frozenset(number[n] for n in d.effects): d.d2 for d in distances if {*d.effects} <= {*number}}
 
 
 def _predicted(question: Question, commands: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return the readings of the best explanation, and of the others refitted to it."""
+    """Return the readings that the best explanation predicts, and those of the others refitted to it."""
     best, *others = question.fits
     parts = question.parts(commands)
     apart = [difference(best.plant, other, parts) for other in others]
@@ -282,12 +284,12 @@ def _predicted(question: Question, commands: np.ndarray) -> tuple[np.ndarray, ..
 
 
 def _labels(alternatives: Sequence[Candidate]) -> tuple[str, ...]:
-    """Return the effects of each explanation; equal effects in other rig variants are numbered."""
+    """Return the effects of each explanation; equal sets in other rig variants get numbers."""
     names = [" + ".join(alternative.effects) or "nothing missing" for alternative in alternatives]
     return tuple(f"{n} ({names[:k].count(n) + 1})" if names.count(n) > 1 else n for k, n in enumerate(names))
 
 
 def _to_measure(market: Prices, explanations: Sequence[int]) -> str:
-    """Return the reading that distinguishes explanations best, if it would."""
+    """Return the reading that distinguishes the explanations best; None if none does."""
     telling = [priced for priced in market.among(explanations) if priced.resolves]
     return in_words(telling[0].reading) if telling else "another signal"

@@ -46,7 +46,7 @@ class Difference:
     Parameters
     ----------
     readings : ndarray, shape (n,)
-        Of the truth, record after record, SI.
+        Readings of the true explanation, record after record, SI.
     left : ndarray, shape (n,)
         Truth minus alternative after the alternative's refit, over the noise's level, SI.
     model_error : ndarray, shape (n,)
@@ -64,16 +64,16 @@ class Difference:
     def between(
         cls, truth: Plant, alternative: Plant, readings: np.ndarray, left: np.ndarray, parts: Sequence[Part]
     ) -> Difference:
-        """Return a difference with the larger model error of both rigs at this amplitude.
+        """Return the difference of two explanations; of the two rigs' model errors, the larger one is used.
 
         Parameters
         ----------
         truth, alternative : Plant
             Both explanations.
         readings, left : ndarray, shape (n,)
-            Of the truth, and truth minus alternative, SI.
+            Readings of the true explanation, and the difference from the alternative, SI.
         parts : sequence of Part
-            Which samples these are.
+            Samples to which they belong.
 
         Returns
         -------
@@ -90,7 +90,7 @@ class Difference:
         return float(np.sqrt(np.mean(self.left**2)))
 
     def squared_distance(self, noise: float) -> float:
-        """d² of the difference under noise and model error.
+        """Return d² of the difference, given noise and model error.
 
         Parameters
         ----------
@@ -111,12 +111,12 @@ class Difference:
         return squares**2 / spread if spread > 0 else float(np.inf)
 
     def beside(self, other: Difference) -> Difference:
-        """This difference and that on other records.
+        """Join this difference and that on other records.
 
         Parameters
         ----------
         other : Difference
-            Of the same two explanations.
+            Difference of the same two explanations.
 
         Returns
         -------

@@ -159,7 +159,7 @@ class _Imitation(Problem):
 
 
 def _step(jacobian: np.ndarray, left: np.ndarray) -> np.ndarray:
-    """A damped Gauss-Newton step."""
+    """Take a damped Gauss-Newton step."""
     scale = np.linalg.norm(jacobian, axis=0)
     scale[scale == 0] = 1.0
     scaled = jacobian / scale
@@ -167,10 +167,10 @@ def _step(jacobian: np.ndarray, left: np.ndarray) -> np.ndarray:
 
 
 def _contains(alternative: Plant, truth: Plant) -> bool:
-    """Return whether a plant is another one with further effects, on the same rig."""
+    """Return whether a plant is another plant plus further effects, on the same rig."""
     return set(alternative.effect_names) > set(truth.effect_names) and _form(alternative) == _form(truth)
 
 
 def _form(plant: Plant) -> dict[str, object]:
-    """Describe the rig without its errors."""
+    """Return the description of a rig without its errors."""
     return {k: v for k, v in plant.rig.to_dict().items() if k not in ("noise", "model_error")}

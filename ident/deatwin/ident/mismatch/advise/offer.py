@@ -1,4 +1,4 @@
-"""A reading that a rig could have, as a diagnosis and a plan say it."""
+"""A reading that a rig could have, as shown by a diagnosis and a plan."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class SensorOffer:
 
     @property
     def words(self) -> str:
-        """The reading as a sentence names it, with its noise."""
+        """The reading with its noise, as part of a sentence."""
         return f"{in_words(self.reading)} measured to {with_unit(self.noise, self.unit)}"
 
 
@@ -52,5 +52,5 @@ class PricedReading(SensorOffer):
 
 
 def in_words(reading: str) -> str:
-    """A reading as a sentence names it."""
+    """Write a reading with its noise, as part of a sentence."""
     return WORDS.get(reading, f"the {reading.replace('_', ' ')}")

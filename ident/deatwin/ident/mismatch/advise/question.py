@@ -1,4 +1,4 @@
-"""Question for the next experiment: the remaining explanations, their posteriors, and what is known."""
+"""The question for the next experiment: the remaining explanations, their posteriors, and existing information."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class Question:
 
     @cached_property
     def _before(self) -> np.ndarray:
-        """Return the same for each pair."""
+        """Return d² for each pair, to first order, on the existing recordings."""
         return np.array([memory.refitted.squared_distance(self.noise) for memory in self.memories])
 
     def before_told(self, known: Mapping[frozenset[int], float]) -> np.ndarray:
@@ -87,7 +87,7 @@ class Question:
 
     @cached_property
     def limits(self) -> Limits | None:
-        """Return the range of commands that all posterior plants bear; None if there is none."""
+        """Return the range of commands that all posterior plants tolerate; None if there is none."""
         return safe_limits(self.posterior, limits_of(self.problem.nominal, self.problem.everything))
 
     @cached_property
@@ -118,7 +118,7 @@ class Question:
         return made
 
     def _near_the_farthest(self, limits: Limits, share: float) -> Limits:
-        """Return a share of the recordings' range of commands, next to the command farthest from rest."""
+        """Return a part of the recordings' range of commands, at the end that is farther from rest."""
         least, most = used_range(self.problem.everything)
         low, high = np.clip([min(limits.rest, least), max(limits.rest, most)], limits.lowest, limits.highest)
         if high - limits.rest >= limits.rest - low:
@@ -136,7 +136,7 @@ class Question:
 
     @property
     def _hidden(self) -> float:
-        """Return the rms that does not count on the existing recordings, SI."""
+        """Return the rms error below which nothing counts on the existing recordings, SI."""
         return practical_size(self.noise, self.problem.nominal.rig.model_error)
 
     def recording(self, commands: np.ndarray) -> Recording:
@@ -180,7 +180,7 @@ class Question:
         return self._nearest(self._distances(commands))
 
     def _distances(self, commands: np.ndarray) -> np.ndarray:
-        """Return the same for each pair."""
+        """Return d² for each pair."""
         parts, responses = self.parts(commands), [r for r in self._responses(commands) if r is not None]
         if len(responses) < len(self.fits):
             return np.zeros(len(self.pairs))
@@ -199,7 +199,7 @@ class Question:
 
     @cached_property
     def _last_responses(self) -> Callable[[bytes], list[Response | None]]:
-        """Return a function that keeps the responses to the last input, because all draws need them."""
+        """Return a function that caches the responses to the last input, because all draws need them."""
         return lru_cache(maxsize=1)(lambda made: [self._response(fit, np.frombuffer(made)) for fit in self.fits])
 
     def _response(self, fit: Calibration, commands: np.ndarray) -> Response | None:
@@ -232,7 +232,7 @@ class Question:
         return self._nearest(distances)
 
     def _contested(self, commands: np.ndarray) -> list[int]:
-        """Return the nearest pairs to first order, some for each explanation; all if there are few."""
+        """Return the nearest pairs to first order, some for each explanation; all pairs if there are few."""
         if len(self.pairs) <= NEAREST * len(self.fits):
             return list(range(len(self.pairs)))
         rough = self._distances(commands)

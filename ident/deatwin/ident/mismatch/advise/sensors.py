@@ -43,7 +43,7 @@ Signal = tuple[np.ndarray, np.ndarray]
 
 
 def offered(plants: Sequence[Plant], recorded: Collection[str]) -> tuple[Reading, ...]:
-    """Return the unrecorded readings that all plants of a rig have, those of the rig file first."""
+    """Return all readings that were not recorded but that all plants of a rig have, those of the rig file first."""
     rig = plants[0].rig
     stated = [reading for reading in rig.further if reading.name not in recorded]
     known = {*recorded, *(reading.name for reading in stated)}
@@ -55,7 +55,7 @@ def offered(plants: Sequence[Plant], recorded: Collection[str]) -> tuple[Reading
 
 
 def has(plant: Plant, reading: Reading) -> bool:
-    """Return whether a plant has a signal that can be read."""
+    """Return whether a plant has a signal that a sensor could read."""
     try:
         return plant.with_rig(replace(plant.rig, further=(reading,))).equations is not None
     except RigError:
@@ -82,7 +82,7 @@ def unread(parts: Sequence[Part], readings: Sequence[Reading]) -> tuple[Part, ..
 
 
 def signals(plant: Plant, names: tuple[str, ...], parts: Sequence[Part], wanted: Sequence[Reading]) -> list[Signal]:
-    """Simulate readings that were not recorded, with derivatives; none if the plant cannot be simulated."""
+    """Simulate readings that were not recorded, with derivatives; empty if the plant cannot be simulated."""
     asked = unread(parts, wanted)
     if not asked:
         return []
@@ -178,7 +178,7 @@ class Prices:
 
 
 def prices(question: Question) -> Prices:
-    """Evaluate the readings that a question's rig could have in addition to its recordings."""
+    """Evaluate readings that a question's rig could have in addition to its recordings."""
     problem, fits = question.problem, question.fits
     records = [record for part in problem.everything for record in part.experiment.recordings]
     recorded = {part.reading for part in problem.everything}

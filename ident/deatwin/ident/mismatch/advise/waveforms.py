@@ -59,7 +59,7 @@ class Limits:
 
     @property
     def farthest(self) -> float:
-        """Return how far from rest the plant may be driven to either side, as far as it works on both."""
+        """Return how far from rest the plant may be driven, to each side on which it works."""
         sides = [reach for reach in (self.top - self.rest, self.rest - self.bottom) if reach > 0]
         return min(*sides, self.highest - self.rest, self.rest - self.lowest)
 
@@ -127,7 +127,7 @@ def waveform(
 
 
 def _middle(seconds: float, sample_time: float) -> float:
-    """A frequency halfway, on a logarithmic scale, between the slowest and the fastest, Hz: 0.6 for a minute."""
+    """Return the logarithmic mean of the slowest and the fastest frequency, Hz: 0.6 for a minute."""
     return float(np.sqrt(0.5 / sample_time / seconds))
 
 
@@ -136,7 +136,7 @@ def _fast(sample_time: float) -> float:
 
 
 def _multisine(seconds: float, sample_time: float, rng: np.random.Generator) -> np.ndarray:
-    """One period of odd harmonics up to a tenth of the sample rate, between -1 and 1; slow ones are the largest."""
+    """Return one period of odd harmonics up to a tenth of the sample rate, between -1 and 1, slow ones largest."""
     period = max(20, round(seconds / sample_time)) * sample_time
     lines = odd_harmonics(period, max(0.1 / sample_time, 1.01 / period))
     wave = random_phase_multisine(

@@ -1,1 +1,1 @@
-"""Step 2 of a diagnosis: is anything missing, could it be seen, and is it the plant's?"""
+"""Step 2 of a diagnosis: test whether anything is missing, could be detected, and belongs to the plant."""

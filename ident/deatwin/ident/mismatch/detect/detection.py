@@ -173,7 +173,7 @@ class Detection(Described):
 
     @property
     def origin(self) -> Origin:
-        """Return whether the residual repeats with the command."""
+        """Conclusion whether the residual comes from the plant or from a disturbance."""
         return self.evidence.origin
 
     @property

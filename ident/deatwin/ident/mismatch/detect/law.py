@@ -15,7 +15,7 @@ KEPT = 100
 
 
 class Law:
-    """The statistics of residuals under which nothing is missing.
+    """Distribution of the statistics of residuals if nothing is missing, from random draws.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ class Law:
     rng : numpy.random.Generator
         Source of the draws.
     draws : int
-        How many.
+        Number of draws.
 
     Attributes
     ----------
@@ -33,9 +33,9 @@ class Law:
     ratios, linear, squared : tuple of ndarray
         Means and standard deviations of the statistics over the draws.
     moments : ndarray, shape (2, 4)
-        Those of the largest of each group.
+        Mean and standard deviation of the largest statistic of each group.
     drawn : ndarray, shape (b, 4)
-        The standardised largest of each group, for each draw.
+        Largest statistic of each group, standardised, for each draw.
     largest : ndarray, shape (b,)
         The largest of all groups for each draw, in order of size.
     spectrum : ndarray, shape (f,)
@@ -60,7 +60,7 @@ class Law:
 
     @property
     def critical(self) -> float:
-        """Largest standardised statistic that chance exceeds once in a hundred times."""
+        """Standardised statistic that chance exceeds once in a hundred times."""
         return float(np.quantile(self.largest, 1 - LEVEL))
 
     @property
@@ -71,17 +71,17 @@ class Law:
 
     @property
     def correlation(self) -> float:
-        """Half width of the 99 % band of all standardised correlations with the command together."""
+        """Half width of the joint 99 % band of all standardised correlations with the command."""
         mean, deviation = self.moments[:, 2]
         return float(mean + deviation * np.quantile(self.drawn[:, 2], 1 - LEVEL))
 
     def groups(self, scores: Scores) -> np.ndarray:
-        """Largest statistic of each group, standardised.
+        """Return the largest statistic of each group, standardised.
 
         Parameters
         ----------
         scores : Scores
-            By this law's battery.
+            Scores from this law's battery.
 
         Returns
         -------
@@ -91,12 +91,12 @@ class Law:
         return (self._raw(scores) - self.moments[0]) / self.moments[1]
 
     def correlations(self, scores: Scores) -> np.ndarray:
-        """Standardised amplitude along each regressor.
+        """Return the standardised amplitude along each regressor.
 
         Parameters
         ----------
         scores : Scores
-            By this law's battery.
+            Scores from this law's battery.
 
         Returns
         -------
@@ -105,17 +105,17 @@ class Law:
         return (scores.linear - self.linear[0]) / self.linear[1]
 
     def p_value(self, largest: float) -> float:
-        """Chance that the largest statistic is at least as large.
+        """Return the probability that chance makes the largest statistic at least this large.
 
         Parameters
         ----------
         largest : float
-            Standardised.
+            Largest statistic, standardised.
 
         Returns
         -------
         float
-            Never less than one over the number of draws and one.
+            At least 1 / (number of draws + 1).
         """
         return float((1 + np.sum(self.largest >= largest)) / (1 + self.largest.size))
 
@@ -128,6 +128,6 @@ class Law:
 
 
 def _moments(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and standard deviation over draws; a statistic that never varies says nothing, so it counts as 0."""
+    """Return mean and standard deviation over draws; a statistic that never varies counts as 0."""
     deviation = values.std(axis=0, ddof=1)
     return values.mean(axis=0), np.where(deviation > 1e-12, deviation, np.inf)

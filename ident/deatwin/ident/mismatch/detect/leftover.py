@@ -1,4 +1,4 @@
-"""Residual of a calibrated plant, with all that its tests need."""
+"""Residual of a calibrated plant, with the signals that its tests need."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Leftover:
 
     @property
     def of_first(self) -> Leftover:
-        """Return what is left of the first reading alone."""
+        """Return the residual of the first reading alone."""
         if self.first is None or self.first == self.residual.size:
             return self
         values = {field.name: getattr(self, field.name) for field in fields(self)}

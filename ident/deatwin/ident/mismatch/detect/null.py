@@ -88,7 +88,7 @@ def null_residuals(left: Leftover, refit: Refit, rng: np.random.Generator, draws
 
 
 class _ModelError:
-    """Model errors after the refit."""
+    """Random model errors, after the refit."""
 
     def __init__(self, left: Leftover, refit: Refit) -> None:
         terms, self._memory = error_terms(left)
@@ -97,7 +97,7 @@ class _ModelError:
         self._rms = left.model_error
 
     def draw(self, rng: np.random.Generator, count: int) -> np.ndarray:
-        """Model errors, shape (count, n), SI."""
+        """Draw model errors, shape (count, n), SI."""
         chosen = rng.integers(1, MEMORIES + 1, size=(count, 1))
         weights = rng.standard_normal((count, self._memory.size))
         weights *= (self._memory == 0) | (self._memory == chosen)
@@ -146,14 +146,14 @@ def colour(left: Leftover) -> tuple[np.ndarray, float]:
 
 
 def _whittle(reflections: np.ndarray, frequency: np.ndarray, density: np.ndarray, averages: float) -> float:
-    """Twice the negative log-likelihood of a spectrum, with the best level."""
+    """Return twice the negative log likelihood of a spectrum, with the best level."""
     shape = 1 / _gain(_autoregression(reflections), frequency)
     level = np.mean(density / shape)
     return float(2 * averages * np.sum(np.log(shape * level) + density / (shape * level)))
 
 
 def _autoregression(reflections: np.ndarray) -> np.ndarray:
-    """Coefficients from partial correlations, which any numbers give by their hyperbolic tangents (Levinson)."""
+    """Return coefficients from partial correlations, which are hyperbolic tangents of any numbers (Levinson)."""
     found = np.ones(1)
     for k in STABLE * np.tanh(reflections):
         padded = np.append(found, 0.0)
@@ -162,7 +162,7 @@ def _autoregression(reflections: np.ndarray) -> np.ndarray:
 
 
 def _gain(filtering: np.ndarray, frequency: np.ndarray) -> np.ndarray:
-    """Squared modulus of the filter at frequencies in cycles a sample."""
+    """Return the squared modulus of the filter at frequencies in cycles per sample."""
     delays = np.exp(-2j * np.pi * frequency[:, None] * np.arange(filtering.size))
     return np.asarray(np.abs(delays @ filtering) ** 2)
 
@@ -184,7 +184,7 @@ def _welch(left: Leftover) -> tuple[np.ndarray, np.ndarray, float]:
 
 
 def _quiet_from(left: Leftover, frequency: np.ndarray) -> float:
-    """Frequency above which the simulated readings hardly move."""
+    """Return the frequency above which the simulated readings hardly move."""
     from scipy.signal import welch
 
     power = np.zeros(frequency.size)
@@ -196,7 +196,7 @@ def _quiet_from(left: Leftover, frequency: np.ndarray) -> float:
 
 
 def _lagged(signal: np.ndarray, lag: float) -> np.ndarray:
-    """A signal passed through a first-order lag of some samples, at rest at its first value."""
+    """Return a signal after a first-order lag of some samples, at rest at its first value."""
     from scipy.signal import lfilter
 
     share = 1 - np.exp(-1 / lag)
@@ -204,7 +204,7 @@ def _lagged(signal: np.ndarray, lag: float) -> np.ndarray:
 
 
 def _standardised(signal: np.ndarray) -> np.ndarray:
-    """A signal over the range from -1 to 1."""
+    """Scale a signal to the range from -1 to 1."""
     low, high = float(signal.min()), float(signal.max())
     return 2 * (signal - low) / (high - low) - 1 if high > low else np.zeros(signal.size)
 

@@ -68,7 +68,7 @@ class OriginEvidence:
         return cls(origin=Origin.UNDECIDED, by="nothing", share=0.0, low=0.0, high=1.0, left=left)
 
     def summary(self, size: float) -> OriginSummary:
-        """Return what a diagnosis says of it; `size` is the SI size of the unit in which amplitudes are reported."""
+        """Return the summary for a diagnosis; `size` is the SI size of the reported unit."""
         return OriginSummary(
             by=self.by,
             share=self.share,
@@ -102,7 +102,7 @@ def origin_of(left: Leftover, repeats: Repeats | None, practical: float) -> Orig
 
 
 def _is_noise(left: Leftover) -> bool:
-    """Return whether most of a residual beyond the noise is white noise, too, whose level may change."""
+    """Return whether the residual beyond the noise is mostly white noise, possibly of varying level."""
     pieces = [left.residual[r] for r in left.records if r.stop - r.start >= WINDOW]
     if not pieces:
         return False
@@ -130,7 +130,7 @@ def without_forms(left: Leftover) -> np.ndarray:
 
 
 def _slow(left: Leftover) -> np.ndarray:
-    """Slow waves over each experiment, shape (n, k)."""
+    """Return slow cosines over each experiment, shape (n, k)."""
     columns = []
     for number in np.unique(left.experiment):
         inside = left.experiment == number
@@ -143,7 +143,9 @@ def _slow(left: Leftover) -> np.ndarray:
 
 
 def _farthest(left: Leftover) -> np.ndarray:
-    """Largest and smallest reading so far in each experiment: what softens there does so only once, shape (n, 2 e)."""
+    """Return the largest and smallest reading so far in each experiment, as film that softens there does so once, (n,
+    2 e).
+    """
     columns = []
     for number in np.unique(left.experiment):
         inside = left.experiment == number
@@ -155,7 +157,7 @@ def _farthest(left: Leftover) -> np.ndarray:
 
 
 def _best_step(left: Leftover, rest: np.ndarray, basis: np.ndarray, moves: np.ndarray) -> np.ndarray:
-    """Return a step of level and one of gain at the time at which they explain most."""
+    """Return a step of level and one of gain, at the time at which they explain most of the residual."""
     best, gain = np.zeros((rest.size, 2)), 0.0
     for position in np.linspace(0, rest.size, STEP_TIMES + 2)[1:-1].astype(int):
         after = np.zeros(rest.size)
@@ -168,7 +170,7 @@ def _best_step(left: Leftover, rest: np.ndarray, basis: np.ndarray, moves: np.nd
 
 
 def _best_tone(left: Leftover, rest: np.ndarray) -> np.ndarray:
-    """Sine and cosine at the strongest line, found between the lines of the transform."""
+    """Return sine and cosine at the strongest line; its frequency is found between the lines of the transform."""
     lines = 4 * rest.size
     power = np.abs(np.fft.rfft(rest, n=lines)) ** 2
     frequency = np.argmax(power) / lines / left.sample_time
@@ -177,13 +179,13 @@ def _best_tone(left: Leftover, rest: np.ndarray) -> np.ndarray:
 
 
 def _less(rest: np.ndarray, basis: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A wider basis, and what is left of a residual by its new columns."""
+    """Extend a basis by columns; return it and the residual without these columns."""
     added = _orthonormal(taken_off(columns, basis))
     return np.concatenate([basis, added], axis=1), taken_off(rest, added)
 
 
 def _orthonormal(columns: np.ndarray) -> np.ndarray:
-    """An orthonormal basis of what columns span."""
+    """Return an orthonormal basis of the space that columns span."""
     scale = np.linalg.norm(columns, axis=0)
     tall, small = np.linalg.qr(columns / np.where(scale > 0, scale, 1.0))
     left, singular, _ = np.linalg.svd(small)
@@ -222,7 +224,7 @@ def _predictors(left: Leftover) -> np.ndarray:
 
 
 def _play(signal: np.ndarray, width: float) -> np.ndarray:
-    """A backlash of some width."""
+    """Return the output of a backlash of a given width."""
     found, last = np.empty(signal.size), signal[0]
     for k, value in enumerate(signal.tolist()):
         last = min(max(last, value - width), value + width)

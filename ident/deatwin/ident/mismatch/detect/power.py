@@ -50,7 +50,9 @@ class Power:
         return float(high)
 
     def _detected(self, square: np.ndarray, along: np.ndarray, practical: float) -> np.ndarray:
-        """For each draw, given the fitted part's mean square and the amplitudes along the regressors."""
+        """Return whether each draw is detected, from its mean square and amplitudes along the regressors in fitted
+        data.
+        """
         law = self._law
         linear = along / np.sqrt(self._share * square + self._outside)[:, None]
         ratio = (np.log(square / law.left.floor) - law.ratios[0][0]) / law.ratios[1][0]

@@ -74,7 +74,7 @@ class Battery:
 
 
 def _regressors(left: Leftover) -> tuple[tuple[str, ...], np.ndarray]:
-    """Command, its rate and their powers at several lags, and time; each with mean 0 and variance 1."""
+    """Return command, rate and their powers at several lags, and time, each with mean 0 and variance 1."""
     level = _standard(left.commands)
     rate = _standard(np.concatenate([np.gradient(level[r]) if level[r].size > 1 else level[r] for r in left.records]))
     signals = {
@@ -100,7 +100,7 @@ def _lags(left: Leftover) -> list[int]:
 
 
 def _delayed(signal: np.ndarray, records: Sequence[slice], lag: int) -> np.ndarray:
-    """A signal a while ago, 0 before its recording began."""
+    """Return a delayed signal, 0 before its recording began."""
     found = np.zeros(signal.size)
     for r in records:
         found[r.start + lag : r.stop] = signal[r.start : max(r.start, r.stop - lag)]

@@ -1,1 +1,1 @@
-"""A free form of what no effect of the catalogue explains."""
+"""Find a free form, a force without physical meaning, if no effect of the catalogue explains a mismatch."""

@@ -1,4 +1,4 @@
-"""The functions among which a free form is sought, and their values along recordings."""
+"""The functions of which a free form may consist, and their values along recordings."""
 
 from __future__ import annotations
 

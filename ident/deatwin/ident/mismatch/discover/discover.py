@@ -94,7 +94,7 @@ def discover(
 
 @dataclass(frozen=True, kw_only=True)
 class _Site:
-    """Place at which a free form may act, and the signals of which it can be a function."""
+    """A place where a free form may act, with the signals on which it can depend."""
 
     opening: Opening
     position: str
@@ -112,7 +112,7 @@ class _Site:
 
 
 def _site(plant: Plant, wanted: Opening | None) -> _Site | None:
-    """The first place that the rig offers; where nothing is watched that moves, the reading is what moves."""
+    """Return the first place that the rig offers; if it watches no motion, the reading counts as the motion."""
     preferred = [Opening(place=place, signal=signal) for place, signal in PREFERRED]
     names = {place.value for place in Place}
     watched = plant.signals
@@ -131,7 +131,7 @@ def _site(plant: Plant, wanted: Opening | None) -> _Site | None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Search:
-    """Functions at a site, and what the readings that count answer to each."""
+    """Functions at a place, with the responses of the counted readings to each."""
 
     site: _Site
     linears: tuple[Linear, ...]
@@ -148,7 +148,7 @@ class _Search:
         )
 
     def answers(self, terms: Sequence[Primitive]) -> Array:
-        """Return the derivative of the readings over the noise's level, shape (m, k)."""
+        """Return the derivative of the readings, divided by the noise level, shape (m, k)."""
         number = self.linears[0].openings.index(self.site.opening)
         found = []
         for linear, signals, level in zip(self.linears, self.along, self.levels, strict=True):
@@ -158,7 +158,7 @@ class _Search:
         return np.vstack(found)
 
     def sharpened(self, terms: Sequence[Primitive], base: Calibration) -> list[Primitive]:
-        """The terms with the shapes that explain most: a fit from far away ends in the next best one."""
+        """Fit the shapes of the terms so that they explain most, from two different starts."""
         found = list(terms)
         for k, term in enumerate(found):
             if (parameter := term.shape_parameter) is None:
@@ -193,7 +193,7 @@ class _Fit:
 
     @property
     def weakest(self) -> int | None:
-        """The term that the fit needs least, if it may well be nothing."""
+        """Return the least significant term, if it may be zero."""
         fit = self.calibration
         own = [fit.names.index(f"{FreeForm.name}.coefficient_{k + 1}") for k in range(len(self.stable))]
         deviations = np.sqrt(np.maximum(np.diag(fit.covariance)[own], 1e-300))
@@ -202,7 +202,7 @@ class _Fit:
         return int(np.argmin(ratios)) if ratios.min() < SIGNIFICANT else None
 
     def without(self, number: int, parts: Sequence[Part]) -> _Fit:
-        """Fitted again without a term."""
+        """Refit without one term."""
         form, left = self.form, [k for k in range(len(self.stable)) if k != number]
         fewer = self.site.free_form([form.terms[k] for k in left], form.size, [form.coefficients[k] for k in left])
         start = self.calibration.plant.without_effects(form.name).with_effects(fewer)
@@ -211,7 +211,7 @@ class _Fit:
 
 
 def _fitted(search: _Search, stable: tuple[Stable, ...], base: Candidate, problem: DiagnosisProblem) -> _Fit | None:
-    """The plant with the terms, fitted; None where that does not fit better than without."""
+    """Return the plant fitted with given terms; None if it does not fit better than without."""
     start = _start(search, stable, base, problem) if stable else None
     if start is None:
         return None
@@ -225,7 +225,7 @@ def _fitted(search: _Search, stable: tuple[Stable, ...], base: Candidate, proble
 
 
 def _start(search: _Search, stable: Sequence[Stable], base: Candidate, problem: DiagnosisProblem) -> Plant | None:
-    """Step towards the linear prediction as long as the free run improves."""
+    """Move towards the linear prediction as long as the free run improves."""
     plain = base.calibration
     terms = search.sharpened([search.terms[s.column] for s in stable], plain)
     both = np.hstack([plain.jacobian, search.answers(terms)])
@@ -252,7 +252,7 @@ def _rms_on(plant: Plant, parts: Sequence[Part]) -> float:
 
 
 def _kept(fit: _Fit, base: Candidate, problem: DiagnosisProblem, rng: np.random.Generator) -> Discovery | None:
-    """The discovery, if the error on the held-out part falls far enough, and certainly."""
+    """Return the discovery if it certainly reduces the error on held-out data by enough."""
     plant, form = fit.calibration.plant, fit.form
     unseen = free_run_residuals(plant, problem.unseen)
     if unseen is None:
@@ -289,7 +289,7 @@ def _left_without(fit: _Fit, base: Candidate, problem: DiagnosisProblem) -> Arra
 
 
 def _found(form: FreeForm, number: int, inclusion: float, plant: Plant) -> FoundTerm:
-    """A term in SI."""
+    """Convert a term to SI."""
     term = form.terms[number]
     unit, shape = unit_of(term.variable, plant), None
     if (parameter := term.shape_parameter) is not None:
@@ -306,7 +306,7 @@ def _found(form: FreeForm, number: int, inclusion: float, plant: Plant) -> Found
 
 
 def _latent(plant: Plant, parts: Sequence[Part], opening: Opening, noise: float) -> Latent | None:
-    """Return what enters beside a plant whose parameters are known."""
+    """Estimate the unknown input of a plant with known parameters."""
     try:
         linears = [_with_known_parameters(linear) for linear in linearise(plant, parts)]
         floor = Floor.of(linears, noise)
@@ -316,7 +316,7 @@ def _latent(plant: Plant, parts: Sequence[Part], opening: Opening, noise: float)
 
 
 def _with_known_parameters(linear: Linear) -> Linear:
-    """Nothing follows from parameters being other than they are."""
+    """Return a linearised plant in which all parameters count as known."""
     return replace(
         linear,
         by_parameter=np.zeros_like(linear.by_parameter),
@@ -326,7 +326,7 @@ def _with_known_parameters(linear: Linear) -> Linear:
 
 
 def _unit_at(opening: Opening, plant: Plant) -> str:
-    """Unit of the signal at an opening, as far as it is known."""
+    """Return the unit of the signal at a place, if it is known."""
     rig = plant.rig
     if opening.place == Place.PARAMETER.value:
         return plant.parameters[opening.signal].unit

@@ -68,18 +68,18 @@ class FoundTerm:
 
     @property
     def variable(self) -> str:
-        """Return what it is a function of, in words."""
+        """Return, in words, the variable on which the term depends."""
         return VARIABLES.get(self.term.variable, self.term.variable)
 
     @property
     def text(self) -> str:
-        """Return what it is, in words, its numbers left out."""
+        """Describe the term in words, without its numbers."""
         order = getattr(self.term, "order", 1)
         return WORDS[self.term.kind].format(x=self.variable if order == 1 else f"{self.variable}^{order}")
 
     @property
     def summary(self) -> TermSummary:
-        """Return what a diagnosis says of it; SI."""
+        """Return the summary for a diagnosis; SI."""
         shape = None
         if self.shape is not None:
             name, value, unit = self.shape
@@ -99,7 +99,7 @@ def _term_table(found: Discovery) -> Variables:
 
 
 def _along_the_fitted_part(found: Discovery) -> Variables:
-    """Return what enters along the fitted part, SI, and where the recordings say it themselves, their smoothed mean."""
+    """Return the unknown input along the fitted part, SI, and its smoothed estimate where the readings determine it."""
     first, form, latent = found.terms[0], found.free_form, found.latent
     along: dict[str, Any] = {
         "state": ("sample", found.state, unit_of(first.term.variable, found.model), first.variable),
@@ -212,7 +212,7 @@ class Discovery(Described):
 
 
 def _row(term: FoundTerm) -> dict[str, Any]:
-    """A term in a table: flat."""
+    """Return a term as a row of a table."""
     told = plain(term.summary)
     shape = told.pop("shape") or {}
     return {

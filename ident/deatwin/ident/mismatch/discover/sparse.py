@@ -72,13 +72,13 @@ def stable_terms(columns: Array, target: Array, nuisances: Array, rng: np.random
 
 
 def _freed(target: Array, basis: Array) -> Array:
-    """Return what nuisances cannot make of a target, of length 1."""
+    """Return the part of a target that nuisances cannot explain, scaled to length 1."""
     left = taken_off(target, basis)
     return left / max(float(np.linalg.norm(left)), 1e-300)
 
 
 def _stable(chosen: Sequence[Sequence[int]], aliases: NDArray[np.bool_]) -> list[Stable]:
-    """Select the most frequent member of each group of aliases that is chosen often enough."""
+    """From each group of indistinguishable columns chosen often enough, take the most frequent."""
     number = len(aliases)
     own = np.array([sum(j in support for support in chosen) for j in range(number)])
     shared = np.array([sum(aliases[j, list(support)].any() for support in chosen) for j in range(number)])
@@ -92,7 +92,7 @@ def _stable(chosen: Sequence[Sequence[int]], aliases: NDArray[np.bool_]) -> list
 
 
 def _forward(products: Array, count: int) -> tuple[int, ...]:
-    """Choose columns one after another, as many as the evidence of so many blocks supports."""
+    """Choose columns one after another, as many as the evidence from the blocks supports."""
     from pysindy import FROLS
 
     rows = _rows_of(products)
@@ -110,7 +110,7 @@ def _forward(products: Array, count: int) -> tuple[int, ...]:
 
 
 def _gains(products: Array, support: Sequence[int], count: int) -> list[float]:
-    """Evidence that each term of a support adds to the others."""
+    """Return the evidence that each term of a set adds to the others."""
     whole = _evidence(products, support, count)
     return [whole - _evidence(products, [k for k in support if k != j], count) for j in support]
 
@@ -132,13 +132,13 @@ def _blocks(unit: Array, target: Array) -> Array:
 
 
 def _drawn(count: int, rng: np.random.Generator) -> NDArray[np.int_]:
-    """Return how often each block is drawn, in runs of as many as the square root of their number."""
+    """Return how often each block is drawn, in runs whose length is the square root of the number of blocks."""
     run = max(1, round(np.sqrt(count)))
     starts = rng.integers(0, count, size=-(-count // run))
     return np.bincount(((starts[:, None] + np.arange(run)) % count).ravel()[:count], minlength=count)
 
 
 def _rows_of(products: Array) -> Array:
-    """Return a square matrix with these sums of products."""
+    """Return a square matrix whose rows have the given sums of products."""
     values, vectors = np.linalg.eigh(products)
     return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)

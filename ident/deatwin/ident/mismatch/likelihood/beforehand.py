@@ -53,12 +53,12 @@ class OwnError:
 
     @property
     def rms(self) -> float:
-        """Rms that is expected, SI."""
+        """Expected rms error, SI."""
         return max(self.stated, LEAST_ERROR * self.noise)
 
     @cached_property
     def columns(self) -> np.ndarray:
-        """Return the repeatable error: bends, timing, slow modes; shape (n, k), at the expected size."""
+        """Return columns for the repeatable error (bends, timing, slow modes), shape (n, k), at the expected size."""
         clock = np.arange(self.times.size) * self.sample_time
         columns = np.column_stack(
             [
@@ -71,18 +71,18 @@ class OwnError:
 
     @property
     def of_timing(self) -> np.ndarray:
-        """Return which of the columns is the timing, shape (k,)."""
+        """Return which column is the timing, bool of shape (k,)."""
         count = self.columns.shape[1]
         return np.arange(count) == count - 1 - SLOW_MODES
 
     @property
     def process(self) -> Process:
-        """Return what does not repeat, of variance 1."""
+        """Return the process of the error that does not repeat, with variance 1."""
         return Process(weights=(0.5, 0.5), times=tuple(time * self.sample_time for time in FAST_TIMES))
 
     @property
     def ratio(self) -> float:
-        """Rms of what does not repeat over the noise's."""
+        """Rms of the error that does not repeat, divided by that of the noise."""
         return FAST * self.rms / self.noise
 
 
@@ -109,7 +109,7 @@ def nominal_odds(parameter: Parameter, nominal: Parameter) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Coordinate:
-    """A parameter's coordinate before the recording; one that cannot be negative has half of that normal law."""
+    """Prior knowledge of a parameter's coordinate; a parameter that cannot be negative has half of this normal law."""
 
     mean: float
     deviation: float
@@ -140,19 +140,19 @@ def coordinate(parameter: Parameter, nominal: Plant, effects: Mapping[str, Effec
 
 
 def strength_deviation(effect: Effect) -> float:
-    """Deviation of an effect's strength, in its unit; a share is at most the whole."""
+    """Return the prior standard deviation of an effect's strength, in its unit; a share is at most 1."""
     typical = effect.described(effect.strength)
     return 1.0 if abs(typical.value) == 1.0 else AMPLITUDE * abs(typical.value)
 
 
 def _width(parameter: Parameter) -> float:
-    """Deviation of an even distribution over a parameter's range; 1 of one without ends."""
+    """Return the standard deviation of a uniform law over a parameter's range; 1 if the range is unbounded."""
     low, high = parameter.ends
     return float((high - low) / np.sqrt(12.0)) if np.isfinite([low, high]).all() else 1.0
 
 
 def pair_odds(catalogue: int) -> float:
-    """Log odds of two effects over one of so many, either shared evenly by all sets of its size."""
+    """Return the prior log odds of one pair over one single effect, if all sets of each size are equally likely."""
     pairs = max(catalogue * (catalogue - 1) / 2, 1.0)
     return float(np.log(PRIORS[2] / pairs) - np.log(PRIORS[1] / max(catalogue, 1)))
 

@@ -45,26 +45,28 @@ class Weighed:
         return roots**2, along.T
 
     def _along(self, log_sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return eigenvalues and b of M along its axes, shape (g, m) each, and the weight of each noise, (g,)."""
+        """Return eigenvalues of M and b along its axes, shape (g, m) each, and the weight of each noise level, (g,)."""
         (squares, axes), weight = self._axes, np.exp(-2.0 * log_sigma)
         b = np.multiply.outer(weight, self.products[0, 1:] @ axes) - self.prior.fitted @ axes
         return 1.0 + np.multiply.outer(weight, squares), b, weight
 
     def log_evidence(self, log_sigma: np.ndarray) -> np.ndarray:
-        """For noise of these logarithms, shape (g,)."""
+        """Return the log evidence for noise with the given logarithms, shape (g,)."""
         m, b, weight = self._along(log_sigma)
         squares = weight * self.products[0, 0] + self.prior.fitted @ self.prior.fitted - (b**2 / m).sum(axis=1)
         variances = self.logs + self.count * (LOG_2PI + 2.0 * log_sigma)
         return -0.5 * (squares + variances + np.log(m).sum(axis=1)) + self._allowed(m, b)
 
     def coordinates(self, log_sigma: float) -> tuple[np.ndarray, np.ndarray]:
-        """Mean (m,) and covariance (m, m) of the coordinates, none of which is limited."""
+        """Return mean (m,) and covariance (m, m) of the coordinates, ignoring their limits."""
         m, b, _ = self._along(np.array([log_sigma]))
         axes = self._axes[1]
         return self.prior.fitted + axes @ (b[0] / m[0]), axes / m[0] @ axes.T
 
     def _allowed(self, m: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """Log of the posterior over the prior probability that the limited coordinates are where they may be."""
+        """Return the log ratio of posterior to prior probability that the limited coordinates are within their
+        limits.
+        """
         limited = np.isfinite(self.prior.above)
         if not limited.any():
             return np.zeros(len(m))

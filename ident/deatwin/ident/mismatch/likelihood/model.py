@@ -16,7 +16,7 @@ from deatwin.plant.errors import DataError
 
 @dataclass(frozen=True, kw_only=True)
 class Process:
-    """A stationary sum of independent first-order processes: shares of the variance, and time constants in s."""
+    """A stationary sum of independent first-order processes, given by shares of the variance and time constants in s."""
 
     weights: tuple[float, ...]
     times: tuple[float, ...]
@@ -35,7 +35,7 @@ class Process:
 
 @dataclass(frozen=True, kw_only=True)
 class LogNormal:
-    """A positive scale that is known up to a factor; known exactly where the spread of its logarithm is 0."""
+    """A positive scale with a log-normal prior; it is known exactly if the spread is 0."""
 
     median: float
     spread: float = 0.0
@@ -54,9 +54,9 @@ class LogNormal:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reading:
-    """One reading of a rig: its name, its unit, and its accuracy.
+    """Residual of one reading, with the columns and priors that the likelihood needs.
 
-    `times` (n,) in s; `records` (n,) is another number in each recording, which starts from the stationary process;
+    `times` (n,) are in s; `records` (n,) numbers the recordings, each of which starts from the stationary process;
     `residual` (n,) is measured minus fitted; `columns` (n, m) the derivative by each coordinate. All SI.
     """
 
@@ -80,7 +80,7 @@ class Reading:
 
     @property
     def rows(self) -> np.ndarray:
-        """The residual and the columns, one in each row, shape (m + 1, n)."""
+        """Residual and columns as rows, shape (m + 1, n)."""
         return np.ascontiguousarray(np.column_stack([self.residual, self.columns]).T)
 
 
@@ -93,7 +93,7 @@ class Prior:
 
     @classmethod
     def of(cls, *blocks: tuple[int, np.ndarray | None], one_sided: Sequence[int] = ()) -> Self:
-        """Blocks of so many coordinates, fitted where given and 0 otherwise; numbers of those that stay above 0."""
+        """Join blocks of coordinates, at the fitted values or 0, and say which of them cannot be negative."""
         fitted = np.concatenate([np.zeros(m) if at is None else at for m, at in blocks])
         above = np.full(fitted.size, -np.inf)
         above[list(one_sided)] = 0.0

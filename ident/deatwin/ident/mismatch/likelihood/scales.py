@@ -57,7 +57,7 @@ def evidence(readings: Sequence[Reading], prior: Prior) -> Evidence:
 
 
 def weighed(reading: Reading, prior: Prior, log_ratios: np.ndarray) -> list[Weighed]:
-    """A reading at several ratios."""
+    """Evaluate a reading at several ratios of error to noise."""
     rows, size = reading.rows, 1 + reading.columns.shape[1]
     seen = np.flatnonzero(rows.any(axis=1))  # another reading's own error is not in this one
     known, logs = grams(reading.process, np.exp(log_ratios), (reading.times, reading.records), rows[seen])
@@ -68,7 +68,7 @@ def weighed(reading: Reading, prior: Prior, log_ratios: np.ndarray) -> list[Weig
 
 
 class _Curve:
-    """Log of the integrand over log ρ, at rising places, with the most probable log σ there."""
+    """Log of the integrand over log ρ, at increasing values, with the most probable log σ at each."""
 
     def __init__(self, reading: Reading, prior: Prior) -> None:
         self._reading, self._prior = reading, prior
@@ -87,7 +87,7 @@ class _Curve:
         return np.array([self._known[at][0] for at in sorted(self._known)])
 
     def best(self) -> tuple[float, float, Weighed]:
-        """log ρ, log σ and the fit where the integrand is largest."""
+        """Return log ρ, log σ and the fit at the maximum of the integrand."""
         at = max(self._known, key=lambda at: self._known[at][0])
         return at, *self._known[at][1:]
 
@@ -107,7 +107,7 @@ def _of_one(reading: Reading, prior: Prior) -> Evidence:
 
 
 def _integral(curve: _Curve, centre: float, spread: float) -> float:
-    """Log of the integral over log ρ: over the prior, about the best value there, then across the peak."""
+    """Integrate over log ρ: over the prior, about the best value there, then across the peak; return the logarithm."""
     from scipy.interpolate import CubicSpline
 
     curve.extend(centre + FAR * spread * np.linspace(-1.0, 1.0, NODES))
@@ -142,7 +142,7 @@ def _integral(curve: _Curve, centre: float, spread: float) -> float:
 
 
 def _over_noise(fit: Weighed, reading: Reading, log_ratio: float) -> tuple[float, float]:
-    """Log of the integral over log σ at one ρ, times the prior of κ; and the most probable log σ."""
+    """Integrate over log σ at one ρ, times the prior of κ; return the logarithm, and the most probable log σ."""
 
     def log_density(log_sigma: np.ndarray) -> np.ndarray:
         priors = reading.sigma.log_density(log_sigma) + reading.kappa.log_density(log_sigma + log_ratio)
@@ -164,7 +164,7 @@ def _over_noise(fit: Weighed, reading: Reading, log_ratio: float) -> tuple[float
 
 
 def _of_several(readings: Sequence[Reading], prior: Prior) -> Evidence:
-    """By Laplace's rule over the scales that are unknown, from where each reading by itself has them."""
+    """Integrate over the unknown scales by Laplace's rule, starting at the best scales of each reading alone."""
     start = np.array([_near(reading, prior) for reading in readings])
     unknown = np.array([[r.kappa.spread > 0.0, r.sigma.spread > 0.0] for r in readings])
     joint = _Joint(readings, prior)
@@ -187,7 +187,7 @@ def _of_several(readings: Sequence[Reading], prior: Prior) -> Evidence:
 
 
 def _near(reading: Reading, prior: Prior) -> tuple[float, float]:
-    """log κ and log σ near which a reading by itself has them: the best of the ratios that are tried first."""
+    """Return log κ and log σ near the optimum of a reading alone: the best of the first ratios."""
     centre = float(np.log(reading.kappa.median / reading.sigma.median))
     spread = float(np.hypot(reading.kappa.spread, reading.sigma.spread))
     curve = _Curve(reading, prior)
@@ -197,14 +197,14 @@ def _near(reading: Reading, prior: Prior) -> tuple[float, float]:
 
 
 class _Joint:
-    """Several readings weighed together: their products add up."""
+    """Several readings evaluated together; their products are added."""
 
     def __init__(self, readings: Sequence[Reading], prior: Prior) -> None:
         self._readings, self._prior = readings, prior
         self._known: dict[tuple[int, float], Weighed] = {}
 
     def fit(self, scales: np.ndarray) -> Weighed:
-        """At log κ and log σ of each reading, (J, 2); the noise is in the products."""
+        """Fit at log κ and log σ of each reading, (J, 2); the products already include the noise."""
         parts = [self._part(j, round(float(k - s), 9)) for j, (k, s) in enumerate(scales)]
         weights = np.exp(-2.0 * scales[:, 1])
         return Weighed(
@@ -215,7 +215,7 @@ class _Joint:
         )
 
     def log_density(self, scales: np.ndarray) -> float:
-        """Log evidence at these scales, times their priors."""
+        """Return the log evidence at given scales plus their log priors."""
         priors = [
             (r.kappa.log_density(k) + r.sigma.log_density(s)) for r, (k, s) in zip(self._readings, scales, strict=True)
         ]
@@ -247,7 +247,7 @@ def _maximum(of: Callable[[np.ndarray], float], start: np.ndarray) -> tuple[np.n
 
 
 def _slopes(of: Callable[[np.ndarray], float], at: np.ndarray, value: float) -> tuple[np.ndarray, np.ndarray]:
-    """First and second derivatives by central differences."""
+    """Return first and second derivatives, by central differences."""
     units = STEP * np.eye(at.size)
     ups, downs = np.array([of(at + u) for u in units]), np.array([of(at - u) for u in units])
     bend = np.diag((ups - 2.0 * value + downs) / STEP**2)

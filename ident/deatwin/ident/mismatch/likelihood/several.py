@@ -1,4 +1,4 @@
-"""The plant's own error in each of several readings, and what they say together: products over readings add up."""
+"""Model errors of several readings, and their combined information: products over readings are added."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from deatwin.plant.rigs.base import Rig
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OwnErrors:
-    """One error for each reading, in the units of `Part.measured`; `at` are its samples among all, (n_j,) each."""
+    """One model error per reading, in the units of `Part.measured`; `at` selects its samples, (n_j,) each."""
 
     of: tuple[OwnError, ...]
     at: tuple[np.ndarray, ...]
 
     @property
     def readings(self) -> np.ndarray:
-        """Return what the plant reads, over all samples, shape (n,)."""
+        """Return the simulated readings over all samples, shape (n,)."""
         return self._joined([one.readings for one in self.of])
 
     @property
@@ -35,7 +35,7 @@ class OwnErrors:
 
     @cached_property
     def columns(self) -> np.ndarray:
-        """Return what repeats in each reading by itself, shape (n, k): each column is zero in all readings but one."""
+        """Return the repeatable error of each reading, shape (n, k): each column is nonzero in one reading only."""
         size, first = sum(at.size for at in self.at), 0
         found = np.zeros((size, sum(one.columns.shape[1] for one in self.of)))
         for one, at in zip(self.of, self.at, strict=True):
@@ -71,11 +71,11 @@ class OwnErrors:
         ]
 
     def each(self, rows: np.ndarray) -> list[np.ndarray]:
-        """Return what each reading says of changes `rows` (m, n) and of pairs of them, shape (m, m)."""
+        """Return the information of each reading on changes `rows` (m, n), as products of pairs, shape (m, m)."""
         return [products_of(one, rows[:, at]) for one, at in zip(self.of, self.at, strict=True)]
 
     def products(self, rows: np.ndarray) -> np.ndarray:
-        """Return what all readings say of changes `rows` (m, n) and of pairs of them, shape (m, m)."""
+        """Return the information of all readings on changes `rows` (m, n), as products of pairs, shape (m, m)."""
         return np.sum(self.each(rows), axis=0)
 
     def _joined(self, pieces: Sequence[np.ndarray]) -> np.ndarray:
@@ -115,7 +115,9 @@ def own_errors(rig: Rig, parts: Sequence[Part], readings: np.ndarray, noise: flo
 
 
 def products_of(error: OwnError, rows: np.ndarray) -> np.ndarray:
-    """Return what one reading says of changes `rows` (m, n), once its own repeatable error is fitted, shape (m, m)."""
+    """Return the information of one reading on changes `rows` (m, n), after fitting its repeatable error, shape (m,
+    m).
+    """
     repeats = error.columns.shape[1]
     together = np.ascontiguousarray(np.vstack([error.columns.T, rows]) / error.noise)
     (whole,), _ = grams(error.process, np.array([error.ratio]), (error.times, error.records), together)
@@ -123,6 +125,6 @@ def products_of(error: OwnError, rows: np.ndarray) -> np.ndarray:
 
 
 def taken_up(whole: np.ndarray, count: int) -> np.ndarray:
-    """Products that are left once the first coordinates, of unit deviation beforehand, are fitted; `whole` (m, m)."""
+    """Return the products after fitting the first coordinates, which have a unit prior deviation; `whole` (m, m)."""
     own, across, among = whole[:count, :count] + np.eye(count), whole[:count, count:], whole[count:, count:]
     return np.asarray(among - across.T @ np.linalg.solve(own, across))

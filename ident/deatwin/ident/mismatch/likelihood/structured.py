@@ -24,14 +24,14 @@ GRID = 200
 
 
 def bends(simulated: np.ndarray, rms: float) -> np.ndarray:
-    """Polynomials of a reading (n,), orthonormal on the samples, (n, 6): `rms` is that of all of them together, SI."""
+    """Return polynomials of a reading (n,), orthonormal on the samples, (n, 6); `rms` is that of all together, SI."""
     first, last = DEGREES
     basis = np.linalg.qr(legvander(_unit(simulated), last))[0][:, first:]
     return basis * rms * np.sqrt(simulated.size / basis.shape[1])
 
 
 def timing(simulated: np.ndarray, times: np.ndarray, records: np.ndarray, shift: float) -> np.ndarray:
-    """The derivative of a reading by time within each recording, times a shift in s, (n, 1)."""
+    """Return the time derivative of a reading within each recording, multiplied by a shift in s, (n, 1)."""
     slopes = np.zeros_like(simulated)
     for record in np.unique(records):
         own = records == record
@@ -41,13 +41,15 @@ def timing(simulated: np.ndarray, times: np.ndarray, records: np.ndarray, shift:
 
 
 def known(directions: np.ndarray, sizes: Sequence[float]) -> np.ndarray:
-    """Directions (n, k) of any length, as they come with these rms, SI."""
+    """Scale directions (n, k) of any length to given rms values, SI."""
     lengths = np.sqrt(np.mean(directions**2, axis=0))
     return directions * np.divide(sizes, lengths, out=np.zeros_like(lengths), where=lengths > 0.0)
 
 
 def slow(times: np.ndarray, rms: float, constant: float, count: int) -> np.ndarray:
-    """The largest principal directions of a slow first-order process, (n, count): its rms, SI, and time constant, s."""
+    """Return the largest principal directions of a slow first-order process, (n, count), with given rms, SI, and time
+    constant, s.
+    """
     grid = np.linspace(times.min(), times.max(), GRID)
     cov = rms**2 * np.exp(-np.abs(grid[:, None] - grid) / constant)
     squares, modes = np.linalg.eigh(cov)
@@ -77,6 +79,6 @@ def law(contribution: np.ndarray, times: np.ndarray, level: np.ndarray | float =
 
 
 def _unit(values: np.ndarray) -> np.ndarray:
-    """Values from -1 to 1."""
+    """Scale values to the range from -1 to 1."""
     low, high = float(values.min()), float(values.max())
     return np.zeros_like(values) if high == low else 2.0 * (values - low) / (high - low) - 1.0

@@ -38,7 +38,7 @@ class Filter:
 
     @property
     def variances(self) -> np.ndarray:
-        """Stationary, of each component, shape (k, p)."""
+        """Stationary variance of each component, shape (k, p)."""
         return np.multiply.outer(self.ratios**2, np.array(self.process.weights))
 
     def decay(self, step: float) -> np.ndarray:
@@ -46,17 +46,17 @@ class Filter:
         return np.exp(-step / np.array(self.process.times))
 
     def start(self) -> np.ndarray:
-        """P before the first sample of a recording, shape (k, p, p)."""
+        """Return P before the first sample of a recording, shape (k, p, p)."""
         return self.variances[:, :, None] * np.eye(len(self.process.weights))
 
     def gain(self, cov: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Gains (k, p) and variances of the innovation (k,) for P."""
+        """Return gains (k, p) and innovation variances (k,) for a given P."""
         row = cov.sum(axis=2)
         innovation = row.sum(axis=1) + 1.0
         return row / innovation[:, None], innovation
 
     def ahead(self, cov: np.ndarray, step: float) -> np.ndarray:
-        """P a sample later, its reading taken in."""
+        """Return P one sample later, after its reading is included."""
         gain, innovation = self.gain(cov)
         decay = self.decay(step)
         left = cov - np.einsum("ki,kj,k->kij", gain, gain, innovation)
@@ -64,7 +64,7 @@ class Filter:
         return left * np.outer(decay, decay) + grown[:, :, None] * np.eye(decay.size)
 
     def settled(self, step: float) -> np.ndarray:
-        """P that stays, by doubling (Anderson 1978, doi:10.1016/0005-1098(78)90088-3), shape (k, p, p)."""
+        """Return the stationary P, by doubling (Anderson 1978, doi:10.1016/0005-1098(78)90088-3), shape (k, p, p)."""
         decay, k = self.decay(step), self.ratios.size
         unit = np.eye(decay.size)
         move = np.broadcast_to(np.diag(decay), (k, *unit.shape))
@@ -82,7 +82,7 @@ class Filter:
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Innovations of some samples for some of the ratios: (k, m, n), and their variances, (k, n)."""
+    """Innovations of some samples for some ratios, (k, m, n), with their variances, (k, n)."""
 
     samples: slice
     ratios: slice
@@ -91,14 +91,14 @@ class Block:
 
     @property
     def whitened(self) -> np.ndarray:
-        """Innovations of variance 1."""
+        """Innovations divided by their standard deviations."""
         return self.values / np.sqrt(self.variances)[:, None, :]
 
 
 def blocks(
     process: Process, ratios: np.ndarray, clock: tuple[np.ndarray, np.ndarray], rows: np.ndarray
 ) -> Iterator[Block]:
-    """All innovations of rows (m, n) on a clock: times and numbers of records, (n,) each."""
+    """Yield the innovations of rows (m, n) in blocks; times and recording numbers are (n,) each."""
     times, records = clock
     ends = [*(1 + np.flatnonzero(np.diff(records))), times.size]
     for first, last in zip([0, *ends[:-1]], ends, strict=True):
@@ -108,7 +108,7 @@ def blocks(
 def grams(
     process: Process, ratios: np.ndarray, clock: tuple[np.ndarray, np.ndarray], rows: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Products of the whitened rows with each other, (k, m, m), and sums of the log variances, (k,)."""
+    """Return products of the whitened rows with each other, (k, m, m), and sums of the log variances, (k,)."""
     products, logs = np.zeros((ratios.size, len(rows), len(rows))), np.zeros(ratios.size)
     for block in blocks(process, ratios, clock, rows):
         products[block.ratios] += [w @ w.T for w in block.whitened]  # a matrix by itself: half the work
@@ -117,7 +117,7 @@ def grams(
 
 
 def whitened(process: Process, ratio: float, clock: tuple[np.ndarray, np.ndarray], rows: np.ndarray) -> np.ndarray:
-    """The rows (m, n), whitened for unit noise and one ratio."""
+    """Return the rows (m, n), whitened for unit noise and one ratio."""
     result = np.empty_like(rows)
     for block in blocks(process, np.array([ratio]), clock, rows):
         result[:, block.samples] = block.whitened[0]
@@ -125,7 +125,7 @@ def whitened(process: Process, ratio: float, clock: tuple[np.ndarray, np.ndarray
 
 
 def _recording(of: Filter, times: np.ndarray, rows: np.ndarray, first: int) -> Iterator[Block]:
-    """Stretch by stretch of the same step: the gains one by one until they have settled, then a linear filter."""
+    """Filter stretches of equal time steps: gain by gain until they have settled, then by a linear filter."""
     steps = np.diff(times, append=2.0 * times[-1] - times[-2] if times.size > 1 else times[-1] + 1.0)
     changes = 1 + np.flatnonzero(np.abs(np.diff(steps)) > SAME_STEP * steps[:-1])
     cov, state, at = of.start(), np.zeros((of.ratios.size, len(rows), len(of.process.times))), 0
@@ -143,7 +143,7 @@ def _recording(of: Filter, times: np.ndarray, rows: np.ndarray, first: int) -> I
 
 
 def _is_settled(of: Filter, cov: np.ndarray, final: np.ndarray) -> bool:
-    """Return whether P is where it stays, against the innovation's variance."""
+    """Return whether P has become stationary, relative to the innovation's variance."""
     allowed = (SETTLED + ROUNDING * of.ratios**2) * of.gain(final)[1]
     return bool((np.abs(cov - final).sum(axis=(1, 2)) <= allowed).all())
 
@@ -151,7 +151,7 @@ def _is_settled(of: Filter, cov: np.ndarray, final: np.ndarray) -> bool:
 def _varying(
     of: Filter, cov: np.ndarray, final: np.ndarray, step: float, state: np.ndarray, rows: np.ndarray, first: int
 ) -> tuple[Block, np.ndarray]:
-    """Sample by sample until the gains have settled; moves `state` (k, m, p) on."""
+    """Filter sample by sample until the gains have settled; `state` (k, m, p) is advanced."""
     decay, values, variances = of.decay(step), [], []
     for row in rows.T:
         gain, innovation = of.gain(cov)
@@ -169,7 +169,7 @@ def _varying(
 def _steady(
     of: Filter, cov: np.ndarray, step: float, state: np.ndarray, rows: np.ndarray, first: int
 ) -> Iterator[Block]:
-    """One linear filter of the process' order for each ratio; moves `state` (k, m, p) on."""
+    """Apply one linear filter per ratio, of the process' order; `state` (k, m, p) is advanced."""
     from scipy.signal import lfilter
 
     decay, (gains, variances), n = of.decay(step), of.gain(cov), rows.shape[1]

@@ -1,4 +1,4 @@
-"""Closure test: is an unknown force at a place a repeatable function of the signals there?
+"""Test by closure: is an unknown force at a place a repeatable function of the signals there?
 
 With one input and one output, forces at several places can explain a residual equally well. At the right place the force
 is a simple function of the signal there and of its past, and the same function in all records. So for each place a few
@@ -116,7 +116,7 @@ def closure_p_value(regressions_: Sequence[Regression], rng: np.random.Generator
 
 
 def _pursuit(residual: Array, parameters: Array, answers: Array) -> list[int]:
-    """Return the features in the order in which each reduces the residual most."""
+    """Return the features in the order in which each most reduces the residual."""
     across = tangent_basis(parameters)
     left, new = taken_off(residual, across), taken_off(answers, across)
     lengths = np.linalg.norm(answers, axis=0)
@@ -136,7 +136,7 @@ def _pursuit(residual: Array, parameters: Array, answers: Array) -> list[int]:
 
 
 def _nested_fits(columns: Array, target: Array, count: int) -> list[Array]:
-    """Return least-squares fits with all but the last `count` columns, then with one more at a time."""
+    """Return least-squares fits without the last `count` columns, then with one more column at a time."""
     first = columns.shape[1] - count
     steady = np.vstack([columns, STEADY * np.eye(columns.shape[1])])
     q, r = np.linalg.qr(steady)

@@ -1,4 +1,4 @@
-"""Signals of which a quantity in the plant may be a function: its signal, rate, past, and the clock."""
+"""Features for a quantity in the plant: functions of its signal, its rate, its past, and the clock."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ def features(linear: Linear, opening: Opening) -> Array:
 
 
 def signal_at(linear: Linear, opening: Opening) -> str:
-    """Name of the signal that what enters at a place can know."""
+    """Return the name of the signal on which the unknown input at a place can depend."""
     rig = linear.plant.rig
     return rig.input_name if opening.place == Place.DRIVE.value else rig.output_name
 
 
 def _past(signal: Array, time: float) -> Array:
-    """Low pass of a signal, of its square, and the square of the first; `time` in samples."""
+    """Return low passes of a signal and of its square, and the square of the first; `time` in samples."""
     from scipy.signal import lfilter
 
     kept = np.exp(-1 / time)
@@ -60,7 +60,7 @@ def _past(signal: Array, time: float) -> Array:
 
 
 def _play(signal: Array, width: float) -> Array:
-    """The play operator: it follows a signal that pulls it along by either end of a slot."""
+    """Apply the play operator: the output follows the signal only when pushed by an end of the slot."""
     moved, at = [], float(signal[0])
     for value in signal.tolist():
         at = min(max(at, value - width), value + width)

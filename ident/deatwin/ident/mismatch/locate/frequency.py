@@ -95,5 +95,5 @@ def locate_frequency(tracks: Sequence[Track], noise: float) -> Bands:
 
 
 def _runs(lines: np.ndarray) -> list[np.ndarray]:
-    """Consecutive integers, in groups; a gap of one line does not part a group."""
+    """Group consecutive integers; a gap of one line does not split a group."""
     return [run for run in np.split(lines, np.flatnonzero(np.diff(lines) > 2) + 1) if run.size]

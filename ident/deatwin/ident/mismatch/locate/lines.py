@@ -1,4 +1,4 @@
-"""Under a periodic input: which lines of the residual's spectrum the mismatch fills.
+"""Under a periodic input, find the spectral lines that the mismatch fills.
 
 A periodic input excites some lines of the spectrum. What is left there, the linear dynamics or the gain got wrong;
 what stands on even lines that were not excited comes from an even nonlinearity, on odd ones from an odd one; and what
@@ -72,7 +72,7 @@ def locate_lines(tracks: Sequence[Track], noise: float) -> Lines | None:
 
 
 def _period(command: Array) -> int | None:
-    """Samples after which a command repeats itself, from its end backward, at least `FEWEST_PERIODS` times."""
+    """Return after how many samples a command repeats, counted back from its end, at least `FEWEST_PERIODS` times."""
     n, span = command.size, float(np.ptp(command)) if command.size else 0.0
     if not span > 0:
         return None
@@ -113,7 +113,7 @@ def _grouped(track: Track, command: Array, period: int, noise: float) -> Lines:
 
 
 def _group(kind: str, power: Array, varying: Array, periods: int, period: int) -> LineGroup:
-    """Mean over periods against what varies between them: Fisher's F, two degrees of freedom a line."""
+    """Test the mean over periods against the variation between them (Fisher's F, two degrees of freedom per line)."""
     count = power.size
     ratio = float(power.sum()) * periods / max(float(varying.sum()), 1e-300)
     steady = max(0.0, float((power - varying / periods).sum()))
@@ -126,7 +126,7 @@ def _group(kind: str, power: Array, varying: Array, periods: int, period: int) -
 
 
 def _repeats(command: Array, period: int) -> int:
-    """Whole periods at the end of a command."""
+    """Return the number of complete periods at the end of a command."""
     span = float(np.ptp(command))
     same = np.abs(command[period:] - command[:-period]) <= SAME * span
     broken = np.flatnonzero(~same)

@@ -169,7 +169,7 @@ def locate(base: Candidate, problem: DiagnosisProblem, checked: DataQuality, rng
 
 
 def _of_further(base: Candidate, problem: DiagnosisProblem, checked: DataQuality) -> tuple[ReadingLocation, ...] | None:
-    """Return where the mismatch is in each further reading that was recorded."""
+    """Return where the mismatch lies in each further recorded reading."""
     plant = base.calibration.plant
     records = [record for experiment in checked.experiments for record in experiment.recordings]
     found = []
@@ -189,7 +189,7 @@ def _of_further(base: Candidate, problem: DiagnosisProblem, checked: DataQuality
 
 
 def _sound(checked: DataQuality, simulated: Sequence[np.ndarray]) -> list[Recording]:
-    """A reading at fault says nothing of the response: the simulated one takes its place."""
+    """Replace faulty readings, which say nothing about the response, by simulated ones."""
     records = [record for experiment in checked.experiments for record in experiment.recordings]
     masks = [mask for each in checked.usable for mask in each]
     return [

@@ -1,4 +1,4 @@
-"""Location of the mismatch in the plant: an unknown force is allowed at each place in turn."""
+"""Locate the mismatch in the plant: an unknown force is allowed at one place at a time."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class OpenedPlace:
 
     @property
     def summary(self) -> PlaceSummary:
-        """The place as a diagnosis has it."""
+        """Return the summary for a diagnosis."""
         return PlaceSummary(
             place=self.place,
             score=self.score,
@@ -82,17 +82,17 @@ class Places(Described):
 
     @property
     def repeatable(self) -> bool:
-        """Return whether the mismatch is a repeatable function of the signals anywhere."""
+        """Return whether the mismatch is a repeatable function of the signals at any place."""
         return self.closure_p_value < REPEATABLE
 
     @property
     def among_best(self) -> tuple[str, ...]:
-        """The places that the recordings do not tell apart, the best first; empty where nothing is repeatable."""
+        """Return the places that the recordings cannot distinguish, the best first; empty if nothing is repeatable."""
         return tuple(dict.fromkeys(o.place for o in self.opened if o.among_best)) if self.repeatable else ()
 
     @property
     def summary(self) -> tuple[PlaceSummary, ...]:
-        """The places as a diagnosis has them: each with its best signal, the best first."""
+        """Return the summary of each place with its best signal, the best place first."""
         best: dict[str, PlaceSummary] = {}
         for one in self.opened:
             best.setdefault(one.place, one.summary)
@@ -153,7 +153,7 @@ def locate_place(base: Candidate, problem: DiagnosisProblem, rng: np.random.Gene
 
 
 def _openings(plant: Plant) -> tuple[Opening, ...]:
-    """Return the declared signals of a rig; without any, its parameters and states; for a foreign model, its reading."""
+    """Return the signals that a rig offers; without any, its parameters and states; for a foreign model, its reading."""
     if not plant.rig.equations_known:
         return ()
     offered = places(plant)

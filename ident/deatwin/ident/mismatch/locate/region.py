@@ -114,7 +114,7 @@ def locate_region(tracks: Sequence[Track], unit: float) -> Regions:
 
 
 def _signals(track: Track) -> Mapping[str, np.ndarray]:
-    """The track's signals, the branch of the motion, and the time since the command stood still."""
+    """Return the track's signals, the branch of the motion, and the time since the command last rested."""
     made = {}
     rate = next((values for name, values in track.signals.items() if name.endswith(RATE)), None)
     if rate is not None:
@@ -126,7 +126,7 @@ def _signals(track: Track) -> Mapping[str, np.ndarray]:
 
 
 def _since_rest(command: np.ndarray, sample_time: float) -> np.ndarray:
-    """Time since a command last rested; since the beginning of the record before it ever did, s."""
+    """Return the time since a command last rested; before the first rest, since the record began; s."""
     samples = np.arange(command.size)
     moved = np.concatenate([[True], np.diff(command) != 0])
     still = samples - np.maximum.accumulate(np.where(moved, samples, 0))
@@ -135,7 +135,7 @@ def _since_rest(command: np.ndarray, sample_time: float) -> np.ndarray:
 
 
 def _bins(name: str, values: np.ndarray, residual: np.ndarray, seconds: np.ndarray) -> list[Bin]:
-    """Bins of equal counts, or one for each value where a signal has few."""
+    """Return bins of equal counts, or one bin per value if a signal has few values."""
     distinct = np.unique(values)
     if 1 < distinct.size <= BINS:
         between = (distinct[1:] + distinct[:-1]) / 2
@@ -165,7 +165,7 @@ def _bins(name: str, values: np.ndarray, residual: np.ndarray, seconds: np.ndarr
 
 
 def _mean_test(values: np.ndarray, seconds: np.ndarray) -> tuple[float, float, float]:
-    """Mean, its standard error and its two-sided p-value from the scatter of the means of whole seconds."""
+    """Return the mean, its standard error and two-sided p-value, from the scatter of the means of whole seconds."""
     _, inverse = np.unique(seconds, return_inverse=True)
     means = np.bincount(inverse, weights=values) / np.bincount(inverse)
     if means.size < 3:

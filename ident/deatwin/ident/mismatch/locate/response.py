@@ -95,7 +95,7 @@ def draw_response(found: Sequence[ResponseDifference], ax: Axes | None = None) -
 
 
 def _top_frequency(readings: Sequence[Array], sample_time: float) -> float:
-    """Frequency below which readings have nearly all of their power, Hz."""
+    """Return the frequency below which readings have nearly all of their power, Hz."""
     from scipy.signal import welch
 
     segment = min(reading.size for reading in readings)
@@ -111,7 +111,7 @@ def _thinned(record: Recording, reading: Array, factor: int) -> Recording:
 def _compared(
     measured: Sequence[Recording], simulated: Sequence[Recording], bands: Sequence[Range], model_error: float
 ) -> list[ResponseDifference]:
-    """Test each order and band, without correction."""
+    """Test each order and band, without correction for the number of tests."""
     plant = Fixed(terms=TERMS).fit(simulated).model_
     actuator = _with_instruments(plant, measured, simulated)
     commands = np.concatenate([record.inputs[0] for record in simulated])
@@ -128,7 +128,7 @@ def _compared(
 
 
 def _with_instruments(plant: NarxModel, measured: Sequence[Recording], simulated: Sequence[Recording]) -> NarxModel:
-    """The plant's model with the parameters that the recordings give by instrumental variables."""
+    """Return the plant's model with parameters estimated from the recordings by instrumental variables."""
     instruments = Regression.on(simulated, plant.table).matrix()[0]
     data = Regression.on(measured, plant.table)
     rows, target = data.matrix()
@@ -138,7 +138,7 @@ def _with_instruments(plant: NarxModel, measured: Sequence[Recording], simulated
 
 
 def _difference(ours: BandMean, theirs: BandMean, own: Array, other: Array, margin: float) -> ResponseDifference:
-    """Test one mean; ``own`` and ``other`` are what the same blocks say of plant and actuator."""
+    """Test one mean; ``own`` and ``other`` are the contributions of the same blocks for plant and actuator."""
     cosines = Cosines.of(other @ theirs.gradient.T - own @ ours.gradient.T)
     apart = theirs.value - ours.value
     return ResponseDifference(

@@ -32,7 +32,7 @@ NEARLY = 0.9
 
 
 def _along(name: str) -> Callable[[Times], np.ndarray]:
-    """An array of all tracks, one after another."""
+    """Join an array of all tracks, one after another."""
     return lambda found: np.concatenate([np.zeros(0), *(getattr(track, name) for track in found.tracks)])
 
 
@@ -107,7 +107,7 @@ def locate_time(tracks: Sequence[Track], floor: float) -> Times:
 
 
 def _slope(track: Track, first: int, stop: int) -> float:
-    """Trend of the residual in a window, by least squares on the means of whole seconds; 0 if not significant."""
+    """Return the trend of the residual in a window, by least squares on means of whole seconds; 0 if not significant."""
     size = max(1, round(1.0 / track.sample_time))
     count = (stop - first) // size
     if count < FEWEST_SECONDS:
@@ -122,7 +122,7 @@ def _slope(track: Track, first: int, stop: int) -> float:
 
 
 def _period(tracks: Sequence[Track]) -> float | None:
-    """Lag of the highest peak of the longest residual's autocorrelation, where that is clearly a peak."""
+    """Return the lag of the highest peak of the longest residual's autocorrelation, if that is clearly a peak."""
     track = max(tracks, key=lambda t: t.residual.size)
     n = track.residual.size
     centred = track.residual - track.residual.mean()
@@ -153,7 +153,7 @@ def _few_change_points(features: np.ndarray) -> list[int]:
 
 
 def _change_points(features: np.ndarray, penalty: float) -> list[int]:
-    """Optimal partition of rows of features into pieces of constant mean."""
+    """Divide rows of features optimally into pieces of constant mean."""
     # Differences of neighbours estimate the scatter without the levels.
     scatter = np.median(np.abs(np.diff(features, axis=1)), axis=1) / (0.6745 * np.sqrt(2)) + 1e-300
     standard = features / scatter[:, None]

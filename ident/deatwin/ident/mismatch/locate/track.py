@@ -1,4 +1,4 @@
-"""The residual of one record, and what may go with it."""
+"""The residual of one record, with the signals on which it may depend."""
 
 from __future__ import annotations
 

@@ -64,16 +64,16 @@ class Candidate:
 
     @cached_property
     def fitted_test(self) -> Excess:
-        """Return whether what is left of the fitted part is more than noise and model error."""
+        """Test whether the residual on fitted data exceeds noise and model error."""
         return excess_of(self.calibration.residuals, self.noise, self.calibration.plant.rig.model_error)
 
     @cached_property
     def unseen_test(self) -> Excess:
-        """Return the same of the held-out part."""
+        """Test whether the residual on held-out data exceeds noise and model error."""
         return excess_of(self.unseen, self.noise, self.calibration.plant.rig.model_error)
 
     def with_floor(self, model_error: float) -> Candidate:
-        """Return the same candidate, judged by another model error.
+        """Return the same candidate, judged with another model error.
 
         Parameters
         ----------
@@ -115,12 +115,12 @@ class Candidate:
 
     @property
     def losses(self) -> np.ndarray:
-        """Losses of all blocks, fitted and held-out."""
+        """Mean square residual of each block, on fitted and held-out data."""
         return np.concatenate([block_losses(self.calibration.residuals), block_losses(self.unseen)])
 
     @property
     def mean_squares(self) -> np.ndarray:
-        """Mean square of all residuals, and of those of each experiment that is long enough to be judged alone."""
+        """Mean square of all residuals, and of each experiment that is long enough to be judged alone."""
         parts = [
             np.split(residuals**2, np.cumsum([pair[part] for pair in self.sizes])[:-1])
             for part, residuals in enumerate((self.calibration.residuals, self.unseen))

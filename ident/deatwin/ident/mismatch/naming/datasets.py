@@ -1,4 +1,4 @@
-"""Explanations and variants of the plant as xarray datasets: what each leaves of both parts."""
+"""Explanations and rig variants, with their residuals, as xarray datasets."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ NOISE = "standard deviation of the sensor's noise"
 
 
 def base_tables(base: Forms) -> Variables:
-    """The variants of the base plant, the chosen one first, with their residuals; SI."""
+    """Return the variants of the base plant with their residuals, the chosen one first; SI."""
     unit = base.chosen.calibration.plant.rig.output_unit
     return {**_rows("form", variant_rows(base), unit), "noise": ((), base.noise, unit, NOISE)}
 
@@ -37,7 +37,7 @@ def naming_tables(naming: Explanations) -> Variables:
 
 
 def _rows(dimension: str, rows: Sequence[Row], unit: str) -> Variables:
-    """Candidates as a table, and their residuals beside it; all are judged on the same samples."""
+    """Return candidates as a table, with their residuals; all are judged on the same samples."""
     told = {
         "fitted": (unit, "rms residual on the fitted part"),
         "unseen": (unit, "rms residual on the held-out part"),

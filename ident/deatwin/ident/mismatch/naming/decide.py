@@ -68,8 +68,8 @@ class Naming(Described):
     }
 
     def beside(self, others: Sequence[Candidate]) -> Naming:
-        """Return the same answer with alternatives that were found elsewhere; of equal sets of effects, the one with
-        the most evidence is kept.
+        """Return the same answer with additional alternatives; of equal sets of effects, the one with more evidence
+        is kept.
 
         Parameters
         ----------
@@ -113,7 +113,8 @@ class Naming(Described):
         return replace(self, best=first, alternatives=others, distances=known)
 
     def as_likely(self, others: Sequence[Candidate]) -> Naming:
-        """Return the same answer with alternatives that cannot be compared by evidence, each as likely as the best one.
+        """Return the same answer with alternatives that evidence cannot compare; each gets the probability of the
+        best one.
 
         Parameters
         ----------
@@ -154,7 +155,7 @@ class Naming(Described):
         )
 
     def knowing(self, later: Naming) -> Naming:
-        """Return the same answer with the later trials on the same interpretation of the rig file.
+        """Return the same answer with later trials in the same interpretation of the rig file added.
 
         Parameters
         ----------

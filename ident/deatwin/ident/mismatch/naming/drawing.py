@@ -1,4 +1,4 @@
-"""Explanations and variants of the plant on paper: what each leaves of both parts, beside the sensor's noise."""
+"""Draw the residuals of explanations and rig variants, compared with the sensor's noise."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ COLOURS = {
 
 @dataclass(frozen=True, kw_only=True)
 class _Level:
-    """A line across all bars, SI."""
+    """A horizontal reference line across all bars, SI."""
 
     name: str
     size: float
@@ -69,7 +69,7 @@ def draw_naming(naming: Explanations, ax: Axes | None = None) -> Axes:
 
 
 def _shown(naming: Explanations) -> list[Candidate]:
-    """The base plant; the answer, its alternatives and others, the best on held-out data first."""
+    """Return the base plant, the answer, its alternatives and others, the best on held-out data first."""
     needed = [c for c in (naming.best, *naming.alternatives) if c is not None]
     others = sorted((c for c in naming.candidates[1:] if c not in needed), key=_unseen)
     room = max(MOST - 1 - len(needed), 0)
@@ -81,7 +81,7 @@ def _unseen(candidate: Candidate) -> float:
 
 
 def _conclusion(naming: Explanations, shown: int) -> str:
-    """Return what was found, and in a second line what is not seen in the bars."""
+    """Return what was found and, on a second line, what the bars do not show."""
     tried = len(dict.fromkeys((*naming.candidates[1:], *naming.alternatives)))
     if naming.best is not None:
         found = f"best explanation: {in_words(naming.best)}"
@@ -93,7 +93,7 @@ def _conclusion(naming: Explanations, shown: int) -> str:
 
 
 def _draw(rows: Sequence[Row], levels: Sequence[_Level], title: str, ax: Axes | None) -> Axes:
-    """Two bars for each row, fitted above unseen."""
+    """Draw two bars per row: fitted data above held-out data."""
     names = [_wrapped(row.name, LABEL) for row in rows]
     axes = _new_axes(names) if ax is None else ax
     output_unit = rows[0].candidate.calibration.plant.rig.output_unit
@@ -121,7 +121,7 @@ def _new_axes(names: Sequence[str]) -> Axes:
 
 
 def _scale(axes: Axes, sizes: np.ndarray, levels: Sequence[float]) -> None:
-    """From 0, or logarithmic where the bars' sizes range far."""
+    """Start the axis at 0, or make it logarithmic if the sizes differ widely."""
     seen = sizes[sizes > 0.0]
     if seen.size and seen.max() > WIDE * seen.min():
         axes.set_xscale("log")
@@ -131,7 +131,7 @@ def _scale(axes: Axes, sizes: np.ndarray, levels: Sequence[float]) -> None:
 
 
 def _explain(axes: Axes, rows: Sequence[Row], title: str) -> None:
-    """The legend above the bars, which it would hide, and the title above the legend, however high that is."""
+    """Place the legend above the bars, which it would hide, and the title above the legend."""
     from matplotlib.patches import Patch
 
     lines, _ = axes.get_legend_handles_labels()
@@ -165,6 +165,6 @@ def _amplitude(value: float, output_unit: str) -> str:
 
 
 def _wrapped(text: str, width: int) -> str:
-    """In lines that end after a sign or before a bracket, so that no name is torn apart."""
+    """Break text after a sign or before a bracket, so that no name is split."""
     whole = re.sub(r"(?<![+,;]) (?!\()", "\N{NO-BREAK SPACE}", text)
     return fill(whole, width, break_long_words=False, break_on_hyphens=False).replace("\N{NO-BREAK SPACE}", " ")

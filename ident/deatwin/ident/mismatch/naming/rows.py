@@ -1,4 +1,4 @@
-"""Explanations and variants of the plant by name and role: the rows of their drawings and tables."""
+"""Names and roles of explanations and rig variants, for the rows of drawings and tables."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from deatwin.ident.mismatch.naming.candidate import Candidate, Distance
 
 
 class Forms(Protocol):
-    """The variants of the base plant, as `Base` has them."""
+    """Variants of the base plant, in the form in which `Base` holds them."""
 
     @property
     def chosen(self) -> Candidate: ...
@@ -22,7 +22,7 @@ class Forms(Protocol):
 
 
 class Explanations(Protocol):
-    """The explanations that were tried, as `Naming` has them."""
+    """Explanations that were tried, in the form in which `Naming` holds them."""
 
     @property
     def base(self) -> Candidate: ...
@@ -90,7 +90,7 @@ def _role(candidate: Candidate, naming: Explanations) -> str:
 
 
 def _stated(values: Mapping[str, Any]) -> str:
-    """Return what a rig states of some of its fields, as ``"reading: start of hold, ball: sliding"``."""
+    """Write some fields of a rig in words, such as ``"reading: start of hold, ball: sliding"``."""
     return ", ".join(f"{name.replace('_', ' ')}: {_value(value)}" for name, value in values.items())
 
 

@@ -150,7 +150,7 @@ def response(
 def _of_a_size(
     does: Callable[[float], np.ndarray | None], strength: float, change: np.ndarray, wanted: float
 ) -> np.ndarray:
-    """Return the change per unit of strength, shape (m,), at a strength at which its rms is at most about `wanted`."""
+    """Return the change per unit of strength, shape (m,), at a strength with an rms change of at most about `wanted`."""
     off, enough = _off(change, wanted), np.log(TOO_MUCH)
     most, nearest = strength, (off, change / strength)
     for _ in range(LOOKS if off > enough else 0):

@@ -54,7 +54,7 @@ FAR = 1e-300
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scale:
-    """Evidence of candidates, relative to the `base` plant and with the sensor's `noise`, SI."""
+    """Log evidence of candidates relative to the `base` plant, given the sensor's `noise`, SI."""
 
     problem: DiagnosisProblem
     base: Candidate
@@ -62,7 +62,7 @@ class Scale:
     _weights: dict[tuple[str, ...], tuple[Calibration, float]] = field(default_factory=dict, init=False, repr=False)
 
     def of_two(self, pair: Candidate, alone: Candidate) -> float:
-        """Return the log odds of a pair over one effect, whose law is as likely exact as not."""
+        """Return the log odds of a pair over one effect, whose law is exact or inexact with equal probability."""
         either = np.logaddexp(self.weight(alone), self._evidence(alone, self._law(pair, alone))) - np.log(2.0)
         return self.weight(pair) - float(either) + self._pair_odds + pair.log_share - alone.log_share
 
@@ -138,7 +138,9 @@ class Scale:
         return sum(nominal_odds(fitted, nominal) for fitted, nominal in self._of_the_rig(candidate))
 
     def biased(self, candidate: Candidate) -> float:
-        """Return how unlikely the rig's own parameters are beside right nominal values, in nats; missing physics biases them."""
+        """Return by how many nats the rig's own parameters are less likely than nominal ones; missing physics biases
+        them.
+        """
         return 0.5 * sum(departure(fitted, nominal) ** 2 for fitted, nominal in self._of_the_rig(candidate))
 
     def _of_the_rig(self, candidate: Candidate) -> Iterator[tuple[Parameter, Parameter]]:
@@ -147,7 +149,7 @@ class Scale:
         return ((fit.plant.parameters[name], nominal[name]) for name in fit.names if name in nominal)
 
     def promises(self, alone: Candidate, known: Sequence[LinearisedResponse]) -> dict[str, float]:
-        """Return the log odds of each further effect over an error of the fitted one's law, to first order.
+        """Return the log odds of each further effect over an error in the law of the fitted one, to first order.
 
         Each effect has the shape with the largest odds.
         """

@@ -1,1 +1,1 @@
-"""Before anything is recorded: which effects an input would show, and which it could not tell apart."""
+"""Plan an experiment: which effects an input would reveal, and which it could not distinguish."""

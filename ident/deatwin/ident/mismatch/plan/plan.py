@@ -51,7 +51,7 @@ def plan_experiment(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> ExperimentPlan:
-    """Compute which effects an input would reveal, from which strength on, and which it could not distinguish.
+    """Compute which effects an input would reveal, at which strength, and which it could not distinguish.
 
     The computation is to first order about the nominal plant: its parameters are refitted, and its model error is
     allowed for. An effect counts as found if its expected evidence makes it 95 % probable, and if the part of it that
@@ -128,7 +128,7 @@ def _told(tell: Progress, number: int, inputs: int, effects: int, name: str, don
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Seen:
-    """Changes of the readings by effects of all shapes under an input, and their products."""
+    """Changes of the readings by effects of all shapes under an input, with their products."""
 
     recording: Recording
     error: OwnErrors
@@ -269,7 +269,7 @@ def _plan(plant: Plant, seen: _Seen, name: str, tried: dict[str, float], effects
 
 
 def _telling(seen: _Seen, rows: Sequence[Foreseen]) -> tuple[TellingReading, ...]:
-    """Return the possible readings, those that distinguish most of the remaining pairs first."""
+    """Return the possible readings, those first that distinguish most of the remaining pairs."""
     left = [(row.effect, other) for row in rows for other in row.alike]
     first, found = [effect for effect, _ in left], []
     for sensor, among in seen.beside if left else ():
@@ -317,7 +317,7 @@ def _with_readings(
 
 
 def _inputs(plant: Plant, seconds: float, seed: int) -> dict[str, Recording]:
-    """Return the waveforms of the repertoire that the nominal plant bears."""
+    """Return the waveforms of the repertoire that the nominal plant tolerates."""
     rig = plant.rig
     if rig.command_range is None:
         raise DataError(

@@ -75,7 +75,7 @@ class Foreseen:
 
 @dataclass(frozen=True, kw_only=True)
 class TellingReading(SensorOffer):
-    """Reading that was not recorded, and the pairs of effects that it, but not the input, would distinguish.
+    """A reading that was not recorded, with the pairs of effects that only it would distinguish.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ class TellingReading(SensorOffer):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ExperimentPlan:
-    """Plan of an experiment: the effects that it would reveal, and from which strength on.
+    """Plan of an experiment: the effects that it would reveal, each with the smallest visible strength.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ class ExperimentPlan:
 
     @property
     def _more(self) -> str:
-        """Return what the best reading would tell that the rig does not have."""
+        """State what the best additional reading would distinguish."""
         best = next((one for one in self.readings if one.tells), None)
         if best is None:
             return ""

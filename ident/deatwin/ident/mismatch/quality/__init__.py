@@ -1,1 +1,1 @@
-"""Are the recordings sound, and how loud is their sensor?"""
+"""Check whether the recordings are sound, and how large the noise of their sensor is."""

@@ -1,4 +1,4 @@
-"""Faults of each reading that stand out beside a calibrated plant: stretches in which it is held, and bursts of noise."""
+"""Faults that a comparison with a calibrated plant reveals: held readings and bursts of noise."""
 
 from __future__ import annotations
 

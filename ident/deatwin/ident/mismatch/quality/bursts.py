@@ -1,4 +1,4 @@
-"""Bursts: stretches in which a reading is noisier than elsewhere, as beside a motor that starts or under a loose plug."""
+"""Find bursts, in which a reading is noisier than elsewhere, for instance because of a motor or a loose plug."""
 
 from __future__ import annotations
 
@@ -70,14 +70,14 @@ def noisier(residuals: Sequence[np.ndarray], commands: Sequence[np.ndarray], flo
 
 
 def has_lines(values: np.ndarray) -> bool:
-    """Return whether the fast part of a stretch is concentrated at some frequencies; nan if unknown."""
+    """Return whether the fast part of a stretch is concentrated at some frequencies; NaN if unknown."""
     densities = _densities(np.nan_to_num(values - np.nanmean(values)))
     # Every second line, since a Hann window makes neighbours alike.
     return _is_uneven(densities[int(SLOW * values.size) :: 2])
 
 
 def _is_uneven(lines: np.ndarray) -> bool:
-    """Return whether Fisher's or Bartlett's test finds more power in some lines of a spectrum than in others."""
+    """Return whether Fisher's or Bartlett's test finds more power in some spectral lines than in others."""
     shares = np.cumsum(lines) / np.sum(lines)
     if lines.max() > np.sum(lines) * (1 - (FISHER / lines.size) ** (1 / (lines.size - 1))):
         return True
@@ -85,7 +85,8 @@ def _is_uneven(lines: np.ndarray) -> bool:
 
 
 def _is_white(values: np.ndarray, variance: float, others: np.ndarray, hiding: float) -> bool:
-    """Return whether a stretch is white noise of a variance, and louder than the others, where these do not hide it.
+    """Return whether a stretch is white noise that is larger than the others, at frequencies where these do not hide
+    it.
 
     `others`, (WINDOW // 2 + 1,), are their mean power densities, of which those from `hiding` on hide it.
     """
@@ -103,21 +104,21 @@ def _is_white(values: np.ndarray, variance: float, others: np.ndarray, hiding: f
 
 
 def _densities(values: np.ndarray) -> np.ndarray:
-    """Power at each frequency along the last axis, about the mean; 1 is expected of white noise of unit variance."""
+    """Return the power at each frequency along the last axis, without the mean; white noise of unit variance gives 1."""
     taper = np.hanning(values.shape[-1])
     about = values - values.mean(axis=-1, keepdims=True)
     return np.asarray(np.abs(np.fft.rfft(about * taper)) ** 2 / np.sum(taper**2))
 
 
 def _usual(powers: Sequence[np.ndarray]) -> float | None:
-    """The median of what is known over the windows of all records; None where nothing is."""
+    """Return the median of the known values over the windows of all records; None if nothing is known."""
     known = np.concatenate(powers)
     known = known[np.isfinite(known)]
     return float(np.median(known)) if known.size else None
 
 
 def _windows(residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Squared bends and values of a record's windows, shape (k, n) each; the bends say the variance of white noise."""
+    """Return squared deviations from cubics, and the values, for a record's windows, (k, n) each."""
     if residual.size < WINDOW:
         return np.empty((0, WINDOW)), np.empty((0, WINDOW))
     bends = neighbours_deviation(residual) ** 2 / BEND

@@ -1,4 +1,4 @@
-"""Faults of recordings as data: which, where, how many samples."""
+"""Faults of recordings as data: kind, place, number of samples."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from deatwin.plant.recording import label
 
 
 def faults_of(checked: DataQuality) -> tuple[Fault, ...]:
-    """One for each kind of fault in a recording."""
+    """Return one entry for each kind of fault in a recording."""
     found: list[Fault] = []
     kinds = [("the reading is stuck", checked.stuck), ("the reading has outliers", checked.outliers)]
     kinds += [(f"the {name.replace('_', ' ')} is stuck", masks) for name, masks in checked.stuck_further.items()]

@@ -1,4 +1,4 @@
-"""Readings behind a gap in which the command changed: nobody knows how, and a while they depend on it."""
+"""Find readings after a gap that depend on an unknown change of the command within the gap."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def without_unknown(checked: DataQuality, plant: Plant, noise: float) -> DataQua
 
 
 def _filled(experiment: Experiment, fill: Callable[[np.ndarray, np.ndarray, int], np.ndarray]) -> Experiment:
-    """An experiment with commands in each gap in which they changed."""
+    """Return an experiment with given commands in each gap in which the command changed."""
     first, *others = experiment.recordings
     records: list[Recording] = [first]
     for record in others:
@@ -54,15 +54,15 @@ def _filled(experiment: Experiment, fill: Callable[[np.ndarray, np.ndarray, int]
 
 
 def _early(before: np.ndarray, behind: np.ndarray, gap: int) -> np.ndarray:
-    """The command behind a gap from its beginning on."""
+    """Return the command after a gap, applied from the beginning of the gap."""
     return np.full(gap, behind[0])
 
 
 def _as_before(before: np.ndarray, behind: np.ndarray, gap: int) -> np.ndarray:
-    """The commands before a gap backwards from its beginning on, so that nothing leaps there."""
+    """Return the commands before a gap in reversed order, so that there is no step at its beginning."""
     return np.pad(before[::-1][:gap], (0, max(gap - before.size, 0)), mode="reflect")[:gap]
 
 
 def _as_behind(before: np.ndarray, behind: np.ndarray, gap: int) -> np.ndarray:
-    """The commands behind a gap backwards up to its end."""
+    """Return the commands after a gap in reversed order, up to its end."""
     return _as_before(behind[::-1], before, gap)[::-1]

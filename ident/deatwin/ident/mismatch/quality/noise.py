@@ -1,4 +1,4 @@
-"""The sensor's noise, as recordings show it."""
+"""Estimate the sensor's noise from recordings."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class NoiseFloor:
 
     @property
     def sentence(self) -> str:
-        """Return where the level comes from, in one plain sentence."""
+        """Return a sentence that says where the noise level comes from."""
         return f"the noise is estimated from {self.source.value}"
 
 
@@ -139,7 +139,9 @@ def noise_levels(
 
 
 def _bends(residual: np.ndarray) -> np.ndarray:
-    """Distance of each value from the cubic through its neighbours, of the noise's variance; nan where unknown."""
+    """Return the distance of each value from the cubic through its neighbours, with the noise's variance; NaN if
+    unknown.
+    """
     found = np.full(residual.size, np.nan)
     if residual.size >= MIDDLE.size:
         found[2:-2] = neighbours_deviation(residual)[2:-2] / np.linalg.norm(MIDDLE)
@@ -147,7 +149,9 @@ def _bends(residual: np.ndarray) -> np.ndarray:
 
 
 def _with_signal(logs: np.ndarray, signal: np.ndarray, known: np.ndarray) -> tuple[float, np.ndarray]:
-    """Log odds that log variances `logs` (k,), of the samples `known`, vary with a signal (n,); the variances (n,)."""
+    """Return log odds that log variances `logs` (k,), of the samples `known`, vary with a signal (n,); and the
+    variances (n,).
+    """
     from scipy.ndimage import convolve1d
 
     knots = np.unique(
@@ -171,7 +175,7 @@ def _with_signal(logs: np.ndarray, signal: np.ndarray, known: np.ndarray) -> tup
 
 
 def _is_white(bends: np.ndarray, some: np.ndarray) -> bool:
-    """Return whether at most a share of the power of some bends is of what is smooth, whose bends have the same sign."""
+    """Return whether at most a share of the deviations' power is smooth; smooth deviations keep their sign."""
     pairs = np.flatnonzero(some[1:] & some[:-1])
     if not pairs.size:
         return False

@@ -1,4 +1,4 @@
-"""Before anything is fitted: are the recordings sound, and which samples are fitted, which kept unseen."""
+"""Check recordings before anything is fitted, and divide their samples into fitted and held-out data."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ COARSE = 0.1
 
 
 class Soundness(Enum):
-    """State of the recordings; the text is the advice."""
+    """State of the recordings; each value is an advice."""
 
     SOUND = "the recordings are sound"
     FAULTY = "faulty parts of the recordings are left out"
 
 
 def _joined(name: str) -> Callable[[DataQuality], np.ndarray]:
-    """The marks of all records, one after another."""
+    """Join the marks of all records, one after another."""
     return lambda checked: np.concatenate([mask for masks in getattr(checked, name) for mask in masks])
 
 
@@ -115,7 +115,7 @@ class DataQuality(Described):
 
     @property
     def sound(self) -> Masks:
-        """For each experiment and record, the samples without a fault."""
+        """Samples without a fault, for each experiment and record."""
         return tuple(tuple(~mask for mask in masks) for masks in marked_in_any(self.stuck, self.outliers))
 
     @property
@@ -132,15 +132,15 @@ class DataQuality(Described):
 
     @property
     def _none(self) -> Masks:
-        """No samples at all."""
+        """Return marks without any marked sample."""
         return tuple(tuple(np.zeros_like(mask) for mask in masks) for masks in self.stuck)
 
     def _bursts(self, name: str) -> Masks:
-        """The samples of a reading's bursts."""
+        """Return the samples in the bursts of a reading."""
         return self.bursts.get(name) or self._none
 
     def _left_out(self, name: str) -> Masks:
-        """The samples of a reading that are left out though they are sound."""
+        """Return samples of a reading that are left out although they are sound."""
         return marked_in_any(
             self._bursts(name),
             self.stuck_further.get(name, self._none),
@@ -150,7 +150,7 @@ class DataQuality(Described):
 
     @property
     def _unsettled(self) -> Masks:
-        """The samples in the uncounted time of an unknown start."""
+        """Return the samples in the ignored time of an unknown start."""
         return tuple(tuple(~mask for mask in masks) for masks in self.settled)
 
     def known(self, name: str) -> Masks:
@@ -174,7 +174,7 @@ class DataQuality(Described):
 
     @property
     def soundness(self) -> Soundness:
-        """Return whether there is a fault: a stuck sensor or a burst is a fault, a single outlier is not."""
+        """Return whether the recordings are faulty: by a stuck sensor or a burst, but not by a single outlier."""
         masks = [mask for masks in self.sound for mask in masks]
         bad, total = sum(int((~m).sum()) for m in masks), sum(m.size for m in masks)
         return Soundness.FAULTY if bad > max(10, 1e-3 * total) else Soundness.SOUND
@@ -208,7 +208,7 @@ class DataQuality(Described):
         return tuple(found)
 
     def _described(self, masks: Masks, what: str) -> list[str]:
-        """One line for each record with samples of a kind."""
+        """Return a line for each record that has marked samples of one kind."""
         found = []
         for experiment, marked in zip(self.experiments, masks, strict=True):
             for number, (record, bad) in enumerate(zip(experiment.recordings, marked, strict=True)):
@@ -306,7 +306,7 @@ def check_quality(plant: Plant, experiments: Experiment | Sequence[Experiment]) 
 
 
 def _listed(experiments: Experiment | Sequence[Experiment]) -> tuple[Experiment, ...]:
-    """Return what was given as experiments, if it is that."""
+    """Return the arguments as experiments, after a check."""
     given = tuple(experiments) if isinstance(experiments, Sequence) else (experiments,)
     if not given:
         raise DataError("no recording was given: a diagnosis needs at least one")
@@ -380,7 +380,7 @@ def split(
 
 
 def _cut(record: Recording, sound: np.ndarray, onset: float | None) -> int:
-    """First unseen sample of a record."""
+    """Return the first held-out sample of a record."""
     whole = np.flatnonzero(sound)
     if whole.size == 0:
         return record.n_samples
@@ -391,7 +391,7 @@ def _cut(record: Recording, sound: np.ndarray, onset: float | None) -> int:
 
 
 def _first_late(samples: np.ndarray) -> int:
-    """The first of the unseen share of some samples, which is one at least."""
+    """Return the first of the held-out samples, of which there is at least one."""
     return int(samples[min(round((1 - UNSEEN_SHARE) * samples.size), samples.size - 1)])
 
 

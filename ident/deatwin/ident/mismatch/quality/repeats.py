@@ -1,4 +1,4 @@
-"""Stretches of command that were given more than once: what the readings do differently in them, no plant explains."""
+"""Find repeated stretches of command; differences between their readings cannot come from the plant."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def find_repeats(commands: Sequence[np.ndarray], sample_time: float) -> Repeats 
 
 
 def _next_returns(windows: np.ndarray) -> np.ndarray:
-    """For each window the number of the next one with the same values, -1 if there is none."""
+    """Return, for each window, the number of the next window with equal values; -1 if there is none."""
     # Equal windows have equal sums with any weights, and others hardly ever have.
     count, width = windows.shape
     marks = windows @ np.random.default_rng(0).standard_normal((width, 2))
@@ -94,7 +94,7 @@ def _next_returns(windows: np.ndarray) -> np.ndarray:
 
 
 def _pairs(first: np.ndarray, second: np.ndarray, width: int, settling: int, sample_time: float) -> Repeats | None:
-    """Join windows with one lag to stretches, and pair their samples."""
+    """Join windows of one lag to stretches, and pair their samples."""
     if first.size == 0:
         return None
     cuts = np.flatnonzero((np.diff(first) != 1) | (np.diff(second) != 1)) + 1
@@ -139,11 +139,13 @@ def repeatability(residual: np.ndarray, repeats: Repeats, noise: float) -> Repea
 
 
 def _share(cross: np.ndarray | float, square: np.ndarray | float, noise: float) -> np.ndarray:
-    """Covariance over the variance beyond the noise, which is never less than a tenth of the noise's."""
+    """Return covariance divided by the variance beyond noise, which counts as at least a tenth of the noise's
+    variance.
+    """
     return np.asarray(cross / np.maximum(np.asarray(square) - noise**2, 0.1 * noise**2))
 
 
 def _less_means(values: np.ndarray, run: np.ndarray) -> np.ndarray:
-    """Values less the mean over each run."""
+    """Subtract the mean of each run."""
     _, index = np.unique(run, return_inverse=True)
     return values - (np.bincount(index, weights=values) / np.bincount(index))[index]

@@ -1,4 +1,4 @@
-"""Faults of single readings (stuck, lost, spiked, stepped), and stretches in which a command hides them."""
+"""Find faulty readings (stuck, lost, spikes, steps), and the stretches in which a command hides such faults."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def stuck(record: Recording) -> np.ndarray:
 
 
 def _longest_by_chance(equal: np.ndarray) -> float:
-    """Readings that one run of equal ones may hold by chance, if each is `equal` to the next as often as any other is."""
+    """Return how many equal readings may follow each other by chance, given how often neighbours are `equal`."""
     share = float(equal.mean())
     return 1 + np.log(BY_CHANCE) / np.log(share) if 0.0 < share < 1.0 else np.inf
 
@@ -189,7 +189,7 @@ def lost(record: Recording) -> np.ndarray:
 
 
 def spikes(signal: np.ndarray) -> np.ndarray:
-    """Single values of a `signal` far from the cubic through their four neighbours."""
+    """Find single values of a `signal` far from the cubic through their four neighbours."""
     bend = _bends(signal)
     deviation = np.abs(bend)
     # A spike bends its neighbours' cubics too, by two thirds of its size: only the peak is the outlier.
@@ -202,7 +202,9 @@ def spikes(signal: np.ndarray) -> np.ndarray:
 
 
 def _bends(signal: np.ndarray) -> np.ndarray:
-    """Distance of each value from the cubic through its four neighbours, as if the signal went on at its ends."""
+    """Return the distance of each value from the cubic through its four neighbours, with the signal continued at its
+    ends.
+    """
     return neighbours_deviation(np.pad(signal, 2, mode="edge"))[2:-2]
 
 
@@ -228,7 +230,7 @@ def _usual_share(squares: np.ndarray) -> float:
 
 
 def _beside(bend: np.ndarray) -> np.ndarray:
-    """Return how far the neighbours of each value lie off their cubics once it lies on its own: those have it, too."""
+    """Return how far the neighbours of each value lie from their cubics after it is moved onto its own."""
     padded = np.pad(bend, 2, constant_values=np.nan)
     shares = {1: 2 / 3, 3: 2 / 3, 0: -1 / 6, 4: -1 / 6}
     off = [np.abs(padded[k : k + bend.size] + share * bend) for k, share in shares.items()]
@@ -236,7 +238,7 @@ def _beside(bend: np.ndarray) -> np.ndarray:
 
 
 def jumps(signal: np.ndarray) -> np.ndarray:
-    """First values of a `signal` after a step that takes no longer than a sample."""
+    """Find the first values of a `signal` after steps that take no longer than a sample."""
     # The bend changes by the step's size at the step, and by two thirds of it, the other way, on either side.
     step = np.abs(np.diff(neighbours_deviation(signal), prepend=0.0))
     beside = np.pad(step, 1)
@@ -255,7 +257,7 @@ def _typical(deviation: np.ndarray, signal: np.ndarray) -> float:
 
 
 def clipped(record: Recording) -> np.ndarray:
-    """Readings of a `record` that pile up at a limit."""
+    """Find readings of a `record` that pile up at a limit."""
     mask = np.zeros(record.n_samples, dtype=bool)
     for rows in at_limit(record.outputs[0]).values():
         mask[np.concatenate(rows)] = True
@@ -263,7 +265,7 @@ def clipped(record: Recording) -> np.ndarray:
 
 
 def quiet(record: Recording) -> np.ndarray:
-    """Samples of a `record` away from jumps and corners of the command, after which the film rings."""
+    """Find samples of a `record` away from jumps and corners of the command, after which the film rings."""
     command = record.inputs[0]
     step = np.diff(command, prepend=command[0])
     bend = np.diff(step, prepend=0.0)

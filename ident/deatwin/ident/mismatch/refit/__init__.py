@@ -1,4 +1,4 @@
-"""The base plant, calibrated: is anything wrong but its parameters?"""
+"""Calibrate the base plant, and find out whether only its parameters were wrong."""
 
 from deatwin.ident.mismatch.refit.base import Base, calibrate_base
 

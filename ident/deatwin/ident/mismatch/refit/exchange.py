@@ -1,4 +1,4 @@
-"""Lags in series: the readings determine both time constants, but not which lag has which."""
+"""Lags in series: the readings determine both time constants, but not which belongs to which lag."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def with_exchanged_lags(fit: Calibration, parts: Sequence[Part]) -> Calibration:
 
 
 def exchanged_lags(fit: Calibration) -> Iterator[str]:
-    """Say which lags explain the recordings as well with their time constants exchanged."""
+    """Say which lags fit the recordings equally well with their time constants exchanged."""
     for lag, own in _pairs(fit):
         unlike = fit.plant.parameters[lag].value, fit.plant.parameters[own].value
         for equal in fit.equals:

@@ -130,7 +130,7 @@ class Verification(Described):
 
     @property
     def doubted(self) -> tuple[str, ...]:
-        """Effects of a set whose removal does not certainly raise the error on held-out data while others replace them.
+        """Effects of a set that others can replace: removing one does not certainly raise the error on held-out data.
 
         If all other tests are passed, the explanation is reported together with the one without that effect.
         """
@@ -210,7 +210,7 @@ class Verification(Described):
         return axes
 
     def _with_placebo(self, sham: Placebo) -> tuple[float, float]:
-        """Rms before, and after with the sham in the effect's place, to first order."""
+        """Return the rms error without the effect, and with a placebo effect in its place, to first order."""
         without = next((a.unseen for a in self.ablations if a.effect == sham.effect), self.unseen_before)
         gained = (sham.share or 0.0) * (without**2 - self.unseen_after**2)
         return without, float(np.sqrt(max(without**2 - gained, 0.0)))

@@ -1,1 +1,1 @@
-"""A fleet of actuators of one specification: its records, what is the same for all, and models of one structure."""
+"""A fleet of actuators of one specification: its recordings, common settings, and models of one structure."""

@@ -31,7 +31,7 @@ BAND = (0.0, 1.0)  # Band of the thesis' noise, Hz
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Alike:
-    """An actuator with the model of the common structure."""
+    """An actuator with its model, which has the common structure."""
 
     prepared: Prepared
     factor: int  # Every `factor`-th sample of its recordings is kept
@@ -50,7 +50,7 @@ class Alike:
         return 100 * (1 - run.rms_error / float(self.sections[1].outputs.std())) if run.status.ok else -np.inf
 
     def whole(self, variant: str) -> Recording:
-        """The whole recording of a variant, thinned."""
+        """Return the complete recording of a variant, thinned."""
         return thinned(self.prepared.recordings[variant], self.factor)
 
 
@@ -84,14 +84,16 @@ def identify_alike(prepared: Sequence[Prepared], plan: Plan, *, jobs: int = 1) -
 
 
 def linear_in_output(term: Term) -> bool:
-    """Whether a term is free of the past output, or is nothing else."""
+    """Return whether a term contains no past output, or consists of a past output only."""
     return term.degree == 1 or not any(variable.kind == "y" for variable, _ in term.factors)
 
 
 def choose_structure(
     training: Sequence[Recording], plan: Plan, rule: Rule = linear_in_output, *, jobs: int = 1
 ) -> tuple[Structure, Array, int]:
-    """Choose the structure of least free-run errors on all recordings; return it, its errors, and how many."""
+    """Choose the structure with the smallest free-run errors on all recordings; return it, its errors, and the number
+    tried.
+    """
     cuts = [record.n_samples - round(CHOOSING * record.n_samples) for record in training]
     parts = [(r.section(0, cut), r.section(cut, r.n_samples)) for r, cut in zip(training, cuts, strict=True)]
     passed = run_jobs(_passed, [(beginning, plan, rule) for beginning, _ in parts], workers=jobs)
@@ -104,18 +106,18 @@ def choose_structure(
 
 
 def fit(structure: Sequence[Term], recording: Recording) -> NarxModel:
-    """Fit a structure to a recording by least squares, with a covariance that holds for coloured residuals."""
+    """Fit a structure to a recording by least squares, with a covariance that is valid for coloured residuals."""
     return robust(Fixed(terms=tuple(structure)).fit(recording).model_, recording)
 
 
 def _passed(beginning: Recording, plan: Plan, rule: Rule) -> list[Structure]:
-    """The structures on the way of a search."""
+    """Return all structures that a search visited."""
     search = Semp(output_lags=plan.output_lags, input_lags=plan.input_lags, degree=plan.degree, rule=rule)
     steps = search.fit(beginning).path_
     return [tuple(sorted(step.terms, key=lambda term: (term.degree, term.factors))) for step in steps]
 
 
 def _free_run_errors(structures: Sequence[Structure], beginning: Recording, end: Recording) -> Array:
-    """Free-run errors over the deviation of the reading, shape (n_structures,)."""
+    """Return free-run errors divided by the standard deviation of the reading, shape (n_structures,)."""
     runs = [Fixed(terms=structure).fit(beginning).model_.simulate(end) for structure in structures]
     return np.array([run.rms_error if run.status.ok else np.inf for run in runs]) / float(end.outputs.std())

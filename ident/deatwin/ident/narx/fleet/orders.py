@@ -1,4 +1,4 @@
-"""Sampling time, lags and degree that are the same for a whole fleet (thesis section 4.4.2 and table B.1)."""
+"""Choose sampling time, lags and degree for a whole fleet (thesis section 4.4.2 and table B.1)."""
 
 from __future__ import annotations
 
@@ -46,20 +46,20 @@ class Orders:
 
     @property
     def least(self) -> Array:
-        """Errors at the lags and degree of the least mean error, shape (n_actuators,)."""
+        """Errors for the lags and degree with the smallest mean error, shape (n_actuators,)."""
         i, j = np.unravel_index(np.argmin(self.means), self.means.shape)
         return np.asarray(self.errors[:, i, j])
 
     @property
     def best(self) -> tuple[int, int]:
-        """Positions of lags and degree: of those as good as the best the ones with the fewest candidates."""
+        """Positions of lags and degree with the fewest candidates, among those as good as the best."""
         places = [(int(i), int(j)) for i, j in np.argwhere(as_good(self.errors, self.least[:, None, None]))]
         return min(places, key=lambda place: (_candidates(*place), self.means[place]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
-    """Sampling time, lags and degree for all actuators."""
+    """Sampling time, lags and degree for all actuators of a fleet."""
 
     orders: tuple[Orders, ...]
     chosen: int  # Position of the chosen sampling time in ``orders``
@@ -103,7 +103,7 @@ def prepare_fleet(seed: int, *, jobs: int = 1, progress: Progress) -> tuple[tupl
 
 
 def order_errors(training: Recording) -> Array:
-    """Free-run errors on the end of a section of models that saw its beginning only, (n_lags, n_degrees)."""
+    """Return free-run errors on the end of a section, of models trained on its beginning, (n_lags, n_degrees)."""
     cut = training.n_samples - round(CHOOSING * training.n_samples)
     end = training.section(cut, training.n_samples)
     errors = np.empty((len(LAGS), len(DEGREES)))
@@ -129,7 +129,7 @@ def make_plan(errors: Mapping[int, Sequence[Array]]) -> Plan:
 
 
 def as_good(errors: Array, least: Array) -> NDArray[np.bool_]:
-    """True where errors are within one standard error of the least (Hastie et al., 2nd ed. (2009), 7.10)."""
+    """Return which errors are within one standard error of the smallest (Hastie et al., 2nd ed. (2009), 7.10)."""
     finite = np.isfinite(errors).all(axis=0)
     beyond = np.where(finite, errors, 0.0) - least
     good: NDArray[np.bool_] = beyond.mean(axis=0) <= beyond.std(axis=0, ddof=1) / np.sqrt(len(beyond))
@@ -137,6 +137,6 @@ def as_good(errors: Array, least: Array) -> NDArray[np.bool_]:
 
 
 def _candidates(lags: int, degree: int) -> int:
-    """Number of candidate terms of one of `LAGS` and one of `DEGREES`, by their positions."""
+    """Return the number of candidate terms for one of `LAGS` and one of `DEGREES`, by their positions."""
     output, largest = LAGS[lags]
     return len(generate_terms(output, range(largest + 1), DEGREES[degree], rule=RULE))

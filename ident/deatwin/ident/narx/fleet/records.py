@@ -59,7 +59,7 @@ DRIFTING = ("DEA 1", "DEA 2", "DEA 3", "DEA 4", "DEA 5")
 
 
 def as_variant(actuator: Actuator, variant: str) -> Actuator:
-    """Leave physics out of an actuator; fabrication, commands and the sensor's noise stay."""
+    """Remove physics from an actuator; fabrication, commands and sensor noise stay the same."""
     plant = actuator.plant
     if variant == RECORDED:
         return actuator
@@ -73,7 +73,7 @@ def as_variant(actuator: Actuator, variant: str) -> Actuator:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prepared:
-    """An actuator, recorded and inspected."""
+    """An actuator with its recording and the findings on it."""
 
     actuator: Actuator
     recordings: Mapping[str, Recording]  # One for each of `VARIANTS`
@@ -88,7 +88,7 @@ class Prepared:
 
     @property
     def stretch(self) -> tuple[float, float]:
-        """The longest stationary stretch, s; the whole recording if there is none."""
+        """The longest stationary stretch, s; the complete recording if there is none."""
         record = self.recordings[RECORDED]
         if not self.sections.stretches:
             return record.start, record.end
@@ -96,7 +96,7 @@ class Prepared:
         return longest.first * record.sample_time, longest.last * record.sample_time
 
     def split(self, variant: str, factor: int) -> tuple[Recording, Recording]:
-        """Return training and held-out section: the stretch and its end, with every `factor`-th sample kept."""
+        """Return training and held-out section of the stretch, with every `factor`-th sample."""
         record = self.recordings[variant]
         first, last = (round(time / record.sample_time) for time in self.stretch)
         whole = thinned(record.section(first, last), factor)
@@ -119,7 +119,7 @@ def prepare(actuator: Actuator) -> Prepared:
 
 
 def thinned(record: Recording, factor: int) -> Recording:
-    """Keep every `factor`-th sample, unfiltered."""
+    """Keep every `factor`-th sample, without filtering."""
     return replace(
         record,
         inputs=record.inputs[:, ::factor],

@@ -9,7 +9,7 @@ SCHEMA = "deatwin/linear/1"
 
 
 def fields_of(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of the model that a document has."""
+    """Return the fields of the model from a document."""
     sides = {"input": document["inputs"], "output": document["outputs"]}
     labels = {
         f"{side}_{key}s": tuple(str(signal[key]) for signal in signals)

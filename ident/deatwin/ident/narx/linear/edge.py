@@ -1,4 +1,4 @@
-"""Signs that a plant outside of the unit circle, or a loop, was fitted by a model that must be stable."""
+"""Detect models forced to be stable that were fitted to an unstable plant or to a closed loop."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def judged(orders: Orders, found: Minimum, records: Sequence[Record]) -> FitStat
 
 
 def _without_a_pole(orders: Orders, which: int) -> Orders | None:
-    """One pole and one zero fewer from an input; None where it has no zero to spare."""
+    """Return orders with one pole and one zero less for an input; None if it has no zero to spare."""
     if orders.nb[which] < 2:
         return None
     nb, nf = list(orders.nb), list(orders.nf)
@@ -69,7 +69,9 @@ def _fitted(orders: Orders, records: Sequence[Record]) -> tuple[Minimum, float]:
 
 
 def _at_edge(orders: Orders, found: Minimum, limit: float) -> int | None:
-    """The input whose F has a root on the edge, or one within two standard deviations; None where there is none."""
+    """Return the input whose F has a root at the edge of stability, or within two standard deviations of it; else
+    None.
+    """
     ends = np.cumsum(orders.sizes)
     m = len(orders.nb)
     for i, nf in enumerate(orders.nf):

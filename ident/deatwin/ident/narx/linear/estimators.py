@@ -79,11 +79,11 @@ class LinearIdentifier(Identifier):
         return self
 
     def _orders(self, n_inputs: int) -> Orders:
-        """Return the orders for so many inputs, or raise ModelError."""
+        """Return the orders for a number of inputs, or raise ModelError."""
         return _orders(n_inputs, **self.get_params())
 
     def _estimate(self, orders: Orders, data: Regression, progress: Progress) -> Minimum:
-        """Minimise the prediction errors from several starts and return the lowest minimum."""
+        """Minimise the prediction errors from several starts; return the lowest minimum."""
         scaled = [data.scaled(record) for record in data.recordings]
         loss = PredictionErrorLoss(orders, [(inputs, outputs[0]) for inputs, outputs in scaled])
         progress(0.0, "a long ARX model")
@@ -270,7 +270,7 @@ def _orders(
 
 
 def _regression(recordings: tuple[Recording, ...], orders: Orders) -> Regression:
-    """Return the regression on the lagged signals of the orders, or raise ModelError where samples are too few."""
+    """Return the regression on the lagged signals; raise ModelError if there are too few samples."""
     data = Regression.on(recordings, _arx_terms(orders))
     for name, *rows in zip(recordings[0].input_names, *(record.inputs for record in recordings), strict=True):
         if np.ptp(np.concatenate(rows)) == 0.0:
@@ -286,7 +286,7 @@ def _regression(recordings: tuple[Recording, ...], orders: Orders) -> Regression
 
 
 def _arx_terms(orders: Orders) -> TermTable:
-    """The lagged signals that the orders speak of, in the order of the parameters."""
+    """Return the lagged signals for given orders, in the order of the parameters."""
     variables = [Variable("y", 0, k) for k in range(1, orders.na + 1)]
     channels = range(1, len(orders.nb) + 1) if len(orders.nb) > 1 else (0,)
     for channel, nb, nk in zip(channels, orders.nb, orders.nk, strict=True):

@@ -273,7 +273,7 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
         )
 
     def _drive(self, given: Recording | ArrayLike, warmup: int | None, initial: ArrayLike | None) -> Drive:
-        """Return what drives a free run, after checking that it suits."""
+        """Return the inputs and initial outputs of a free run, after a check."""
         lag, poles = self.orders.input_lag, self.poles.size
         if isinstance(given, Recording) and initial is None and given.output_names:
             wanted = self._warmup(given, poles) if warmup is None else warmup
@@ -340,7 +340,7 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
         )
 
     def _require(self, recording: Recording, outputs: int | None = 1) -> None:
-        """Raise ModelError unless the recording suits."""
+        """Raise ModelError unless a recording has the model's sample time and signals."""
         require_suits(
             recording,
             sample_time=self.sample_time,

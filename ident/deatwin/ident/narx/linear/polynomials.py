@@ -53,7 +53,7 @@ class Polynomials(NamedTuple):
         return max(p.size for p in (self.a, self.c, self.d, *self.b, *self.f))
 
     def by_power(self) -> Variables:
-        """Return all polynomials over the same powers."""
+        """Return all polynomials with coefficients for the same powers."""
 
         def whole(polynomial: Array) -> Array:
             return np.pad(polynomial, (0, self.longest - polynomial.size))
@@ -180,7 +180,7 @@ class Orders:
 
 
 def per_input(name: str, value: int | Sequence[int], n_inputs: int, least: int) -> tuple[int, ...]:
-    """Return an order for each input."""
+    """Return an order for each input; a single number holds for all."""
     values = tuple(value) if isinstance(value, Sequence | np.ndarray) else (value,) * n_inputs
     if len(values) != n_inputs or any(not isinstance(v, int | np.integer) or v < least for v in values):
         raise ModelError(

@@ -71,7 +71,7 @@ def lagged(signal: Array, lags: Sequence[int], first: int) -> Array:
 
 
 def recursed(denominator: Array, rows: Array) -> Array:
-    """Return rows (..., n) filtered by 1/denominator from rest. Shapes: `denominator` (order + 1,)."""
+    """Filter rows (..., n) by 1/denominator from rest. Shapes: `denominator` (order + 1,)."""
     from scipy.signal import lfilter
 
     if denominator.size == 1 or rows.size == 0:
@@ -80,7 +80,7 @@ def recursed(denominator: Array, rows: Array) -> Array:
 
 
 def _delayed(signal: Array, lags: Sequence[int]) -> Array:
-    """Return a signal that is zero before its start at several lags, shape (n_lags, n)."""
+    """Return a signal at several lags, zero before its start, shape (n_lags, n)."""
     rows = np.zeros((len(lags), signal.size))
     for row, lag in zip(rows, lags, strict=True):
         row[lag:] = signal[: signal.size - lag]

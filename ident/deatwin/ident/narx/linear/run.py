@@ -1,4 +1,4 @@
-"""Prediction and free run of a linear model, each with the state that a record starts with."""
+"""Prediction and free run of a linear model, from an estimated initial state."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The search for the smallest prediction errors, by Gauss-Newton steps in a trust region."""
+"""Minimise the prediction errors by Gauss-Newton steps in a trust region."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Minimum:
 
 
 class PredictionErrorLoss:
-    """Prediction errors as a function of theta and initial states; infinite where C or an F is unstable."""
+    """Prediction errors as a function of theta and initial states; infinite if C or an F is unstable."""
 
     def __init__(self, orders: Orders, records: Sequence[Record]) -> None:
         self.orders = orders
@@ -38,11 +38,11 @@ class PredictionErrorLoss:
 
     @property
     def n_unknowns(self) -> int:
-        """Number of parameters and of states at the start."""
+        """Number of parameters plus initial states."""
         return self.orders.n_theta + len(self.records) * self.n_start
 
     def _each(self, unknowns: Array) -> list[PredictionErrors]:
-        """Errors and gradients of each record; those of the last point are kept, for both are asked for."""
+        """Return errors and gradients of each record, cached for the last point."""
         if not np.array_equal(self._last[0], unknowns):
             theta, starts = np.split(unknowns, [self.orders.n_theta])
             p = self.orders.split(theta)
@@ -70,7 +70,7 @@ class PredictionErrorLoss:
         return np.asarray(np.concatenate([theta, block_diag(*(one.start_gradient for one in each))]).T)
 
     def started(self, polynomials: Polynomials) -> Array:
-        """Return the unknowns of polynomials with the best starts for them."""
+        """Return the unknowns for given polynomials, with the best initial states for them."""
         zero = np.zeros(self.n_start)
         starts = []
         for record in self.records:
@@ -99,7 +99,7 @@ def minimise(loss: PredictionErrorLoss, start: Polynomials) -> Minimum:
 
 
 def _inverse_root(gradient: Array) -> Array:
-    """Return W with W W' = (J'J)^-1; what the data do not determine comes out as all but infinitely uncertain."""
+    """Return W with W W' = (J'J)^-1; directions that the data do not determine get a very large variance."""
     norms = np.linalg.norm(gradient, axis=0)
     norms[norms == 0.0] = 1.0
     _, singular, right = np.linalg.svd(np.linalg.qr(gradient / norms, mode="r"))

@@ -25,7 +25,7 @@ _ROUNDS = 20  # of Steiglitz and McBride; most converge in ten
 
 
 def starting_points(orders: Orders, records: Sequence[Record]) -> list[Polynomials]:
-    """Return polynomials from which the search can start, C and F stable."""
+    """Return polynomials from which the search can start, with stable C and F."""
     long = _arx(records, _lengthened(orders, _long(orders, records)))
     if not any(orders.nf) and orders.nd == 0:
         return [_extended(orders, records, _errors(long, records)), _simple(orders, records)]
@@ -34,7 +34,7 @@ def starting_points(orders: Orders, records: Sequence[Record]) -> list[Polynomia
 
 
 def _long(orders: Orders, records: Sequence[Record]) -> int:
-    """Order of the long ARX model: several times what is wanted, as far as the samples allow."""
+    """Return the order of the long ARX model: several times the desired order, as far as the samples allow."""
     wanted = max(10, 3 * (orders.na + max(orders.nf, default=0) + orders.nc + orders.nd))
     lengths = [output.size for _, output in records]
     room = min(min(lengths) // 3 - max(orders.nk, default=0), sum(lengths) // (4 + 4 * len(orders.nb)))
@@ -42,7 +42,7 @@ def _long(orders: Orders, records: Sequence[Record]) -> int:
 
 
 def _lengthened(orders: Orders, order: int) -> Orders:
-    """Orders of an ARX model with A and each B of at least an order."""
+    """Return orders of an ARX model in which A and each B have at least a given order."""
     m = len(orders.nb)
     return Orders(
         na=order,
@@ -56,13 +56,13 @@ def _lengthened(orders: Orders, order: int) -> Orders:
 
 
 def _solve(blocks: Sequence[Sequence[Array]], targets: Sequence[Array]) -> Array:
-    """Least squares over several records, each a list of blocks of rows; collinear rows share."""
+    """Solve least squares over several records, each a list of blocks of rows; collinear rows share their effect."""
     rows = np.concatenate([np.concatenate(block) for block in blocks], axis=1)
     return np.asarray(np.linalg.lstsq(rows.T, np.concatenate(targets), rcond=None)[0])
 
 
 def _rows(orders: Orders, record: Record, first: int) -> list[Array]:
-    """Regressors of A and of each B from a sample on."""
+    """Return regressors of A and of each B from a sample on."""
     inputs, output = record
     taps = [lagged(u, range(nk, nk + nb), first) for u, nk, nb in zip(inputs, orders.nk, orders.nb, strict=True)]
     return [-lagged(output, range(1, orders.na + 1), first), *taps]
@@ -73,7 +73,7 @@ def _ones(orders: Orders, record: Record, first: int) -> Array:
 
 
 def _arx(records: Sequence[Record], orders: Orders) -> Polynomials:
-    """ARX model of given orders."""
+    """Fit an ARX model of given orders."""
     first = orders.first
     blocks = [[*_rows(orders, r, first), _ones(orders, r, first)] for r in records]
     return orders.split(_solve(blocks, [output[first:] for _, output in records]))
@@ -86,7 +86,7 @@ def _filtered(numerator: Array, denominator: Array, signal: Array) -> Array:
 
 
 def _errors(arx: Polynomials, records: Sequence[Record]) -> list[Array]:
-    """Errors of an ARX model, zero where its lags are not measured."""
+    """Return the errors of an ARX model, zero where its lags are not measured."""
     first = max([arx.a.size, *(b.size for b in arx.b)]) - 1
     errors = []
     for inputs, output in records:
@@ -99,7 +99,7 @@ def _errors(arx: Polynomials, records: Sequence[Record]) -> list[Array]:
 
 
 def _extended(orders: Orders, records: Sequence[Record], errors: list[Array]) -> Polynomials:
-    """ARMAX: the errors of the long model stand for the noise of which C takes lags."""
+    """Fit an ARMAX model; the errors of the long model serve as lagged noise in C."""
     first = max(orders.first, orders.nc)
     blocks = [
         [*_rows(orders, r, first), lagged(e, range(1, orders.nc + 1), first), _ones(orders, r, first)]
@@ -110,14 +110,14 @@ def _extended(orders: Orders, records: Sequence[Record], errors: list[Array]) ->
 
 
 def _simple(orders: Orders, records: Sequence[Record]) -> Polynomials:
-    """ARMAX with C = 1."""
+    """Fit an ARMAX model with C = 1."""
     plain = Orders(**{**vars(orders), "nc": 0, "nd": 0})
     zero = np.eye(1, orders.nc + 1)[0]
     return _arx(records, plain)._replace(c=zero, d=np.eye(1, orders.nd + 1)[0])
 
 
 def _from_arx(orders: Orders, records: Sequence[Record]) -> Polynomials:
-    """Output error from an ARX model: each F is its A, made stable."""
+    """Make an output-error model from an ARX model: each F is its A, made stable."""
     wanted = _lengthened(orders, max(orders.nf))
     arx = _arx(records, Orders(**{**vars(wanted), "nb": orders.nb}))
     a = reflected(arx.a)
@@ -126,7 +126,7 @@ def _from_arx(orders: Orders, records: Sequence[Record]) -> Polynomials:
 
 
 def _condensed(orders: Orders, records: Sequence[Record], long: Polynomials) -> Polynomials:
-    """Output error from the long ARX model: what it gives for each input alone, in few coefficients."""
+    """Make an output-error model from the long ARX model: its response to each input, with few coefficients."""
     a = reflected(long.a)
     plants = []
     for i, taps in enumerate(long.b):
@@ -137,7 +137,7 @@ def _condensed(orders: Orders, records: Sequence[Record], long: Polynomials) -> 
 
 
 def _steiglitz_mcbride(pairs: list[Record], nb: int, nf: int, nk: int) -> tuple[Array, Array]:
-    """The b and f of the round whose free run is nearest to the outputs, of one input."""
+    """Return b and f of the iteration whose free run is nearest to the outputs, for one input."""
     orders = Orders(na=nf, nb=(nb,), nc=0, nd=0, nf=(0,), nk=(nk,), offset=False)
     f = _ONE
     best, found = np.inf, (np.zeros(nk + nb), np.eye(1, nf + 1)[0])
@@ -151,7 +151,7 @@ def _steiglitz_mcbride(pairs: list[Record], nb: int, nf: int, nk: int) -> tuple[
 
 
 def _with_noise(orders: Orders, records: Sequence[Record], plant: Polynomials) -> Polynomials:
-    """C and D from what the plant leaves."""
+    """Fit C and D to the residual of the plant."""
     if orders.nc + orders.nd == 0:
         return plant
     noise: list[Record] = []

@@ -1,4 +1,4 @@
-"""The dead time of each input: the first lag at which it acts on an output."""
+"""Estimate the dead time of each input: the first lag at which it acts on an output."""
 
 from __future__ import annotations
 
@@ -297,7 +297,7 @@ def _require(chosen: Sequence[Recording], output: int, max_dead_time: int, proba
 
 
 def _scaled(chosen: Sequence[Recording], moving: NDArray[np.intp], output: int) -> Signals:
-    """Deviations from the mean, in standard deviations, of the first samples of each recording."""
+    """Return deviations from the mean, in standard deviations, of the first samples of each recording."""
     share = min(1.0, _MOST_SAMPLES / sum(record.n_samples for record in chosen))
     ends = [max(1, round(share * record.n_samples)) for record in chosen]
     inputs = [record.inputs[moving, :end] for record, end in zip(chosen, ends, strict=True)]

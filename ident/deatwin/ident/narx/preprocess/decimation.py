@@ -189,7 +189,9 @@ def choose_sampling(recordings: Recordings, *, n_lags: int | None = None) -> Sam
 
 
 def _factor(minimum: int | None, highest: float) -> tuple[int, SamplingStatus]:
-    """Factor and status by the first minimum, samples, and the output's highest frequency, cycles a sample."""
+    """Return factor and status from the first minimum, in samples, and the output's highest frequency, cycles per
+    sample.
+    """
     low, high = _WANTED
     if minimum is None:
         return 1, SamplingStatus.NO_MINIMUM
@@ -202,7 +204,7 @@ def _factor(minimum: int | None, highest: float) -> tuple[int, SamplingStatus]:
 
 
 def _highest(y: Array) -> float:
-    """Frequency beyond which a signal has no power worth keeping, cycles a sample; at most 0.5."""
+    """Return the frequency, cycles per sample, above which a signal has negligible power; at most 0.5."""
     power = np.abs(np.fft.rfft((y - y.mean()) * np.hanning(y.size)))[1:] ** 2
     parts = np.array_split(power, min(16, power.size))
     floor = float(np.quantile([part.mean() for part in parts], 0.25))
@@ -212,7 +214,7 @@ def _highest(y: Array) -> float:
 
 
 def _correlation(signals: list[Array], lags: int) -> Array:
-    """Correlation function at the lags 0 to ``lags``, over all records."""
+    """Return the correlation function at the lags 0 to ``lags``, over all records."""
     products = np.zeros(lags + 1)
     for x in signals:
         size = 2 ** int(np.ceil(np.log2(2 * x.size)))
@@ -224,7 +226,9 @@ def _correlation(signals: list[Array], lags: int) -> Array:
 
 
 def _first_minimum(values: Array, band: float) -> int | None:
-    """Lag of the first minimum after which the function rises by more than the band, None if there is none."""
+    """Return the lag of the first minimum after which the function rises by more than the band; None if there is
+    none.
+    """
     lowest = 0
     for lag, value in enumerate(values):
         if value < values[lowest]:
@@ -235,5 +239,5 @@ def _first_minimum(values: Array, band: float) -> int | None:
 
 
 def _first_zero(values: Array, band: float) -> int | None:
-    """First lag at which the function cannot be distinguished from zero, None if there is none."""
+    """Return the first lag at which the function cannot be distinguished from zero; None if there is none."""
     return next((lag for lag, value in enumerate(values) if value <= band), None)

@@ -1,4 +1,4 @@
-"""How probable each dead time is: plants of low order in whitened signals, profiled over their first input lag."""
+"""Compute the probability of each dead time, from low-order models of whitened signals with each first input lag."""
 
 from __future__ import annotations
 
@@ -59,7 +59,9 @@ def delay_probabilities(arx: LongArx, which: int, latest: int) -> Array:
 
 
 def _excess(squares: float, n_errors: int, arx: LongArx) -> float:
-    """What the best low-order plant leaves beyond the long one: noise variances for each degree of freedom."""
+    """Return the residual power of the best low-order model beyond the long one, in noise variances per degree of
+    freedom.
+    """
     freedom = max(arx.n_unknowns - 6, 1)
     return max(1.0, (squares / arx.variance - (n_errors - arx.n_unknowns)) / freedom)
 
@@ -67,7 +69,9 @@ def _excess(squares: float, n_errors: int, arx: LongArx) -> float:
 def _least(
     loss: PredictionErrorLoss, former: Polynomials | None, simplest: Polynomials | None
 ) -> tuple[float, Polynomials]:
-    """The smallest sum of squares, from where the neighbouring dead time and the simplest plant ended and from ARX."""
+    """Return the smallest sum of squares, starting from the result for the neighbouring dead time, a simple model,
+    and ARX.
+    """
     from scipy.optimize import least_squares
 
     starts = starting_points(loss.orders, loss.records)[1:]
@@ -90,7 +94,7 @@ def _least(
 
 
 def _with_pole(loss: PredictionErrorLoss, pole: float) -> Polynomials:
-    """The first-order plant with a pole, its gain and offset by least squares."""
+    """Return the first-order model with a given pole; gain and offset are found by least squares."""
     from scipy.signal import lfilter
 
     delay, f = loss.orders.nk[0], np.array([1.0, -pole])
@@ -102,7 +106,7 @@ def _with_pole(loss: PredictionErrorLoss, pole: float) -> Polynomials:
 
 
 def _whitened(arx: LongArx, which: int) -> list[Record]:
-    """An input and the output less what other inputs do, both through A."""
+    """Return an input and the output, minus the contributions of other inputs, both filtered by A."""
     from scipy.signal import lfilter
 
     first = max(arx.n_output_lags, arx.longest if arx.b.shape[0] > 1 else 0)

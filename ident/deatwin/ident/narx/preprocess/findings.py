@@ -1,4 +1,4 @@
-"""What a look at a recording should find before a model is fitted: named, and nothing altered."""
+"""Inspect recordings before a model is fitted: faults are reported, nothing is changed."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ FEWEST = 200  # samples below which nothing can be told from chance
 
 
 class FindingKind(Enum):
-    """Kind of irregularity; the value is a phrase that advises."""
+    """Kind of irregularity; each value is a phrase with advice."""
 
     TREND = "include a slow input or time in the model, or fit a stationary section"
     DRIFT = "fit a stationary section, or let parameters vary in time"
@@ -157,7 +157,7 @@ class _Channel:
     values: Array
 
     def finding(self, kind: FindingKind, where: NDArray[np.intp], size: float, text: str) -> Finding:
-        """Return a finding at some samples."""
+        """Return a finding about some samples."""
         times = self.record.timepts
         return Finding(
             kind=kind,
@@ -172,12 +172,12 @@ class _Channel:
         )
 
     def amount(self, value: float) -> str:
-        """Return a value with its unit as people write it."""
+        """Write a value with its unit."""
         return with_unit(value, self.unit)
 
 
 def _few_levels(channel: _Channel, degree: int) -> Iterator[Finding]:
-    """An input whose powers repeat each other."""
+    """Report an input with so few levels that its powers repeat each other."""
     levels = few_levels(channel.values, degree)
     if levels.size:
         finding = channel.finding(
@@ -226,7 +226,7 @@ def _slow(channel: _Channel, level: float) -> Iterator[Finding]:
 
 
 def _levelled(segments: Array) -> Array:
-    """Segments less the straight line through each, shape (n_segments, n)."""
+    """Subtract from each segment its straight line, shape (n_segments, n)."""
     time = np.arange(segments.shape[1]) - (segments.shape[1] - 1) / 2
     slopes = segments @ time / (time @ time)
     return np.asarray(segments - slopes[:, None] * time, dtype=np.float64)
@@ -267,7 +267,7 @@ def _outliers(channel: _Channel, level: float) -> Iterator[Finding]:
 
 
 def _kinks(record: Recording) -> NDArray[np.bool_]:
-    """Samples up to ten after an unusual bend of an input."""
+    """Return samples up to ten after an unusual bend of an input."""
     found = np.zeros(record.n_samples, dtype=bool)
     for u in record.inputs:
         bend = np.abs(np.diff(u, n=2, prepend=u[:1], append=u[-1:]))
@@ -277,7 +277,7 @@ def _kinks(record: Recording) -> NDArray[np.bool_]:
 
 
 def _quantisation(channel: _Channel) -> Iterator[Finding]:
-    """A step between readings that adds a tenth or more to the variance of what is fast in them."""
+    """Report a step between readings that adds a tenth or more to the variance of their fast part."""
     y = channel.values
     step, noise = resolution(y), noise_of_bends(y)
     if step**2 / 12.0 > 0.1 * noise**2:
@@ -289,7 +289,7 @@ def _quantisation(channel: _Channel) -> Iterator[Finding]:
 
 
 def _clipping(channel: _Channel) -> Iterator[Finding]:
-    """Readings that pile up at the largest or smallest value, three and more in a row."""
+    """Report three or more successive readings at the largest or smallest value."""
     y = channel.values
     for word, rows in at_limit(y).items():
         where = np.concatenate(rows)
@@ -304,7 +304,7 @@ def _clipping(channel: _Channel) -> Iterator[Finding]:
 
 
 def _constant(channel: _Channel, moves: Array, level: float) -> Iterator[Finding]:
-    """One and the same reading for longer than its resolution explains, while an input moves."""
+    """Report equal readings for longer than the resolution explains while an input moves."""
     y = channel.values
     same = np.diff(y) == 0.0
     share = float(same.mean())
@@ -334,6 +334,6 @@ def _constant(channel: _Channel, moves: Array, level: float) -> Iterator[Finding
 
 
 def _moves(record: Recording) -> Array:
-    """Inputs as shares of their ranges, shape (n_inputs, n)."""
+    """Return inputs as shares of their ranges, shape (n_inputs, n)."""
     span = np.ptp(record.inputs, axis=1, keepdims=True)
     return np.asarray(record.inputs / np.where(span > 0.0, span, np.inf), dtype=np.float64)

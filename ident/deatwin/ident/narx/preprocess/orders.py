@@ -1,4 +1,4 @@
-"""Lags and degree of a NARX model by the free-run error on data that the fit has not seen."""
+"""Choose lags and degree of a NARX model by the free-run error on held-out data."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _BLOCKS = 10  # of the squared errors, whose means tell how certain their mean i
 
 
 class TrialStatus(Enum):
-    """Outcome of a trial. The value of each member says it in words."""
+    """Outcome of a trial; each value describes it."""
 
     DONE = "done"
     DIVERGED = "the free run over the held-out data diverged"
@@ -144,7 +144,7 @@ class OrderChoice(Described):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences against the chosen model: it has no input, or its lags end before an input acts."""
+        """Warnings about the chosen model: it has no input, or its lags end before an input acts."""
         if not self.done:
             return ()
         said, chosen = [], self.chosen
@@ -291,7 +291,7 @@ def choose_orders(
 def _with_dead_times(
     output_lags: Sequence[Lags], dead_times: Sequence[DeadTime], held_out: Sequence[Recording]
 ) -> list[tuple[Lags, Lags]]:
-    """Each output lag with as many input lags, from lag 1 and from the dead times on, as the held-out data allow."""
+    """Return each number of output lags with as many input lags, from lag 1 and from the dead times on."""
     pairs: list[tuple[Lags, Lags]] = []
     room = min(record.n_samples for record in held_out) - 2 * _BLOCKS
     for lags in output_lags:
@@ -310,7 +310,7 @@ def _try(
     validation: tuple[Recording, ...],
     first: int,
 ) -> OrderTrial:
-    """Fit one point of the grid and run it free."""
+    """Fit one point of the grid, and simulate it."""
     point = {"output_lags": trial.output_lags, "input_lags": trial.input_lags, "degree": trial.degree}
     clone = type(identifier)(**(identifier.get_params(deep=False) | point))
     try:
@@ -337,7 +337,7 @@ def _n_with_input(model: NarxModel) -> int:
 
 
 def _short(lags: Lags) -> str:
-    """Lags as they are read: consecutive ones by the first and the last."""
+    """Write consecutive lags by the first and the last."""
     listed = lags_anywhere(lags)
     if isinstance(lags, int) or len(listed) < 3 or listed[-1] - listed[0] + 1 != len(listed):
         return str(lags)
@@ -345,7 +345,7 @@ def _short(lags: Lags) -> str:
 
 
 def _standard_error(squares: np.ndarray) -> float:
-    """Standard error of the mean of a correlated sequence, by the means of blocks."""
+    """Return the standard error of the mean of a correlated sequence, from the means of blocks."""
     means = [block.mean() for block in np.array_split(squares, _BLOCKS)]
     return float(np.std(means, ddof=1) / np.sqrt(_BLOCKS))
 

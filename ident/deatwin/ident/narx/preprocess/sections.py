@@ -1,4 +1,4 @@
-"""Training and validation sections: the stretches of recordings that pass a test of stationarity."""
+"""Choose training and validation sections: stretches of recordings that pass a test of stationarity."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _FEWEST_SEGMENTS = 10  # with fewer, no order of them is improbable enough to be
 
 
 class SectionStatus(Enum):
-    """Basis of the choice of sections. The value of each member says it in words."""
+    """Reason for the choice of sections; each value describes it."""
 
     STATIONARY = "whole recordings pass the test of stationarity"
     PART = "only a part of the recordings passes the test; the table lists the excluded segments"
@@ -302,7 +302,7 @@ def choose_sections(
 
 
 def _statistics(recording: Recording, n_segments: int) -> Statistics:
-    """Statistics of the segments of each signal that moves, by its name."""
+    """Return the statistics of the segments of each moving signal, by its name."""
     length = recording.n_samples // max(n_segments, 1)
     if n_segments < _FEWEST_SEGMENTS or length < 8:
         raise DataError(
@@ -332,7 +332,7 @@ def _tests(recording: Recording, statistics: Statistics) -> tuple[StationarityTe
 def _stretches(
     number: int, record: Recording, statistics: Statistics, n_segments: int, level: float
 ) -> Iterator[Stretch]:
-    """Yield stationary stretches, none of which overlap, the longest first."""
+    """Yield stationary stretches that do not overlap, the longest first."""
     length = record.n_samples // n_segments
     free = [(0, n_segments)]
     while free:
@@ -356,7 +356,7 @@ def _stretches(
 def _longest(
     record: Recording, statistics: Statistics, begin: int, end: int, level: float
 ) -> tuple[int, int, float] | None:
-    """Return the longest run of segments that passes, the first of equals, with its p-value."""
+    """Return the longest passing run of segments with its p-value; the first of equally long ones."""
     for count in range(end - begin, _FEWEST_SEGMENTS - 1, -1):
         for first in range(begin, end - count + 1):
             part = {
@@ -370,7 +370,7 @@ def _longest(
 
 
 def _divide(recordings: tuple[Recording, ...], stretches: list[Stretch], share: float) -> tuple[Recording, Recording]:
-    """Return training and validation sections."""
+    """Divide stretches into training and validation sections."""
     if not stretches:
         record = max(recordings, key=lambda one: one.n_samples)
         half = record.n_samples // 2
@@ -385,6 +385,6 @@ def _divide(recordings: tuple[Recording, ...], stretches: list[Stretch], share: 
 
 
 def _correlation_time(record: Recording, n_segments: int) -> float:
-    """Longest correlation time of the signals, in s."""
+    """Return the longest correlation time of the signals, in s."""
     signals = np.concatenate([record.inputs, record.outputs])
     return max(correlation_samples(cut(signal, n_segments)) for signal in signals) * record.sample_time

@@ -42,27 +42,29 @@ def segment_means(signal: Array, n_segments: int) -> tuple[SegmentMeans, ...]:
 
 
 def _relative(square: Array) -> SegmentMeans:
-    """Three times the cube root (Wilson and Hilferty): nearly normal, with the relative variance of the mean."""
+    """Return three times the cube root (Wilson and Hilferty): nearly normal, with the mean's relative variance."""
     power = square.mean(axis=1, keepdims=True)
     power = np.maximum(power, np.finfo(float).eps * max(float(power.max()), np.finfo(float).tiny))
     return SegmentMeans(3.0 * np.cbrt(power[:, 0] / power.mean()), chance_of_mean(square / power))
 
 
 def cut(signal: Array, n_segments: int) -> Array:
-    """Return the whole segments of a signal (n,), shape (n_segments, length)."""
+    """Cut a signal (n,) into complete segments, shape (n_segments, length)."""
     length = signal.size // n_segments
     return signal[: n_segments * length].reshape(n_segments, length)
 
 
 def chance_of_mean(segments: Array) -> Array:
-    """Variance of each segment's mean by its lowest periodogram line, (n_segments,), 2 degrees of freedom each."""
+    """Return the variance of each segment's mean from its lowest periodogram line, (n_segments,), 2 degrees of
+    freedom each.
+    """
     length = segments.shape[1]
     slowest = np.fft.rfft(segments, axis=1)[:, 1]
     return np.asarray(np.abs(slowest) ** 2 / length**2, dtype=np.float64)
 
 
 def correlation_samples(segments: Array) -> float:
-    """Integral time scale within segments (n_segments, length), in samples, to the autocorrelation's first zero."""
+    """Return the integral time scale within segments (n_segments, length), in samples, up to the first zero."""
     length = segments.shape[1]
     left = segments - segments.mean(axis=1, keepdims=True)
     power = np.abs(np.fft.rfft(left, 2 * length, axis=1)) ** 2
@@ -85,7 +87,7 @@ def trend_p_value(data: SegmentMeans) -> float:
 
 
 def change_p_value(data: SegmentMeans) -> float:
-    """p-value of the largest difference of segments before and after a time (t test, Bonferroni)."""
+    """Return the p-value of the largest difference of segments before and after a time (t test, Bonferroni)."""
     from scipy.special import stdtr
 
     n = data.values.size
@@ -114,7 +116,7 @@ TESTS: Mapping[str, Callable[[SegmentMeans], float]] = MappingProxyType(
 
 @lru_cache(maxsize=64)
 def _inversion_law(n: int) -> Array:
-    """Probabilities of 0, 1, ... inversions of a random permutation of n."""
+    """Return the probabilities of 0, 1, ... inversions of a random permutation of n."""
     law = np.ones(1)
     for k in range(2, n + 1):
         law = np.convolve(law, np.full(k, 1.0 / k))

@@ -1,1 +1,1 @@
-"""The file formats of recordings: each is read into a `Table`, and written from a `Recording`."""
+"""File formats of recordings: each is read into a `Table`, and written from a `Recording`."""

@@ -40,7 +40,7 @@ Content = TypeVar("Content")
 
 
 class Outcome(Enum):
-    """Result of a trial; its text says what is wrong with the file."""
+    """Result of a trial; each value says what is wrong with the file."""
 
     THROUGH = "it can be unpacked"
     UNTRIED = "no process could be started to try it"
@@ -50,12 +50,12 @@ class Outcome(Enum):
 
     @property
     def is_fault(self) -> bool:
-        """True if the file should not be unpacked in this process."""
+        """Whether the file should not be unpacked in this process."""
         return self not in (Outcome.THROUGH, Outcome.UNTRIED)
 
 
 def unpacked(unpack: Callable[..., Content], content: bytes, path: str, *wanted: str) -> Content:
-    """Return a function's result for a file, unless the process that tries it first crashes."""
+    """Return a function's result for a file, after another process has tried it without crashing."""
     case = (unpack.__module__, unpack.__name__, hashlib.sha256(content).hexdigest(), *wanted)
     if case not in _survived:
         outcome = trial(unpack, content, path, *wanted)
@@ -67,7 +67,7 @@ def unpacked(unpack: Callable[..., Content], content: bytes, path: str, *wanted:
 
 
 def trial(unpack: Callable[..., object], content: bytes, path: str, *wanted: str) -> Outcome:
-    """Unpack a file in another process and report the result."""
+    """Try to unpack a file in another process, and report the outcome."""
     program = spawn.get_executable()
     if getattr(sys, "frozen", False) or not program:
         return Outcome.UNTRIED  # there is no interpreter to start: a program of one file would begin again

@@ -1,4 +1,4 @@
-"""Tables of the binary formats: columns are arrays, and units may stand in attributes."""
+"""Tables of the binary formats, whose columns are arrays and whose units may be attributes."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from deatwin.plant.safe_read import COLUMNS, clipped
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ArrayTable(Table):
-    """A table of a binary format, whose columns are arrays already."""
+    """A table from a binary format, whose columns are arrays."""
 
     columns: tuple[NDArray[np.generic], ...]
     timings: tuple[Timing | None, ...] = ()
@@ -30,7 +30,7 @@ class ArrayTable(Table):
         return map(str, self.columns[column])
 
     def timing(self, columns: Sequence[int]) -> Timing | None:
-        """Return the clock that the file states for some columns, or None."""
+        """Return the clock that the file states for some columns; None if it states none."""
         if not self.timings:
             return super().timing(columns)
         first = self.timings[columns[0]]
@@ -66,14 +66,14 @@ class ArrayTable(Table):
         return np.array([self._si(column) for column in columns])
 
     def _si(self, column: int) -> NDArray[np.float64]:
-        """Return a column in the unit in which it is wanted; values that are so already stay as they are, -0.0 too."""
+        """Return a column in the wanted unit; values already in this unit stay unchanged, including -0.0."""
         if scale := self.scales.get(column):
             return self._since_first(column, scale)
         values, unit = self.columns[column].astype(np.float64), self.unit(column)
         return values if unit.is_si else unit.to_si(values)
 
     def _since_first(self, column: int, scale: TimeScale) -> NDArray[np.float64]:
-        """Return Unix times as seconds since the first; whole numbers are subtracted as such."""
+        """Return Unix times as seconds since the first, with exact subtraction of whole numbers."""
         values = self.columns[column]
         whole = values.dtype.kind in "iu"
         since = (values.astype(np.int64) - int(values[0])) if whole else values.astype(np.float64) - float(values[0])
@@ -91,7 +91,7 @@ def array_table(
     declared: Declared | None = None,
     timings: Mapping[str, Timing | None] | None = None,
 ) -> ArrayTable:
-    """Make a table of arrays and of what attributes say about them."""
+    """Make a table from arrays and their attributes."""
     if not columns:
         raise DataError(f"{path}: no vectors of numbers in it; a recording needs its signals as vectors")
     if len(columns) > COLUMNS:
@@ -119,5 +119,5 @@ def array_table(
 
 
 def _said(timing: Timing | None) -> str:
-    """Return a clock as text."""
+    """Write a clock as text."""
     return f"every {timing.sample_time:g} s from {timing.start:g} s" if timing else "no clock"

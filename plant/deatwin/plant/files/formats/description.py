@@ -47,7 +47,7 @@ class Signals(Protocol):
 
 
 def signals_of(recording: Signals, header: Callable[[str, str], str], *, taken: Iterable[str]) -> list[Signal]:
-    """Return the signals of a recording, each with a header that no other one has."""
+    """Return the signals of a recording, each with a unique header."""
     plain = [
         *(("input", *pair) for pair in zip(recording.input_names, recording.input_units, strict=True)),
         *(("output", *pair) for pair in zip(recording.output_names, recording.output_units, strict=True)),
@@ -63,7 +63,7 @@ def signals_of(recording: Signals, header: Callable[[str, str], str], *, taken: 
 
 
 def unmistakable(unit: str) -> str:
-    """A unit as it cannot be read otherwise behind any name: C and F may be degrees."""
+    """Write a unit so that it cannot be misread after any name: C and F may be degrees."""
     return {"C": "coulomb", "F": "farad"}.get(unit, unit)
 
 
@@ -73,13 +73,13 @@ def rows_of(recording: Signals) -> list[NDArray[np.float64]]:
 
 
 def plain_header(name: str, unit: str) -> str:
-    """Return a signal's name as its header, or an empty text where it would be read as something else."""
+    """Return a signal's name as its header; empty if it would be misread."""
     fits = re.fullmatch(r"[^\W\d_]\w*", name) and not split_unit(name)[1]
     return name if fits else ""
 
 
 def header_with_unit(name: str, unit: str) -> str:
-    """Return a signal's name and SI unit as its header, or an empty text where it would be read otherwise."""
+    """Return a signal's name and SI unit as its header; empty if it would be misread."""
     said = unit if unit in UNITS and UNITS[unit].si == unit else ""  # another one stands in the description
     header = f"{name}_{said}" if said else name
     fits = re.fullmatch(r"[^\W\d_]\w*", name) and split_unit(header)[1] == said
@@ -87,7 +87,7 @@ def header_with_unit(name: str, unit: str) -> str:
 
 
 def describe(recording: Signals, signals: Iterable[Signal]) -> str:
-    """Return the description of a recording."""
+    """Make the description of a recording."""
     return json.dumps(
         {
             "schema": SCHEMA,
@@ -99,7 +99,7 @@ def describe(recording: Signals, signals: Iterable[Signal]) -> str:
 
 
 def read_description(text: str, path: str, *, start: float = 0.0) -> Declared:
-    """Return what a description says. `start` time of the first sample, s, where the file has no column of times."""
+    """Read a description. `start` is the time of the first sample, s, if the file has no column of times."""
     try:
         content = json.loads(text)
         schema = str(content["schema"])
@@ -121,7 +121,7 @@ _DAMAGED = (ValueError, KeyError, TypeError, AttributeError, OverflowError, Recu
 
 
 def all_provenance(own: Mapping[str, str], stored: Mapping[str, str]) -> dict[str, str]:
-    """Return the provenance of a file's samples: its own entries, and behind them those stored in it."""
+    """Return the provenance of a file's samples: first its own entries, then those stored in it."""
     found = dict(own)
     for key, value in stored.items():
         while key in found:
@@ -138,7 +138,7 @@ def _damaged(path: str, error: Exception) -> DataError:
 
 
 def _signal(entry: Mapping[str, Any]) -> Signal:
-    """Return a signal of the description."""
+    """Return a signal from the description."""
     if entry["role"] not in ("input", "output", "extra"):
         raise ValueError(f'role "{entry["role"]}"')
     return Signal(**{key: str(entry[key]) for key in ("role", "name", "unit", "header")})

@@ -31,7 +31,7 @@ _SEPARATORS = {"Tab": "\t", "Comma": ","}
 
 @dataclass(frozen=True, kw_only=True)
 class _Segment:
-    """A segment: its header by tag, the cells of its line of names, and its samples with their rows in the file."""
+    """A segment: header by tag, line of names, and samples with their rows in the file."""
 
     header: dict[str, list[str]]
     names: list[str]
@@ -39,7 +39,7 @@ class _Segment:
     lines: list[str]
 
     def number(self, tag: str, column: int) -> float | None:
-        """Return a number of the header, or None where it is not there."""
+        """Return a number from the header; None if it is missing."""
         cells = self.header.get(tag, [])
         cell = cells[column] if column < len(cells) else ""
         return value if math.isfinite(value := _number(cell)) else None
@@ -67,7 +67,7 @@ def read_lvm(path: str | Path) -> CsvTable:
 
 
 def _file_header(lines: list[str], path: str) -> tuple[str, dict[str, str]]:
-    """Return the separator of a file and what its header says, by tag."""
+    """Return the separator of a file and its header by tag."""
     said = next((line for line in lines if line.startswith("Separator")), "Separator\tTab")
     name = said[len("Separator") + 1 :].strip("\t, ")
     if name not in _SEPARATORS:
@@ -117,7 +117,7 @@ def _segments(lines: list[str], separator: str, about: dict[str, str], path: str
 
 
 def _is_tag(tag: str, line: str, separator: str) -> bool:
-    """Return whether a line among samples begins the header of another segment."""
+    """Return whether a line begins the header of another segment."""
     return bool(tag) and tag[0].isalpha() and not is_number(tag.replace(",", ".")) and separator in line
 
 
@@ -169,13 +169,13 @@ def _table(segments: list[_Segment], separator: str, x_columns: str, path: str, 
 
 
 def _labels(segment: _Segment) -> tuple[str, ...]:
-    """Return what the header of a segment says as the unit of each column; empty where it says nothing."""
+    """Return the unit label of each column in a segment's header; empty if there is none."""
     cells = ["", *segment.header.get("Y_Unit_Label", [])]  # the first column holds the x values
     return tuple(cells[k] if k < len(cells) else "" for k in range(len(segment.names)))
 
 
 def _unit(header: str, label: str, path: str) -> str:
-    """Return the unit of a column, as its name or its label says."""
+    """Return the unit of a column from its name or its label."""
     (name, own), stated = split_unit(header), find_unit(label)
     if own and stated and own not in (stated, for_name(name, stated)):
         raise DataError(
@@ -185,7 +185,7 @@ def _unit(header: str, label: str, path: str) -> str:
 
 
 def _began(segment: _Segment) -> dict[str, str]:
-    """Return the date of the first sample as provenance, empty where the header has none."""
+    """Return the date of the first sample for the provenance; empty if the header has none."""
     date, time = (next(filter(None, segment.header.get(tag, [])), "") for tag in ("Date", "Time"))
     try:
         return {BEGAN: moment(f"{date} {time}").isoformat()}
@@ -194,7 +194,7 @@ def _began(segment: _Segment) -> dict[str, str]:
 
 
 def _on_one_clock(segments: list[_Segment], lines: list[str], separator: str) -> list[str]:
-    """Return the samples with x values that go on from segment to segment."""
+    """Return the samples with x values that continue from segment to segment."""
     ends = np.cumsum([len(segment.lines) for segment in segments])
     x = [_number(line.partition(separator)[0]) for line in lines]
     dates = [_began(segment).get(BEGAN) for segment in segments]
@@ -212,12 +212,12 @@ def _on_one_clock(segments: list[_Segment], lines: list[str], separator: str) ->
 
 
 def _number(cell: str) -> float:
-    """Return a cell as a number, NaN where it is none."""
+    """Return a cell as a number; NaN if it is none."""
     return float(cell) if is_number(cell) else math.nan
 
 
 def _require_one_clock(segments: list[_Segment], separator: str, path: str) -> None:
-    """Refuse channels whose own x values differ from those of the first one."""
+    """Raise an error if channels have different x values."""
     for segment in segments:
         places = [k for k, name in enumerate(segment.names) if name == "X_Value"]
         for row, line in zip(segment.rows, segment.lines, strict=True):

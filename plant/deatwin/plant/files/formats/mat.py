@@ -68,7 +68,7 @@ def write_mat(path: str | Path, recording: Recording) -> None:
 
 
 def _table(path: str, sha256: str, found: Mapping[str, Any]) -> ArrayTable:
-    """Return the vectors of a file, given all that is in it by name."""
+    """Make a table from the vectors of a file, given by name."""
     short = _short_names(found)
     arrays = {short[name]: value for name, value in found.items() if isinstance(value, np.ndarray)}
     columns = {name: value.ravel() for name, value in arrays.items() if value.size > 1 and value.size in value.shape}
@@ -95,7 +95,7 @@ def _table(path: str, sha256: str, found: Mapping[str, Any]) -> ArrayTable:
 
 
 def _of_matrix(name: str, value: np.ndarray, lengths: set[int]) -> dict[str, np.ndarray]:
-    """Return the signals of a matrix, along its longer side, which is as long as a vector of the file if it has any."""
+    """Return the signals of a matrix, along the side that is as long as other vectors, by default the longer."""
     if value.ndim != 2 or not 1 < min(value.shape) <= _WIDEST or (lengths and max(value.shape) not in lengths):
         return {}
     if value.shape[0] >= value.shape[1]:
@@ -104,14 +104,14 @@ def _of_matrix(name: str, value: np.ndarray, lengths: set[int]) -> dict[str, np.
 
 
 def _short_names(found: Mapping[str, Any]) -> dict[str, str]:
-    """Return the field names of structs without the structs, where that is one name only."""
+    """Return field names without the names of their structs, if they stay unique."""
     last = {name: name.rpartition(".")[2] for name in found if not name.startswith("units.")}
     ends = list(last.values())
     return {name: last[name] if ends.count(last.get(name, "")) == 1 else name for name in found}
 
 
 def _timing(arrays: Mapping[str, np.ndarray], path: str) -> Timing | None:
-    """Return the clock that a scalar states, or None."""
+    """Return the clock that a scalar states; None if it states none."""
     scalars = {
         name.lower(): float(value.ravel()[0])
         for name, value in arrays.items()
@@ -131,7 +131,7 @@ def _timing(arrays: Mapping[str, np.ndarray], path: str) -> Timing | None:
 
 
 def of_level_5(content: bytes, path: str) -> dict[str, Any]:
-    """Return names and values of a file of version 5; fields of structs as ``struct.field``."""
+    """Return names and values in a file of version 5; fields of structs are named ``struct.field``."""
     from scipy.io import loadmat, whosmat
 
     require_sound_level_5(content, path)
@@ -144,7 +144,7 @@ def of_level_5(content: bytes, path: str) -> dict[str, Any]:
 
 
 def _values(name: str, value: Any) -> Iterator[tuple[str, Any]]:
-    """Yield a variable, or the fields of a struct, with texts as texts."""
+    """Yield a variable, or the fields of a struct; character arrays become texts."""
     if not isinstance(value, np.ndarray):
         return
     if value.dtype.names and value.size == 1:
@@ -157,7 +157,7 @@ def _values(name: str, value: Any) -> Iterator[tuple[str, Any]]:
 
 
 def of_hdf5(content: bytes, path: str) -> dict[str, Any]:
-    """Return names and values of a file of version 7.3; fields of structs as ``struct.field``."""
+    """Return names and values in a file of version 7.3; fields of structs are named ``struct.field``."""
     h5py = require("h5py", f"{path}: a MATLAB file of version 7.3")
     values: dict[str, Any] = {}
     with h5py.File(io.BytesIO(content), "r") as file:
@@ -176,6 +176,6 @@ def of_hdf5(content: bytes, path: str) -> dict[str, Any]:
 
 
 def _identifier(name: str, unit: str) -> str:
-    """Return a signal's name and unit as the name of a MATLAB variable, or an empty text."""
+    """Return a signal's name and unit as a MATLAB variable name; empty if that is impossible."""
     header = header_with_unit(name, unit)
     return header if re.fullmatch(r"[A-Za-z]\w{0,62}", header, re.ASCII) else ""

@@ -73,7 +73,7 @@ def variables_of(content: bytes, path: str) -> tuple[dict[str, tuple[np.ndarray,
 
 
 def write_netcdf(path: str | Path, recording: Recording) -> None:
-    """Write a recording as a NetCDF file of version 4, as `Recording.to_xarray` has it."""
+    """Write a recording as a NetCDF file of version 4, in the form of `Recording.to_xarray`."""
     _xarray("a NetCDF file")
     dataset = recording.to_xarray()
     plain = {name: {"_FillValue": None} for name in dataset.variables}
@@ -81,12 +81,12 @@ def write_netcdf(path: str | Path, recording: Recording) -> None:
 
 
 def _xarray(purpose: str) -> Any:
-    """Import xarray and what it needs for files of version 4."""
+    """Import xarray and the packages for files of version 4."""
     return [require(package, purpose) for package in ("h5py", "h5netcdf", "xarray")][-1]
 
 
 def _in_seconds(values: np.ndarray, unit: str) -> tuple[np.ndarray, str]:
-    """Return times that count from a date in seconds; other values and units as they are."""
+    """Return times since a date in seconds; other values and units are unchanged."""
     since = re.fullmatch(r"(\w+?)s? since .+", unit.strip())
     if not since or since[1] not in _SECONDS:
         return values, unit

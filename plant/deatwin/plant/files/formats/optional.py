@@ -1,4 +1,4 @@
-"""Packages for some formats only, imported where they are used."""
+"""Import packages that only some formats need."""
 
 import importlib
 import logging
@@ -21,7 +21,7 @@ def require(package: str, purpose: str) -> Any:
 
 @contextmanager
 def reading(path: str, format_name: str, *, logger: str = "", harmless: tuple[str, ...] = ()) -> Iterator[None]:
-    """Turn any error or warning of a library on a damaged file into one clear error."""
+    """Convert any error or warning of a library about a damaged file to one clear error."""
     doubts: list[str] = []
     known = list(logging.root.manager.loggerDict) if logger else []
     logs = [logging.getLogger(name) for name in known if name.split(".")[0] == logger]

@@ -1,4 +1,4 @@
-"""Table into which every file format is read: named columns of numbers, and what the file declares about them."""
+"""The table into which every file format is read: named columns of numbers, and declarations of the file."""
 
 import re
 from abc import ABC, abstractmethod
@@ -20,7 +20,7 @@ _LISTED = 20  # headers that an error text names
 
 
 def is_place(wanted: str) -> bool:
-    """Return whether a column is named by its position, as in ``#2``."""
+    """Return whether a column is given by its position, such as ``#2``."""
     return re.fullmatch(r"#[1-9][0-9]{0,8}", wanted) is not None
 
 
@@ -36,7 +36,7 @@ class Signal:
 
 @dataclass(frozen=True, kw_only=True)
 class Timing:
-    """Even clock that a file states instead of a column of times."""
+    """An even clock that a file states instead of a column of times."""
 
     sample_time: float  # Time between two samples, s
     start: float = 0.0  # Time of the first sample, s
@@ -46,13 +46,13 @@ class Timing:
             raise DataError(f"sample time {self.sample_time} s from {self.start} s: it must be positive and finite")
 
     def agrees(self, sample_time: float) -> bool:
-        """Return whether another sample time means the same clock. `sample_time` time between two samples, s."""
+        """Return whether another sample time, s, means the same clock."""
         return abs(sample_time / self.sample_time - 1.0) < _SAME_CLOCK
 
 
 @dataclass(frozen=True, kw_only=True)
 class Declared:
-    """Declarations of a file about its recording, beside the columns."""
+    """What a file declares about its recording, besides the columns."""
 
     timing: Timing | None = None  # Its clock
     signals: tuple[Signal, ...] = ()  # Meaning of the columns; empty if only the headers tell it
@@ -77,18 +77,18 @@ class Table(ABC):
 
     @abstractmethod
     def texts(self, column: int) -> Iterator[str]:
-        """Yield the values of a column, counted from 0, as text; an empty one where a value is missing."""
+        """Yield the values of a column, counted from 0, as text; empty for a missing value."""
 
     @abstractmethod
     def row(self, sample: int) -> int:
-        """Return where a sample stands in the file."""
+        """Return the row of a sample in the file."""
 
     @abstractmethod
     def si(self, columns: Sequence[int], *, missing: Collection[int] = ()) -> NDArray[np.float64]:
-        """Return columns as numbers in SI units, or in those of `wanted`; NaN where one of `missing` has no value."""
+        """Return columns in SI units, or in those of `wanted`; NaN for missing values in columns of `missing`."""
 
     def unit(self, column: int) -> Unit:
-        """Return the unit of a column, which leads to the one in which it is wanted."""
+        """Return the unit of a column, which converts to the wanted unit."""
         known = self.units[column]
         own = next((s.unit for s in self.declared.signals if s.header == self.headers[column]), "")
         if known and find_unit(own) == known:  # a recording in a unit of its own, which is kept
@@ -96,7 +96,7 @@ class Table(ABC):
         return self.wanted.get(column) or (UNITS[known] if known else Unit(self.own_unit(column)))
 
     def own_unit(self, column: int) -> str:
-        """Return the unit of a column, counted from 0, in the file's own spelling where it is not known."""
+        """Return the unit of a column, counted from 0; an unknown unit is returned as spelled in the file."""
         said = self.said[column].strip("()[] ") if self.said else ""
         said = "" if said in _NO_UNITS else said
         return self.units[column] or said or said_unit(self.headers[column])
@@ -106,7 +106,7 @@ class Table(ABC):
         return f"{self.path}, row {self.row(sample)}"
 
     def timing(self, columns: Sequence[int]) -> Timing | None:
-        """Return the clock that the file states for some columns, or None."""
+        """Return the clock that the file states for some columns; None if it states none."""
         return self.declared.timing
 
     def column(self, wanted: str, works: Callable[[int], bool] = lambda column: True) -> int:
@@ -137,12 +137,12 @@ class Table(ABC):
         return found[0]
 
     def near(self, wanted: str, works: Callable[[int], bool]) -> str:
-        """Return the end of an error text that offers the header nearest to a misspelt one."""
+        """Return the end of an error text that suggests the header nearest to a misspelt one."""
         like = [k for k, header in enumerate(self.headers) if nearest(wanted, [header])]
         return nearest(wanted, [self.headers[k] for k in like if self.headers.count(self.headers[k]) == 1 and works(k)])
 
     def columns_of(self, role: str) -> tuple[int, ...]:
-        """Return the columns that the file itself declares."""
+        """Return the columns that the file declares."""
         return tuple(self.column(signal.header) for signal in self.declared.signals if signal.role == role)
 
     def signal(self, role: str, column: int) -> Signal:
@@ -154,16 +154,16 @@ class Table(ABC):
         return Signal(role=role, name=self.names[column], unit=self.unit(column).si, header=header)
 
     def listing(self) -> str:
-        """Return the headers as one text, of many the first ones."""
+        """Return the headers as one text; if there are many, only the first ones."""
         names = [f'"{self.shown(column)}"' for column in range(len(self.headers))]
         more = len(names) - _LISTED
         return ", ".join(names) if more < 1 else f"{', '.join(names[:_LISTED])} and {more} more"
 
     def shown(self, column: int) -> str:
-        """Return a header as an error text shows it."""
+        """Return a header for an error text."""
         return clipped(self.headers[column])
 
     def unmistakable(self, column: int) -> str:
-        """Return the header of a column, or its place where others have the same."""
+        """Return the header of a column, or its position if other columns have the same header."""
         header = self.headers[column]
         return self.shown(column) if header and self.headers.count(header) == 1 else f"#{column + 1}"

@@ -60,7 +60,7 @@ def read_tdms(path: str | Path) -> ArrayTable:
 
 
 def write_tdms(path: str | Path, recording: Recording) -> None:
-    """Write a recording as a TDMS file: waveforms in SI units in one group, and the description of it."""
+    """Write a recording as a TDMS file: waveforms in SI units in one group, and their description."""
     nptdms = require("nptdms", "a TDMS file")
     signals = signals_of(recording, plain_header, taken=[])
     clock = {
@@ -78,14 +78,14 @@ def write_tdms(path: str | Path, recording: Recording) -> None:
 
 
 def _require_held(file: Any, held: int, path: str) -> None:
-    """Refuse a file that declares more samples than it has bytes, or more than can be read."""
+    """Raise an error if a file declares more samples than it has bytes, or than can be read."""
     count = sum(len(channel) for group in file.groups() for channel in group.channels())
     if count > held:
         raise DataError(f"{path}: it declares {count} samples and has {in_words(held)}; it is damaged")
 
 
 def _declared(file: Any, channels: list[Any], path: str) -> Declared:
-    """Return the declarations of the file besides its channels."""
+    """Return what the file declares besides its channels."""
     if KEY in file.properties:
         start = channels[0].properties.get("wf_start_offset", 0.0) if channels else 0.0
         return read_description(str(file.properties[KEY]), path, start=float(start))
@@ -95,7 +95,7 @@ def _declared(file: Any, channels: list[Any], path: str) -> Declared:
 
 
 def _timing(channel: Any) -> Timing | None:
-    """Return the clock of a waveform, or None; an increment of 0 is LabVIEW's default and says nothing."""
+    """Return the clock of a waveform; None if the increment is 0, LabVIEW's default."""
     increment = float(channel.properties.get("wf_increment", 0.0))
     start = float(channel.properties.get("wf_start_offset", 0.0))
     says_it = 0.0 < increment < np.inf and np.isfinite(start)
@@ -103,10 +103,10 @@ def _timing(channel: Any) -> Timing | None:
 
 
 def _unit(channel: Any) -> str:
-    """Return the unit that a channel's properties state."""
+    """Return the unit in a channel's properties."""
     return next((str(channel.properties[key]) for key in _UNITS if channel.properties.get(key)), "")
 
 
 def _seconds(values: np.ndarray) -> np.ndarray:
-    """Return time stamps as seconds since the first of them, other values as they are."""
+    """Return time stamps as seconds since the first; other values are unchanged."""
     return (values - values[0]) / np.timedelta64(1, "s") if values.dtype.kind == "M" else values

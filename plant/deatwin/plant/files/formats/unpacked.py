@@ -29,13 +29,13 @@ _ORDERS: dict[bytes, Literal["little", "big"]] = {b"IM": "little", b"MI": "big"}
 
 
 def too_much(path: str, count: float) -> DataError:
-    """Return the error of a file that unpacks to more than can be read."""
+    """Return an error for a file that unpacks to more than can be read."""
     most = in_words(RECORDING_BYTES)
     return DataError(f"{path}: it unpacks to {in_words(count)} or more; at most {most} can be read")
 
 
 class Metered(io.BytesIO):
-    """Number of bytes of a file that are read only once: a header may name the same samples many times."""
+    """A file that counts the bytes read from it, because a header may name the same samples many times."""
 
     def __init__(self, content: bytes, path: str) -> None:
         super().__init__(content)
@@ -43,7 +43,7 @@ class Metered(io.BytesIO):
         self._most = 3 * len(content) + 1_000_000  # a header is read twice, and so may be samples
 
     def read(self, size: int | None = -1, /) -> bytes:
-        """Return the next bytes, unless too many were read before."""
+        """Return the next bytes, unless too many have been read."""
         found = super().read(size)
         self._read += len(found)
         if self._read > self._most:
@@ -107,7 +107,7 @@ def require_sound_level_5(content: bytes, path: str) -> None:
 
 
 def _require_types(matrix: bytes, order: Literal["little", "big"], path: str) -> None:
-    """Refuse an array with elements of types that there are not: SciPy looks them up beyond the end of its table."""
+    """Raise an error for an array with unknown element types, for which SciPy would read beyond its table."""
     place = 0
     if int.from_bytes(matrix[8:12], order) & 0xFF not in _CLASSES:
         return
@@ -121,7 +121,7 @@ def _require_types(matrix: bytes, order: Literal["little", "big"], path: str) ->
 
 
 def _unpacked_size(packed: bytes, before: int, path: str) -> int:
-    """Return the unpacked size of an element in bytes: piece by piece, keeping none."""
+    """Return the unpacked size of an element in bytes, found piece by piece without storing it."""
     count, stream = 0, zlib.decompressobj()
     while packed and not stream.eof:
         count += len(stream.decompress(packed, _PIECE))
@@ -132,12 +132,12 @@ def _unpacked_size(packed: bytes, before: int, path: str) -> int:
 
 
 def _of_structs(matrix: bytes, order: Literal["little", "big"]) -> bool:
-    """Return whether an array is one of arrays, by the class in its flags, which stand behind their own tag."""
+    """Return whether an array contains arrays, from the class in its flags, which follow their own tag."""
     return int.from_bytes(matrix[8:12], order) & 0xFF in _OF_ARRAYS
 
 
 def _require_entries(matrix: bytes, order: Literal["little", "big"], path: str) -> None:
-    """Refuse cells and structs with more entries than there is room for: SciPy makes room for what they declare."""
+    """Raise an error for cells and structs that declare more entries than fit, because SciPy allocates them."""
     words = np.frombuffer(matrix[: len(matrix) // 4 * 4], dtype="<u4" if order == "little" else ">u4")
     flags, kinds, sizes = words[:-4:2] & 0xFF, words[2:-2:2], words[3:-1:2]
     fitting = np.isin(flags, _OF_ARRAYS) & np.isin(kinds, _INTEGERS) & (sizes % 4 == 0) & (sizes >= 8) & (sizes <= 256)

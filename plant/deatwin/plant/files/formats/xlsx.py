@@ -17,7 +17,7 @@ _LISTED = 10  # sheets that an error text names
 
 
 def split_sheet(path: str | Path) -> tuple[str, str]:
-    """Return the file, and the sheet that is named behind its ending; an empty text where none is."""
+    """Split a path into the file and the sheet named after its ending; empty if none is named."""
     found = re.fullmatch(r"(.*\.xlsx)#(.+)", str(path), re.IGNORECASE | re.DOTALL)
     return (found[1], found[2]) if found else (str(path), "")
 
@@ -57,7 +57,7 @@ def read_xlsx(path: str | Path) -> CsvTable:
 
 
 def _lines(values: Any, formulas: Any) -> list[tuple[int, str]]:
-    """Return the rows of a sheet that hold anything, as text between tabs, each with its number."""
+    """Return the non-empty rows of a sheet as text with tabs, each with its number."""
     lines = []
     for sheet in (values, formulas):
         sheet.reset_dimensions()  # what a file says of its size may be wrong, and is not needed
@@ -70,7 +70,7 @@ def _lines(values: Any, formulas: Any) -> list[tuple[int, str]]:
 
 
 def _text(cell: object) -> str:
-    """Return a cell as a CSV file has it."""
+    """Write a cell as in a CSV file."""
     match cell:
         case None:
             return ""

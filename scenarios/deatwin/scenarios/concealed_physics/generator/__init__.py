@@ -11,7 +11,7 @@ from deatwin.scenarios.concealed_physics.generator.mechanism import Mechanism
 
 
 def _kinds(module: ModuleType) -> list[type[Mechanism]]:
-    """Mechanisms that a module defines, by the names of their classes."""
+    """Return the mechanisms defined in a module, by the names of their classes."""
     of_module = [kind for kind in vars(module).values() if isinstance(kind, type) and issubclass(kind, Mechanism)]
     return sorted((k for k in of_module if k.__module__ == module.__name__), key=lambda kind: kind.__name__)
 
@@ -22,7 +22,7 @@ MECHANISMS: Mapping[str, type[Mechanism]] = MappingProxyType(
 
 
 def mechanism_named(name: str) -> type[Mechanism]:
-    """Return the kind of mechanism of a name."""
+    """Return the class of a mechanism, by its name."""
     try:
         return MECHANISMS[name]
     except KeyError:

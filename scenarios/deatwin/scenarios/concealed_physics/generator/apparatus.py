@@ -24,7 +24,7 @@ BALL_TOLD, READ_AT_START = 0.6, 0.15
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rigging:
-    """A rig as described, and as it is."""
+    """A rig as described to the diagnosis, and as it really is."""
 
     nominal: Plant  # As the rig file describes it
     actual: Plant  # The film that is there, on a fine mesh
@@ -32,7 +32,7 @@ class Rigging:
     before: tuple[tuple[float, float], ...]  # History: commands in V, each with how long it was held in s
 
     def in_usual_form(self) -> Rigging:
-        """Hold the ball and take readings as most rigs do: rigs of one form share their compiled equations."""
+        """Return the rig with the usual ball contact and reading time, so that compiled equations are shared."""
         nominal, actual, reduced = map(_in_usual_form, (self.nominal, self.actual, self.reduced))
         return replace(self, nominal=nominal, actual=actual, reduced=reduced)
 
@@ -71,7 +71,7 @@ def drawn_rig(rng: np.random.Generator) -> Rigging:
 
 
 def with_added_mass(plant: Plant, added: float) -> Plant:
-    """Put a heavier ball on the plant of a diaphragm."""
+    """Return the plant of a diaphragm with a heavier ball."""
     rig = _diaphragm(plant)
     return plant.with_rig(replace(rig, mass=rig.mass + added))
 

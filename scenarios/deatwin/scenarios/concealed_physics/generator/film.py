@@ -13,7 +13,7 @@ from deatwin.scenarios.concealed_physics.generator.mechanism import Draw, PlantM
 
 
 def _decades(time: Any, first: Any) -> Any:
-    """Decades of time since clock 0, counted from the time `first` on."""
+    """Return the decades of time since clock 0, counted from the time `first`."""
     return ca.log10(1 + ca.fmax(time, 0.0) / first)
 
 

@@ -24,7 +24,7 @@ def log_uniform(rng: np.random.Generator, lower: float, upper: float) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Setting:
-    """A clean recording of the same film, for which a mechanism is drawn."""
+    """A clean recording of the same film, which sets the strength of a mechanism."""
 
     seconds: float  # Length of the records that are diagnosed, on the clock, s
     commands: np.ndarray  # shape (n,): Commands of these records, V
@@ -52,21 +52,21 @@ class Reading:
 
 
 class Draw:
-    """Fields of a mechanism by the law that they are drawn from."""
+    """Fields of a mechanism, with the distributions from which they are drawn."""
 
     @staticmethod
     def by(draw: Callable[[np.random.Generator, Setting, float], float]) -> Any:
-        """Call a function of generator, setting and largest strength."""
+        """Compute a field by a function of generator, setting and largest strength."""
         return field(metadata={"draw": draw})
 
     @classmethod
     def part(cls, lower: float = 0.1, upper: float = 0.3) -> Any:
-        """Take a share of the largest strength."""
+        """Draw a share of the largest strength."""
         return cls.by(lambda rng, setting, largest: largest * rng.uniform(lower, upper))
 
     @classmethod
     def signed(cls) -> Any:
-        """Take 0.1 to 0.3 of the largest strength, of either sign."""
+        """Draw 0.1 to 0.3 of the largest strength, with either sign."""
         return cls.by(lambda rng, setting, largest: rng.choice([-1.0, 1.0]) * largest * rng.uniform(0.1, 0.3))
 
     @classmethod
@@ -76,12 +76,12 @@ class Draw:
 
     @classmethod
     def log_uniform(cls, lower: float, upper: float) -> Any:
-        """Draw from a uniform distribution of the logarithm."""
+        """Draw from a log-uniform distribution."""
         return cls.by(lambda rng, setting, largest: log_uniform(rng, lower, upper))
 
     @classmethod
     def during(cls, lower: float, upper: float) -> Any:
-        """Take a share of the length of the records."""
+        """Draw a share of the records' duration."""
         return cls.by(lambda rng, setting, largest: setting.seconds * rng.uniform(lower, upper))
 
 
@@ -104,7 +104,7 @@ class Mechanism(ABC):
 
     @property
     def size(self) -> float:
-        """Strength without sign, SI."""
+        """Absolute strength, SI."""
         return abs(float(getattr(self, self.strength)))
 
     def sized(self, size: float) -> Self:

@@ -69,7 +69,7 @@ class CaseSpec:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Specimen:
-    """A case as the diagnosis gets it, and what only the score may see."""
+    """A case in the form that the diagnosis gets, together with the truth, which only the score uses."""
 
     plant: Plant
     experiments: tuple[Experiment, ...]  # Records for the diagnosis, with readings, m
@@ -88,7 +88,7 @@ class Specimen:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """True values by the name of the catalogue's parameter, where a mechanism has the same one, SI."""
+        """True values, SI, by the name of the catalogue's parameter, if a mechanism has the same one."""
         return {k: v for m in self.apparatus.mechanisms for k, v in m.catalogue_values().items()}
 
     @property
@@ -101,7 +101,7 @@ class Specimen:
         return self.apparatus.record(experiment, np.random.default_rng([self.apparatus.seed, seed, 7]), run=1 + seed)
 
     def heavier(self, added: float) -> Self:
-        """Add a mass, which the experimenter knows, to the load."""
+        """Add a mass to the load; the experimenter knows it."""
         apparatus = replace(self.apparatus, plant=with_added_mass(self.apparatus.plant, added))
         return replace(self, plant=with_added_mass(self.plant, added), apparatus=apparatus)
 
@@ -146,7 +146,7 @@ def _silent(wave: np.ndarray, step: float, start: float) -> Recording:
 
 
 def _is_borne(rigging: Rigging, experiment: Experiment) -> bool:
-    """Test whether the reduced film bears commands that are a little higher."""
+    """Return whether the reduced film tolerates slightly higher commands."""
     raised = tuple(replace(r, inputs=CLEAR * r.inputs) for r in experiment.recordings)
     return rigging.reduced.simulate(Experiment(recordings=raised)).status is RunStatus.DONE
 
@@ -181,7 +181,7 @@ def _made(spec: CaseSpec, rigging: Rigging, whole: Experiment, rng: np.random.Ge
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Sizing:
-    """Finds the strength of a mechanism that a ratio needs."""
+    """Finds the strength of a mechanism for a given mismatch-to-noise ratio."""
 
     bare: Apparatus
     whole: Experiment
@@ -250,7 +250,7 @@ class _Sizing:
 
 
 def _next_size(tried: list[tuple[float, float]], target: float) -> float:
-    """Size at which the ratio is expected to meet its target: a power law through the last two that were tried."""
+    """Return the size at which the ratio should meet its target, from a power law through the last two trials."""
     (size, ratio), power = tried[-1], 1.0
     for (first, low), (second, high) in pairwise(tried[-2:]):
         if low > 0 and high > 0 and first != second:

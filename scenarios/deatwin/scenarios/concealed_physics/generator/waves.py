@@ -76,7 +76,7 @@ class _Waves:
         return self._of_length(np.clip(wave, self.lower, self.upper))
 
     def chirp(self) -> np.ndarray:
-        """A quarter noise, a quarter chirp through the ball's resonance, and the same again."""
+        """A quarter of noise, a quarter of a chirp through the ball's resonance, and both again."""
         span, parts = self.upper - self.lower, []
         for _ in range(2):
             parts.append(replace(self, seconds=self.seconds / 4).noise())
@@ -90,7 +90,7 @@ class _Waves:
         return self._of_length(np.concatenate([half.fast_noise(), half.holds(shortest=1.0, longest=12.0)]))
 
     def stairs_and_noise(self) -> np.ndarray:
-        """A staircase whose every stair bears a little noise."""
+        """A staircase with a little noise on every step."""
         levels = self.rng.permutation(np.linspace(self.lower, self.upper, 8)[1:-1])
         stair = self._of_length(np.repeat(levels, round(self.seconds / 6 / self.step) + 1))
         size = {"mean": 0.0, "variance": (0.1 * (self.upper - self.lower)) ** 2, "band": 3.0}
@@ -101,7 +101,7 @@ class _Waves:
         return with_alternating_polarity(self.noise(), self.step, self.rng.uniform(8.0, 15.0))
 
     def one_level(self) -> np.ndarray:
-        """One level that is held, with a sine of a few hundredths of the range on it."""
+        """A constant level with a sine of a few hundredths of the range."""
         angle, span = 2 * np.pi * self.rng.uniform(0.3, 0.6) * self._times, self.upper - self.lower
         return self.lower + self.rng.uniform(0.5, 0.8) * span + 0.02 * span * np.sin(angle)
 
