@@ -14,10 +14,8 @@ from deatwin.plant.files import (
     read_recording,
     read_recordings,
     write_csv,
-    write_recording,
     write_text_atomic,
 )
-from deatwin.plant.recording import Recording
 
 HEADER = "time_s,command_V,displacement_mm"
 
@@ -204,25 +202,6 @@ class TestFaults:
 
 
 class TestWriting:
-    def test_recording_comes_back(self, tmp_path: Path) -> None:
-        rng = np.random.default_rng(2)
-        recording = Recording.from_arrays(
-            rng.normal(2.4, 0.6, 200),
-            rng.normal(2e-4, 1e-4, 200),
-            0.02,
-            start=240.0,
-            extras={"temperature": np.full(200, 294.15), "current": rng.normal(0.0, 1e-6, 200)},
-        )
-        path = tmp_path / "out.csv"
-        write_recording(path, recording)
-        assert path.read_text().splitlines()[0] == HEADER + ",temperature_C,current_uA"
-        again = read_recording(path)
-        assert (again.start, again.sample_time, again.input_units) == (240.0, 0.02, ("V",))
-        np.testing.assert_array_equal(again.inputs, recording.inputs)
-        np.testing.assert_allclose(again.outputs, recording.outputs, rtol=1e-15)
-        np.testing.assert_allclose(again.extras["temperature"], 294.15, rtol=1e-15)
-        np.testing.assert_allclose(again.extras["current"], recording.extras["current"], rtol=1e-14)
-
     def test_lengths_and_headers_are_checked(self, tmp_path: Path) -> None:
         with pytest.raises(DataError, match="of one length: a, b"):
             write_csv(tmp_path / "out.csv", {"a": [1.0], "b": [1.0, 2.0]})
