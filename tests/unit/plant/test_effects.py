@@ -39,11 +39,6 @@ def test_an_unknown_effect_gets_the_near_one():
         effect_named("hysteresys")
 
 
-def test_a_drift_of_permittivity_leaves_the_rest_alone(base, experiment):
-    plant = base.with_effects(effect_named("permittivity_drift"))
-    np.testing.assert_allclose(reading(plant, experiment, np.zeros(100)), 0.0, atol=1e-12)
-
-
 def test_creep_after_a_step_goes_one_way(experiment):
     # Heavily damped, so that what is seen after 1 s is the film and not the ball (A10).
     plant = Plant(rig=Diaphragm(), values={"damping": 0.5, "branch_modulus": 1.0}).with_effects(effect_named("creep"))

@@ -176,16 +176,6 @@ def test_a_stretched_permittivity_adds_electrostriction(stretch, slope):
     assert force / ideal == pytest.approx(ratio * electrostriction, rel=1e-12)
 
 
-def test_a_stretched_permittivity_from_rest_is_the_one_from_the_prestretch():
-    # 1 + c'(2 l - 2) with c' = -0.053, normed at 3.5, is 1 + c (2 l - 7) with the docstring's c.
-    rest = -0.053
-    slope = rest / (1 + rest * (2 * 3.5 - 2))
-    for stretch in (3.5, 4.0, 5.0):
-        normed = (1 + rest * (2 * stretch - 2)) / (1 + rest * 5)
-        assert 1 + slope * (2 * stretch - 7) == pytest.approx(normed, rel=1e-12)
-    assert slope == pytest.approx(-0.072, abs=1e-3)
-
-
 def test_a_stretched_permittivity_acts_like_a_smaller_one_at_small_stroke():
     # At 0.4 kV the film hardly moves: the Maxwell stress is multiplied by 1 + c lambda_p/2 where the film is flat.
     base = Plant(rig=Diaphragm(), values=QUIET)

@@ -67,16 +67,6 @@ class TestFormats:
         assert recording.output_names == ("Weg",)
         assert recording.outputs[0, 0] == pytest.approx(0.1e-6)
 
-    @pytest.mark.parametrize("delimiter", [";", "\t"])
-    @pytest.mark.parametrize("decimal", [".", ","])
-    def test_other_delimiters_and_decimal_comma(self, write, delimiter: str, decimal: str) -> None:
-        body = [row.replace(",", delimiter).replace(".", decimal) for row in rows()]
-        recording = read_recording(write([HEADER.replace(",", delimiter), *body]))
-        assert (recording.inputs[0, 49], recording.sample_time) == (1.49, 0.02)
-
-    def test_title_lines_above_the_header(self, write) -> None:
-        assert read_recording(write(["Rig A", "measured by hand", HEADER, *rows()])).n_samples == 50
-
     def test_columns_by_place(self, write) -> None:
         recording = read_recording(write(["time_s,a,b", *rows()]), input_column="#3", output_column="#2")
         assert (recording.input_names, recording.input_units) == (("b",), ("",))
@@ -87,9 +77,6 @@ class TestFormats:
         recording = read_recording(write(["time_ms,command_mV,displacement_um", *body]))
         assert recording.sample_time == 0.005
         assert (recording.inputs[0, 0], recording.outputs[0, 1]) == (1.0, 105e-6)
-
-    def test_time_without_unit_is_in_seconds(self, write) -> None:
-        assert read_recording(write([HEADER.replace("time_s", "Time"), *rows()])).sample_time == 0.02
 
     def test_extra_channels_in_si_and_other_columns_passed_over(self, write) -> None:
         header = HEADER + ",current_uA,temperature_C,remark"
