@@ -11,6 +11,8 @@ from deatwin.plant.excitation import band_limited_noise
 NOISE = band_limited_noise(np.random.default_rng(8), 4.0, 0.02)
 EFFECTS = catalogue()
 
+pytestmark = pytest.mark.usefixtures("uncompiled")
+
 
 def reading(plant, experiment, inputs=NOISE):
     return plant.simulate(experiment(inputs)).require().outputs[0][0]
