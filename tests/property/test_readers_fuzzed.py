@@ -4,7 +4,6 @@ import ast
 import importlib
 import json
 import re
-import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
@@ -304,21 +303,6 @@ def test_every_written_rig_file_is_as_reader_and_schema_have_it() -> None:
         rig = tomllib.loads(text)
         RigFile.from_dict(rig, str(file))
         jsonschema.validate(rig, shipped_schema("deatwin/rig/1"))
-
-
-@pytest.mark.parametrize("name", ["recordings", "rigs", "documents", "studies", "public"])
-def test_atheris_finds_nothing_in_a_few_seconds(name: str, tmp_path: Path) -> None:
-    pytest.importorskip("atheris")
-    done = subprocess.run(
-        [sys.executable, str(FUZZ / f"fuzz_{name}.py"), "--seconds", "10", "--finds", str(tmp_path)],
-        capture_output=True,
-        text=True,
-        timeout=200,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr[-3000:]
-    assert "number_of_executed_units" in done.stderr
-    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("kind", ["mat", "public mat"])

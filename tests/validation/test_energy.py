@@ -25,6 +25,8 @@ CLOSED = 1e-6
 """Demanded closure of the balance, relative to the work that the source did and took back."""
 SLIDING = Plant(rig=Diaphragm(contact_radius=1.5e-3, ball="sliding"))
 
+pytestmark = pytest.mark.usefixtures("uncompiled")
+
 
 def audited(plant: Plant) -> Equations:
     """The equations with the plant's energy, its charge, and what damper, branch and leads dissipate."""
@@ -68,8 +70,8 @@ def work_of_source(plant: Plant, commands: np.ndarray, charge: np.ndarray) -> np
 
 
 COMMANDS = {
-    "noise": band_limited_noise(np.random.default_rng(5), 20.0, SAMPLE_TIME),
-    "steps": np.repeat([1.1, 3.0, 0.0, 2.4, -1.5, 3.4], 150),
+    "noise": band_limited_noise(np.random.default_rng(5), 10.0, SAMPLE_TIME),
+    "steps": np.repeat([1.1, 3.0, 0.0, 2.4, -1.5, 3.4], 75),
     "cycle": 1.5 * (1 - np.cos(2 * np.pi * 0.5 * SAMPLE_TIME * np.arange(500))),
 }
 

@@ -8,7 +8,7 @@ from made_narx import trained_on
 from scipy.signal import lfilter
 from scipy.stats import binom
 
-from deatwin.ident.frequency import design_excitation, equilibrium, gfrf, nofrf, nofrf_exact, sliding_mean_and_gain
+from deatwin.ident.frequency import design_excitation, equilibrium, nofrf, nofrf_exact, sliding_mean_and_gain
 from deatwin.ident.frequency.output_responses.levels import chebyshev_levels
 from deatwin.ident.frequency.output_responses.result import NofrfWarning
 from deatwin.ident.narx import NarxModel
@@ -97,26 +97,6 @@ def test_the_branch_is_followed_where_another_is_nearer_at_the_end(branch):
     point = equilibrium(model, 1.0)
     np.testing.assert_allclose(point.outputs, branches(1.0), rtol=1e-12)  # terms of 20 by a slope of 0.3: 1e-14
     assert point.chosen == branch
-
-
-def test_draws_beyond_the_fold_of_the_branch_do_not_exist():
-    """y = c + b y - 0.3 y³: upper and middle root meet where 1.2 (b - 1)³ = 2.43 c², if c < 0.
-
-    Beyond it the lower root is left, to which Newton's method leads from many of the draws.
-    """
-    model = NarxModel.from_terms(
-        {"1": -0.1, "y(k-1)": 1.3, "y(k-1)^3": -0.3, "u(k-1)": 0.1}, sample_time=1.0, operating=near(0.0, 0.7, 0.3)
-    )
-    rng = np.random.default_rng(0)
-    thetas = np.tile(model.theta, (400, 1))
-    thetas[:, 0], thetas[:, 1] = rng.uniform(-1.5, 0.0, 400), rng.uniform(1.05, 1.6, 400)
-    path = model.theta + np.linspace(0.0, 1.0, 1001)[:, None, None] * (thetas - model.theta)
-    discriminant = 1.2 * (path[..., 1] - 1.0) ** 3 - 2.43 * path[..., 0] ** 2
-    remains = np.all(discriminant > 0, axis=0)
-    assert 20 < remains.sum() < 100
-    found = gfrf(model, 1, [0.3]).evaluate(thetas)
-    np.testing.assert_array_equal(found.exists, remains)
-    np.testing.assert_array_equal(np.isnan(found.values[:, 0]), ~remains)
 
 
 @pytest.mark.parametrize("times", [2, 3])

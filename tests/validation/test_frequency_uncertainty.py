@@ -15,7 +15,7 @@ from scipy import stats
 
 from deatwin.ident.frequency import FrequencyResponse, gfrf, output_orders, output_spectrum
 from deatwin.ident.frequency.frf import frf
-from deatwin.ident.frequency.uncertainty.parameters import Model, draw_theta, with_theta
+from deatwin.ident.frequency.uncertainty.parameters import Model
 from deatwin.ident.frequency.uncertainty.propagate import Propagated, UncertaintyWarning, propagate
 from deatwin.ident.frequency.uncertainty.sampling import sample
 from deatwin.ident.narx import Fixed, NarxModel
@@ -141,15 +141,6 @@ def test_covariances_of_many_data_sets_are_within_the_band(name: str, seed: int)
 @pytest.mark.parametrize("name", ["ARX", "output error"])
 def test_covariance_of_linear_models_is_within_the_band_of_their_draws(name: str) -> None:
     assert_within(linear_model(name, np.random.default_rng(5), 20_000), partial(frf, omega=OMEGA), seed=6)
-
-
-def test_draws_of_the_band_are_of_models_one_by_one() -> None:
-    """The band's draws come all at once; 300 of them by the plain way, from the same generator."""
-    model, quantity = identified(1, LONG), QUANTITIES["H_2"]
-    thetas = draw_theta(model, np.random.default_rng(2), 300)
-    plain = np.array([quantity(with_theta(model, theta)).values for theta in thetas])
-    together = sample(model, quantity, np.random.default_rng(2), 300).draws
-    np.testing.assert_allclose(together, plain, rtol=1e-9)
 
 
 # Coverage of the truth

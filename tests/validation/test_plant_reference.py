@@ -1,4 +1,4 @@
-"""The plant's own integrator against SUNDIALS (IDAS, relative tolerance 1e-9), on records of 60 s."""
+"""The plant's own integrator against SUNDIALS (IDAS, relative tolerance 1e-9), on records of 20 s."""
 
 import numpy as np
 import pytest
@@ -28,8 +28,8 @@ def record(commands, start=5.0):
 
 
 RNG = np.random.default_rng(1)
-NOISE = record(band_limited_noise(RNG, 60.0, 0.02))
-HOLDS = record(random_holds(RNG, 60.0, 0.02, 1.1, 3.75))
+NOISE = record(band_limited_noise(RNG, 20.0, 0.02))
+HOLDS = record(random_holds(RNG, 20.0, 0.02, 1.1, 3.75))
 
 
 def largest_difference(plant, experiment):

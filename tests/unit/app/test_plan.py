@@ -22,13 +22,3 @@ def test_a_plan_for_given_commands(on_bench: Path, capsys: pytest.CaptureFixture
     files = {str(path.relative_to("planned")) for path in Path("planned").rglob("*") if path.is_file()}
     assert files == set(json.loads(Path("planned/run.json").read_text(encoding="utf-8"))["outputs"])
     assert "next_input.csv" not in files
-
-
-def test_a_length_beside_an_input_is_a_mistake(on_bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["plan", "strip_of_mine:strip", "pulls.csv", "--seconds", "3", "--out", "planned"]) == 2
-    assert "--seconds" in capsys.readouterr().err
-
-
-def test_without_a_range_no_input_is_advised(on_bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["plan", "strip_of_mine:strip", "--out", "advised"]) == 1
-    assert "no range of its command" in capsys.readouterr().err and not Path("advised").exists()

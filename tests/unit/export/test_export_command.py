@@ -27,8 +27,6 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
     late = Plant(rig=Planar(sample_time=0.02)).with_effects(Delay(time=0.03))
     CalibratedPlant.nominal(late).save("late.json")
     Path("check.json").write_text(json.dumps(DESIGNED), encoding="utf-8")
-    Path("failed.json").write_text(json.dumps({**DESIGNED, "controller": None}), encoding="utf-8")
-    Path("other.json").write_text('{"schema": "deatwin/diagnosis/2"}', encoding="utf-8")
 
     def run(*arguments: str) -> tuple[int, str]:
         status = main(["export", *arguments])
@@ -87,25 +85,3 @@ def test_plants_and_narx_models_become_fmus(run: Run, model: str, to: str, inter
     with zipfile.ZipFile("made.fmu") as archive:
         assert f'<{interface} modelIdentifier="made"' in archive.read("modelDescription.xml").decode()
         assert {"sources/made.c", "sources/buildDescription.xml"} <= set(archive.namelist())
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (("gone.json", "--to", "c", "--out", "a.c"), "gone.json: there is no such file"),
-        (("other.json", "--to", "c", "--out", "a.c"), "schema is 'deatwin/diagnosis/2'; deatwin/plant/1, deatwin/narx"),
-        (("failed.json", "--to", "c", "--out", "a.c"), "the check holds no controller: none could be designed"),
-        (("check.json", "--to", "fmu", "--out", "a.fmu"), "a controller is exported as C source: give --to c"),
-        (("late.json", "--to", "fmu", "--out", "a.fmu"), "delay: needs the commands of earlier samples"),
-        (("narx.json", "--to", "fmu", "--out", "a.zip"), "a.zip: the name of an FMU ends in .fmu"),
-        (("narx.json", "--to", "c", "--out", "no/a.c"), "no/a.c: there is no folder no"),
-        (("narx.json", "--to", "c", "--out", "a.c", "--name", "a b"), "'a b' cannot be a prefix of C names"),
-    ],
-)
-def test_what_cannot_be_exported_is_said_in_one_line(run: Run, arguments: tuple[str, ...], said: str) -> None:
-    if "fmu" in arguments:
-        pytest.importorskip("fmpy", reason="FMUs need pip install fmpy")
-    status, text = run(*arguments)
-    assert status == 1
-    assert said in text and text.count("\n") == 1
-    assert not Path(arguments[4]).exists()

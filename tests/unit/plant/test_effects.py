@@ -11,6 +11,8 @@ from deatwin.plant.excitation import band_limited_noise
 NOISE = band_limited_noise(np.random.default_rng(8), 4.0, 0.02)
 EFFECTS = catalogue()
 
+pytestmark = pytest.mark.usefixtures("uncompiled")
+
 
 def reading(plant, experiment, inputs=NOISE):
     return plant.simulate(experiment(inputs)).require().outputs[0][0]
@@ -37,11 +39,6 @@ def test_an_effect_says_what_it_is(effect):
 def test_an_unknown_effect_gets_the_near_one():
     with pytest.raises(RigError, match='did you mean "hysteresis"'):
         effect_named("hysteresys")
-
-
-def test_a_drift_of_permittivity_leaves_the_rest_alone(base, experiment):
-    plant = base.with_effects(effect_named("permittivity_drift"))
-    np.testing.assert_allclose(reading(plant, experiment, np.zeros(100)), 0.0, atol=1e-12)
 
 
 def test_creep_after_a_step_goes_one_way(experiment):

@@ -11,10 +11,7 @@ from rig_files import SOUND
 from deatwin.plant import (
     Creep,
     Diaphragm,
-    ElectrodeRC,
     Experiment,
-    Hysteresis,
-    PermittivityDrift,
     Plant,
     ReadingTime,
     Recording,
@@ -45,13 +42,6 @@ def test_a_plant_survives_json(full, experiment):
     assert copy.to_dict() == amended.to_dict()
     assert copy.rig == amended.rig
     np.testing.assert_array_equal(reading(copy, experiment), reading(amended, experiment))
-
-
-def test_effects_in_any_order_make_the_same_plant():
-    effects = [Creep(), PermittivityDrift(), ElectrodeRC(), Hysteresis()]
-    plants = [Plant(rig=Diaphragm()).with_effects(*order) for order in (effects, effects[::-1])]
-    assert plants[0].to_dict() == plants[1].to_dict()
-    assert plants[0].simulator is plants[1].simulator
 
 
 def test_values_go_with_the_effects(full):

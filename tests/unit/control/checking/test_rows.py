@@ -1,8 +1,5 @@
-"""The table of margins against python-control, loop by loop; what is unstable or not there; quantiles."""
+"""The table of margins: of the source and of all draws; what is unstable or not there; quantiles."""
 
-import warnings
-
-import control
 import numpy as np
 import pytest
 from made_models import controller_of
@@ -12,6 +9,8 @@ from deatwin.control.checking.rows import rows_of_family
 from deatwin.control.controllers.law import Law
 from deatwin.control.design.pid import PidGains
 from deatwin.control.linear.family import LinearFamily
+from deatwin.control.stability.margins import margins
+from deatwin.control.stability.polynomials import in_series
 
 H = 0.02
 GAINS = PidGains(proportional=0.4, integral=2.0)
@@ -49,40 +48,20 @@ def drawn() -> LinearFamily:
     return family(np.stack([np.zeros_like(b), 0.6 * b, 0.4 * b], axis=2), np.stack([np.ones_like(b), a1, a2], axis=2))
 
 
-def loop_of(family, point, draw):
+def test_a_row_has_the_margins_of_its_source_and_the_low_quantile_of_all(drawn):
+    """`margins` is held against python-control in tests/unit/control/stability/test_margins.py."""
     top, bottom = controller().local(0.0).feedback
-    return control.tf(np.append(family.numerators[point, draw], []), family.denominators[point, draw], H) * control.tf(
-        np.pad(top, (0, bottom.size - top.size)), bottom, H
-    )
-
-
-def test_margins_are_those_of_python_control(drawn):
     rows = rows_of_family("model", drawn, controller())
     assert [row.operating_input for row in rows] == [0.0, 0.1]
     for point, row in enumerate(rows):
-        found = []
-        for number in range(40):
-            loop = loop_of(drawn, point, number)
-            with warnings.catch_warnings(action="ignore"):  # it looks at the pole of the integrator as well
-                gain, phase, _, _, at_gain, _ = control.stability_margins(loop, method="poly")
-            assert np.all(np.abs(control.feedback(loop).poles()) < 1.0)
-            omega = np.geomspace(1e-2, np.pi / H, 20_000)
-            response = loop.frequency_response(omega).complex
-            sensitivity = np.abs((1 - response) / (1 + response))
-            found.append((gain, phase, np.radians(phase) / at_gain, 2 / sensitivity.max(), at_gain / (2 * np.pi)))
-        gain, phase, delay, disk, crossover = np.array(found).T
-        assert row.samples == 40
-        assert row.stable_share == 1.0
-        assert row.gain == pytest.approx(gain[0], rel=1e-9)
-        assert row.phase_deg == pytest.approx(phase[0], rel=1e-9)
-        assert row.delay == pytest.approx(delay[0], rel=1e-9)
-        assert row.crossover_Hz == pytest.approx(crossover[0], rel=1e-9)
-        assert row.disk == pytest.approx(disk[0], rel=1e-5)  # on a grid
-        # Of 40 draws the 2.5 % quantile is between the least and the next; the lower one is taken.
-        assert row.gain_low == pytest.approx(gain.min(), rel=1e-9)
-        assert row.phase_low_deg == pytest.approx(phase.min(), rel=1e-9)
-        assert row.delay_low == pytest.approx(delay.min(), rel=1e-9)
-        assert row.disk_low == pytest.approx(disk.min(), rel=1e-5)
+        found = margins(in_series(drawn.numerators[point], top), in_series(drawn.denominators[point], bottom), H)
+        assert (row.samples, row.stable_share) == (40, 1.0) and found.stable.all()
+        assert row.crossover_Hz == pytest.approx(found.crossover[0] / (2 * np.pi), rel=1e-12)
+        for name in ("gain", "phase_deg", "delay", "disk"):
+            values, low = getattr(found, name), name.replace("phase", "phase_low") if "phase" in name else f"{name}_low"
+            assert getattr(row, name) == pytest.approx(values[0], rel=1e-12)
+            # Of 40 draws the 2.5 % quantile is between the least and the next; the lower one is taken.
+            assert getattr(row, low) == pytest.approx(values.min(), rel=1e-12)
 
 
 def test_what_is_unstable_or_not_there_counts_as_unstable(drawn):

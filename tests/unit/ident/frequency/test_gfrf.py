@@ -42,61 +42,6 @@ def test_an_unstable_operating_point_is_a_status():
     assert not gfrf(model, 1, 0.1).status.ok
 
 
-FIRST_ORDER = {
-    "quadratic in the output": "c",
-    "cubic in the output": "d",
-    "quadratic and cubic in the output": "cd",
-    "quadratic and cubic in the input": "fg",
-    "bilinear": "e",
-    "mixed": "ehs",
-    "all": "cdefghs",
-}
-COEFFICIENTS = {"c": 0.3, "d": -0.2, "e": 0.15, "f": 0.5, "g": -0.7, "h": 0.25, "s": -0.35}
-WRITTEN = {
-    "c": "y(k-1)^2",
-    "d": "y(k-1)^3",
-    "e": "y(k-1)u(k-1)",
-    "f": "u(k-1)^2",
-    "g": "u(k-1)^3",
-    "h": "y(k-1)^2u(k-1)",
-    "s": "y(k-1)u(k-1)^2",
-}
-
-
-def closed_form(used, angles):
-    """H_n of y = a y + b u + c y^2 + d y^3 + e y u + f u^2 + g u^3 + h y^2 u + s y u^2, everything at k-1, by hand.
-
-    With y = y_1 + y_2 + ... the orders are y_1: b u; y_2: c y_1^2 + e y_1 u + f u^2; y_3: 2 c y_1 y_2 + d y_1^3 +
-    e y_2 u + h y_1^2 u + s y_1 u^2 + g u^3; y_4: c (2 y_1 y_3 + y_2^2) + 3 d y_1^2 y_2 + e y_3 u + 2 h y_1 y_2 u +
-    s y_2 u^2; each passes z / (1 - a z) at the sum of its frequencies. Here outputs take the first frequencies.
-    """
-    a, b = 0.6, 0.4
-    c, d, e, f, g, h, s = (COEFFICIENTS[name] if name in used else 0.0 for name in "cdefghs")
-
-    def passed(value, *tones):
-        z = np.exp(-1j * sum(angles[:, tone] for tone in tones))
-        return value * z / (1 - a * z)
-
-    def h1(i):
-        return passed(b, i)
-
-    def h2(i, j):
-        return passed(c * h1(i) * h1(j) + e * h1(i) + f, i, j)
-
-    def h3(i, j, k):
-        squares = h1(i) * h2(j, k) + h2(i, j) * h1(k)
-        cubes = h1(i) * h1(j) * h1(k)
-        return passed(c * squares + d * cubes + e * h2(i, j) + h * h1(i) * h1(j) + s * h1(i) + g, i, j, k)
-
-    def h4(i, j, k, m):
-        squares = h1(i) * h3(j, k, m) + h2(i, j) * h2(k, m) + h3(i, j, k) * h1(m)
-        cubes = h1(i) * h1(j) * h2(k, m) + h1(i) * h2(j, k) * h1(m) + h2(i, j) * h1(k) * h1(m)
-        mixed = h1(i) * h2(j, k) + h2(i, j) * h1(k)
-        return passed(c * squares + d * cubes + e * h3(i, j, k) + h * mixed + s * h2(i, j), i, j, k, m)
-
-    return (h1, h2, h3, h4)[angles.shape[1] - 1](*range(angles.shape[1]))
-
-
 def mean_over_permutations(response, omega):
     orders = list(permutations(range(omega.shape[1])))
     return sum(response(omega[:, list(order)]) for order in orders) / len(orders)
@@ -107,20 +52,6 @@ def random_omega(order, count=25):
     omega[0] = 0.0  # a constant is a tone too
     omega[1] = omega[1, 0]
     return omega
-
-
-@pytest.mark.parametrize("order", [1, 2, 3, 4])
-@pytest.mark.parametrize("used", FIRST_ORDER.values(), ids=FIRST_ORDER.keys())
-def test_first_order_systems_have_closed_forms(used, order):
-    terms = {"y(k-1)": 0.6, "u(k-1)": 0.4} | {WRITTEN[name]: COEFFICIENTS[name] for name in used}
-    model = NarxModel.from_terms(terms, sample_time=SAMPLE_TIME)
-    omega = random_omega(order)
-    expected = closed_form(used, omega * SAMPLE_TIME)
-    size = np.abs(expected).max()
-    recursive = gfrf(model, order, omega, form="recursive").values
-    np.testing.assert_allclose(recursive, expected, rtol=1e-12, atol=1e-14 * size)
-    mean = mean_over_permutations(lambda w: closed_form(used, w * SAMPLE_TIME), omega)
-    np.testing.assert_allclose(gfrf(model, order, omega).values, mean, rtol=1e-12, atol=1e-14 * size)
 
 
 def test_the_bilinear_system_at_every_order():

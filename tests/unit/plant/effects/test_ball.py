@@ -160,29 +160,6 @@ def test_a_free_swing_under_friction_loses_as_much_at_each_turn():
     np.testing.assert_allclose(-np.diff(heights), 2 * friction / STIFFNESS, rtol=0.05)
 
 
-PASSIVE = [
-    CoulombFriction(force=1e-3, slip=50e-9),
-    CubicStiffness(stiffness=2e7),
-    EndStop(position=0.1e-3),
-    Hysteresis(),
-    QuadraticDamping(coefficient=3.0),
-    Resonance(mass=0.5e-3),
-]
-
-
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("effect", PASSIVE, ids=lambda e: e.name)
-def test_no_effect_gives_energy(effect, seed):
-    # Beside a spring and no damper. The work of a held force is exactly u dx; what is in the spring came from there.
-    rng = np.random.default_rng(seed)
-    drive = rng.uniform(-6e-3, 8e-3, 40).repeat(rng.integers(1, 12, 40))
-    path = move(drive, effect, damper=0.0)
-    work = np.cumsum(drive * np.diff(path, prepend=0.0))
-    spring = STIFFNESS * path**2 / 2
-    # Newton leaves 1e-5 of 1 mm squared; a step over a kink errs by 0.1 µm of path.
-    assert np.all(work - spring > -1e-7 * np.abs(drive).max())
-
-
 def test_drag_is_what_an_integrator_gives():
     rng = np.random.default_rng(1)
     drive = rng.uniform(-5e-3, 5e-3, 8).repeat(10)

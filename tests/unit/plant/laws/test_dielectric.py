@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 from deatwin.plant.laws.dielectric import (
     VACUUM_PERMITTIVITY,
@@ -15,7 +14,6 @@ from deatwin.plant.laws.dielectric import (
     maxwell_strain,
     maxwell_stress,
 )
-from deatwin.plant.laws.energies import gent
 from deatwin.plant.laws.permittivity import stretched
 from deatwin.plant.laws.stress import true_stress
 
@@ -29,21 +27,6 @@ def test_in_plane_stress_is_minus_the_maxwell_stress_along_both():
     assert expected == pytest.approx(-4.5 * 8.8541878188e-12 * (20e6 * 1.3 * 1.7) ** 2)
     found = true_stress(electric_energy, first, second, PERMITTIVITY, nominal)
     assert [float(part) for part in found] == pytest.approx([expected, expected], rel=1e-12)
-
-
-@pytest.mark.parametrize("pressure", [1e3, 20e3, 60e3])
-def test_a_pressure_across_an_incompressible_film_does_what_that_tension_taken_off_does(pressure):
-    # Pressed: uniaxial, s3 = l3 dW/dl3 = -p. Under voltage: equal-biaxial, l dW/dl = p for both. Same stretches.
-    def pressed(stretch_3):
-        along, _ = true_stress(gent, stretch_3, stretch_3**-0.5, MU, LIMIT)
-        return float(along) + pressure
-
-    def charged(stretch):
-        return float(true_stress(gent, stretch, stretch, MU, LIMIT)[0]) - pressure
-
-    thin = brentq(pressed, 0.2, 1.0, xtol=1e-14)
-    wide = brentq(charged, 1.0, 3.0, xtol=1e-14)
-    assert thin == pytest.approx(wide**-2, rel=1e-12)
 
 
 def hookes_strain(across, along, ratio):
@@ -64,17 +47,6 @@ def test_the_thesis_factor_of_one_half_is_that_of_attraction_alone():
     thesis = -0.5 * stress / MODULUS  # eq. 2.2 with the compliance 1/Y
     assert maxwell_strain(PERMITTIVITY, 5e6, MODULUS, 0.0) == pytest.approx(thesis, rel=1e-12, abs=0)
     assert maxwell_strain(PERMITTIVITY, 5e6, MODULUS) == pytest.approx(2 * thesis, rel=1e-12, abs=0)
-
-
-@pytest.mark.parametrize("ratio", [0.0, 0.3, 0.49])
-def test_clamped_sideways_the_thesis_form_holds_with_the_clamped_compliance(ratio):
-    # Hooke's law for the strain across and the clamps' stress along, which the charges' repulsion does not change:
-    # across = (s - 2 r a)/Y and 0 = (a - r (a + s))/Y with the attraction s = -e E²/2.
-    stress = float(maxwell_stress(PERMITTIVITY, 5e6))
-    system = [[MODULUS, 2 * ratio], [0.0, 1 - ratio]]
-    clamped, _ = np.linalg.solve(system, [-stress / 2, -ratio * stress / 2])
-    compliance = (1 + ratio) * (1 - 2 * ratio) / ((1 - ratio) * MODULUS)
-    assert clamped == pytest.approx(-0.5 * compliance * stress, rel=1e-12, abs=0)
 
 
 def test_electrostriction_at_small_strain_is_a_scale_of_the_permittivity():

@@ -16,18 +16,6 @@ def test_the_waist_is_stretched_most_and_has_the_highest_field():
     assert curve.signals["field"][0] == pytest.approx(800.0 * along[0] * 3.0 / rig.thickness, rel=1e-12)
 
 
-def test_its_capacitance_is_that_of_its_strips():
-    rig = BowTie()
-    curve = actuation_curve(Plant(rig=rig), np.array([0.0]))
-    places, shares = np.polynomial.legendre.leggauss(rig.stations)
-    widths = 20e-3 + 40e-3 * (1 + places) / 2
-    along = np.array([curve.unknowns[f"stretch_{k}"][0] for k in range(rig.stations - 1)])
-    last = (curve.unknowns["position"][0] / rig.length - shares[:-1] / 2 @ along) / (shares[-1] / 2)
-    area = rig.length * shares / 2 * widths
-    exact = 4.5 * 8.8541878188e-12 / rig.thickness * area @ (np.r_[along, last] * 3.0) ** 2
-    assert curve.signals["capacitance"][0] == pytest.approx(exact, rel=1e-12)
-
-
 def test_free_sides_give_far_less_than_held_ones():
     held, free = (
         actuation_curve(Plant(rig=rig), np.array([0.0, 2.0])).readings[-1]

@@ -6,7 +6,7 @@ from scipy.optimize import brentq
 
 from deatwin.plant import Plant, RigError, RunStatus
 from deatwin.plant.actuation import actuation_curve
-from deatwin.plant.rigs.planar import BlockedPlanar, Planar
+from deatwin.plant.rigs.planar import Planar
 
 MU, LIMIT = 25e3, 107.0
 
@@ -33,14 +33,6 @@ def test_it_says_what_it_cannot_be():
         Planar(prestretch=2.0, side_prestretch=3.0)
     with pytest.raises(RigError, match="below its limit"):
         _ = Planar(prestretch=8.0).parameters  # Gent's limit of 107 is at 7.4
-
-
-def test_a_blocked_film_shows_the_drive_alone(experiment):
-    plant = Plant(rig=BlockedPlanar())
-    force = plant.simulate(experiment(np.r_[0.0, 1.0, 2.0, 2.0])).require().outputs[0][0]
-    lost = force[0] - force
-    assert lost[2] == pytest.approx(4 * lost[1], rel=1e-12)
-    assert lost[3] == lost[2]
 
 
 def test_breakdown_has_a_status(experiment):
