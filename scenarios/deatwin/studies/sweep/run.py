@@ -35,7 +35,7 @@ DEATHS = frozenset({"BrokenProcessPool", "BrokenExecutor", "KilledWorker"})
 def run_sweep(
     work: Callable[[Case], Mapping[str, Any]],
     cases: Mapping[str, Case],
-    store: CaseStore[Any],
+    store: CaseStore,
     *,
     jobs: int | None = None,
     tell: Tell = lambda share, text: None,
@@ -89,7 +89,7 @@ def run_sweep(
 def _run_all(
     work: Callable[[Case], Mapping[str, Any]],
     cases: Mapping[str, Case],
-    store: CaseStore[Any],
+    store: CaseStore,
     jobs: int | None,
     progress: _Progress,
 ) -> None:
@@ -124,7 +124,7 @@ def _run_all(
 def _turn(
     work: Callable[[Case], Mapping[str, Any]],
     cases: Iterable[tuple[str, Case]],
-    store: CaseStore[Any],
+    store: CaseStore,
     jobs: int | None,
 ) -> Iterator[str]:
     """Run cases, and give the name of each as soon as it is through."""
@@ -135,7 +135,7 @@ def _turn(
         yield from stream
 
 
-def _one(work: Callable[[Case], Mapping[str, Any]], store: CaseStore[Any], name: str, case: Case) -> str:
+def _one(work: Callable[[Case], Mapping[str, Any]], store: CaseStore, name: str, case: Case) -> str:
     """Run a case with one BLAS thread: workers must not fight for the cores, nor round differently."""
     from threadpoolctl import threadpool_limits
 
