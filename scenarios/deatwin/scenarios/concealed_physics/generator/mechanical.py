@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import casadi as ca
@@ -12,7 +11,6 @@ from deatwin.plant.effects.base import Place
 from deatwin.scenarios.concealed_physics.generator.mechanism import Draw, PlantMechanism, Setting
 
 
-@dataclass(frozen=True, kw_only=True)
 class StopOperators(PlantMechanism, place=Place.BALL, signal="force", largest=3e-3):
     r"""Prandtl and Ishlinskii's hysteresis: five elastic elements, each of which slips at its own deflection.
 
@@ -42,7 +40,6 @@ class StopOperators(PlantMechanism, place=Place.BALL, signal="force", largest=3e
         return signal - force * held
 
 
-@dataclass(frozen=True, kw_only=True)
 class BristleFriction(PlantMechanism, place=Place.BALL, signal="force", largest=3e-3):
     r"""Friction of bristles that bend before they slip, and hold better at rest (the LuGre model).
 
@@ -67,7 +64,6 @@ class BristleFriction(PlantMechanism, place=Place.BALL, signal="force", largest=
         return signal - force * (share + self.damping * bending)
 
 
-@dataclass(frozen=True, kw_only=True)
 class TurbulentDrag(PlantMechanism, place=Place.BALL, signal="force", largest=10.0):
     r"""Air that is pressed through a gap: :math:`F = -c\,v\,|v|^{3/4}`, as in smooth turbulent flow."""
 
@@ -79,7 +75,6 @@ class TurbulentDrag(PlantMechanism, place=Place.BALL, signal="force", largest=10
         return signal - coefficient * velocity * (velocity**2 + 1e-10) ** 0.375
 
 
-@dataclass(frozen=True, kw_only=True)
 class RoundedStop(PlantMechanism, place=Place.BALL, signal="force", largest=1e5):
     r"""A round stop that is pressed in: Hertz' :math:`kd^{3/2}`, damped with the depth."""
 
@@ -98,7 +93,6 @@ class RoundedStop(PlantMechanism, place=Place.BALL, signal="force", largest=1e5)
         return signal - stiffness * depth * ca.sqrt(depth + 1e-9) * damped
 
 
-@dataclass(frozen=True, kw_only=True)
 class HardeningSpring(PlantMechanism, place=Place.BALL, signal="force", largest=60.0):
     r"""A spring at the ball that hardens: :math:`F = -k\,[a\sinh(y/a) - y]`."""
 
@@ -116,7 +110,6 @@ class HardeningSpring(PlantMechanism, place=Place.BALL, signal="force", largest=
         return signal - stiffness * (reach * ca.sinh(y / reach) - y)
 
 
-@dataclass(frozen=True, kw_only=True)
 class TwinModes(PlantMechanism, place=Place.BALL, signal="force", largest=1e-3):
     """Two equal masses on springs at the ball, tuned a tenth apart: a split mode of a holder."""
 
