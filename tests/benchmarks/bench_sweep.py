@@ -65,7 +65,7 @@ def shortest(work: Callable[[], object], count: int) -> float:
     return 1e6 * min(timed(work) for _ in range(REPEATS)) / count
 
 
-def write(store: CaseStore[SweepSeal]) -> None:
+def write(store: CaseStore) -> None:
     """All cases, without a runner."""
     for number in range(COUNT):
         store.put(f"{number:07d}", empty(number))

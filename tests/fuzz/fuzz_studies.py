@@ -1,4 +1,4 @@
-"""Fuzz the readers of files that studies keep: seals, keys, cases, data of the documents, records of runs.
+"""Fuzz the readers of files that studies keep: seals, cases, records of runs.
 
 ``python tests/fuzz/fuzz_studies.py --seconds 300``; a file that breaks a reader is left as ``find.*``.
 """

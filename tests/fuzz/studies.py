@@ -4,7 +4,7 @@ import io
 import json
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -16,17 +16,12 @@ from readers import SEEDS, Kind
 from deatwin.app.live.verdicts import Verdict
 from deatwin.plant.recording import Experiment
 from deatwin.scenarios import vhb4910
-from deatwin.scenarios.concealed_physics.results import opened_study
-from deatwin.scenarios.concealed_physics.score import score
-from deatwin.scenarios.concealed_physics.study import Seal, key_of
-from deatwin.scenarios.concealed_physics.tables import page_data
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.public.columns import csv_columns, hdf5_vectors, matlab_vectors
 from deatwin.studies.sweep.seal import SweepSeal
 from deatwin.studies.sweep.store import CaseStore, read_seal
 
 SWEEP = SweepSeal(schema="deatwin/study-case/1", parts={"code": "c" * 64, "seed": 3, "levels": [0.1, 0.2]})
-KEY = key_of(())
 
 
 def as_bytes(content: Any) -> tuple[bytes, ...]:
@@ -47,25 +42,9 @@ def beside(path: Path, name: str, others: Mapping[str, bytes]) -> Iterator[Path]
         yield Path(folder)
 
 
-def seal_of(kind: type, seeds: Callable[[], tuple[bytes, ...]]) -> Kind:
-    """The seal of a sweep or a study."""
-
-    def require_seal(found: Any) -> None:
-        assert type(found).from_dict(found.to_dict()).hash == found.hash
-
-    return Kind(
-        stem="seal",
-        ending=".json",
-        read=lambda path: read_seal(kind, path.parent),
-        require_sound=require_seal,
-        seeds=seeds,
-    )
-
-
-@cache
-def study_seal() -> Seal:
-    """Of a study without cases."""
-    return Seal.of("tiny", 0, KEY)
+def require_seal(found: SweepSeal) -> None:
+    """It is read back as it was written."""
+    assert SweepSeal.from_dict(found.to_dict()).hash == found.hash
 
 
 def read_case(path: Path) -> dict[str, Any]:
@@ -95,13 +74,6 @@ def case_ending() -> str:
 def require_case(found: dict[str, Any]) -> None:
     """Under its seal."""
     assert {name: found[name] for name in ("schema", "seal", "name")} == SWEEP.stamp("case")
-
-
-def read_key(path: Path) -> dict[str, Any]:
-    """The key of a study, and the score of what it has: nothing."""
-    with beside(path, "key.json", {"seal.json": as_bytes(study_seal().to_dict())[0]}) as folder:
-        study, seal = opened_study(folder)
-        return page_data(study, score(study), seal)
 
 
 def run_record() -> Any:
@@ -182,14 +154,12 @@ def require_pull(found: Experiment) -> None:
 
 BOX = b'"V1","V2",\n' + b"".join(b"%.4f,%.4f,\n" % (0.1 * k, 0.2 * k) for k in range(12))
 STUDIES: Mapping[str, Kind] = {
-    "sweep seal": seal_of(SweepSeal, lambda: as_bytes(SWEEP.to_dict())),
-    "study seal": seal_of(Seal, lambda: as_bytes(study_seal().to_dict())),
-    "study key": Kind(
-        stem="key",
+    "seal": Kind(
+        stem="seal",
         ending=".json",
-        read=read_key,
-        seeds=lambda: as_bytes(KEY),
-        require_sound=lambda found: json.dumps(found, allow_nan=False),
+        read=lambda path: read_seal(path.parent),
+        require_sound=require_seal,
+        seeds=lambda: as_bytes(SWEEP.to_dict()),
     ),
     "case": Kind(stem="case", ending=case_ending(), read=read_case, require_sound=require_case, seeds=case_seeds),
     "shown run": Kind(

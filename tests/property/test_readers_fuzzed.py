@@ -42,9 +42,7 @@ KINDS = (
     "theta",
     "validation",
     "controller",
-    "sweep seal",
-    "study seal",
-    "study key",
+    "seal",
     "case",
     "shown run",
     "former run",
@@ -55,9 +53,7 @@ KINDS = (
 )
 DOCUMENTS = ("plant", "narx", "linear", "diagnosis", "check", "theta", "validation")
 STUDIES = (
-    "sweep seal",
-    "study seal",
-    "study key",
+    "seal",
     "shown run",
     "former run",
 )

@@ -1,4 +1,4 @@
-"""The study of concealed effects as it runs: what its seal holds, an interruption, and a tiny study that is killed."""
+"""The study of concealed effects as it runs: an interruption, and a tiny study that is killed."""
 
 import json
 import os
@@ -11,16 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from concealed_study import opened_study
 
 from deatwin.app.cli import main
 from deatwin.scenarios.concealed_physics import study as running
-from deatwin.scenarios.concealed_physics.results import open_key
-from deatwin.scenarios.concealed_physics.study import Store
 
 TINY_SEED = 1001
-
-
-# --- the seal -------------------------------------------------------------------------------------------------------
 
 
 # --- running --------------------------------------------------------------------------------------------------------
@@ -119,7 +115,7 @@ def test_a_killed_tiny_study_is_gone_on_with_and_holds(tmp_path: Path) -> None:
     assert result["seal"] in (tmp_path / "report.html").read_text(encoding="utf-8")
     alarms = next(g for g in result["goals"] if "false alarm" in g["measure"])
     assert (alarms["value"], alarms["count"]) == (0.0, 3)
-    opened = open_key(Store.opened(tmp_path), json.loads((tmp_path / "key.json").read_text(encoding="utf-8")))
+    opened, _ = opened_study(tmp_path)
     assert not any(case.confidently_wrong for case in opened.cases)
     # What was concealed is found: cases of one effect have 2.8 times the noise. Of four at least two must hold it.
     assert sum(case.inside for case in opened.of("effect", ratio=0.5)) >= 2

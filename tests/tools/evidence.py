@@ -25,6 +25,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from concealed_study import DATA as CONCEALED
+from concealed_study import TITLES, opened_study, page_data, page_of
 from control_story import STORY, story_blocks, story_data
 from measured import MEASURED, measured_blocks, measured_data
 from records import RECORDS, record_blocks
@@ -32,10 +34,7 @@ from records import RECORDS, record_blocks
 from deatwin.plant.errors import DataError, DeatwinError
 from deatwin.plant.safe_read import clipped
 from deatwin.scenarios.concealed_physics.figures import summary
-from deatwin.scenarios.concealed_physics.results import opened_study
 from deatwin.scenarios.concealed_physics.score import NO_CASE, score
-from deatwin.scenarios.concealed_physics.tables import DATA as CONCEALED
-from deatwin.scenarios.concealed_physics.tables import TITLES, page_data, page_of
 from deatwin.scenarios.control_check.trials import Outcome, caught, inside, sound
 from deatwin.studies.rates import Rate
 from deatwin.studies.report.tables import markdown_table

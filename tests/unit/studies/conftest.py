@@ -1,7 +1,6 @@
 """What the tests of studies share."""
 
 from collections.abc import Callable
-from typing import Any
 
 import pytest
 
@@ -9,6 +8,6 @@ from deatwin.studies.sweep import CaseStore
 
 
 @pytest.fixture(scope="session")
-def files() -> Callable[[CaseStore[Any]], dict[str, bytes]]:
+def files() -> Callable[[CaseStore], dict[str, bytes]]:
     """``files(store)``: the bytes of each case that a store holds, by the name of its file."""
     return lambda store: {path.name: path.read_bytes() for path in store.cases.rglob("*.nc")}

@@ -33,7 +33,7 @@ posix = pytest.mark.skipif(os.name == "nt", reason="there are no such signals on
 # --- work -----------------------------------------------------------------------------------------------------------
 
 
-def note(folder: Path, name: str, store: CaseStore[Any]) -> None:
+def note(folder: Path, name: str, store: CaseStore) -> None:
     """Append a line: which case is begun, in which process, and whether its result is there already."""
     file = os.open(folder / "begun.log", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
     os.write(file, f"{name} {os.getpid()} {store.has(name)}\n".encode())
@@ -47,7 +47,7 @@ def numbers(name: str) -> dict[str, Any]:
     return {"status": "done", "solved": np.linalg.solve(matrix, rng.standard_normal(30)).tolist(), "odd": float("nan")}
 
 
-def work(folder: Path, store: CaseStore[Any], name: str) -> dict[str, Any]:
+def work(folder: Path, store: CaseStore, name: str) -> dict[str, Any]:
     """Note the beginning, and end the worker if a trap is laid for this case; a trap works once."""
     note(folder, name, store)
     time.sleep(0.01)
@@ -78,7 +78,7 @@ def begun(folder: Path) -> Counter[str]:
     return Counter(line[0] for line in lines)
 
 
-def run(folder: Path, jobs: int | None, **options: Any) -> CaseStore[SweepSeal]:
+def run(folder: Path, jobs: int | None, **options: Any) -> CaseStore:
     store = CaseStore(folder, SEAL)
     run_sweep(partial(work, folder, store), {name: name for name in NAMES}, store, jobs=jobs, **options)
     return store

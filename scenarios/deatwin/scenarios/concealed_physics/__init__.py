@@ -17,8 +17,8 @@ import numpy as np
 from deatwin.scenarios.concealed_physics.figures import drawings, summary
 from deatwin.scenarios.concealed_physics.results import FAR, Opened, open_key
 from deatwin.scenarios.concealed_physics.score import score, sentence
-from deatwin.scenarios.concealed_physics.study import Seal, carry_out, key_of, labels
-from deatwin.scenarios.concealed_physics.tables import csv_files, reported, results_page, tables
+from deatwin.scenarios.concealed_physics.study import carry_out, key_of, labels
+from deatwin.scenarios.concealed_physics.tables import cases_csv, reported, sealed, tables
 from deatwin.studies.report.prose import notes
 from deatwin.studies.report.story import Note, StoryPage, end_run, write_story
 from deatwin.studies.stories import Setting
@@ -35,19 +35,17 @@ def run(setting: Setting) -> Mapping[str, Any]:
     setting.progress(1.0, "opening the key")
     key = key_of(labels(size, setting.seed))
     study = open_key(store, key)
-    folder.text("key.json", json.dumps(key, indent=1) + "\n")
     goals = score(study)
-    for name, text in csv_files(study, goals).items():
-        folder.text(name, text)
+    folder.text("key.json", json.dumps(key, indent=1) + "\n")
+    folder.text("cases.csv", cases_csv(study))
     folder.text("summary.svg", summary(study))
-    folder.text("results.md", results_page(study, goals, store.seal))
     page = StoryPage(
         title="concealed-physics",
         sentence=sentence(study, goals),
         rows=[goal.row for goal in goals if goal.met is not None],
-        notes=_notes(study, store.seal, Seal.of(size, setting.seed, key)),
+        notes=_notes(study, store.seal.hash),
         figures=drawings(study),
-        tables=[reported(goals), *tables(study, store.seal)],
+        tables=[reported(goals), *tables(study), sealed(store.seal)],
     )
     write_story(folder, page, record)
     result = {
@@ -61,13 +59,12 @@ def run(setting: Setting) -> Mapping[str, Any]:
     return end_run(folder, record, page.title, result)
 
 
-def _notes(study: Opened, sealed: Seal, now: Seal) -> list[Note]:
+def _notes(study: Opened, seal: str) -> list[Note]:
     seconds = np.array(study.seconds or (0.0,))
     advised = [case for case in study.of("tie") if case.again]
     return notes(
         __package__,
-        sealed=sealed,
-        scoring_same=sealed.scoring == now.scoring,
+        seal=seal,
         far=FAR,
         heavier=sum(case.heavier for case in advised),
         advised=len(advised),

@@ -4,9 +4,7 @@ experiment then ask the generator, and the check is run. What is right is decide
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from itertools import product
 from typing import Any
 
@@ -26,54 +24,33 @@ BASELINES = {"pysindy": sparse_dynamics, "gaussian_process": gaussian_process, "
 
 
 def examine(spec: CaseSpec, seconds: float, check_seconds: float) -> dict[str, Any]:
-    """Make a case, diagnose it, and judge the result on the check record."""
-    clock = _Clock()
-    with clock("make"):
-        specimen = make(spec, seconds=seconds, check_seconds=check_seconds)
-    with clock("diagnose"):
-        diagnosis = _diagnosed(spec, specimen.plant, specimen.experiments)
+    """Make a case, diagnose it, and judge what came out on the check record."""
+    specimen = make(spec, seconds=seconds, check_seconds=check_seconds)
+    diagnosis = _diagnosed(spec, specimen.plant, specimen.experiments)
     parts = [Part.whole(experiment) for experiment in specimen.experiments]
-    with clock("base"):
-        base = _base(diagnosis, parts)
-    result = {
+    base = _base(diagnosis, parts)
+    oracle = _oracle(specimen, diagnosis, base, parts)
+    return {
         "status": "done",
         "ratio": specimen.ratio,
         "noise_true": specimen.noise,
         "diagnosis": _essence(diagnosis),
         "parameters": _parameters(diagnosis, specimen),
+        "baselines": _baselines(base.plant, specimen),
+        "check": {
+            "nominal": check_rms(specimen.plant, specimen),
+            "base": check_rms(base.plant, specimen),
+            "diagnosis": check_rms(diagnosis.model.plant, specimen) if diagnosis.model else None,
+            "oracle": None if oracle is None else check_rms(oracle, specimen),
+        },
+        "advised": _advised(spec, specimen, diagnosis),
     }
-    with clock("baselines"):
-        result["baselines"] = _baselines(base.plant, specimen)
-    with clock("oracle"):
-        oracle = _oracle(specimen, diagnosis, base, parts)
-    result["check"] = {
-        "nominal": check_rms(specimen.plant, specimen),
-        "base": check_rms(base.plant, specimen),
-        "diagnosis": check_rms(diagnosis.model.plant, specimen) if diagnosis.model else None,
-        "oracle": None if oracle is None else check_rms(oracle, specimen),
-    }
-    with clock("advised"):
-        result["advised"] = _advised(spec, specimen, diagnosis)
-    return {**result, "seconds": clock.seconds}
 
 
 def _diagnosed(spec: CaseSpec, plant: Plant, experiments: Sequence[Experiment]) -> Diagnosis:
     """Diagnose with the effects given for a case, or with the whole catalogue."""
     known = [effect for effect in plant.rig.effects() if effect.name in spec.library] if spec.library else None
     return diagnose(plant, experiments, effects=known, jobs=1, seed=spec.seed)
-
-
-class _Clock:
-    """Processor time of each step."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-
-    @contextmanager
-    def __call__(self, step: str) -> Iterator[None]:
-        begun = time.process_time()
-        yield
-        self.seconds[step] = round(time.process_time() - begun, 2)
 
 
 def check_rms(plant: Plant, specimen: Specimen) -> float | None:

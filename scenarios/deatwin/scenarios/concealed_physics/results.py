@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from deatwin.plant import DataError, effect_named
 from deatwin.scenarios.concealed_physics.key import TERM_NAMES
-from deatwin.scenarios.concealed_physics.study import Seal, Store, key_of, labels
+from deatwin.scenarios.concealed_physics.study import Store
 from deatwin.studies.sweep import digest
-from deatwin.studies.sweep.json_files import read_object
 
 FAR = 16.0  # Distance d² from which on two explanations can be told apart
 CLEAN_VERDICTS = frozenset({"none", "parameters"})
@@ -92,18 +90,10 @@ class Opened:
 
 
 def open_key(store: Store, key: Mapping[str, Any]) -> Opened:
-    """Read the results of a finished study together with the concealed effects."""
-    study = open_part(store, key)
-    if study.missing:
-        raise DataError(f"{len(study.missing)} cases have not been run, {study.missing[0]} first: continue the study")
-    return study
-
-
-def open_part(store: Store, key: Mapping[str, Any]) -> Opened:
-    """Add the truth to the available results."""
-    if digest(key) != store.seal.key:
+    """Put the concealed effects beside the results that there are."""
+    if digest(key) != store.seal.parts["key"]:
         raise DataError(
-            f"the key (hash {digest(key)[:12]}) is not the one that was sealed ({store.seal.key[:12]}): "
+            f"the key (hash {digest(key)[:12]}) is not the one that was sealed ({store.seal.parts['key'][:12]}): "
             "labels must not change once a study has begun"
         )
     missing = store.missing([spec["name"] for spec in key["cases"]])
@@ -118,16 +108,6 @@ def open_part(store: Store, key: Mapping[str, Any]) -> Opened:
         planned=len(key["cases"]),
         missing=tuple(missing),
     )
-
-
-def opened_study(folder: Path | str) -> tuple[Opened, Seal]:
-    """Read a study with its key, which is made anew until the last case is through."""
-    store, path = Store.opened(folder), Path(folder) / "key.json"
-    seal = store.seal
-    key = read_object(path, "the key of a study") if path.exists() else key_of(labels(seal.size, seal.seed))
-    if path.exists() and digest(key) != seal.key:
-        raise DataError(f"{path}: this is not the one that was sealed; labels must not change once a study has begun")
-    return open_part(store, key), seal
 
 
 def _case(spec: Mapping[str, Any], result: Mapping[str, Any], names: Mapping[str, Sequence[str]]) -> Case:

@@ -5,98 +5,50 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from deatwin.plant.interrupts import obeying
-from deatwin.plant.records import Json
 from deatwin.scenarios.concealed_physics.cases import IntervalSpec, case_specs, interval_specs, size_named
 from deatwin.scenarios.concealed_physics.examine import examine
 from deatwin.scenarios.concealed_physics.generator.specimens import CaseSpec
 from deatwin.scenarios.concealed_physics.intervals import cover
 from deatwin.scenarios.concealed_physics.key import key_dict
-from deatwin.studies.sweep import CaseStore, digest, run_sweep, sources_digest
+from deatwin.studies.sweep import CaseStore, SweepSeal, digest, run_sweep, sources_digest
 from deatwin.studies.sweep.constants import constants
-from deatwin.studies.sweep.seal import Sealed
-from deatwin.studies.sweep.store import read_seal
 
-SCHEMA = "deatwin/concealed-seal/1"
 CASE_SCHEMA = "deatwin/concealed-case/1"
 DECIDING = ("deatwin.ident.mismatch", "deatwin.ident.greybox")  # Packages whose numbers decide a verdict
 SEALED_CODE = ("deatwin.plant", "deatwin.ident")
 STORY = Path(__file__).parent
 OPEN_CODE = frozenset(STORY / name for name in ("__init__.py", "results.py", "score.py", "figures.py", "tables.py"))
-"""Code that counts and draws. It has a hash of its own, and the report says whether it changed."""
+"""Code that counts and draws: it is not sealed, so it may be mended when the cases are through."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Seal(Sealed):
-    """Hashes of everything that must not change between the first case and the last."""
-
-    size: str
-    seed: int
-    key: str  # SHA-256 of all labels: the cases with what is concealed in each, and which names are right for it
-    thresholds: Mapping[str, Json]  # Every number that decides, by module and name
-    code: str  # SHA-256 of the sources of plant, identification, generator and runner
-    scoring: str  # SHA-256 of the code that counts and draws, which may change
-    version: str
-
-    @classmethod
-    def of(cls, size: str, seed: int, key: Mapping[str, Any]) -> Self:
-        """Seal a study with the code as it is now."""
-        running = sorted(set(STORY.rglob("*.py")) - OPEN_CODE)
-        return cls(
-            size=size,
-            seed=seed,
-            key=digest(key),
-            thresholds=constants(DECIDING),
-            code=sources_digest(SEALED_CODE, running),
-            scoring=sources_digest((), sorted(OPEN_CODE)),
-            version=version("deatwin"),
-        )
-
-    @property
-    def content(self) -> dict[str, Any]:
-        return {name: value for name, value in asdict(self).items() if name != "scoring"}
-
-    @property
-    def case_schema(self) -> str:
-        return CASE_SCHEMA
-
-    def described(self) -> dict[str, Any]:
-        return {"schema": SCHEMA, **asdict(self)}
-
-    @classmethod
-    def read(cls, data: Mapping[str, Any]) -> Self:
-        return cls(**{name: data[name] for name in cls.__dataclass_fields__})
-
-    def changes(self, other: Self) -> str:
-        """Name the parts that differ, and the first three of the thresholds."""
-        mine, theirs = self.content, other.content
-        changed = [name for name in mine if mine[name] != theirs[name]]
-        if "thresholds" in changed:
-            names = {*mine["thresholds"], *theirs["thresholds"]}
-            moved = sorted(n for n in names if mine["thresholds"].get(n) != theirs["thresholds"].get(n))
-            changed[changed.index("thresholds")] = f"thresholds ({', '.join(moved[:3])})"
-        return f"{', '.join(changed)} changed since" if changed else ""
+def seal_of(size: str, seed: int, key: Mapping[str, Any]) -> SweepSeal:
+    """Seal labels, thresholds and the code that makes and runs the cases."""
+    running = sorted({*STORY.rglob("*.py"), STORY / "key.toml"} - OPEN_CODE)
+    parts = {
+        "size": size,
+        "seed": seed,
+        "key": digest(key),
+        "thresholds": constants(DECIDING),
+        "code": sources_digest(SEALED_CODE, running),
+        "version": version("deatwin"),
+    }
+    return SweepSeal(schema=CASE_SCHEMA, parts=parts)
 
 
-class Store(CaseStore[Seal]):
+class Store(CaseStore):
     """The cases of a sealed study."""
 
     def put(self, name: str, result: Mapping[str, Any]) -> None:
         """Write the result of a case, with non-finite numbers as None; an existing result is kept."""
         super().put(name, _finite(dict(result)))
-
-    @classmethod
-    def opened(cls, folder: Path | str) -> Self:
-        """Open a folder with its own seal."""
-        return cls(folder, read_seal(Seal, folder))
 
 
 def _finite(data: Any) -> Any:
@@ -126,7 +78,7 @@ def carry_out(folder: Path, size: str, seed: int, jobs: int, tell: Callable[[flo
     """Seal the study, or continue it, and run every case that has no result."""
     tell(0.0, "sealing labels and thresholds")
     specs = labels(size, seed)
-    store = Store(folder, Seal.of(size, seed, key_of(specs)))
+    store = Store(folder, seal_of(size, seed, key_of(specs)))
     run_sweep(
         partial(run_case, size),
         {spec.name: spec for spec in _mixed(specs, seed)},

@@ -1,24 +1,21 @@
-"""The tables of the page, the CSV files, and the page of results that is kept with the sources."""
+"""The tables of the page, and the cases as CSV."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from importlib.resources import files
-from typing import Any
 
 import numpy as np
 
 from deatwin.plant import Family, catalogue, effect_named
 from deatwin.scenarios.concealed_physics.key import KEY, OUTSIDE, REACH, VISIBLE
-from deatwin.scenarios.concealed_physics.results import FAR, Case, Opened
+from deatwin.scenarios.concealed_physics.results import Case, Opened
 from deatwin.scenarios.concealed_physics.score import Goal
-from deatwin.scenarios.concealed_physics.study import Seal
-from deatwin.studies.report.prose import rendered
 from deatwin.studies.report.quantities import three_digits
 from deatwin.studies.report.story import Table
-from deatwin.studies.report.tables import csv_text, markdown_table
+from deatwin.studies.report.tables import csv_text
+from deatwin.studies.sweep import SweepSeal
 
 KINDS = {
     "clean": "nothing concealed",
@@ -90,8 +87,8 @@ def _confusion(study: Opened, groups: Sequence[str], group: Callable[[str], str]
     return Confusion(truths=truths, answers=answers, counts=counts, right=right)
 
 
-def tables(study: Opened, seal: Seal) -> list[Table]:
-    """Make all tables."""
+def tables(study: Opened) -> list[Table]:
+    """Make the tables of what was found; those without a row are left out."""
     made = [
         _verdicts(study),
         _effects(study),
@@ -106,7 +103,7 @@ def tables(study: Opened, seal: Seal) -> list[Table]:
             rows=[[name, text] for name, text in study.failures.items()],
         ),
     ]
-    return [*(table for table in made if table.rows), _sealed(seal)]
+    return [table for table in made if table.rows]
 
 
 def reported(goals: Sequence[Goal]) -> Table:
@@ -251,31 +248,22 @@ def _reach() -> Table:
     )
 
 
-def _sealed(seal: Seal) -> Table:
+def sealed(seal: SweepSeal) -> Table:
+    """List what was sealed before the first case."""
     rows = [
-        ["seal (hash of all below but the last)", seal.hash],
-        ["labels", seal.key],
-        ["code that runs the cases", seal.code],
-        ["thresholds", f"{len(seal.thresholds)} numbers, listed in seal.json"],
-        ["version", seal.version],
-        ["size and seed", f"{seal.size}, {seal.seed}"],
-        ["code that counts, when it was sealed", seal.scoring],
+        ["seal (hash of all below)", seal.hash],
+        ["labels", seal.parts["key"]],
+        ["code that runs the cases", seal.parts["code"]],
+        ["thresholds", f"{len(seal.parts['thresholds'])} numbers, listed in seal.json"],
+        ["version", seal.parts["version"]],
+        ["size and seed", f"{seal.parts['size']}, {seal.parts['seed']}"],
     ]
     return Table(title="What was sealed before the first case", columns=["what", "SHA-256 or value"], rows=rows)
 
 
-def csv_files(study: Opened, goals: Sequence[Goal]) -> dict[str, str]:
-    """Write every count as CSV, by the name of the file."""
-    numbers = [(g.measure, g.demanded, g.reached, g.value, g.low, g.high, g.count, g.outcome) for g in goals]
-    cases = [[cell(case) for cell in _COLUMNS.values()] for case in study.cases]
-    held = [(h.name, h.true, h.low, h.high, int(h.covered)) for h in study.intervals]
-    return {
-        "goals.csv": csv_text(("goal", "demanded", "reached", "value", "low_95", "high_95", "cases", "met"), numbers),
-        "cases.csv": csv_text(tuple(_COLUMNS), cases),
-        "confusion_effect.csv": by_effect(study).csv(),
-        "confusion_family.csv": by_family(study).csv(),
-        "intervals.csv": csv_text(("parameter", "true", "low", "high", "covered"), held),
-    }
+def cases_csv(study: Opened) -> str:
+    """Write a line for each case."""
+    return csv_text(tuple(_COLUMNS), [[cell(case) for cell in _COLUMNS.values()] for case in study.cases])
 
 
 def _rms(name: str) -> Callable[[Case], str]:
@@ -300,57 +288,3 @@ _COLUMNS: dict[str, Callable[[Case], object]] = {
     "processor_s": lambda case: "" if case.seconds is None else case.seconds,
 }
 """Columns of ``cases.csv``."""
-
-
-DATA = "deatwin/concealed-physics/1"  # Schema of the data of the page
-TITLES = {"long": "Concealed physics in long recordings"}
-"""Titles of the pages of sizes that have one beside the usual one."""
-
-
-def results_page(study: Opened, goals: Sequence[Goal], seal: Seal) -> str:
-    """Write the results as a page of text."""
-    return page_of(page_data(study, goals, seal))
-
-
-def page_data(study: Opened, goals: Sequence[Goal], seal: Seal) -> dict[str, Any]:
-    """Return the content of the page as plain data, for the source tree."""
-    counted, seconds = Counter(case.kind for case in study.cases), np.array(study.seconds or (0.0,))
-    return {
-        "schema": DATA,
-        "size": seal.size,
-        "seed": seal.seed,
-        "version": seal.version,
-        "seal": seal.hash,
-        "planned": study.planned,
-        "done": study.planned - len(study.missing),
-        "remark": "",
-        "cases": {words: counted[kind] for kind, words in KINDS.items() if counted[kind]},
-        "intervals": len(study.intervals),
-        "errors": len(study.failures),
-        "seconds": {"median": round(float(np.median(seconds)), 1), "most": round(float(seconds.max()), 1)},
-        "goals": [{"goal": g.measure, "demanded": g.demanded, "reached": g.reached, "met": g.outcome} for g in goals],
-        "tables": [
-            {"title": t.title, "columns": list(t.columns), "rows": [list(row) for row in t.rows]}
-            for t in tables(study, seal)[:-1]
-        ],
-    }
-
-
-def page_of(data: Mapping[str, Any]) -> str:
-    """Write the page of results."""
-    goals = markdown_table(["goal", "demanded", "reached", "met"], [list(goal.values()) for goal in data["goals"]])
-    shown = [{"title": t["title"], "lines": markdown_table(t["columns"], t["rows"])} for t in data["tables"]]
-    named = ("size", "seed", "version", "seal", "planned", "done", "remark", "intervals", "errors")
-    text = rendered(
-        files(__package__).joinpath("results.md.j2").read_text(encoding="utf-8"),
-        **{name: data[name] for name in named},
-        title=TITLES.get(data["size"], "Concealed physics"),
-        counted=sum(data["cases"].values()),
-        kinds="; ".join(f"{words}: {count}" for words, count in data["cases"].items()),
-        median=f"{data['seconds']['median']:.0f}",
-        most=f"{data['seconds']['most']:.0f}",
-        far=f"{FAR:g}",
-        goals=goals,
-        tables=shown,
-    )
-    return text.rstrip("\n") + "\n"

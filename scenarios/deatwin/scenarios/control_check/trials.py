@@ -111,7 +111,7 @@ class _Seal(SweepSeal):
         return {"schema": self.schema, **self.parts}
 
 
-class Trials(CaseStore[SweepSeal]):
+class Trials(CaseStore):
     """The trials of a study, all of one seed and one version of the code."""
 
     def __init__(self, folder: Path, seed: int) -> None:

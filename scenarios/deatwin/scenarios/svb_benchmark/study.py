@@ -103,7 +103,7 @@ class Study:
         return [trial for trial in self.trials if (trial.system, trial.method) == (system, method)]
 
 
-class Draws(CaseStore[SweepSeal]):
+class Draws(CaseStore):
     """The cases on the disk, all of one seed, one plan and one version of the code."""
 
     def __init__(self, folder: Path, seed: int, plan: Mapping[str, Any]) -> None:

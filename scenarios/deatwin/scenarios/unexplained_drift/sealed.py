@@ -58,5 +58,5 @@ def concealed_in(actuator: Actuator) -> tuple[Effect, ...]:
 def opened(folder: Path, seed: int) -> Key:
     """Generate the key again from the seed, and check that it and the thresholds equal the sealed ones."""
     key = Key.of(fleet(seed))
-    key.seal(seed).require_same(read_seal(SweepSeal, folder), folder)
+    key.seal(seed).require_same(read_seal(folder), folder)
     return key

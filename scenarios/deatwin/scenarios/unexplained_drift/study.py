@@ -113,7 +113,7 @@ class Study:
     files: tuple[str, ...]  # Files of the diagnoses, inside the folder
 
 
-class Answers(CaseStore[SweepSeal]):
+class Answers(CaseStore):
     """The cases of the story."""
 
     def __init__(self, folder: Path, seal: SweepSeal) -> None:

@@ -12,7 +12,6 @@ import numpy as np
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.replacing import replacing
-from deatwin.studies.sweep.seal import SweepSeal
 from deatwin.studies.sweep.store import CaseStore, read_seal
 
 if TYPE_CHECKING:
@@ -36,7 +35,7 @@ class Study:
         Names of the cases, in order.
     """
 
-    store: CaseStore[SweepSeal]
+    store: CaseStore
     names: tuple[str, ...]
 
     def __len__(self) -> int:
@@ -128,7 +127,7 @@ def open_study(folder: Path | str) -> Study:
     DataError
         If the folder holds no study.
     """
-    store = CaseStore(folder, read_seal(SweepSeal, folder))
+    store = CaseStore(folder, read_seal(folder))
     return Study(store=store, names=tuple(sorted(store.names())))
 
 

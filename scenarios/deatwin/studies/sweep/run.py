@@ -31,7 +31,7 @@ DEATHS = frozenset({"BrokenProcessPool", "BrokenExecutor", "KilledWorker"})
 def run_sweep(
     work: Callable[[Case], Mapping[str, Any]],
     cases: Mapping[str, Case],
-    store: CaseStore[Any],
+    store: CaseStore,
     *,
     jobs: int | None = None,
     tell: Tell = lambda share, text: None,
@@ -85,7 +85,7 @@ def run_sweep(
 def _run_all(
     work: Callable[[Case], Mapping[str, Any]],
     cases: Mapping[str, Case],
-    store: CaseStore[Any],
+    store: CaseStore,
     jobs: int | None,
     progress: _Progress,
 ) -> None:
@@ -120,7 +120,7 @@ def _run_all(
 def _turn(
     work: Callable[[Case], Mapping[str, Any]],
     cases: Iterable[tuple[str, Case]],
-    store: CaseStore[Any],
+    store: CaseStore,
     jobs: int | None,
 ) -> Iterator[str]:
     """Run cases; yield the name of each when it is finished."""
@@ -131,8 +131,8 @@ def _turn(
         yield from stream
 
 
-def _one(work: Callable[[Case], Mapping[str, Any]], store: CaseStore[Any], name: str, case: Case) -> str:
-    """Run a case with one BLAS thread, so that workers do not compete for cores or round differently."""
+def _one(work: Callable[[Case], Mapping[str, Any]], store: CaseStore, name: str, case: Case) -> str:
+    """Run a case with one BLAS thread: workers must not fight for the cores, nor round differently."""
     from threadpoolctl import threadpool_limits
 
     _end_with_master()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,70 +16,11 @@ from deatwin.plant.errors import DataError
 SCHEMA = "deatwin/sweep-seal/1"
 
 
-class Sealed(ABC):
-    """Everything that must not change between the first and the last case of a sweep; each case stores its hash."""
-
-    @property
-    @abstractmethod
-    def content(self) -> dict[str, Any]:
-        """Return the sealed content as plain data."""
-
-    @property
-    @abstractmethod
-    def case_schema(self) -> str:
-        """Schema of the files of the cases, such as ``deatwin/study-case/1``."""
-
-    @abstractmethod
-    def described(self) -> dict[str, Any]:
-        """Return the content of ``seal.json`` without the hash."""
-
-    @classmethod
-    @abstractmethod
-    def read(cls, data: Mapping[str, Any]) -> Self:
-        """Read the seal from data of `described`; KeyError, TypeError or ValueError if they are invalid."""
-
-    @abstractmethod
-    def changes(self, other: Self) -> str:
-        """Say how this seal differs from `other`; empty if cases of both may be mixed."""
-
-    @cached_property
-    def hash(self) -> str:
-        """SHA-256 of the sealed content; each case stores it."""
-        return digest(self.content)
-
-    def to_dict(self) -> dict[str, Any]:
-        """The content of ``seal.json``."""
-        return {**self.described(), "hash": self.hash}
-
-    @classmethod
-    def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Read the seal from the content of ``seal.json``; DataError if it is invalid or was altered."""
-        try:
-            seal, stated = cls.read(data), data["hash"]
-        except (KeyError, TypeError, ValueError) as error:
-            raise DataError(f"this version cannot continue a study with this seal: {error!r}") from None
-        if seal.hash != stated:
-            raise DataError(
-                f"the seal was altered: it states the hash {_short(stated)}, its content has {seal.hash[:12]}"
-            )
-        return seal
-
-    def require_same(self, other: Self, where: Path) -> None:
-        """Raise DataError, naming the differences from the seal in a folder."""
-        if changed := self.changes(other):
-            raise DataError(
-                f"{where} was begun under another seal ({changed}): its cases cannot be mixed with new ones; continue "
-                f"with the original version, or use an empty folder"
-            )
-
-    def stamp(self, name: str) -> dict[str, Any]:
-        """Schema, hash of the seal and name, the first entries of a case's file."""
-        return {"schema": self.case_schema, "seal": self.hash, "name": name}
-
-
 @dataclass(frozen=True, kw_only=True)
-class SweepSeal(Sealed):
-    """Seal made of named parts; its error lists each part that changed, with its old and its new value.
+class SweepSeal:
+    """Everything that must not change between the first case of a sweep and its last; each case bears its hash.
+
+    The seal is made of named parts; its error lists each part that changed, with its old and its new value.
 
     Parameters
     ----------
@@ -91,27 +31,55 @@ class SweepSeal(Sealed):
     """
 
     schema: str
-    parts: Mapping[str, object]
+    parts: Mapping[str, Any]
 
-    @property
-    def content(self) -> dict[str, Any]:
-        return {"schema": self.schema, "parts": dict(self.parts)}
+    @cached_property
+    def hash(self) -> str:
+        """SHA-256 of everything that must not change; each case bears it."""
+        return digest({"schema": self.schema, "parts": dict(self.parts)})
 
-    @property
-    def case_schema(self) -> str:
-        return self.schema
-
-    def described(self) -> dict[str, Any]:
-        return {"schema": SCHEMA, "cases": self.schema, "parts": dict(self.parts)}
+    def to_dict(self) -> dict[str, Any]:
+        """The content of ``seal.json``."""
+        return {"schema": SCHEMA, "cases": self.schema, "parts": dict(self.parts), "hash": self.hash}
 
     @classmethod
-    def read(cls, data: Mapping[str, Any]) -> Self:
-        return cls(schema=data["cases"], parts=dict(data["parts"]))
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """Read the seal from the content of ``seal.json``; DataError if it is none or was altered."""
+        try:
+            seal, stated = cls(schema=data["cases"], parts=dict(data["parts"])), data["hash"]
+        except (KeyError, TypeError, ValueError) as error:
+            raise DataError(f"this version cannot continue a study with this seal: {error!r}") from None
+        if seal.hash != stated:
+            raise DataError(
+                f"the seal was altered: it states the hash {_short(stated)}, its content has {seal.hash[:12]}"
+            )
+        return seal
 
-    def changes(self, other: Self) -> str:
+    def require_same(self, other: SweepSeal, where: Path) -> None:
+        """Raise DataError, naming what differs from the seal found in a folder."""
+        if changed := self.changes(other):
+            raise DataError(
+                f"{where} was begun under another seal ({changed}): its cases cannot be mixed with new ones; continue "
+                f"with the original version, or use an empty folder"
+            )
+
+    def changes(self, other: SweepSeal) -> str:
+        """Say how this seal differs from `other`; empty if cases of both may be mixed."""
         mine, theirs = {"schema": self.schema, **self.parts}, {"schema": other.schema, **other.parts}
-        changed = [name for name in {**theirs, **mine} if digest(mine.get(name)) != digest(theirs.get(name))]
-        return "; ".join(f"{name}: {_short(theirs.get(name))} there, {_short(mine.get(name))} now" for name in changed)
+        told = []
+        for name in {**theirs, **mine}:
+            then, now = theirs.get(name), mine.get(name)
+            if digest(then) == digest(now):
+                continue
+            if isinstance(then, Mapping) and isinstance(now, Mapping):
+                same = {key for key in then if key in now and digest(then[key]) == digest(now[key])}
+                then, now = ({key: value for key, value in part.items() if key not in same} for part in (then, now))
+            told.append(f"{name}: {_short(then)} there, {_short(now)} now")
+        return "; ".join(told)
+
+    def stamp(self, name: str) -> dict[str, Any]:
+        """Schema, hash of the seal and name, with which the file of a case begins."""
+        return {"schema": self.schema, "seal": self.hash, "name": name}
 
 
 def digest(data: Any) -> str:

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, TypeVar
 
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.files import write_text_atomic
@@ -18,7 +18,7 @@ from deatwin.plant.safe_read import clipped
 from deatwin.studies.sweep.casefile import CASE_ENDING, read_case, write_case
 from deatwin.studies.sweep.json_files import read_object
 from deatwin.studies.sweep.lock import exclusive_lock
-from deatwin.studies.sweep.seal import Sealed
+from deatwin.studies.sweep.seal import SweepSeal
 
 SEAL_FILE = "seal.json"
 RUNNING = "running"
@@ -27,11 +27,10 @@ GRACE = 1.0  # Workers of a run that was killed end within this time, s
 SHARDS = tuple(f"{number:02x}" for number in range(256))
 NAME = re.compile(r"[A-Za-z0-9_+-][A-Za-z0-9_.+-]{0,199}")
 
-S = TypeVar("S", bound=Sealed)
 Content = TypeVar("Content")
 
 
-class CaseStore(Generic[S]):
+class CaseStore:
     """Results of a sealed sweep on disk.
 
     Any number of processes may write at the same time. Each case is a NetCDF file in the folder ``cases``. Large sweeps
@@ -41,7 +40,7 @@ class CaseStore(Generic[S]):
     ----------
     folder : path
         Folder of the sweep. On a cluster all workers must see it under this path.
-    seal : Sealed
+    seal : SweepSeal
         Seal of the present run; written if the folder has none.
     cases : str
         Name of the folder for the cases.
@@ -54,14 +53,14 @@ class CaseStore(Generic[S]):
         If the folder was begun under another seal, or holds cases but no seal.
     """
 
-    def __init__(self, folder: Path | str, seal: S, *, cases: str = "cases", expected: int = 0) -> None:
+    def __init__(self, folder: Path | str, seal: SweepSeal, *, cases: str = "cases", expected: int = 0) -> None:
         self.seal, self.folder = seal, Path(folder).absolute()
         self.cases = self.folder / cases
         self.cases.mkdir(parents=True, exist_ok=True)
         self.spread = (self.cases / SHARDS[0]).is_dir()
         path = self.folder / SEAL_FILE
         if path.exists():
-            seal.require_same(read_seal(type(seal), folder), Path(folder))
+            seal.require_same(read_seal(folder), Path(folder))
         else:
             self.adopt()
             if expected > SIDE_BY_SIDE and not self.spread:
@@ -281,11 +280,11 @@ class CaseStore(Generic[S]):
             return ""
 
 
-def read_seal(kind: type[S], folder: Path | str) -> S:
+def read_seal(folder: Path | str) -> SweepSeal:
     """Read the seal of a folder."""
     path = Path(folder) / SEAL_FILE
     found = read_object(path, "the seal of a study; a study is sealed before its first case")
     try:
-        return kind.from_dict(found)
+        return SweepSeal.from_dict(found)
     except DataError as error:
         raise DataError(f"{path}: {clipped(error, 400)}") from None

@@ -1,0 +1,82 @@
+"""What a study of concealed physics reached, as data that are kept with the sources, and the page that shows it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from deatwin.plant.errors import DataError
+from deatwin.scenarios.concealed_physics.results import FAR, Opened, open_key
+from deatwin.scenarios.concealed_physics.score import Goal
+from deatwin.scenarios.concealed_physics.study import Store, key_of, labels
+from deatwin.scenarios.concealed_physics.tables import KINDS, tables
+from deatwin.studies.report.prose import rendered
+from deatwin.studies.report.tables import markdown_table
+from deatwin.studies.sweep import SweepSeal, digest
+from deatwin.studies.sweep.json_files import read_object
+from deatwin.studies.sweep.store import read_seal
+
+DATA = "deatwin/concealed-physics/1"
+"""Schema of the data of the page."""
+TITLES = {"long": "Concealed physics in long recordings"}
+"""Titles of the pages of sizes that have one beside the usual one."""
+TEMPLATE = Path(__file__).with_suffix(".md.j2")
+
+
+def opened_study(folder: Path | str) -> tuple[Opened, SweepSeal]:
+    """Read a study with its key, which is made anew until the last case is through."""
+    seal, path = read_seal(folder), Path(folder) / "key.json"
+    if path.exists():
+        key = read_object(path, "the key of a study")
+    else:
+        key = key_of(labels(seal.parts["size"], seal.parts["seed"]))
+    if path.exists() and digest(key) != seal.parts["key"]:
+        raise DataError(f"{path}: this is not the one that was sealed; labels must not change once a study has begun")
+    return open_key(Store(folder, seal), key), seal
+
+
+def page_data(study: Opened, goals: Sequence[Goal], seal: SweepSeal) -> dict[str, Any]:
+    """Collect the content of the page as plain data."""
+    counted, seconds = Counter(case.kind for case in study.cases), np.array(study.seconds or (0.0,))
+    return {
+        "schema": DATA,
+        "size": seal.parts["size"],
+        "seed": seal.parts["seed"],
+        "version": seal.parts["version"],
+        "seal": seal.hash,
+        "planned": study.planned,
+        "done": study.planned - len(study.missing),
+        "remark": "",
+        "cases": {words: counted[kind] for kind, words in KINDS.items() if counted[kind]},
+        "intervals": len(study.intervals),
+        "errors": len(study.failures),
+        "seconds": {"median": round(float(np.median(seconds)), 1), "most": round(float(seconds.max()), 1)},
+        "goals": [{"goal": g.measure, "demanded": g.demanded, "reached": g.reached, "met": g.outcome} for g in goals],
+        "tables": [
+            {"title": t.title, "columns": list(t.columns), "rows": [list(row) for row in t.rows]} for t in tables(study)
+        ],
+    }
+
+
+def page_of(data: Mapping[str, Any]) -> str:
+    """Write the page of results."""
+    goals = markdown_table(["goal", "demanded", "reached", "met"], [list(goal.values()) for goal in data["goals"]])
+    shown = [{"title": t["title"], "lines": markdown_table(t["columns"], t["rows"])} for t in data["tables"]]
+    named = ("size", "seed", "version", "seal", "planned", "done", "remark", "intervals", "errors")
+    text = rendered(
+        TEMPLATE.read_text(encoding="utf-8"),
+        **{name: data[name] for name in named},
+        title=TITLES.get(data["size"], "Concealed physics"),
+        counted=sum(data["cases"].values()),
+        kinds="; ".join(f"{words}: {count}" for words, count in data["cases"].items()),
+        median=f"{data['seconds']['median']:.0f}",
+        most=f"{data['seconds']['most']:.0f}",
+        far=f"{FAR:g}",
+        goals=goals,
+        tables=shown,
+    )
+    return text.rstrip("\n") + "\n"
