@@ -24,8 +24,8 @@ class GreaseRidge(Effect):
     lump if 2 pi F_g/p exceeds the film's stiffness (law: Iglesias & Gonçalves, arXiv:1708.03414).
     """
 
-    force: float = 1e-3  # :math:`F_g` in N
-    lower: float = 0.4e-3  # :math:`y_1` and :math:`y_2`, displacement from rest, m
+    force: float = 1e-3  # F_g in N
+    lower: float = 0.4e-3  # y_1 and y_2, displacement from rest, m
     upper: float = 0.5e-3
     built: float = 10.0
     worn: float = 30.0

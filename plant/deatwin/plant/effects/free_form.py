@@ -22,7 +22,7 @@ class FreeForm(Effect):
 
     size: float = 1e-3  # S, in the unit of the signal
     terms: tuple[Primitive, ...] = (Power(variable="displacement", scale=1e-4, order=3),)
-    coefficients: tuple[float, ...] = (-1.0,)  # :math:`c_k`, one for each term
+    coefficients: tuple[float, ...] = (-1.0,)  # c_k, one for each term
     enters: Place = Place.BALL  # Place of the signal in the plant
     node: str = "force"  # Name of the signal there
     unit: str = "N"

@@ -89,9 +89,9 @@ class BoucWen(Hysteresis):
     """Bouc's and Wen's spring with any two terms, F = -F_h z, x_h dz/dt = v - |v| z + kappa v |z|: unlike the
     catalogue's, its force may grow for ever."""
 
-    force: float = 20.0  # :math:`F_h` in N
-    distance: float = 1e-3  # :math:`x_h` in m
-    hardening: float = 0.0  # :math:`\kappa`
+    force: float = 20.0  # F_h in N
+    distance: float = 1e-3  # x_h in m
+    hardening: float = 0.0  # kappa
 
     def describe(self) -> tuple[Parameter, ...]:
         return (

@@ -91,7 +91,7 @@ class Overflow(Effect):
     one's."""
 
     rate: float = 0.2  # r in 1/s
-    brim: float = 9.5  # :math:`h_b` in V of the level's sensor
+    brim: float = 9.5  # h_b in V of the level's sensor
     caught: float = 0.5  # Share of the upper tank's overflow that the lower one catches
 
     name: ClassVar[str] = "overflow"

@@ -16,7 +16,7 @@ class SlowDipoles(PlantMechanism, place=Place.DRIVE, signal="squared_voltage", l
     """Polarisation V^2 - V sum_k a_k (V - p_k) with tau_k dp_k/dt = V - p_k, of times as broad and lopsided as
     Havriliak and Negami's."""
 
-    share: float = Draw.part()  # Sum of :math:`a_k`
+    share: float = Draw.part()  # Sum of a_k
     centre: float = Draw.log_uniform(5.0, 40.0)  # s
 
     times: ClassVar[tuple[float, ...]] = (0.1, 0.4, 1.5, 6.0, 30.0)  # Relative to the centre
@@ -50,7 +50,7 @@ class TrapConduction(PlantMechanism, place=Place.DRIVE, signal="film_voltage", o
     r"""Conduction out of traps, :math:`j = \sigma E\,e^{\sqrt{E/E_0}}`, whose current drops voltage over a resistance."""
 
     resistance: float = Draw.part()
-    field: float = Draw.uniform(4e6, 8e6)  # :math:`E_0`, V/m
+    field: float = Draw.uniform(4e6, 8e6)  # E_0, V/m
 
     conductivity: ClassVar[float] = 2e-14  # At low field, S/m
     settles: ClassVar[float] = 5e-5  # Time in which the voltage settles, s: not seen at 50 samples a second

@@ -15,8 +15,8 @@ class StopOperators(PlantMechanism, place=Place.BALL, signal="force", largest=3e
     """Prandtl and Ishlinskii's hysteresis, F = -sum_k F_h/(5 r_k) sigma_k, by five elements that slip at r_k:
     d(sigma_k)/dt = v while |sigma_k| < r_k or v sigma_k < 0, else 0."""
 
-    force: float  # :math:`F_h`, N
-    widest: float  # Largest :math:`r_k`, m; the smallest is an eighth of it
+    force: float  # F_h, N
+    widest: float  # Largest r_k, m; the smallest is an eighth of it
 
     ratios: ClassVar[tuple[float, ...]] = (0.125, 0.21, 0.354, 0.595, 1.0)
 
@@ -41,8 +41,8 @@ class BristleFriction(PlantMechanism, place=Place.BALL, signal="force", largest=
     """LuGre friction -(sigma_0 z + sigma_1 dz/dt), dz/dt = v - sigma_0 |v| z/g(v), g = F_c [1 + 0.25 exp(-(v/v_s)^2)]
     (Canudas de Wit et al., IEEE Trans. Autom. Control 40 (1995) 419)."""
 
-    force: float = Draw.part()  # :math:`F_c`, N
-    bend: float = Draw.uniform(1e-6, 4e-6)  # :math:`F_c/\sigma_0`, m
+    force: float = Draw.part()  # F_c, N
+    bend: float = Draw.uniform(1e-6, 4e-6)  # F_c/sigma_0, m
 
     damping: ClassVar[float] = 50.0
 
