@@ -60,8 +60,12 @@ class CsvTable(Table):
     def si(self, columns: Sequence[int], *, missing: Collection[int] = ()) -> NDArray[np.float64]:
         """Return columns in SI units, or in those of `wanted`, (len(columns), n), exactly rounded."""
         rows = self._cells()
+        last = len(rows) - 1  # a file may break off there; elsewhere a short row ends in empty cells
         try:
-            texts = [[row[column] for row in rows] for column in columns]
+            texts = [
+                [row[k] if k < len(row) or k not in missing or n == last else "" for n, row in enumerate(rows)]
+                for k in columns
+            ]
         except IndexError:
             raise self._bad_cell(columns, missing) from None
         absent = np.zeros((len(columns), len(rows)), dtype=bool)
@@ -151,12 +155,17 @@ class CsvTable(Table):
 
     def _bad_cell(self, columns: Sequence[int], missing: Collection[int]) -> DataError:
         """Return the error of the first cell that is not a finite number; those of `missing` columns may be empty."""
+        last = len(self.lines) - 1
         for sample, line in enumerate(self.lines):
             row = split_cells(line, self.delimiter)
             for column in columns:
                 place = f'{self.where(sample)}, column "{self.shown(column)}"'
-                if column >= len(row) and column >= line.count(self.delimiter) + 1:
-                    ends = "; the file breaks off there: take the row out" if sample == len(self.lines) - 1 else ""
+                if (
+                    column >= len(row)
+                    and column >= line.count(self.delimiter) + 1
+                    and (sample == last or column not in missing)
+                ):
+                    ends = "; the file breaks off there: take the row out" if sample == last else ""
                     return DataError(f"{place}: the row has {len(row)} of {len(self.headers)} cells{ends}")
                 cell = row[column] if column < len(row) else ""
                 if column in missing and _is_absent(cell):
