@@ -1,5 +1,6 @@
 """What is written into a file is read back, to the last bit."""
 
+import json
 import tempfile
 from pathlib import Path
 
@@ -116,7 +117,8 @@ def test_rig_survives(thickness: float, electrode: float, noise: float, ball: st
             **SOUND,
             "film": {**SOUND["film"], **film},
             "load": {**SOUND["load"], "contact_diameter_mm": 0.5},
-            "sensor": {**SOUND["sensor"], "noise_um": float(f"{noise:.9g}")},
+            "drive": {**SOUND["drive"], "command_min_V": 1.1, "command_max_V": 3.75},
+            "sensor": {**SOUND["sensor"], "noise_um": float(f"{noise:.9g}"), "resolution_um": 1.2},
         }
     )
-    assert RigFile.from_dict(rig.to_dict(), rig.source) == rig
+    assert RigFile.from_dict(json.loads(json.dumps(rig.to_dict())), rig.source) == rig

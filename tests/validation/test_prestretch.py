@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, fsolve
 
-from deatwin.app.stories import story
 from deatwin.plant.laws.dielectric import VACUUM_PERMITTIVITY
+from deatwin.scenarios import prestretch as sweep
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.stories import Setting
 
@@ -32,7 +32,11 @@ def page(tmp_path_factory):
     setting = Setting(
         folder=ResultFolder(folder), data=None, command=["test"], jobs=1, seed=0, progress=lambda share, text: None
     )
-    story("prestretch-sweep").run(setting)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sweep, "PRESTRETCHES", np.array([1.0, 1.5, 2.0, 2.125, 3.5, 5.0]))
+        patch.setattr(sweep, "RATIOS", np.array([1.0, 2.0, 3.0]))
+        patch.setenv("DEATWIN_COMPILER", "")  # for two samples of each film
+        sweep.run(setting)
     return folder
 
 

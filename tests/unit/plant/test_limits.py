@@ -12,6 +12,8 @@ SLACK = Plant(rig=Diaphragm(), values={"shear_modulus": 8e3})  # its stretch lim
 FLAT = Diaphragm(mass=1e-6, gain=1000.0)
 FINE = FLAT.finer()
 
+pytestmark = pytest.mark.usefixtures("uncompiled")
+
 
 def signals(plant, command):
     equations = plant.equations

@@ -21,6 +21,8 @@ from deatwin.plant.decimation import decimate
 from deatwin.plant.rigs.rigfile import RigFile
 from deatwin.plant.small_signal import small_signals
 
+pytestmark = pytest.mark.usefixtures("uncompiled")
+
 
 def commands(count: int = 300) -> np.ndarray:
     return np.concatenate([[0.0], np.random.default_rng(0).normal(size=count - 1)])

@@ -34,6 +34,8 @@ READINGS = (
 )
 BLOCKED = BlockedPlanar(further=READINGS)
 
+pytestmark = pytest.mark.usefixtures("uncompiled")
+
 
 def experiment(commands: np.ndarray) -> Experiment:
     return Experiment(recordings=(Recording.from_arrays(commands, np.zeros((0, commands.size)), STEP),))

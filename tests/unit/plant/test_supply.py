@@ -13,6 +13,8 @@ STEP, VOLTS = 2e-3, 2000.0
 RISE, FALL = 400, 400
 TIMES = STEP * np.arange(1, RISE + 1)
 
+pytestmark = pytest.mark.usefixtures("uncompiled")
+
 
 def charged(supply: Supply) -> tuple[np.ndarray, float]:
     """Voltage of a film that is held, under a step up to 2 kV and one back to 0 V, and its capacitance."""

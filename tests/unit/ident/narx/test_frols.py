@@ -1,7 +1,9 @@
 """Frols: the choice, its arithmetic, its criteria, and scikit-learn's contract."""
 
 import math
+from functools import partial
 
+import made_narx
 import numpy as np
 import pytest
 from stopping import StopAt
@@ -12,14 +14,7 @@ from deatwin.ident.narx.forward import forward_selection
 from deatwin.ident.narx.shrinkage import Ridge
 from deatwin.plant.recording import Recording
 
-
-def bilinear(n=400, seed=0, noise=0.01, start=0.0, units=(1.0, 1.0)):
-    """y(k) = 0.5 y(k-1) + 0.8 u(k-2) - 0.3 y(k-1)u(k-1) + e(k), in other units."""
-    rng = np.random.default_rng(seed)
-    u, e, y = rng.uniform(-1, 1, n), noise * rng.normal(size=n), np.zeros(n)
-    for k in range(2, n):
-        y[k] = 0.5 * y[k - 1] + 0.8 * u[k - 2] - 0.3 * y[k - 1] * u[k - 1] + e[k]
-    return Recording.from_arrays(u * units[0], y * units[1], 0.1, start=start)
+bilinear = partial(made_narx.bilinear, noise=0.01)
 
 
 def test_finds_terms_parameters_and_noise():

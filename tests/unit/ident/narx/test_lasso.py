@@ -1,5 +1,8 @@
 """Lasso: its path against the conditions of optimality, its choice, and its arguments."""
 
+from functools import partial
+
+import made_narx
 import numpy as np
 import pytest
 from stopping import StopAt
@@ -8,16 +11,8 @@ from deatwin.ident.narx.identifier import FitStatus
 from deatwin.ident.narx.lasso import Lasso, lasso_path
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.systems import SYSTEMS
-from deatwin.plant.recording import Recording
 
-
-def bilinear(n=400, seed=0, noise=0.05, level=0.0):
-    """y(k) = level + 0.5 y(k-1) + 0.8 u(k-2) - 0.3 y(k-1)u(k-1) + e(k)."""
-    rng = np.random.default_rng(seed)
-    u, e, y = rng.uniform(-1, 1, n), noise * rng.normal(size=n), np.zeros(n)
-    for k in range(2, n):
-        y[k] = level + 0.5 * y[k - 1] + 0.8 * u[k - 2] - 0.3 * y[k - 1] * u[k - 1] + e[k]
-    return Recording.from_arrays(u, y, 0.1)
+bilinear = partial(made_narx.bilinear, noise=0.05)
 
 
 @pytest.mark.parametrize("centred", [True, False])

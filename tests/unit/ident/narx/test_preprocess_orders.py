@@ -1,5 +1,8 @@
 """Lags and degree by free-run error: the choice, the rule, what fails, and interruption."""
 
+from functools import partial
+
+import made_narx
 import numpy as np
 import pytest
 
@@ -8,16 +11,8 @@ from deatwin.ident.narx.identifier import NarxIdentifier
 from deatwin.ident.narx.preprocess import OrderChoice, OrderTrial, TrialStatus, choose_orders
 from deatwin.ident.narx.preprocess.orders import _standard_error
 from deatwin.plant.errors import ModelError
-from deatwin.plant.recording import Recording
 
-
-def bilinear(n=600, seed=0, noise=0.02):
-    """y(k) = 0.5 y(k-1) + 0.8 u(k-2) - 0.3 y(k-1)u(k-1) + e(k): lags 1 and 2, degree 2."""
-    rng = np.random.default_rng(seed)
-    u, e, y = rng.uniform(-1, 1, n), noise * rng.normal(size=n), np.zeros(n)
-    for k in range(2, n):
-        y[k] = 0.5 * y[k - 1] + 0.8 * u[k - 2] - 0.3 * y[k - 1] * u[k - 1] + e[k]
-    return Recording.from_arrays(u, y, 0.1)
+bilinear = partial(made_narx.bilinear, n=600)
 
 
 class Scripted(NarxIdentifier):
@@ -62,7 +57,7 @@ def test_the_structure_of_a_system_is_chosen():
 
 
 def test_all_errors_are_over_the_same_samples():
-    training, validation = bilinear(seed=3), [bilinear(300, seed=4), bilinear(200, seed=5)]
+    training, validation = bilinear(seed=3), [bilinear(n=300, seed=4), bilinear(n=200, seed=5)]
     choice = choose_orders(
         Frols(max_terms=5), training, validation, output_lags=(1, 5), input_lags=(2, 4), degrees=(2,)
     )

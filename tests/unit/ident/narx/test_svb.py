@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from made_narx import bilinear
 from scipy import integrate
 from scipy.special import gammaln
 from stopping import StopAt
@@ -79,14 +80,6 @@ def test_the_bound_lies_just_below_the_evidence():
     evidence = math.log(integrate.quad(density, -25, 8, limit=400)[0])
     fit = fit_relevance(data, priors, np.array([1.0]), tolerance=0.0, max_iterations=500)
     assert evidence - 0.5 < fit.bounds[-1] < evidence
-
-
-def bilinear(n=400, seed=0, units=(1.0, 1.0)):
-    rng = np.random.default_rng(seed)
-    u, e, y = rng.uniform(-1, 1, n), 0.02 * rng.normal(size=n), np.zeros(n)
-    for k in range(2, n):
-        y[k] = 0.5 * y[k - 1] + 0.8 * u[k - 2] - 0.3 * y[k - 1] * u[k - 1] + e[k]
-    return Recording.from_arrays(u * units[0], y * units[1], 0.1)
 
 
 def test_pruning_goes_down_to_one_term_and_the_largest_bound_is_chosen():

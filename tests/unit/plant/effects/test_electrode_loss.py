@@ -9,6 +9,8 @@ from deatwin.plant.effects.sensor_jump import SensorJump
 
 HOLDS = np.concatenate([np.full(100, 1.2), np.zeros(100), np.full(100, 1.2), np.zeros(100)])
 
+pytestmark = pytest.mark.usefixtures("uncompiled")
+
 
 @pytest.fixture
 def damped():

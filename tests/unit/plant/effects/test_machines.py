@@ -32,6 +32,8 @@ RNG = np.random.default_rng(4)
 COMMANDS = np.repeat(RNG.uniform(-1.0, 1.0, 30), 5)
 MACHINES = ("backlash", "coulomb_friction", "dead_zone", "relaxation")
 
+pytestmark = pytest.mark.usefixtures("uncompiled")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Pushed(Bare):

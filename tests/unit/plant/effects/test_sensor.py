@@ -15,6 +15,8 @@ NOISE = band_limited_noise(np.random.default_rng(4), 4.0, 0.02)
 MOTION, SAMPLE = 1e-4 * NOISE, 0.02
 ENDS = SAMPLE * np.arange(1, NOISE.size + 1)
 
+pytestmark = pytest.mark.usefixtures("uncompiled")
+
 
 def test_a_lag_is_exact_under_held_motion(chain):
     decay, y, exact = np.exp(-SAMPLE / 0.05), 0.0, []

@@ -10,6 +10,8 @@ RIG = Coupon()
 AREA = RIG.width * RIG.thickness
 MU, LIMIT = 25e3, 107.0
 
+pytestmark = pytest.mark.usefixtures("uncompiled")
+
 
 def pull(top=3.0, duration=20.0, sample_time=0.02):
     half = round(duration / sample_time / 2)

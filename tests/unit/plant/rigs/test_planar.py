@@ -10,6 +10,8 @@ from deatwin.plant.rigs.planar import Planar
 
 MU, LIMIT = 25e3, 107.0
 
+pytestmark = pytest.mark.usefixtures("uncompiled")
+
 
 def test_the_dead_load_holds_the_prestretch():
     rig = Planar(prestretch=3.0, width=40e-3)

@@ -21,6 +21,8 @@ from deatwin.plant import (
 MEMORIES = (Creep(), DielectricAbsorption(), ChargeInjection())
 SAMPLE = 0.1
 
+pytestmark = pytest.mark.usefixtures("uncompiled")
+
 
 def recorded(*steps: tuple[float, float], start: float = 0.0) -> Experiment:
     """Commands held for some seconds each."""
