@@ -318,7 +318,7 @@ def test_the_table_says_all_and_nothing_in_it_is_markup(root: Path) -> None:
         "9.80 → 2.05 µm",
         "2.00 µm",
         64 * "a",
-        "Not from the same recordings",
+        "made from different recordings",
         'href="results/two/report.html"',
         "&lt;b&gt;one",
         "&lt;i&gt;.csv",

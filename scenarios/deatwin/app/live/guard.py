@@ -55,13 +55,13 @@ class Guard:
     def _refusal(self, scope: Scope, headers: _Headers) -> tuple[int, str]:
         """Return status and reason for refusing a request; status 0 if it is permitted."""
         if headers.all("host") not in [[host] for host in self.hosts]:
-            return 421, "this server answers to its loopback address only"
+            return 421, "this server only answers requests to its loopback address (127.0.0.1)"
         if any(origin not in self.origins for origin in headers.all("origin")):
-            return 403, "pages of other sites may not ask"
+            return 403, "requests from pages of other sites are refused"
         if scope["type"] == "http" and scope["method"] not in ("GET", "HEAD"):
             length = headers.all("content-length")
             if headers.all("transfer-encoding") or len(length) != 1 or not length[0].isdecimal():
-                return 411, "say how much is sent"
+                return 411, "the request must state its length (Content-Length)"
             if int(length[0][:20]) > self.most_bytes:
                 return 413, "the file is too large"
         return 0, ""

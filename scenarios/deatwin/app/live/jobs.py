@@ -207,7 +207,7 @@ class Job:
         """Return the line that states the error."""
         said = [line.removeprefix("error: ") for line in self._complaints if line.startswith("error: ")]
         last = said or list(self._complaints)
-        return last[-1] if last else f"the process ended with the status {status} and said nothing"
+        return last[-1] if last else f"the process ended with status {status} and printed no message"
 
 
 class Board:

@@ -68,7 +68,7 @@ class View:
                     self._build_form()
                 with ui.element("div").classes("stack"):
                     with _section("Running and done"):
-                        self.idle = ui.label("Nothing runs.").classes("quiet")
+                        self.idle = ui.label("No command is running.").classes("quiet")
                         self.jobs = ui.element("div").classes("jobs").props('aria-live="polite"')
                     with _section("What is in the recording"):
                         self.seen = ui.html("Choose or drop a recording to see it.", sanitize=False).classes("full")
@@ -133,7 +133,7 @@ class View:
         with ui.row():
             ui.button("Diagnose", on_click=self.diagnose).props("unelevated no-caps")
             ui.button("Plan an experiment", on_click=self.plan).props("outline no-caps")
-            ui.button("Look into the folder again", on_click=self.look).props("flat no-caps")
+            ui.button("Read the folder again", on_click=self.look).props("flat no-caps")
 
     def _build_comparison(self) -> None:
         self.compared = _choice(f"Results, up to {MOST}", multiple=True)
@@ -155,7 +155,7 @@ class View:
         if not self.out.value:
             self.out.set_value(free_name(self.board.root))
         if not desk.whole:
-            self.complain("the folder holds more files than are listed here; take a smaller one")
+            self.complain("the folder holds more files than the lists here show; choose a smaller folder")
 
     async def take(self, event: Any) -> None:
         """Save a file that was dropped on the page."""

@@ -110,12 +110,14 @@ def _residual(view: _View, further: str = "") -> Drawing:
         panels[-1].set_xlabel(view.time)
         handles = panels[0].get_legend_handles_labels()
         if handles[0]:
-            figure.legend(*handles, loc="outside upper left", ncols=2)
+            legend = figure.legend(*handles, loc="outside upper left", ncols=2)
+            for patch in legend.get_patches():  # as pale as on the axes, they could not be seen on a dark page
+                patch.set_alpha(0.5)
         name, which = f"residual_{further}" if further else "residual", further.replace("_", " ") or "reading"
         title = f"Residual of the {which} over time" if further else "Residual over time"
         svg = inline(figure, name, title)
     caption = f"Measured minus simulated {which}. Grey: held-out samples, to which nothing was fitted."
-    if any("located" in text for text in handles[1]):
+    if any("mismatch" in text for text in handles[1]):
         caption += " Ochre: where the mismatch lies; the stronger, the larger its share."
     data = f"figures/time_{further}.csv" if further else "figures/time.csv"
     return Drawing(name=name, title=title, caption=caption, svg=svg, data=data)
@@ -130,11 +132,11 @@ def _shade(axes: Axes, view: _View) -> None:
             label = "_held out"
     if view.tracks[-1].experiment > 1:  # the windows do not say of which experiment they are
         return
-    label = "located"
+    label = "where the mismatch lies"
     for window in () if view.located is None else view.located.time:
         strength = 0.32 * min(1.0, max(0.1, window.score))
         axes.axvspan(window.from_s, window.to_s, color=MARK, alpha=strength, linewidth=0, label=label)
-        label = "_located"
+        label = "_mismatch"
 
 
 def _frequency(view: _View, columns: Sequence[Array]) -> Drawing:
