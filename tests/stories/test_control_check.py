@@ -202,7 +202,7 @@ def tracking(name: str = "nominal rig", *, phase: float = 80.0, **rms: float) ->
         name: tracked(1e-6 * error, phase if key == "I" else 80.0)
         for name, (key, error) in zip(names, errors.items(), strict=True)
     }
-    return Tracking(name=name, tracked=of, residual=2e-6)
+    return Tracking(name=name, tracked=of)
 
 
 def six(**spoilt: ClosedLoop) -> tuple[FleetRun, ...]:
@@ -305,7 +305,7 @@ def test_nine_tenths_are_enough() -> None:
 
 def test_promises_are_counted_where_there_is_a_design() -> None:
     every = matters().promises
-    assert [p.quantity.name for p in every] == ["bandwidth", "overshoot", "gain margin", "rms error"]
+    assert [p.quantity for p in every] == ["bandwidth", "overshoot", "gain margin", "rms error"]
     # The ends belong to an interval; the gain margin of 6.5 lies above 6.
     assert [p.kept for p in every] == [True, True, False, True]
     assert every[3].achieved == pytest.approx(7.5)  # µm

@@ -82,7 +82,7 @@ def _chosen() -> dict[str, Any]:
 
 def _counted(study: Study) -> dict[str, Any]:
     outcomes, made = study.outcomes, study.matters.promises
-    errors = {p.model: p.achieved for p in made if p.quantity.name == "rms error"}
+    errors = {p.model: p.achieved for p in made if p.quantity == "rms error"}
     return {
         "trials": len(outcomes),
         "inside": in_words(inside(outcomes)),
@@ -93,7 +93,7 @@ def _counted(study: Study) -> dict[str, Any]:
         "no_model": sum(o.verdict == NO_MODEL for o in outcomes),
         "errors": ", ".join(f"{name} {error:.3g} µm" for name, error in errors.items()),
         "kept": _kept(made),
-        "by_quantity": ", ".join(f"{q.name} {_kept([p for p in made if p.quantity is q])}" for q in QUANTITIES),
+        "by_quantity": ", ".join(f"{name} {_kept([p for p in made if p.quantity == name])}" for name in QUANTITIES),
         "of_physics": _kept([p for p in made if p.model == "calibrated plant"]),
     }
 

@@ -29,7 +29,6 @@ from deatwin.control.checking.trial import Trial
 from deatwin.control.stability.bandwidth import bandwidth_Hz
 from deatwin.ident.narx import Fixed, Frols, NarxModel, Semp, SvbNarx, free_run_residual
 from deatwin.plant import CalibratedPlant, DeatwinError, Plant, ReadingTime, Recording
-from deatwin.plant.amplitudes import axis_label
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.scenarios.control_check.rigs import calibrated, fabricated, linear_feedback, recorded
 
@@ -72,26 +71,8 @@ class Interval:
         return cls(value=float(spread[0]), low=float(min(low, spread[0])), high=float(max(high, spread[0])))
 
 
-@dataclass(frozen=True, kw_only=True)
-class Quantity:
-    """A number that a model predicts of its closed loop."""
-
-    name: str
-    unit: str
-    scale: float  # From SI to the unit
-
-    @property
-    def label(self) -> str:
-        """Name and unit."""
-        return axis_label(self.name, self.unit)
-
-
-QUANTITIES = (
-    Quantity(name="bandwidth", unit="Hz", scale=1.0),
-    Quantity(name="overshoot", unit="%", scale=100.0),
-    Quantity(name="gain margin", unit="", scale=1.0),
-    Quantity(name="rms error", unit="µm", scale=1e6),
-)
+QUANTITIES = {"bandwidth": ("Hz", 1.0), "overshoot": ("%", 100.0), "gain margin": ("", 1.0), "rms error": ("µm", 1e6)}
+"""Numbers that a model predicts of its closed loop: their unit, and the factor from SI to it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,14 +80,14 @@ class Promise:
     """A predicted number and the value achieved on the plant, in the quantity's unit."""
 
     model: str
-    quantity: Quantity
+    quantity: str  # One of `QUANTITIES`
     predicted: Interval
     achieved: float
 
     @classmethod
-    def of(cls, model: str, quantity: Quantity, predicted: Interval, achieved: float) -> Promise:
+    def of(cls, model: str, quantity: str, predicted: Interval, achieved: float) -> Promise:
         """Convert from SI to the quantity's unit."""
-        s = quantity.scale
+        _, s = QUANTITIES[quantity]
         scaled = Interval(s * predicted.value, s * predicted.low, s * predicted.high)
         return cls(model=model, quantity=quantity, predicted=scaled, achieved=s * achieved)
 

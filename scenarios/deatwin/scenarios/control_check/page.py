@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.control import Verdict
+from deatwin.plant.amplitudes import axis_label
 from deatwin.scenarios.control_check.concealed import Concealed, Designed
 from deatwin.scenarios.control_check.matters import QUANTITIES, Matters, Promise
 from deatwin.scenarios.control_check.study import Study
@@ -174,7 +175,11 @@ def _models(matters: Matters) -> Table:
         rows.append([m.name, left, *cells])
     return Table(
         title="Predicted (95 % interval), then achieved; ✓ where it lies inside",
-        columns=["model", "free run leaves, of the recording's rms", *(q.label for q in QUANTITIES)],
+        columns=[
+            "model",
+            "free run leaves, of the recording's rms",
+            *(axis_label(name, unit) for name, (unit, _) in QUANTITIES.items()),
+        ],
         rows=rows,
     )
 

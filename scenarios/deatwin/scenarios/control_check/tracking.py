@@ -70,7 +70,6 @@ class Tracking:
 
     name: str
     tracked: Mapping[str, Tracked]
-    residual: float  # Rms that the model's free run leaves of its recording, in the output's unit
 
     def ratio(self, one: str, other: str) -> float:
         """Rms error of one controller over that of another."""
@@ -111,10 +110,8 @@ def track(name: str, plant: Plant, rng: np.random.Generator, excited_Hz: float =
         designs[f"{who}inverse with dynamics"] = _with_dynamics(behind, linear)
     reference = _tones(curves["oracle: "].output(OPERATING), curves["oracle: "].output(LIMITS), h, rng)
     noise = int(rng.integers(2**32))
-    run = model.simulate(recording)
     return Tracking(
         name=name,
-        residual=float(np.std((run.measured - run.outputs)[0][round(SETTLED / h) :])),
         tracked={
             key: Tracked(
                 controller=controller,

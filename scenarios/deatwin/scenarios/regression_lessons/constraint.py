@@ -25,8 +25,7 @@ class Constrained:
 
     size: float  # Norm that the constraint allows: Euclidean for ridge, sum of magnitudes for the LASSO
     point: Array  # shape (2,): The minimum on the constraint
-    multiplier: float  # Lagrange's, from the gradient there
-    penalised: Array  # shape (2,): What the estimator answers to that multiplier as its penalty
+    penalised: Array  # shape (2,): What the estimator answers to Lagrange's multiplier there as its penalty
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,15 +53,13 @@ def plane(rng: np.random.Generator) -> Plane:
     radius = SHARE * float(np.linalg.norm(least))
     on_circle = _on_circle(gram, least, radius)
     multiplier = float(on_circle @ (moment - gram @ on_circle)) / radius**2
-    ridge = Constrained(
-        size=radius, point=on_circle, multiplier=multiplier, penalised=Ridge(multiplier)(rows, target).theta
-    )
+    ridge = Constrained(size=radius, point=on_circle, penalised=Ridge(multiplier)(rows, target).theta)
     extent = SHARE * float(np.abs(least).sum())
     on_diamond = _on_diamond(gram, least, extent)
     push = float(np.abs(moment - gram @ on_diamond).max())
     penalties, knots = _lasso(rows, target)
     penalised = np.array([np.interp(push, penalties[::-1], knot[::-1]) for knot in knots])
-    lasso = Constrained(size=extent, point=on_diamond, multiplier=push, penalised=penalised)
+    lasso = Constrained(size=extent, point=on_diamond, penalised=penalised)
 
     path = np.array([Ridge(float(penalty))(rows, target).theta for penalty in PENALTIES]).T
     return Plane(

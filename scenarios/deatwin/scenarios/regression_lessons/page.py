@@ -116,13 +116,7 @@ def constraint(plane: Plane) -> Drawing:
             axes.set_aspect("equal")
             axes.set_title(name, loc="left", fontsize="medium")
         legend_above(figure, axes, 4)
-        return WORDS.drawing(
-            figure,
-            "constraint",
-            {"ridge_share": plane.shares, "ridge_first": plane.ridge_path[0], "ridge_second": plane.ridge_path[1]},
-            ridge=plane.ridge,
-            lasso=plane.lasso,
-        )
+        return WORDS.drawing(figure, "constraint", ridge=plane.ridge, lasso=plane.lasso)
 
 
 def _ellipses(axes: Axes, plane: Plane, found: Constrained) -> None:
@@ -163,14 +157,6 @@ def bias_and_variance(degrees: Decomposition, penalties: Decomposition) -> Drawi
         return WORDS.drawing(
             figure,
             "bias_and_variance",
-            {
-                "penalty": penalties.complexity,
-                "freedom": penalties.freedom,
-                "bias": penalties.bias,
-                "variance": penalties.variance,
-                "expected": penalties.expected,
-                "drawn": penalties.test,
-            },
             draws=variance.DRAWS,
             degree=degrees.complexity[np.argmin(degrees.expected)],
             penalty=penalties.complexity[best],
@@ -198,17 +184,4 @@ def razor(found: Occam) -> Drawing:
             axes.set_xlabel("degree")
         left.legend(fontsize="small")
         middle.legend(fontsize="small", markerscale=1)
-        return WORDS.drawing(
-            figure,
-            "razor",
-            {
-                "degree": found.degrees.astype(float),
-                "training": found.training,
-                "test": found.test,
-                "log_evidence_drawn": found.evidence,
-                "log_evidence_expected": found.expected,
-                "best_log_likelihood": found.best_fit,
-                "share_of_peaks": counts,
-            },
-            price=np.diff(found.occam_factor)[TRUE_DEGREE:].mean(),
-        )
+        return WORDS.drawing(figure, "razor", price=np.diff(found.occam_factor)[TRUE_DEGREE:].mean())

@@ -30,25 +30,18 @@ KEPT = 10
 
 def drifts(findings: Sequence[Finding], scores: Sequence[Judged]) -> Drawing:
     """Draw each actuator's departure from its calibrated base plant, as recorded and as the answer has it."""
-    columns: dict[str, list[Array]] = {"actuator": [], "time_s": [], "recording_um": [], "answer_um": [], "band_um": []}
     visits = len(findings[0].tracks)
     with draw((9.6, 1.75 * len(findings) + 0.6)) as figure:
         grid = figure.subplots(len(findings), visits, sharey="row", width_ratios=[2, 1][:visits], squeeze=False)
-        for number, (row, finding, score) in enumerate(zip(grid, findings, scores, strict=True), start=1):
+        for row, finding, score in zip(grid, findings, scores, strict=True):
             for axes, track in zip(row, finding.tracks, strict=True):
-                time, measured, answer, band = _departures(track)
-                _draw_departures(axes, time, measured, answer, band)
-                shown = np.full(time.size, float(number)), time, measured, answer, band
-                for column, values in zip(columns.values(), shown, strict=True):
-                    column.append(values)
+                _draw_departures(axes, *_departures(track))
             row[0].set_title(_title(score), loc="left", fontsize=9.5)
             row[0].set_ylabel("departure (µm)")
         for axes in grid[-1]:
             axes.set_xlabel("clock (s)")
         legend_above(figure, grid[0, 0], 3)
-        return WORDS.drawing(
-            figure, "drifts", {name: np.concatenate(values) for name, values in columns.items()}, window=WINDOW
-        )
+        return WORDS.drawing(figure, "drifts", window=WINDOW)
 
 
 def _departures(track: Track) -> tuple[Array, Array, Array, Array]:
