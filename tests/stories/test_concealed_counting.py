@@ -2,19 +2,23 @@
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from concealed_study import opened_study, page_data, page_of
+from pages import story_page
 
 from deatwin.plant.errors import DataError
+from deatwin.scenarios import concealed_physics
 from deatwin.scenarios.concealed_physics import study as running
 from deatwin.scenarios.concealed_physics.figures import drawings, summary
 from deatwin.scenarios.concealed_physics.results import Opened, open_key
 from deatwin.scenarios.concealed_physics.score import Goal, gaps_closed, score, sentence
 from deatwin.scenarios.concealed_physics.study import CASE_SCHEMA, Store
 from deatwin.scenarios.concealed_physics.tables import by_effect, by_family, cases_csv, reported, tables
+from deatwin.studies.stories import Setting
 from deatwin.studies.sweep import SweepSeal, digest
 
 # --- counting of hand-made cases ------------------------------------------------------------------------------------
@@ -269,6 +273,20 @@ def test_figures_tables_and_page_hold_the_counts(
     assert results_page(study, score(study), seal) == page
     assert summary(study) == summary(opened)
     assert "interrupted" not in page
+
+
+def test_the_story_is_told_of_hand_made_cases(
+    made: tuple[Store, dict[str, Any]], setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(concealed_physics, "carry_out", lambda *_: made[0])
+    monkeypatch.setattr(concealed_physics, "key_of", lambda _: made[1])
+    result = concealed_physics.run(replace(setting, size="tiny"))
+    story_page(tmp_path, ("summary", "confusion_effect"))
+    assert (result["cases"], result["interval_parameters"], result["failures"]) == (20, 4, {"e7": "ValueError: no"})
+    assert made[0].seal.hash in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert json.loads((tmp_path / "key.json").read_text(encoding="utf-8")) == made[1]
+    written = json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))["outputs"]
+    assert {"seal.json", "cases", "key.json", "cases.csv", "summary.svg", "report.html"} <= set(written)
 
 
 def test_of_an_interrupted_study_the_results_of_what_has_run_are_written(tmp_path: Path) -> None:

@@ -14,14 +14,12 @@ from deatwin.scenarios.frequency_uncertainty.fleet import Consistency
 from deatwin.scenarios.frequency_uncertainty.known import BILINEAR, LINEAR, NOTCH, Known
 from deatwin.scenarios.frequency_uncertainty.measures import column_of
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import SUBSCRIPTS, Hue, draw_between, panels_of, titled
+from deatwin.studies.report.panels import STYLES, SUBSCRIPTS, Hue, draw_between, panels_of, titled
 from deatwin.studies.report.svg import draw, legend_above
 from deatwin.studies.report.words import Words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-    pass
 
 Array = NDArray[np.float64]
 WORDS = Words(__package__)
@@ -179,9 +177,8 @@ def _padded(values: Array) -> tuple[float, float]:
     return low - 0.05 * (high - low), high + 0.05 * (high - low)
 
 
-STYLES = ((Hue.AFTER, "-"), (Hue.BEFORE, "-"), (Hue.MARK, "-"), (Hue.MEASURED, "-"), (Hue.INK, "-"), (Hue.AFTER, "--"))
-"""Colour and line of each of the six."""
-MILLI = 1e3  # Millimetres to the metre
+MILLI = 1e3
+"""Millimetres to the metre."""
 
 
 def fleet_drawings(found: Consistency) -> list[Drawing]:

@@ -63,7 +63,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
         ],
         tables=[
             *(_table(d, outcomes[d.name]) for d in sets),
-            _quoted(),
+            WORDS.table("quoted", QUOTED),
             origins(setting.data, {name: data.files for name, data in zip(SETS, sets, strict=True)}),
         ],
     )
@@ -115,7 +115,3 @@ def _table(data: DataSet, outcomes: Mapping[str, Outcome]) -> Table:
         for o in outcomes.values()
     ]
     return WORDS.table("errors", rows, data=data.title, unit=data.unit)
-
-
-def _quoted() -> Table:
-    return WORDS.table("quoted", [[q.data, q.method, q.error, q.source] for q in QUOTED])

@@ -8,7 +8,7 @@ same size, and one and the same experiment. What differs is what each went throu
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deatwin.plant import Actuator, Creep, Effect, Experiment, Plant, PrestretchRelaxation, Recording, fleet
 from deatwin.plant.excitation import band_limited_noise
+from deatwin.plant.records import plain
 from deatwin.scenarios.unexplained_drift.sealed import concealed_in
 from deatwin.studies.report.story import Measure, Table
 from deatwin.studies.report.words import Words
@@ -95,14 +96,7 @@ class Group:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data for the story's file; SI."""
-        return {
-            "name": self.name,
-            "assumption": self.assumption,
-            "histories": [asdict(h) for h in self.histories],
-            "drifts": [asdict(d) for d in self.drifts],
-            "spread": self.spread,
-            "next_one": self.next_one,
-        }
+        return {**plain(self), "spread": self.spread, "next_one": self.next_one}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from deatwin.ident.mismatch import Diagnosis
 from deatwin.plant import Actuator, Experiment, ModelError, Plant, Recording, fleet, specification
 from deatwin.plant.excitation import band_limited_noise
+from deatwin.plant.records import plain, read
 from deatwin.scenarios.unexplained_drift.repeatability import Drift, Group, Run, drift_of, grouped, runs
 from deatwin.studies.diagnosing import DiagnosisTask
 from deatwin.studies.folder import ResultFolder
@@ -73,14 +74,13 @@ class Finding:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data."""
-        tracks = [{key: values.tolist() for key, values in vars(track).items()} for track in self.tracks]
-        return {"name": self.name, "diagnosis": self.diagnosis.to_dict(), "tracks": tracks}
+        return {"name": self.name, "diagnosis": self.diagnosis.to_dict(), "tracks": plain(self.tracks)}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
         """Read what `to_dict` made."""
-        tracks = (Track(**{k: np.array(v, dtype=float) for k, v in track.items()}) for track in data["tracks"])
-        return cls(name=data["name"], diagnosis=Diagnosis.from_dict(data["diagnosis"]), tracks=tuple(tracks))
+        tracks = tuple(read(Track, track) for track in data["tracks"])
+        return cls(name=data["name"], diagnosis=Diagnosis.from_dict(data["diagnosis"]), tracks=tracks)
 
 
 def examine(case: Case, folder: Path, command: Sequence[str], seed: int) -> tuple[Finding, list[str]]:
@@ -129,7 +129,7 @@ class Answers(CaseStore):
 
     def drift(self, name: str) -> Drift:
         """Read a case that is a run of the argument."""
-        return self.read(name, lambda found: Drift(**found["drift"]))
+        return self.read(name, lambda found: read(Drift, found["drift"]))
 
 
 def carry_out(

@@ -62,24 +62,14 @@ class CaseStore:
         if path.exists():
             seal.require_same(read_seal(folder), Path(folder))
         else:
-            self.adopt()
+            if self.names():
+                raise DataError(f"{self.folder} holds cases but no {SEAL_FILE}, so their conditions are unknown")
             if expected > SIDE_BY_SIDE and not self.spread:
                 for shard in reversed(SHARDS):  # the first comes last: it tells that all are there
                     (self.cases / shard).mkdir(exist_ok=True)
                 self.spread = True
             write_text_atomic(path, json.dumps(seal.to_dict(), indent=1) + "\n")
         self.sealed_as = path.read_text(encoding="utf-8")
-
-    def adopt(self) -> None:
-        """Check a folder that has no seal before using it.
-
-        Raises
-        ------
-        DataError
-            If the folder holds cases.
-        """
-        if self.names():
-            raise DataError(f"{self.folder} holds cases but no {SEAL_FILE}, so their conditions are unknown")
 
     def put(self, name: str, result: Mapping[str, Any]) -> None:
         """Write the result of a case, unless it has one.
