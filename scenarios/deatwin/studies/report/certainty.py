@@ -84,8 +84,8 @@ def _faulty(diagnosis: Diagnosis) -> str:
     bad = sum(fault.samples for fault in diagnosis.faults)
     whole = sum(record.timepts.size for one in diagnosis.readings.experiments for record in one.recordings)
     return (
-        f"{bad} of {whole} samples ({three_digits(100 * bad / whole)} %) are at fault; more than 0.1 % makes a recording faulty. "
-        "This is a count, not an estimate"
+        f"{bad} of {whole} samples ({three_digits(100 * bad / whole)} %) are at fault; a recording is faulty if more than 10 "
+        "samples and more than 0.1 % of them are. This is a count, not an estimate"
     )
 
 
