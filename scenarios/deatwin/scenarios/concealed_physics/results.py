@@ -91,9 +91,9 @@ class Opened:
 
 def open_key(store: Store, key: Mapping[str, Any]) -> Opened:
     """Put the concealed effects beside the results that there are."""
-    if digest(key) != store.seal.parts["key"]:
+    if digest(key) != (sealed := str(store.seal.parts["key"])):
         raise DataError(
-            f"the key (hash {digest(key)[:12]}) is not the one that was sealed ({store.seal.parts['key'][:12]}): "
+            f"the key (hash {digest(key)[:12]}) is not the one that was sealed ({sealed[:12]}): "
             "labels must not change once a study has begun"
         )
     missing = store.missing([spec["name"] for spec in key["cases"]])

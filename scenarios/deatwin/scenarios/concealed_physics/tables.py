@@ -250,13 +250,14 @@ def _reach() -> Table:
 
 def sealed(seal: SweepSeal) -> Table:
     """List what was sealed before the first case."""
+    parts = seal.to_dict()["parts"]
     rows = [
         ["seal (hash of all below)", seal.hash],
-        ["labels", seal.parts["key"]],
-        ["code that runs the cases", seal.parts["code"]],
-        ["thresholds", f"{len(seal.parts['thresholds'])} numbers, listed in seal.json"],
-        ["version", seal.parts["version"]],
-        ["size and seed", f"{seal.parts['size']}, {seal.parts['seed']}"],
+        ["labels", parts["key"]],
+        ["code that runs the cases", parts["code"]],
+        ["thresholds", f"{len(parts['thresholds'])} numbers, listed in seal.json"],
+        ["version", parts["version"]],
+        ["size and seed", f"{parts['size']}, {parts['seed']}"],
     ]
     return Table(title="What was sealed before the first case", columns=["what", "SHA-256 or value"], rows=rows)
 

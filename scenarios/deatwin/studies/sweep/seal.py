@@ -31,7 +31,7 @@ class SweepSeal:
     """
 
     schema: str
-    parts: Mapping[str, Any]
+    parts: Mapping[str, object]
 
     @cached_property
     def hash(self) -> str:
