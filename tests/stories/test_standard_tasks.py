@@ -1,10 +1,12 @@
-"""The story of the standard tasks on a made-up one: runs begin where they should, and models are counted."""
+"""The story of the standard tasks on a made-up one: runs begin where they should, and an interrupt keeps the table."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from stopping import StopAt
 
 from deatwin.ident.nss import Pnlss
 from deatwin.plant.errors import DataError
@@ -55,14 +57,17 @@ def test_a_state_space_begins_where_the_training_part_began(setting: Setting) ->
     assert list(errors) == [STATES, LINEAR]
 
 
-def test_models_are_counted_as_they_are_learned(setting: Setting) -> None:
-    told: list[str] = []
-    standard_tasks.run(replace(setting, progress=lambda share, text: told.append(text)))
-    assert told == [
+def test_an_interrupt_keeps_the_models_that_were_learned(setting: Setting) -> None:
+    stop = StopAt(3)  # the second model has ended, perhaps before its time
+    with pytest.raises(KeyboardInterrupt):
+        standard_tasks.run(replace(setting, progress=stop))
+    kept = json.loads((setting.folder.path / "standard-tasks.json").read_text(encoding="utf-8"))
+    assert kept["sentence"].startswith("Interrupted after 1 of 2 models. ")
+    assert [row["model"] for row in kept["errors"]] == [LINEAR]
+    assert [text for _, text in stop.told] == [
         "0 of 2 models, still Drained tanks: output error, linear",
         "1 of 2 models, still Drained tanks: nonlinear state space",
         "2 of 2 models",
-        "plants",
     ]
 
 

@@ -21,7 +21,7 @@ from deatwin.ident.parallel import jobs_as_they_end
 from deatwin.scenarios.real_physics.grey_boxes import Judged, calibrated
 from deatwin.scenarios.real_physics.published import said, sources
 from deatwin.scenarios.real_physics.task_parts import CUBIC, STATES, Task, standard_tasks
-from deatwin.studies.provenance import hashes
+from deatwin.studies.provenance import RunRecord, hashes
 from deatwin.studies.public.black_boxes import GROWN, LINEAR, Outcome, free, learned
 from deatwin.studies.public.records import DataSet
 from deatwin.studies.report.drawing import Drawing
@@ -34,7 +34,8 @@ from deatwin.studies.stories import Setting
 Array = NDArray[np.float64]
 WORDS = Words(__package__)
 PLANT, UNEVEN = "calibrated plant", "calibrated plant, uneven friction"
-CLAIMED = (GROWN, STATES, CUBIC, PLANT, UNEVEN)  # Recipes that stand for deatwin; the others stand beside them
+CLAIMED = (GROWN, STATES, CUBIC, PLANT, UNEVEN)
+"""Recipes that stand for deatwin; the others stand beside them."""
 LONGEST = {("silverbox", STATES): 60.0, ("bouc_wen", STATES): 50.0, ("silverbox", GROWN): 10.0}
 USUAL, QUICK = 1.0, 0.2
 """How long models take, compared with each other: for the progress, and for the order; linear ones are quick."""
@@ -55,29 +56,22 @@ class Row:
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
-    """Learn, run free, and write the table."""
+    """Learn, run free, and write the table; Ctrl-C ends with the models that were learned until then."""
     tasks, left_out = standard_tasks(setting.data)
     record = setting.record(hashes(path for task in tasks for path in task.data.files))
-    outcomes = _learn(
-        _ordered([(method, task.data) for task in tasks for method in task.methods], setting.jobs), setting
-    )
-    setting.progress(0.95, "plants")
-    plants = calibrated(setting.data, setting.jobs, [task.data.title for task in tasks])
-    wanted = [(task, outcomes[task.data.name, method]) for task in tasks for method in task.methods]
-    rows = [row for task, outcome in wanted for row in _judged(task, outcome)]
-    rows += [_of_plant(one) for one in plants]
-    measures = [_measure(row) for row in rows if row.model in CLAIMED]
-    notes = [Note(title="Rules", paragraphs=WORDS.texts("standard_tasks.notes"))]
-    notes += [Note(title="Left out", paragraphs=left_out)] if left_out else []
-    page = StoryPage(
-        title="standard-tasks",
-        sentence=f"The standard tasks, free runs over the official test parts: {reached(measures)} goals reached.",
-        rows=measures,
-        figures=[_drawn(rows)],
-        notes=notes,
-        tables=[_table(rows), sources()],
-    )
-    return finish(setting.folder, record, page, errors=[_plain(row) for row in rows], notes=left_out)
+    jobs = _ordered([(method, task.data) for task in tasks for method in task.methods], setting.jobs)
+    done: list[Outcome] = []
+    plants: list[Judged] = []
+    try:
+        _learn(jobs, setting, done)
+        setting.progress(0.95, "plants")
+        plants += calibrated(setting.data, setting.jobs, [task.data.title for task in tasks])
+    except KeyboardInterrupt:
+        if done:
+            ended = f"Interrupted after {len(done)} of {len(jobs)} models. "
+            _written(setting, record, tasks, done, plants, left_out, ended)
+        raise
+    return _written(setting, record, tasks, done, plants, left_out)
 
 
 def _ordered(jobs: Sequence[tuple[str, DataSet]], workers: int) -> list[tuple[str, DataSet]]:
@@ -96,9 +90,9 @@ def _length(job: tuple[str, DataSet]) -> float:
     return LONGEST.get((data.name, method), QUICK if method == LINEAR else USUAL)
 
 
-def _learn(jobs: list[tuple[str, DataSet]], setting: Setting) -> dict[tuple[str, str], Outcome]:
-    """Learn all models, by data set and method, and tell how far that is by how long each takes."""
-    left, found = set(range(len(jobs))), {}
+def _learn(jobs: list[tuple[str, DataSet]], setting: Setting, done: list[Outcome]) -> None:
+    """Learn all models, and tell how far that is by how long each takes."""
+    left = set(range(len(jobs)))
 
     def tell() -> None:
         share = 1.0 - sum(_length(jobs[i]) for i in left) / sum(map(_length, jobs))
@@ -112,9 +106,36 @@ def _learn(jobs: list[tuple[str, DataSet]], setting: Setting) -> dict[tuple[str,
         with closing(jobs_as_they_end(learned, jobs[begin:end], workers=workers)) as running:
             for number, outcome in running:
                 left.discard(begin + number)
-                tell()
-                found[outcome.data, outcome.method] = outcome
-    return found
+                tell()  # which raises where a fit was interrupted: what it found until then is no result
+                done.append(outcome)
+
+
+def _written(
+    setting: Setting,
+    record: RunRecord,
+    tasks: Sequence[Task],
+    done: list[Outcome],
+    plants: list[Judged],
+    left_out: Sequence[str],
+    ended: str = "",
+) -> Mapping[str, Any]:
+    """Judge the models, and write the page."""
+    outcomes = {(o.data, o.method): o for o in done}
+    wanted = [(task, outcomes.get((task.data.name, method))) for task in tasks for method in task.methods]
+    rows = [row for task, outcome in wanted if outcome for row in _judged(task, outcome)]
+    rows += [_of_plant(one) for one in plants]
+    measures = [_measure(row) for row in rows if row.model in CLAIMED]
+    notes = [Note(title="Rules", paragraphs=WORDS.texts("standard_tasks.notes"))]
+    notes += [Note(title="Left out", paragraphs=left_out)] if left_out else []
+    page = StoryPage(
+        title="standard-tasks",
+        sentence=f"{ended}The standard tasks, free runs over the official test parts: {reached(measures)} goals reached.",
+        rows=measures,
+        figures=[] if ended else [_drawn(rows)],  # whoever interrupts waits for an answer
+        notes=notes,
+        tables=[_table(rows), sources()],
+    )
+    return finish(setting.folder, record, page, errors=[_plain(row) for row in rows], notes=left_out)
 
 
 def _judged(task: Task, outcome: Outcome) -> list[Row]:
@@ -163,7 +184,7 @@ def _of_plant(one: Judged) -> Row:
 
 
 def _measure(row: Row) -> Measure:
-    """Compare an error with the goal."""
+    """Hold an error against the goal."""
     told = row.said or f"{row.error:.3g} {row.unit}, {row.size}"
     return Measure(
         f"{row.task}: {row.model}", f"at most {row.goal:g} {row.unit} rms", told, bool(row.error <= row.goal)

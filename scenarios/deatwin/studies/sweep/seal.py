@@ -44,7 +44,22 @@ class SweepSeal:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Read the seal from the content of ``seal.json``; DataError if it is none or was altered."""
+        """Read the seal from the content of ``seal.json``.
+
+        Parameters
+        ----------
+        data : mapping
+            Content of the file.
+
+        Returns
+        -------
+        SweepSeal
+
+        Raises
+        ------
+        DataError
+            If it is no seal, or was altered.
+        """
         try:
             seal, stated = cls(schema=data["cases"], parts=dict(data["parts"])), data["hash"]
         except (KeyError, TypeError, ValueError) as error:
@@ -56,7 +71,20 @@ class SweepSeal:
         return seal
 
     def require_same(self, other: SweepSeal, where: Path) -> None:
-        """Raise DataError, naming what differs from the seal found in a folder."""
+        """Raise an error that names what differs from the seal found in a folder.
+
+        Parameters
+        ----------
+        other : SweepSeal
+            Seal of this version.
+        where : Path
+            File of the seal that was found.
+
+        Raises
+        ------
+        DataError
+            If the two differ.
+        """
         if changed := self.changes(other):
             raise DataError(
                 f"{where} was begun under another seal ({changed}): its cases cannot be mixed with new ones; continue "
