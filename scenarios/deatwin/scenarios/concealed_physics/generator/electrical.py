@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import casadi as ca
@@ -12,6 +12,7 @@ from deatwin.plant.effects.base import Place
 from deatwin.scenarios.concealed_physics.generator.mechanism import Draw, Drive, Mechanism, PlantMechanism
 
 
+@dataclass(frozen=True, kw_only=True)
 class SlowDipoles(PlantMechanism, place=Place.DRIVE, signal="squared_voltage", largest=0.2):
     """Polarisation V^2 - V sum_k a_k (V - p_k) with tau_k dp_k/dt = V - p_k, of times as broad and lopsided as
     Havriliak and Negami's."""
@@ -33,6 +34,7 @@ class SlowDipoles(PlantMechanism, place=Place.DRIVE, signal="squared_voltage", l
         return signal - share * voltage * late
 
 
+@dataclass(frozen=True, kw_only=True)
 class SpaceCharge(PlantMechanism, place=Place.DRIVE, signal="field_voltage", largest=0.15):
     r"""Charge that strong fields push into the film: :math:`\tau\dot V_q = bV|V|/V_0 - V_q` with :math:`V_0` = 2 kV."""
 
@@ -46,6 +48,7 @@ class SpaceCharge(PlantMechanism, place=Place.DRIVE, signal="field_voltage", lar
         return signal - trapped
 
 
+@dataclass(frozen=True, kw_only=True)
 class TrapConduction(PlantMechanism, place=Place.DRIVE, signal="film_voltage", order=1, largest=2e9):
     r"""Conduction out of traps, :math:`j = \sigma E\,e^{\sqrt{E/E_0}}`, whose current drops voltage over a resistance."""
 
@@ -68,6 +71,7 @@ class TrapConduction(PlantMechanism, place=Place.DRIVE, signal="film_voltage", o
         return left
 
 
+@dataclass(frozen=True, kw_only=True)
 class LadderElectrode(PlantMechanism, place=Place.DRIVE, signal="film_voltage", largest=0.3):
     """An electrode whose resistance is spread: a ladder of two resistances and two halves of the capacitance."""
 
@@ -82,6 +86,7 @@ class LadderElectrode(PlantMechanism, place=Place.DRIVE, signal="film_voltage", 
         return ca.sqrt((near**2 + far**2) / 2 + 1e-6)
 
 
+@dataclass(frozen=True, kw_only=True)
 class CrackedElectrode(PlantMechanism, place=Place.FILM, signal="electrode_share", largest=0.5):
     """A crack that runs round the electrode's rim cuts it off, within a part of a second."""
 
@@ -98,6 +103,7 @@ class CrackedElectrode(PlantMechanism, place=Place.FILM, signal="electrode_share
         return {"electrode_loss.share": self.share, "electrode_loss.at": self.at + self.lasts / 2}
 
 
+@dataclass(frozen=True, kw_only=True)
 class RateLimit(PlantMechanism, place=Place.DRIVE, signal="amplifier_voltage", order=1, largest=2e-3):
     """An amplifier whose current limits its rate, sharply; down by another rate than up."""
 
@@ -116,6 +122,7 @@ class RateLimit(PlantMechanism, place=Place.DRIVE, signal="amplifier_voltage", o
         return voltage
 
 
+@dataclass(frozen=True, kw_only=True)
 class HardClip(Mechanism, largest=0.5):
     """An output that stops dead at a level."""
 
@@ -128,6 +135,7 @@ class HardClip(Mechanism, largest=0.5):
         return replace(drive, commands=np.clip(drive.commands, -limit, limit))
 
 
+@dataclass(frozen=True, kw_only=True)
 class GroundShift(Mechanism, largest=0.1):
     """Two grounds that differ: a voltage is added to every command, at rest too."""
 
@@ -140,6 +148,7 @@ class GroundShift(Mechanism, largest=0.1):
         return {"amplifier_offset.offset": self.offset}
 
 
+@dataclass(frozen=True, kw_only=True)
 class TransportDelay(Mechanism, largest=0.08):
     """Every command begins to act late, at the very instant, whole sample or not."""
 

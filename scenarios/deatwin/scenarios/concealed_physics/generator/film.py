@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import casadi as ca
@@ -17,6 +17,7 @@ def _decades(time: Any, first: Any) -> Any:
     return ca.log10(1 + ca.fmax(time, 0.0) / first)
 
 
+@dataclass(frozen=True, kw_only=True)
 class PowerLawCreep(PlantMechanism, place=Place.FILM, signal="film", largest=60e3):
     r"""Creep in the area of the film whose relaxation follows a power law of time."""
 
@@ -40,6 +41,7 @@ class PowerLawCreep(PlantMechanism, place=Place.FILM, signal="film", largest=60e
         return replace(signal, relaxing=signal.relaxing + energy)
 
 
+@dataclass(frozen=True, kw_only=True)
 class LogarithmicRelaxation(PlantMechanism, place=Place.FILM, signal="film", order=2, largest=0.08):
     """The film's tension falls by the same share in each decade of time."""
 
@@ -51,6 +53,7 @@ class LogarithmicRelaxation(PlantMechanism, place=Place.FILM, signal="film", ord
         return replace(signal, elastic=(1 - loss * _decades(build.time, first)) * signal.elastic)
 
 
+@dataclass(frozen=True, kw_only=True)
 class ChainDamage(PlantMechanism, place=Place.FILM, signal="film", order=1, largest=0.15):
     r"""Damage at each point by the largest energy it has held: :math:`d = d_\infty(1 - e^{-(\hat w - w_0)/m})`."""
 
@@ -72,6 +75,7 @@ class ChainDamage(PlantMechanism, place=Place.FILM, signal="film", order=1, larg
         return replace(signal, elastic=signal.elastic - lost)
 
 
+@dataclass(frozen=True, kw_only=True)
 class ExponentialStiffening(PlantMechanism, place=Place.FILM, signal="film", largest=10e3):
     r"""Fibres that stiffen exponentially: :math:`\frac{\mu}{2b}(e^{bx} - 1 - bx)` in :math:`x = I_1 - I_1^p`."""
 
@@ -89,6 +93,7 @@ class ExponentialStiffening(PlantMechanism, place=Place.FILM, signal="film", lar
         return replace(signal, elastic=signal.elastic + sum(p.volume * density(*p.stretches) for p in signal.points))
 
 
+@dataclass(frozen=True, kw_only=True)
 class AgeingPermittivity(PlantMechanism, place=Place.PARAMETER, signal="permittivity", largest=0.12):
     """The permittivity changes by the same share in each decade of time."""
 
@@ -100,6 +105,7 @@ class AgeingPermittivity(PlantMechanism, place=Place.PARAMETER, signal="permitti
         return signal * (1 + change * _decades(build.time, first))
 
 
+@dataclass(frozen=True, kw_only=True)
 class DilutedPermittivity(PlantMechanism, place=Place.FILM, signal="film", largest=0.3):
     r"""Dipoles that the stretch dilutes: :math:`\varepsilon \propto (\lambda_1\lambda_2)^{-c}` from the prestretch on."""
 

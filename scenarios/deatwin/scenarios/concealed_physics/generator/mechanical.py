@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import casadi as ca
@@ -11,6 +12,7 @@ from deatwin.plant.effects.base import Place
 from deatwin.scenarios.concealed_physics.generator.mechanism import Draw, PlantMechanism, Setting
 
 
+@dataclass(frozen=True, kw_only=True)
 class StopOperators(PlantMechanism, place=Place.BALL, signal="force", largest=3e-3):
     """Prandtl and Ishlinskii's hysteresis, F = -sum_k F_h/(5 r_k) sigma_k, by five elements that slip at r_k:
     d(sigma_k)/dt = v while |sigma_k| < r_k or v sigma_k < 0, else 0."""
@@ -37,6 +39,7 @@ class StopOperators(PlantMechanism, place=Place.BALL, signal="force", largest=3e
         return signal - force * held
 
 
+@dataclass(frozen=True, kw_only=True)
 class BristleFriction(PlantMechanism, place=Place.BALL, signal="force", largest=3e-3):
     """LuGre friction -(sigma_0 z + sigma_1 dz/dt), dz/dt = v - sigma_0 |v| z/g(v), g = F_c [1 + 0.25 exp(-(v/v_s)^2)]
     (Canudas de Wit et al., IEEE Trans. Autom. Control 40 (1995) 419)."""
@@ -56,6 +59,7 @@ class BristleFriction(PlantMechanism, place=Place.BALL, signal="force", largest=
         return signal - force * (share + self.damping * bending)
 
 
+@dataclass(frozen=True, kw_only=True)
 class TurbulentDrag(PlantMechanism, place=Place.BALL, signal="force", largest=10.0):
     r"""Air that is pressed through a gap: :math:`F = -c\,v\,|v|^{3/4}`, as in smooth turbulent flow."""
 
@@ -67,6 +71,7 @@ class TurbulentDrag(PlantMechanism, place=Place.BALL, signal="force", largest=10
         return signal - coefficient * velocity * (velocity**2 + 1e-10) ** 0.375
 
 
+@dataclass(frozen=True, kw_only=True)
 class RoundedStop(PlantMechanism, place=Place.BALL, signal="force", largest=1e5):
     r"""A round stop that is pressed in: Hertz' :math:`kd^{3/2}`, damped with the depth."""
 
@@ -85,6 +90,7 @@ class RoundedStop(PlantMechanism, place=Place.BALL, signal="force", largest=1e5)
         return signal - stiffness * depth * ca.sqrt(depth + 1e-9) * damped
 
 
+@dataclass(frozen=True, kw_only=True)
 class HardeningSpring(PlantMechanism, place=Place.BALL, signal="force", largest=60.0):
     r"""A spring at the ball that hardens: :math:`F = -k\,[a\sinh(y/a) - y]`."""
 
@@ -102,6 +108,7 @@ class HardeningSpring(PlantMechanism, place=Place.BALL, signal="force", largest=
         return signal - stiffness * (reach * ca.sinh(y / reach) - y)
 
 
+@dataclass(frozen=True, kw_only=True)
 class TwinModes(PlantMechanism, place=Place.BALL, signal="force", largest=1e-3):
     """Two equal masses on springs at the ball, tuned a tenth apart: a split mode of a holder."""
 

@@ -7,7 +7,7 @@ import re
 from abc import ABC
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, ClassVar, Self, dataclass_transform
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -85,9 +85,9 @@ class Draw:
         return cls.by(lambda rng, setting, largest: setting.seconds * rng.uniform(lower, upper))
 
 
-@dataclass_transform(frozen_default=True, kw_only_default=True)
+@dataclass(frozen=True, kw_only=True)
 class Mechanism(ABC):
-    """A concealed piece of physics: a frozen dataclass of parameters in SI units, the strength first."""
+    """A concealed piece of physics; its fields are parameters in SI units, the strength first."""
 
     name: ClassVar[str]
     strength: ClassVar[str]
@@ -96,7 +96,6 @@ class Mechanism(ABC):
     def __init_subclass__(cls, *, largest: float = np.nan) -> None:
         cls.name = re.sub(r"(?<!^)([A-Z])", r"_\1", cls.__name__).lower()
         cls.strength, cls.largest = next(iter(inspect.get_annotations(cls)), ""), largest
-        dataclass(frozen=True, kw_only=True)(cls)
 
     @classmethod
     def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
@@ -135,6 +134,7 @@ class Mechanism(ABC):
         return {f.name: float(getattr(self, f.name)) for f in fields(self)}
 
 
+@dataclass(frozen=True, kw_only=True)
 class PlantMechanism(Effect, Mechanism):
     """A mechanism in the plant's equations."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -18,6 +18,7 @@ from deatwin.scenarios.concealed_physics.generator.mechanism import (
 )
 
 
+@dataclass(frozen=True, kw_only=True)
 class CrossoverDeadZone(Mechanism, largest=0.4):
     """An amplifier of two halves that leave a gap where one hands over to the other."""
 
@@ -38,6 +39,7 @@ class CrossoverDeadZone(Mechanism, largest=0.4):
         return replace(drive, commands=np.sign(drive.commands) * size)
 
 
+@dataclass(frozen=True, kw_only=True)
 class ChargingHeat(PlantMechanism, place=Place.FILM, signal="film", order=3, largest=20.0):
     """Charging currents heat the film, each by the square of its step of voltage; the warm film is softer."""
 
@@ -58,6 +60,7 @@ class ChargingHeat(PlantMechanism, place=Place.FILM, signal="film", order=3, lar
         return replace(signal, elastic=signal.elastic / (1 + softening * build.channel("charging_heat", 0.0)))
 
 
+@dataclass(frozen=True, kw_only=True)
 class GainWander(Mechanism, largest=0.08):
     """The amplifier's gain wanders at random, and comes back within some seconds."""
 
@@ -74,6 +77,7 @@ class GainWander(Mechanism, largest=0.08):
         return replace(drive, commands=drive.commands * (1 + self.deviation * wander))
 
 
+@dataclass(frozen=True, kw_only=True)
 class InterferenceBursts(Mechanism, largest=3e-4):
     """Short bursts in the reading at random times, each with its own frequency and size."""
 
@@ -90,6 +94,7 @@ class InterferenceBursts(Mechanism, largest=3e-4):
         return disturbed
 
 
+@dataclass(frozen=True, kw_only=True)
 class OneWayDamper(PlantMechanism, place=Place.BALL, signal="force", largest=3.0):
     """Air that leaves the chamber below the film easily, and comes back through a narrow valve."""
 
@@ -101,6 +106,7 @@ class OneWayDamper(PlantMechanism, place=Place.BALL, signal="force", largest=3.0
         return signal - coefficient * (velocity - (velocity**2 + 1e-12) ** 0.5) / 2
 
 
+@dataclass(frozen=True, kw_only=True)
 class CapacitiveCrosstalk(Mechanism, largest=1e-4):
     """Every change of the high voltage couples into the sensor's cable, which forgets it within a second or so."""
 
@@ -117,6 +123,7 @@ class CapacitiveCrosstalk(Mechanism, largest=1e-4):
         return reading.values + self.coupling * coupled
 
 
+@dataclass(frozen=True, kw_only=True)
 class ClockSkew(Mechanism, largest=2e-3):
     """Two clocks that run apart: commands come later and later against the readings."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import casadi as ca
@@ -12,6 +12,7 @@ from deatwin.plant.effects.base import Place
 from deatwin.scenarios.concealed_physics.generator.mechanism import Draw, Mechanism, PlantMechanism, Reading, Setting
 
 
+@dataclass(frozen=True, kw_only=True)
 class SecondOrderSensor(PlantMechanism, place=Place.SENSOR, signal="reading", order=20, largest=0.05):
     r"""A filter of second order: :math:`T^2\ddot r + 2\zeta T\dot r + r = y`."""
 
@@ -27,6 +28,7 @@ class SecondOrderSensor(PlantMechanism, place=Place.SENSOR, signal="reading", or
         return shown
 
 
+@dataclass(frozen=True, kw_only=True)
 class WarmingSensor(Mechanism, largest=1e-4):
     """The zero moves by the same way in each decade of time."""
 
@@ -37,6 +39,7 @@ class WarmingSensor(Mechanism, largest=1e-4):
         return reading.values + self.change * np.log10(1 + np.maximum(reading.times, 0.0) / self.first)
 
 
+@dataclass(frozen=True, kw_only=True)
 class KnockedSensor(Mechanism, largest=1e-4):
     """A knock shifts all further readings, from one sample to the next; a fifth of it goes back within a second."""
 
@@ -56,6 +59,7 @@ class KnockedSensor(Mechanism, largest=1e-4):
         return {"sensor_jump.change": self.change, "sensor_jump.at": self.at}
 
 
+@dataclass(frozen=True, kw_only=True)
 class CrookedOptics(Mechanism, largest=200.0):
     r"""Triangulation that was not made straight: :math:`r = y/(1 - \kappa y)`."""
 
@@ -65,6 +69,7 @@ class CrookedOptics(Mechanism, largest=200.0):
         return reading.values / (1 - self.curvature * reading.values)
 
 
+@dataclass(frozen=True, kw_only=True)
 class HardCeiling(Mechanism, largest=0.5):
     """A reading that stops dead at a level."""
 
@@ -76,6 +81,7 @@ class HardCeiling(Mechanism, largest=0.5):
         return np.minimum(reading.values, self.top - self.depth * (self.top - self.bottom))
 
 
+@dataclass(frozen=True, kw_only=True)
 class ThermostatSwing(PlantMechanism, place=Place.FILM, signal="film", order=2, largest=0.1):
     """A room that is heated on and off: the modulus follows its temperature, up and down exponentially."""
 
@@ -96,6 +102,7 @@ class ThermostatSwing(PlantMechanism, place=Place.FILM, signal="film", order=2, 
         return replace(signal, elastic=(1 + change * swing) * signal.elastic)
 
 
+@dataclass(frozen=True, kw_only=True)
 class MainsHum(Mechanism, largest=1e-4):
     """A tone in the reading with a weak second harmonic, whose phase wanders a little."""
 
