@@ -401,13 +401,14 @@ def write_recordings(desk: Path) -> None:
 
     clock = 0.02 * np.arange(40)
     sound = {"time_s": clock, "command_V": 2 + np.sin(clock), "displacement_mm": np.cos(clock)}
-    spoilt = sound["command_V"].copy()
-    spoilt[6] = np.nan
+    spoilt, endless = sound["command_V"].copy(), sound["command_V"].copy()
+    spoilt[6], endless[6] = np.nan, np.inf
     timeless = {name: values for name, values in sound.items() if name != "time_s"}
     for name, content in {
         "vectors.mat": {"remark": "none"},
         "complex.mat": {**sound, "command_V": sound["command_V"] + 1j},
         "nan.mat": {**sound, "command_V": spoilt},
+        "inf.mat": {**sound, "command_V": endless},
         "uneven.mat": {**sound, "displacement_mm": sound["displacement_mm"][1:]},
         "attribute.mat": {**sound, "units": {"command_V": "mV"}},
         "rates.mat": {**timeless, "ts": 0.02, "fs": 100.0},
