@@ -138,7 +138,7 @@ class CsvTable(Table):
                 mark = "," if cell.rfind(".") > cell.rfind(",") or cell.count(",") > 1 else "."
                 bare = cell.replace(mark, "")
                 if mark in cell and is_number(bare.replace(",", ".")):
-                    raise DataError(f"{place} has a mark between thousands; write it as {bare}")
+                    raise DataError(f"{place} has a mark between thousands; write it as {clipped(bare)}")
                 comma = comma or place
                 sure = sure or not _THOUSANDS.fullmatch(cell)
         if comma and point:
