@@ -309,7 +309,7 @@ class Stepper:
 
     @property
     def status(self) -> RunStatus:
-        """Whether all samples so far are valid."""
+        """True if all samples so far are valid."""
         return self._status
 
     @property

@@ -58,7 +58,7 @@ class Responses:
 
     @property
     def extrapolated(self) -> bool:
-        """Whether H_1 extends beyond the band that the training input excited."""
+        """True if H_1 extends beyond the band that the training input excited."""
         return self.excited_Hz is not None and self.excited_Hz < self.first.frequency_Hz.max()
 
     @property

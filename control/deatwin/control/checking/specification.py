@@ -96,7 +96,7 @@ class Limit:
 
     @property
     def more_is_better(self) -> bool:
-        """Whether larger values are better: the good limit is above the poor one."""
+        """True if larger values are better: the good limit is above the poor one."""
         return self.good > self.poor
 
     @property

@@ -53,7 +53,7 @@ class Linear:
 
     @property
     def counted(self) -> NDArray[np.bool_]:
-        """Whether the reading at the end of each sample is used, shape (n,)."""
+        """True if the reading at the end of each sample is used, shape (n,)."""
         return self.counts > 0
 
     @cached_property

@@ -99,7 +99,7 @@ class MaterialTest:
 
     @property
     def is_dma(self) -> bool:
-        """Whether the test gives moduli over frequency."""
+        """True if the test gives moduli over frequency."""
         return self.kind == "dma"
 
     @property

@@ -33,7 +33,7 @@ class Verdict(Enum):
 
     @property
     def has_causes(self) -> bool:
-        """Whether effects are built into the amended plant."""
+        """True if effects are built into the amended plant."""
         return self in (Verdict.NAMED, Verdict.AMBIGUOUS, Verdict.PARTLY)
 
 

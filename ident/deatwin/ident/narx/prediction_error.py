@@ -38,7 +38,7 @@ class NoiseStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether the estimation of the noise converged."""
+        """True if the estimation of the noise converged."""
         return self is NoiseStatus.CONVERGED
 
 

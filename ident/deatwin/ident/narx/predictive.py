@@ -29,7 +29,7 @@ _CHUNK = 4096  # samples whose quantiles are taken at once
 
 
 class BandStatus(Enum):
-    """Whether a band is valid. The value of each member is a text that advises the user."""
+    """Validity of a band. The value of each member is a text that advises the user."""
 
     OK = "done"
     DIVERGED = (
@@ -39,7 +39,7 @@ class BandStatus(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether the band includes every draw."""
+        """True if the band includes every draw."""
         return self is BandStatus.OK
 
 

@@ -37,7 +37,7 @@ class Unit:
 
     @property
     def is_si(self) -> bool:
-        """Whether values in this unit equal those in the unit `si`."""
+        """True if values in this unit equal those in the unit `si`."""
         return self.numerator == self.denominator and self.shift == 0.0
 
     def onto(self, wanted: "Unit", name: str) -> "Unit":

@@ -23,7 +23,7 @@ class Complex:
 
     @property
     def is_zero(self) -> bool:
-        """Whether both parts are always zero."""
+        """True if both parts are always zero."""
         return bool(self.real.is_zero() and self.imaginary.is_zero())
 
     def __sub__(self, other: Complex) -> Complex:

@@ -44,12 +44,12 @@ class Parts:
 
     @property
     def in_first(self) -> Symbol:
-        """Whether the present step is in the first part."""
+        """True if the present step is in the first part."""
         return self.middle - self.start < self.width / 2
 
     @property
     def _in_step(self) -> Symbol:
-        """Whether a step is being taken, rather than the equations being evaluated after one."""
+        """True if a step is being taken, rather than the equations being evaluated after one."""
         return self.middle - self.start < self.width
 
     @property

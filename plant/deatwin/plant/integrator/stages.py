@@ -88,7 +88,7 @@ class Stages:
 
     @cached_property
     def unrolled(self) -> bool:
-        """Whether linear algebra is written as straight-line code."""
+        """True if linear algebra is written as straight-line code."""
         pattern = [{i} if i < self.n_x else set() for i in range(self.n)]
         for row, column in zip(*self.jacobian.sparsity_out(1).get_triplet(), strict=True):
             pattern[row].add(column)

@@ -279,7 +279,7 @@ class Rig(ABC):
 
     @property
     def averages(self) -> bool:
-        """Whether each row's readings are means over its hold."""
+        """True if each row's readings are means over its hold."""
         return self.reading is ReadingTime.MEAN_OVER_HOLD
 
     @property

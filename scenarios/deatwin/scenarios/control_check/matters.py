@@ -91,7 +91,7 @@ class Promise:
 
     @property
     def kept(self) -> bool:
-        """Whether the plant's number lies inside the predicted interval."""
+        """True if the plant's number lies inside the predicted interval."""
         return self.predicted.low <= self.achieved <= self.predicted.high
 
 

@@ -83,7 +83,7 @@ class FleetRun:
 
     @property
     def stable(self) -> bool:
-        """Whether both runs reached their end and no oscillation remains long after a step."""
+        """True if both runs reached their end and no oscillation remains long after a step."""
         return self.steps.status.ok and self.tones.status.ok and self.steps.ripple < 0.1
 
 

@@ -51,7 +51,7 @@ class Trial:
 
     @property
     def exact(self) -> bool:
-        """Whether the terms are exactly the true ones."""
+        """True if the terms are exactly the true ones."""
         return self.missed == self.false == 0
 
 

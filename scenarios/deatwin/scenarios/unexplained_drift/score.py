@@ -51,7 +51,7 @@ class Estimate:
 
     @property
     def covered(self) -> bool:
-        """Whether the interval contains the true value."""
+        """True if the interval contains the true value."""
         return self.low <= self.truth <= self.high
 
 

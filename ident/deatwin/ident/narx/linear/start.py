@@ -1,4 +1,4 @@
-"""Where the search for the polynomials starts: a long ARX model first, then the structure that is wanted.
+"""Start the search for the polynomials from a long ARX model, and then with the structure that is wanted.
 
 A long ARX model is consistent whatever the noise is. What it says about plant and noise is then put into few
 coefficients by linear least squares: the noise by Hannan and Rissanen, Biometrika 69 (1982) 81-94,

@@ -50,7 +50,7 @@ class Outcome(Enum):
 
     @property
     def is_fault(self) -> bool:
-        """Whether the file should not be unpacked in this process."""
+        """True if the file should not be unpacked in this process."""
         return self not in (Outcome.THROUGH, Outcome.UNTRIED)
 
 
