@@ -123,23 +123,21 @@ def recordings_of(
 
 def _rows_with_values(table: Table, needed: Mapping[int, Floats], *, timed: bool, allow_gaps: bool) -> NDArray[np.intp]:
     """Return the numbers of the rows in which command and reading have values; others are gaps, if those are allowed."""
-    absent = {column: np.isnan(values) for column, values in needed.items()}
-    gone = np.any(list(absent.values()), axis=0)
-    if gone.any() and (gone.all() or not (timed and allow_gaps)):
-        sample, count = int(np.argmax(gone)), int(gone.sum())
-        column = next(column for column, missing in absent.items() if missing[sample])
-        advice, options = (
-            "fill it, or leave such rows out: --allow-gaps, in Python allow_gaps=True",
-            ReadOptions(allow_gaps=True),
-        )
-        if gone.all() or not timed:
-            advice, options = (
-                "give a column that has values" if gone.all() else "fill it, or give a column of times",
-                NO_OPTIONS,
-            )
-        more = f" ({count} such rows in all)" if count > 1 else ""
-        raise DataError(f'{table.where(sample)}, column "{table.shown(column)}": no value{more}; {advice}', options)
-    return np.flatnonzero(~gone)
+    gone = np.isnan(list(needed.values()))
+    lost = gone.any(axis=0)
+    if not lost.any() or (timed and allow_gaps and not lost.all()):
+        return np.flatnonzero(~lost)
+    sample, count, offers = int(np.argmax(lost)), int(lost.sum()), NO_OPTIONS
+    column = list(needed)[int(np.argmax(gone[:, sample]))]
+    if lost.all():
+        advice = "give a column that has values"
+    elif not timed:
+        advice = "fill it, or give a column of times"
+    else:
+        advice = "fill it, or leave such rows out: --allow-gaps, in Python allow_gaps=True"
+        offers = ReadOptions(allow_gaps=True)
+    more = f" ({count} such rows in all)" if count > 1 else ""
+    raise DataError(f'{table.where(sample)}, column "{table.shown(column)}": no value{more}; {advice}', offers)
 
 
 def _is_filled(table: Table, column: int) -> bool:

@@ -36,7 +36,9 @@ DESCRIPTION = f"# {SCHEMA} "  # begins the line above the header that holds a de
 _GZIP = b"\x1f\x8b"  # begins its files
 EXACT = Context(prec=800)  # decimal digits: enough for the sum of any two floats
 _FORTRAN = re.compile(r"(\d\.\d*)[dD](?=[+-]\d\d)")  # the exponent of a number in double precision
-_NO_VALUE = ("", "nan", "na", "n/a", "#n/a", "null", "none", "-")  # as tables mark a missing value, in small letters
+_NO_VALUE = frozenset(
+    {"", "nan", "na", "n/a", "#n/a", "null", "none", "-"}
+)  # as tables mark a missing value, in small letters
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 
 
@@ -60,14 +62,10 @@ class CsvTable(Table):
     def si(self, columns: Sequence[int], *, missing: Collection[int] = ()) -> NDArray[np.float64]:
         """Return columns in SI units, or in those of `wanted`, (len(columns), n), exactly rounded."""
         rows = self._cells()
-        last = len(rows) - 1  # a file may break off there; elsewhere a short row ends in empty cells
         try:
-            texts = [
-                [row[k] if k < len(row) or k not in missing or n == last else "" for n, row in enumerate(rows)]
-                for k in columns
-            ]
+            texts = [[row[column] for row in rows] for column in columns]
         except IndexError:
-            raise self._bad_cell(columns, missing) from None
+            texts = self._of_short_rows(rows, columns, missing)
         absent = np.zeros((len(columns), len(rows)), dtype=bool)
         for k in (k for k, column in enumerate(columns) if column in missing):
             absent[k] = [_is_absent(cell) for cell in texts[k]]
@@ -84,6 +82,19 @@ class CsvTable(Table):
             raise self._bad_cell(columns, missing)
         values[absent] = np.nan
         return values
+
+    def _of_short_rows(
+        self, rows: Sequence[Sequence[str]], columns: Sequence[int], missing: Collection[int]
+    ) -> list[list[str]]:
+        """Return the cells of columns; a short row ends in empty cells, but the last one is where the file breaks off."""
+        last = len(rows) - 1
+        try:
+            return [
+                [row[k] if k < len(row) or k not in missing or n == last else "" for n, row in enumerate(rows)]
+                for k in columns
+            ]
+        except IndexError:
+            raise self._bad_cell(columns, missing) from None
 
     def _values(self, column: int, cells: list[str]) -> Sequence[float] | NDArray[np.float64]:
         """Return a column in SI units; dates are converted to seconds since the first."""

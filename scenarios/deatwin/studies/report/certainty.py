@@ -6,7 +6,9 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from deatwin.ident.mismatch.detect.detect import DRAWS
+from deatwin.ident.mismatch.detect.law import LEVEL
 from deatwin.ident.mismatch.detect.origin import FOREIGN, UNPREDICTED
+from deatwin.ident.mismatch.quality.quality import FAULTY_SHARE, FEWEST_FAULTY
 from deatwin.ident.mismatch.verdict import Verdict
 from deatwin.plant.amplitudes import amount, written_unit
 from deatwin.studies.report.quantities import three_digits
@@ -33,7 +35,7 @@ def _clean(diagnosis: Diagnosis) -> str:
         )
     return (
         f"{_chance(found)}, and the error exceeds the noise by {excess} rms; a mismatch counts if the probability is below "
-        f"0.01 and the excess at least {least}"
+        f"{LEVEL:g} and the excess at least {least}"
     )
 
 
@@ -84,8 +86,8 @@ def _faulty(diagnosis: Diagnosis) -> str:
     bad = sum(fault.samples for fault in diagnosis.faults)
     whole = sum(record.timepts.size for one in diagnosis.readings.experiments for record in one.recordings)
     return (
-        f"{bad} of {whole} samples ({three_digits(100 * bad / whole)} %) are at fault; a recording is faulty if more than 10 "
-        "samples and more than 0.1 % of them are. This is a count, not an estimate"
+        f"{bad} of {whole} samples ({three_digits(100 * bad / whole)} %) are at fault; a recording is faulty if more than "
+        f"{FEWEST_FAULTY} samples and more than {100 * FAULTY_SHARE:g} % of them are. This is a count, not an estimate"
     )
 
 

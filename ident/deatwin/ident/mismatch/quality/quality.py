@@ -31,6 +31,8 @@ Masks = tuple[tuple[np.ndarray, ...], ...]
 UNSEEN_SHARE = 0.3
 """The last part of each record that no fit sees until verification."""
 FEWEST_PER_PARAMETER = 20
+FEWEST_FAULTY, FAULTY_SHARE = 10, 1e-3
+"""Number of bad samples, and their share of all, that no sound recording exceeds."""
 FEWEST_SOUND = 0.1
 """Share of sound samples below which nothing is left out: the verdict is on the recordings, whatever the fit."""
 MOST_STRETCHES = 6
@@ -177,7 +179,7 @@ class DataQuality(Described):
         """Return whether the recordings are faulty: by a stuck sensor or a burst, but not by a single outlier."""
         masks = [mask for masks in self.sound for mask in masks]
         bad, total = sum(int((~m).sum()) for m in masks), sum(m.size for m in masks)
-        return Soundness.FAULTY if bad > max(10, 1e-3 * total) else Soundness.SOUND
+        return Soundness.FAULTY if bad > max(FEWEST_FAULTY, FAULTY_SHARE * total) else Soundness.SOUND
 
     @property
     def findings(self) -> tuple[str, ...]:
