@@ -10,6 +10,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
+from scipy.ndimage import binary_dilation
 
 from deatwin.ident.greybox.parts import Part, settled
 from deatwin.ident.mismatch.datasets import samples
@@ -297,13 +298,22 @@ def check_quality(plant: Plant, experiments: Experiment | Sequence[Experiment]) 
             raise DataError("a recording has no output column: there is nothing to compare the plant with")
     require_excitation(records)
     require_samples(records, FEWEST_PER_PARAMETER * len(plant.parameters.free), "a diagnosis")
+    stuck = tuple(tuple(suspects.stuck(r) | suspects.lost(r) for r in e.recordings) for e in given)
     return DataQuality(
         experiments=given,
-        stuck=tuple(tuple(suspects.stuck(r) | suspects.lost(r) for r in e.recordings) for e in given),
-        outliers=tuple(tuple(suspects.spikes(r.outputs[0]) & suspects.quiet(r) for r in e.recordings) for e in given),
-        clipped=tuple(tuple(suspects.clipped(r) for r in e.recordings) for e in given),
-        jumps=tuple(tuple(suspects.jumps(r.outputs[0]) & suspects.quiet(r) for r in e.recordings) for e in given),
+        stuck=stuck,
+        outliers=_elsewhere(stuck, given, lambda r: suspects.spikes(r.outputs[0]) & suspects.quiet(r)),
+        clipped=_elsewhere(stuck, given, suspects.clipped),
+        jumps=_elsewhere(stuck, given, lambda r: suspects.jumps(r.outputs[0]) & suspects.quiet(r)),
         settled=tuple(settled(e, plant.rig) for e in given),
+    )
+
+
+def _elsewhere(stuck: Masks, experiments: Sequence[Experiment], find: Callable[[Recording], np.ndarray]) -> Masks:
+    """Return the samples that `find` marks, but not those of a stuck stretch, or one beside it: that is one fault."""
+    return tuple(
+        tuple(find(record) & ~binary_dilation(mask) for record, mask in zip(experiment.recordings, masks, strict=True))
+        for experiment, masks in zip(experiments, stuck, strict=True)
     )
 
 

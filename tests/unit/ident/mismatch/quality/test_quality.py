@@ -108,6 +108,15 @@ def test_a_stuck_sensor_is_a_fault_with_its_place(sound):
     assert not checked.sound[0][0][1000:1200].any()
 
 
+@pytest.mark.parametrize("value", [np.median, np.max])
+def test_a_stuck_sensor_is_reported_once(sound, value):
+    """Where it goes back to the plant it jumps, and at its largest value it looks clipped: still one fault."""
+    outputs = sound.recordings[0].outputs[0].copy()
+    outputs[1000:1200] = value(outputs)
+    checked = check_quality(PLANT, [with_outputs(sound, outputs)])
+    assert (len(checked.findings), checked.notes) == (1, ())
+
+
 def test_a_lone_outlier_is_left_out_without_a_fault(sound):
     outputs = sound.recordings[0].outputs[0].copy()
     outputs[700] += 2e-4
