@@ -14,7 +14,7 @@ from deatwin.plant.model import Plant
 
 
 def without_faults(checked: DataQuality, plant: Plant) -> DataQuality:
-    """Mark faults of readings that stand out beside a calibrated plant; return the same object if there are none."""
+    """Mark faults of readings that a comparison with a calibrated plant reveals; return the same object if none."""
     outputs = [plant.simulate(experiment).require().outputs for experiment in checked.experiments]
     commands = [record.inputs[0] for experiment in checked.experiments for record in experiment.recordings]
     stuck: dict[str, Masks] = {}

@@ -9,37 +9,41 @@ import numpy as np
 from deatwin.ident.soundness import neighbours_deviation, runs
 
 WINDOW, STRIDE = 50, 10
-"""Samples over which the noise is told, and by which the window moves on."""
+"""Length of a window in which the noise level is estimated, and shift between successive windows, in samples."""
 LONE = 5
-"""Largest bends of a window that are left out: a single value far off makes so many, and is no burst."""
+"""Number of largest deviations from the cubic that are excluded from a window: a single outlier causes five, and is no
+burst."""
 TWICE = 2.0
-"""Factor by which a burst is noisier: a window of white noise reaches it less than once in 60 000."""
+"""Ratio of a burst's noise level to the usual one; a window of white noise reaches it less than once in 60 000."""
 WHITE = 2.5
-"""How much larger, or smaller, the power of a burst may be than its bends say of white noise: that of a window of white
-noise is so once in 1000. What is smooth, as the motion that a plant lacks, or correlated by a half, lies beyond."""
+"""Largest ratio, either way, between the spectral power of a burst and the power that its deviations from the cubic
+imply for white noise. A window of white noise exceeds it once in 1000; a smooth residual, such as motion that the plant
+lacks, and noise with a correlation of 0.5 lie beyond it."""
 HIDES = 0.25
-"""Share of a burst's power density from which that of the other windows hides it: what the plant lacks is slow, and lies
-in both."""
+"""Share of a burst's power density; where the density of the other windows exceeds it, the burst is hidden and not
+tested. The motion that a plant lacks is slow, and present in both."""
 SLOW = 1 / 8
-"""Frequency, in samples, below which a stretch may lack more than the others."""
+"""Frequency, in cycles per sample, below which a stretch may lack more motion than the others."""
 BARTLETT, FISHER = 1.63, 0.01
-"""Bartlett's limit for a cumulative periodogram at the 1 % level, and that level in Fisher's test of its largest line
-(Priestley, Spectral Analysis and Time Series, 1981, sections 6.2.6 and 6.1.4): a tone, a mode or what is correlated is no
-burst,"""
+"""Limit of Bartlett's test of the cumulative periodogram at the 1 % level, and level of Fisher's test of its largest
+line (Priestley, Spectral Analysis and Time Series, 1981, sections 6.2.6 and 6.1.4). A residual with a tone, a mode or
+correlation is no burst."""
 FEWEST_LINES = 16
-"""and of fewer lines a tone in their midst would not exceed it."""
+"""Smallest number of spectral lines that are tested: with fewer, a tone in their midst would not exceed Bartlett's
+limit."""
 MOSTLY = 0.5
-"""Share of the windows with a command as brisk that are noisy: above it the noise goes with the command."""
+"""Share of noisy windows among those with a command at least as brisk, above which the noise is due to the command."""
 TRIMMED = 0.66
-"""Mean square of white noise of unit variance without the largest `LONE` bends of a window."""
+"""Mean square, for white noise of unit variance, of the deviations in a window without the largest `LONE`."""
 BEND = 35.0 / 18.0
-"""Variance of the distance of white noise of unit variance from the cubic through its neighbours."""
+"""Variance of the deviation of white noise of unit variance from the cubic through its neighbours."""
 
 
 def noisier(residuals: Sequence[np.ndarray], commands: Sequence[np.ndarray], floor: float) -> list[np.ndarray]:
-    """Return samples of residuals that are white and much noisier than elsewhere, though not under commands as brisk.
+    """Mark samples whose residuals are white and much noisier than elsewhere, unless commands as brisk cause this
+    elsewhere.
 
-    Shapes: `residuals`, nan where unknown, and `commands` (n,) for each record. Noise below `floor` does not count.
+    Shapes: `residuals`, NaN where unknown, and `commands` (n,) for each record. Noise below `floor` does not count.
     """
     windows = [_windows(residual) for residual in residuals]
     powers = [np.sort(bends, axis=1)[:, :-LONE].mean(axis=1) for bends, _ in windows]
@@ -56,10 +60,10 @@ def noisier(residuals: Sequence[np.ndarray], commands: Sequence[np.ndarray], flo
     for residual, (bends, _), power, high, brisk in zip(residuals, windows, powers, loud, briskness, strict=True):
         mask = np.zeros(residual.size, dtype=bool)
         for run in runs(high):
-            if run.size * STRIDE < WINDOW:  # a burst is in as many windows; fewer are chance, or ring after a step
+            if run.size * STRIDE < WINDOW:  # a burst fills as many windows; fewer are chance, or ringing after a step
                 continue
             white = bends[run].mean()
-            if power[run].mean() < TRIMMED * white / TWICE:  # peaks and ringing, not alike throughout
+            if power[run].mean() < TRIMMED * white / TWICE:  # isolated peaks or ringing, not uniform noise
                 continue
             with_it = float(noisy[every >= np.median(brisk[run])].mean())
             stretch = slice(STRIDE * run[0], STRIDE * run[-1] + WINDOW)
@@ -70,9 +74,9 @@ def noisier(residuals: Sequence[np.ndarray], commands: Sequence[np.ndarray], flo
 
 
 def has_lines(values: np.ndarray) -> bool:
-    """Return whether the fast part of a stretch is concentrated at some frequencies; NaN if unknown."""
+    """Return whether the fast part of a stretch, (n,), NaN where unknown, is concentrated at some frequencies."""
     densities = _densities(np.nan_to_num(values - np.nanmean(values)))
-    # Every second line, since a Hann window makes neighbours alike.
+    # Only every second line is used, since a Hann window correlates neighbouring lines.
     return _is_uneven(densities[int(SLOW * values.size) :: 2])
 
 
@@ -85,15 +89,16 @@ def _is_uneven(lines: np.ndarray) -> bool:
 
 
 def _is_white(values: np.ndarray, variance: float, others: np.ndarray, hiding: float) -> bool:
-    """Return whether a stretch is white noise that is larger than the others, at frequencies where these do not hide
-    it.
+    """Return whether a stretch is white noise, larger than that of the other windows at frequencies where these do not
+    hide it.
 
-    `others`, (WINDOW // 2 + 1,), are their mean power densities, of which those from `hiding` on hide it.
+    `others`, (WINDOW // 2 + 1,), are the mean power densities of the other windows, which hide the stretch from
+    `hiding` on.
     """
     frequency, densities = np.fft.rfftfreq(values.size), _densities(values)
     usual = np.interp(frequency, np.fft.rfftfreq(WINDOW), others)
     for lowest in (0.0, SLOW):
-        # Every second line, since a Hann window makes neighbours alike; the mean is no line.
+        # Only every second line is used, since a Hann window correlates neighbouring lines; the mean is no line.
         clear = (1 + np.flatnonzero((usual < hiding)[1:] & (frequency >= lowest)[1:]))[::2]
         if clear.size < FEWEST_LINES:
             return False

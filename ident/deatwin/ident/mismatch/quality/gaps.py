@@ -13,13 +13,13 @@ from deatwin.plant.recording import Experiment, Recording
 
 
 def without_unknown(checked: DataQuality, plant: Plant, noise: float) -> DataQuality:
-    """Return recordings with readings marked that depend on how a command changed in a gap; `noise` is in SI.
+    """Mark readings that depend on how a command changed in a gap; `noise` is in SI.
 
-    The same object if there are none, or hardly any others.
+    Return the same object if there are none, or hardly any others.
     """
-    # The command changed at the end of the gap, as is assumed, at its beginning, or wandered as on either side of it. A
-    # reading is unknown if a calibrated plant then reads otherwise by more than the noise and its own error. A plant
-    # that swings is thus left out for as long as it does.
+    # The command is assumed to have changed at the end of the gap. It may instead have changed at its beginning, or
+    # varied as on either side of it. A reading is unknown if a calibrated plant then differs by more than noise and
+    # model error, so an oscillating plant is left out for as long as it oscillates.
     floor, marked = float(np.hypot(noise, plant.rig.model_error)), []
     for experiment in checked.experiments:
         masks = [np.zeros(record.n_samples, dtype=bool) for record in experiment.recordings]

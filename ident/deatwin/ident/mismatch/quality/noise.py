@@ -13,38 +13,42 @@ from deatwin.ident.mismatch.quality.repeats import Repeats
 from deatwin.ident.soundness import neighbours_deviation, runs, samples_in
 
 MIDDLE = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 6.0
-"""What `neighbours_deviation` takes of five values: of white noise it has its power, of what is smooth hardly any."""
+"""Weights of five successive values in `neighbours_deviation`: they pass white noise, with 35/18 of its power, and
+hardly anything smooth."""
 TOP_OF_SPECTRUM = 0.8
 """Share of the Nyquist frequency above which a residual is taken to be sensor noise."""
 SHEET_TOLERANCE = float(np.sqrt(1.0 + PRACTICAL_SHARE))
-"""Nothing that counts as a mismatch may be left of a noise that is said to be as the sheet has it,"""
+"""Ratio to the data sheet's noise up to which an estimate agrees with it: what exceeds this would count as a mismatch.
+"""
 SCATTER = 4.4
-"""but for two standard errors of the spectrum's top: each is 2.2 over the root of the samples, of white noise."""
+"""Margin added to that ratio, times the root of the number of samples: two standard errors of the estimate from the top
+of the spectrum, each of which is 2.2 over that root for white noise."""
 FEWEST_OF_A_PIECE = 8
-"""Samples of a record from which its spectrum tells anything."""
+"""Smallest number of samples of a piece from which a spectrum is estimated."""
 SEGMENT_SAMPLES = 64
-"""Length of a segment, so short that ringing after a step or a reversal is in few of them."""
+"""Length of a segment for the spectrum, so short that few segments contain ringing after a step or a reversal."""
 REST_SECONDS = 4.0
-"""A command must have stood still for this long before the readings rest,"""
+"""Time for which a command must have been constant before the readings count as at rest, s."""
 REST_SHARE = 0.002
-"""within this share of its range."""
+"""Largest change of a command that counts as constant, as a share of its range."""
 FEWEST = 200
-"""Samples from which a noise can be told."""
+"""Smallest number of samples from which a noise level is estimated."""
 KNOTS = 15
-"""Values of a signal, in the middles of as many equal shares of its samples, between which the logarithm of the noise's
-variance runs straight."""
+"""Number of knots between which the logarithm of the noise variance is linear in a signal; they lie in the middles of
+as many equal shares of the signal's samples."""
 RISES = (0.1, 0.3, 1.0, 3.0)
-"""Deviations beforehand by which that changes from knot to knot, all alike likely: by a tenth up to a factor of 20."""
+"""Prior standard deviations of the change of that logarithm from knot to knot, all equally likely: from a tenth to a
+factor of 20 in the variance."""
 SURE = float(np.log(20.0))
-"""Log odds from which on the level varies: of constant noise, at most 1 in 20 reaches odds of 20."""
+"""Log odds above which the noise level varies; constant noise reaches odds of 20 at most once in 20."""
 ANY = 10.0
-"""Deviation of that logarithm beforehand: a factor of e^10 either way."""
+"""Prior standard deviation of the mean of that logarithm: a factor of e^10 either way."""
 LOG_MEAN, LOG_VARIANCE = -float(np.euler_gamma + np.log(2.0)), float(np.pi**2 / 2.0)
 """Mean and variance of the logarithm of a squared standard normal variable."""
 TIED = tuple(
     float(np.sum(MIDDLE[lag:] * MIDDLE[: MIDDLE.size - lag]) / np.sum(MIDDLE**2)) for lag in range(1, MIDDLE.size)
 )
-"""Correlations of neighbouring deviations of white noise from the cubic through four neighbours."""
+"""Correlations, at lags 1 to 4, of the deviations of white noise from the cubic through four neighbours."""
 
 
 class NoiseSource(Enum):
@@ -58,11 +62,11 @@ class NoiseSource(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class NoiseFloor:
-    """The sensor's noise, and what each source says of it."""
+    """Noise level of the sensor, and the estimate of each source."""
 
     level: float  # standard deviation, SI
-    source: NoiseSource  # the one that was believed
-    estimates: dict[NoiseSource, float]  # what each available source says, SI
+    source: NoiseSource  # source of `level`
+    estimates: dict[NoiseSource, float]  # estimate of each available source, SI
 
     @property
     def sentence(self) -> str:
@@ -77,15 +81,16 @@ def noise_level(
     commands: Sequence[np.ndarray] = (),
     repeats: Repeats | None = None,
 ) -> NoiseFloor:
-    """Return the sensor's noise by its data sheet (`sheet`, SI; 0 if none) unless all other sources say clearly more.
+    """Return the sensor's noise from its data sheet (`sheet`, SI; 0 if none) unless all other estimates are clearly
+    larger.
 
-    Then, and without a data sheet, the source that says least is believed. Shapes: `residuals` of a calibrated plant,
+    Then, or without a data sheet, the smallest other estimate is returned. Shapes: `residuals` of a calibrated plant,
     SI, and `commands` (n_r,) each.
     """
     # Differences between repeats of a command are free of whatever the plant lacks; readings at rest are free of what
     # it lacks in motion; the top of the residual's spectrum is free of what it lacks at low frequencies. Each can only
-    # say too much: repeats where a disturbance comes in, rests where it is there too, the spectrum where fast motion is
-    # missing. What a sensor does in a rig is seldom less than its data sheet says.
+    # overestimate the noise: repeats if a disturbance enters, rests if it is present there too, the spectrum if fast
+    # motion is missing. The noise of a sensor in a rig is seldom smaller than its data sheet says.
     found: dict[NoiseSource, float] = {}
     if repeats is not None and repeats.first.size >= FEWEST:
         together = np.concatenate(residuals)
@@ -95,7 +100,7 @@ def noise_level(
     if sum(piece.size for piece in resting) >= FEWEST:
         found[NoiseSource.RESTS] = _white([np.concatenate([piece - piece.mean() for piece in resting])], 0.0)
     found[NoiseSource.TOP_OF_SPECTRUM] = _white(residuals, TOP_OF_SPECTRUM)
-    # Where readings come in steps, none may be seen to change in a rest.
+    # Readings in coarse steps may be constant at rest; an estimate of 0 is ignored.
     seen = {source: level for source, level in found.items() if level > 0.0} or found
     best = min(seen, key=lambda source: seen[source])
     samples = sum(residual.size for residual in residuals)
@@ -107,20 +112,20 @@ def noise_level(
 def noise_levels(
     residuals: Sequence[np.ndarray], signals: Sequence[Sequence[np.ndarray]], least: float
 ) -> tuple[np.ndarray, ...] | None:
-    """Estimate how the level of white noise varies with one of some signals; None if it does not, or is not white.
+    """Estimate how the level of white noise varies with one of several signals; None if it is constant or not white.
 
-    Shapes: `residuals` (n_r,) each, SI, nan where unknown; `signals` likewise, each over all records; returns (n_r,)
-    each, relative to the root of the harmonic mean of the variance. Levels below `least`, SI, do not matter.
+    Shapes: `residuals` (n_r,) each, SI, NaN where unknown; `signals` likewise, each over all records; returns (n_r,)
+    each, relative to the root of the harmonic mean of the variance. Levels below `least`, SI, count as `least`.
     """
-    # The distance of each residual from the cubic through its neighbours is that of the noise, whatever smooth motion
-    # the plant lacks. The logarithm of its square is the logarithm of the noise's variance plus an error of known mean
-    # and variance (Harvey, Econometrica 44 (1976) 461, doi:10.2307/1913974) that single large values hardly move. Its
-    # regression on a signal runs straight from knot to knot, by a random walk beforehand; the error of neighbours is
-    # tied, cov = 2 arcsin² ρ, and so counts as that of fewer independent values. Constant noise is kept unless it is 20
-    # times less likely, and where weights for the levels would not change the noise's power by the share to which it is
-    # known.
+    # The deviation of each residual from the cubic through its neighbours is that of the noise, whatever smooth motion
+    # the plant lacks. The logarithm of its square is the logarithm of the noise variance plus an error of known mean
+    # and variance (Harvey, Econometrica 44 (1976) 461, doi:10.2307/1913974), on which single large values have little
+    # influence. The regression on a signal is linear between knots, with a random walk as its prior. The errors of
+    # neighbours are correlated, cov = 2 arcsin² ρ, and so count as fewer independent values. A varying level is
+    # accepted only if it is 20 times as likely as a constant one, and if weighting by it changes the noise's power by
+    # more than the share to which that is known.
     bends = np.concatenate([_bends(residual) for residual in residuals])
-    known = np.flatnonzero(np.isfinite(bends) & (bends != 0.0))  # of readings in steps, some lie on a line
+    known = np.flatnonzero(np.isfinite(bends) & (bends != 0.0))  # readings in coarse steps may lie exactly on a cubic
     if known.size < FEWEST:
         return None
     logs = np.log(bends[known] ** 2) - LOG_MEAN
@@ -139,7 +144,7 @@ def noise_levels(
 
 
 def _bends(residual: np.ndarray) -> np.ndarray:
-    """Return the distance of each value from the cubic through its neighbours, with the noise's variance; NaN if
+    """Return the deviation of each value from the cubic through its neighbours, scaled to the noise's variance; NaN if
     unknown.
     """
     found = np.full(residual.size, np.nan)
@@ -149,17 +154,17 @@ def _bends(residual: np.ndarray) -> np.ndarray:
 
 
 def _with_signal(logs: np.ndarray, signal: np.ndarray, known: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return log odds that log variances `logs` (k,), of the samples `known`, vary with a signal (n,); and the
+    """Return the log odds that log variances `logs` (k,), at samples `known`, vary with a signal (n,); and all
     variances (n,).
     """
     from scipy.ndimage import convolve1d
 
     knots = np.unique(
         np.quantile(signal[known], (np.arange(KNOTS) + 0.5) / KNOTS)
-    )  # beyond, few samples ring after steps
+    )  # the few samples beyond the outer knots ring after steps
     hats = np.stack([np.interp(signal, knots, unit) for unit in np.eye(knots.size)], axis=1)
     effective = LOG_VARIANCE + 4.0 * sum(float(np.arcsin(tie)) ** 2 for tie in TIED)
-    shares = MIDDLE**2 / np.sum(MIDDLE**2)  # a bend has its variance from five samples
+    shares = MIDDLE**2 / np.sum(MIDDLE**2)  # a deviation gets its variance from five samples
     middle, seen = float(logs.mean()), convolve1d(hats, shares, axis=0, mode="nearest")[known]
     squares, along = seen.T @ seen / effective, seen.T @ (logs - middle) / effective
     steps, level = np.diff(np.eye(knots.size), axis=0), np.ones((knots.size, knots.size)) / (knots.size * ANY) ** 2
@@ -175,7 +180,7 @@ def _with_signal(logs: np.ndarray, signal: np.ndarray, known: np.ndarray) -> tup
 
 
 def _is_white(bends: np.ndarray, some: np.ndarray) -> bool:
-    """Return whether at most a share of the deviations' power is smooth; smooth deviations keep their sign."""
+    """Return whether at most a tenth of the deviations' power is smooth, by how often neighbours have the same sign."""
     pairs = np.flatnonzero(some[1:] & some[:-1])
     if not pairs.size:
         return False
@@ -199,16 +204,18 @@ def _at_rest(residual: np.ndarray, command: np.ndarray, sample_time: float) -> l
 
 
 def _white(pieces: Sequence[np.ndarray], above: float) -> float:
-    """Return the deviation of white noise with the median power density seen above a share of the Nyquist frequency."""
-    # The median over the lines ignores tones and slow errors. The median over the segments ignores bursts, such as the
-    # error after each step of a plant that answers too early.
+    """Return the standard deviation of white noise with the median power density above a share of the Nyquist
+    frequency.
+    """
+    # The median over the spectral lines ignores tones and slow errors. The median over the segments ignores bursts,
+    # such as the error after each step of a plant that answers too early.
     from scipy.signal import welch
 
     powers, weights = [], []
     for piece in [piece for piece in pieces if piece.size >= FEWEST_OF_A_PIECE] or [np.concatenate(pieces)]:
         frequency, density = welch(piece, 1.0, nperseg=min(SEGMENT_SAMPLES, piece.size), average="median")
         asked = density[1:][frequency[1:] >= above * frequency[-1]]
-        # At half the sample rate the one-sided density is but half of the others', and has another median.
+        # At half the sample rate the one-sided density is only half of the others, and has another median.
         asked = asked[:-1] if frequency[-1] == 0.5 and asked.size > 1 else asked
         powers.append(np.median(asked) / 2.0)
         weights.append(piece.size)

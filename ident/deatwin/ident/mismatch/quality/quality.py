@@ -30,16 +30,18 @@ if TYPE_CHECKING:
 
 Masks = tuple[tuple[np.ndarray, ...], ...]
 UNSEEN_SHARE = 0.3
-"""The last part of each record that no fit sees until verification."""
+"""Share of each record, at its end, that is held out from every fit until verification."""
 FEWEST_PER_PARAMETER = 20
 FEWEST_FAULTY, FAULTY_SHARE = 10, 1e-3
-"""Number of bad samples, and their share of all, that no sound recording exceeds."""
+"""Number of faulty samples, and their share of all samples, that no sound recording exceeds."""
 FEWEST_SOUND = 0.1
-"""Share of sound samples below which nothing is left out: the verdict is on the recordings, whatever the fit."""
+"""Share of sound samples below which nothing is left out: the recordings are then reported as faulty, whatever the fit.
+"""
 MOST_STRETCHES = 6
-"""Stretches of samples that a line names one by one: more are not read."""
+"""Largest number of stretches that are listed one by one in a line; nobody reads more."""
 COARSE = 0.1
-"""Share of the noise's variance that steps of the readings add (their square over 12) before they are reported."""
+"""Share of the noise variance that the steps of the readings may add (their square over 12) before they are reported.
+"""
 
 
 class Soundness(Enum):
@@ -50,7 +52,7 @@ class Soundness(Enum):
 
 
 def _joined(name: str) -> Callable[[DataQuality], np.ndarray]:
-    """Join the marks of all records, one after another."""
+    """Join the marks of all records, one after another, to one array."""
     return lambda checked: np.concatenate([mask for masks in getattr(checked, name) for mask in masks])
 
 
@@ -135,11 +137,11 @@ class DataQuality(Described):
 
     @property
     def _none(self) -> Masks:
-        """Return marks without any marked sample."""
+        """Return marks with no sample marked."""
         return tuple(tuple(np.zeros_like(mask) for mask in masks) for masks in self.stuck)
 
     def _bursts(self, name: str) -> Masks:
-        """Return the samples in the bursts of a reading."""
+        """Return the samples of a reading that are in its bursts."""
         return self.bursts.get(name) or self._none
 
     def _left_out(self, name: str) -> Masks:
@@ -153,7 +155,7 @@ class DataQuality(Described):
 
     @property
     def _unsettled(self) -> Masks:
-        """Return the samples in the ignored time of an unknown start."""
+        """Return the samples that are ignored because the start of the motion is unknown."""
         return tuple(tuple(~mask for mask in masks) for masks in self.settled)
 
     def known(self, name: str) -> Masks:
@@ -310,7 +312,9 @@ def check_quality(plant: Plant, experiments: Experiment | Sequence[Experiment]) 
 
 
 def _elsewhere(stuck: Masks, experiments: Sequence[Experiment], find: Callable[[Recording], np.ndarray]) -> Masks:
-    """Return the samples that `find` marks, but not those of a stuck stretch, or one beside it: that is one fault."""
+    """Return the samples that `find` marks, except in and next to stuck stretches, which are already reported as
+    faults.
+    """
     return tuple(
         tuple(find(record) & ~binary_dilation(mask) for record, mask in zip(experiment.recordings, masks, strict=True))
         for experiment, masks in zip(experiments, stuck, strict=True)
@@ -361,12 +365,12 @@ def split(
 ) -> tuple[tuple[Part, ...], tuple[Part, ...], tuple[Part, ...]]:
     """Return the fitted part, the held-out part and both together of each experiment, then of each further reading.
 
-    A mismatch begins at `onset`, s; `weights` are those of further readings, and `levels` those of the first reading's
-    noise as `Part` has them. An experiment needs sound samples to be fitted, its further reading some on both sides of
-    the cut.
+    A mismatch begins at `onset`, s; `weights` belong to further readings, `levels` to the noise of the first reading,
+    as in `Part`. Experiments without sound samples, and further readings without any on both sides of the cut, are
+    skipped.
     """
-    # The last 30 % of the sound samples of each record are held out. Where the mismatch begins inside such a part, the
-    # last 30 % of what follows its onset are, so that the fit can see it too.
+    # The last 30 % of the sound samples of each record are held out. If the mismatch begins within these, the last 30 %
+    # of the samples after its onset are held out instead, so that the fit includes a part of the mismatch.
     fitted, unseen, everything, further = [], [], [], []
     for number, (experiment, sound) in enumerate(zip(checked.experiments, checked.usable, strict=True)):
         cuts = [_cut(record, mask, onset) for record, mask in zip(experiment.recordings, sound, strict=True)]

@@ -11,52 +11,57 @@ import numpy as np
 from deatwin.ident.soundness import samples_in
 
 WINDOW_SECONDS = 2.0
-"""Length of command that must be the same before it counts as a repeat,"""
+"""Shortest length of equal commands that counts as a repeat, s."""
 SETTLING_SECONDS = 1.0
-"""of which the first part still shows what came before."""
+"""Part at the beginning of a repeat that is left out, because the plant still shows what came before, s."""
 SAME = 1e-6
-"""Share of the command's range by which two commands may differ: they are meant to be equal."""
+"""Largest difference between commands that count as equal, as a share of the command's range."""
 SUMS = 4.0
-"""Standard deviations by which sums of equal commands with normal weights may differ."""
+"""Largest difference between sums of equal commands with standard normal weights, in standard deviations."""
 MOST_RETURNS = 2000
-"""Most returns of one window among which the next are searched."""
+"""Largest number of windows with nearly equal sums among which the next return of a window is searched."""
 MOVES = 0.02
-"""Share of the command's range that a window must use: a hold repeats at every shift of itself."""
+"""Share of the command's range that a window must cover: a constant command would repeat at every shift."""
 SHORTEST_SECONDS = 4.0
 """Total length of repeats below which nothing is concluded from them."""
 BLOCKS = 20
-"""Into which the pairs are cut for the jackknife."""
+"""Number of blocks into which the pairs are divided for the jackknife."""
 BOUND = 2.0
-"""Standard deviations of the jackknife on either side, which is somewhat short of the true scatter."""
+"""Half width of the interval of the share, in standard deviations of the jackknife, which somewhat underestimates the
+true scatter."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Repeats:
     """Pairs of samples at the same place of the same command."""
 
-    first: np.ndarray  # (m,), positions among all samples, recordings one after another
-    second: np.ndarray  # (m,), likewise
-    run: np.ndarray  # (m,), number of the stretch that a pair belongs to
+    first: np.ndarray  # (m,), positions in all recordings, one after another
+    second: np.ndarray  # (m,), positions of the repeats, likewise
+    run: np.ndarray  # (m,), number of the stretch to which a pair belongs
 
 
 @dataclass(frozen=True, kw_only=True)
 class Repeatability:
     """Similarity of a residual between repeats of the command."""
 
-    pairs: int  # samples that were compared
-    correlation: float  # between the residual and its repeat, each less its mean over the stretch
-    # Covariance with the repeat over variance beyond noise: 1 if all that the plant lacks comes back, 0 if none does
+    pairs: int  # number of samples compared
+    correlation: float  # of the residual with its repeat, each less its mean over the stretch
+    # Covariance with the repeat over variance beyond noise: 1 if all that the plant lacks is repeatable, 0 if nothing
+    # is
     share: float
     low: float  # `share` minus two standard deviations
     high: float  # `share` plus two standard deviations
-    within: float  # variance of a single residual about what is repeatable, squares of the residual's unit
-    explainable: float  # 1 - `within` over the residual's variance: the largest share for any deterministic model
+    within: float  # variance of a single residual about its repeatable part, in squares of the residual's unit
+    # 1 - `within` over the residual's variance: the largest share that any deterministic model can explain
+    explainable: float
 
 
 def find_repeats(commands: Sequence[np.ndarray], sample_time: float) -> Repeats | None:
-    """Find where the same command was given again, in any recording, (n_r,) each; None if for less than 4 s."""
-    # Two seconds of command must be the same; each stretch is paired with its next return, and its first second is left
-    # out, since the plant still shows what came before.
+    """Find repeated stretches of commands, (n_r,) each, within and across recordings; None if shorter than 4 s in
+    total.
+    """
+    # A repeat has at least two seconds of equal commands. Each stretch is paired with its next return, and its first
+    # second is left out, since the plant still shows what came before.
     settling = samples_in(SETTLING_SECONDS, sample_time)
     width = max(2 * settling, round(WINDOW_SECONDS / sample_time))
     values = np.concatenate(commands)
@@ -77,7 +82,7 @@ def find_repeats(commands: Sequence[np.ndarray], sample_time: float) -> Repeats 
 
 def _next_returns(windows: np.ndarray) -> np.ndarray:
     """Return, for each window, the number of the next window with equal values; -1 if there is none."""
-    # Equal windows have equal sums with any weights, and others hardly ever have.
+    # Equal windows have equal sums for any weights; other windows hardly ever do.
     count, width = windows.shape
     marks = windows @ np.random.default_rng(0).standard_normal((width, 2))
     tolerance = SUMS * SAME * np.sqrt(width)
@@ -94,7 +99,7 @@ def _next_returns(windows: np.ndarray) -> np.ndarray:
 
 
 def _pairs(first: np.ndarray, second: np.ndarray, width: int, settling: int, sample_time: float) -> Repeats | None:
-    """Join windows of one lag to stretches, and pair their samples."""
+    """Join consecutive windows with the same lag to stretches, and pair their samples."""
     if first.size == 0:
         return None
     cuts = np.flatnonzero((np.diff(first) != 1) | (np.diff(second) != 1)) + 1
@@ -105,7 +110,7 @@ def _pairs(first: np.ndarray, second: np.ndarray, width: int, settling: int, sam
         there.append(b[0] + steps)
         run.append(np.full(steps.size, number))
     found = Repeats(first=np.concatenate(here), second=np.concatenate(there), run=np.concatenate(run))
-    # Stretches with different returns overlap by a window at most.
+    # Stretches with different returns may overlap, by at most a window; each sample is kept only once.
     kept = np.unique(found.first, return_index=True)[1]
     if kept.size < max(2 * BLOCKS, SHORTEST_SECONDS / sample_time):
         return None
@@ -113,8 +118,8 @@ def _pairs(first: np.ndarray, second: np.ndarray, width: int, settling: int, sam
 
 
 def repeatability(residual: np.ndarray, repeats: Repeats, noise: float) -> Repeatability:
-    """Compare a residual, (n,), with itself where the command comes back; `noise` is in the residual's unit."""
-    # The bounds are from a jackknife over twenty blocks of pairs.
+    """Compare a residual, (n,), with itself where the command repeats; `noise` is in the residual's unit."""
+    # The bounds come from a jackknife over twenty blocks of pairs.
     one, other = (_less_means(residual[k], repeats.run) for k in (repeats.first, repeats.second))
     blocks = np.minimum(np.arange(one.size) * BLOCKS // one.size, BLOCKS - 1)
     products = np.bincount(blocks, weights=one * other)
@@ -139,9 +144,7 @@ def repeatability(residual: np.ndarray, repeats: Repeats, noise: float) -> Repea
 
 
 def _share(cross: np.ndarray | float, square: np.ndarray | float, noise: float) -> np.ndarray:
-    """Return covariance divided by the variance beyond noise, which counts as at least a tenth of the noise's
-    variance.
-    """
+    """Return covariance over variance beyond noise, of which at least a tenth of the noise's variance is assumed."""
     return np.asarray(cross / np.maximum(np.asarray(square) - noise**2, 0.1 * noise**2))
 
 

@@ -17,49 +17,58 @@ from deatwin.plant.recording import Recording
 
 STUCK_SECONDS = 1.0
 MOVES = 0.02
-"""Share of the command's range that is motion, over which a reading cannot stay the same."""
+"""Share of the command's range above which the command moves, so that a sound reading cannot stay constant."""
 SPIKE_DEVIATIONS = 12.0
-"""A normal reading this far from its neighbours' cubic comes once in 10^32 samples."""
+"""Distance of a spike from its neighbours' cubic, in standard deviations; a normal reading is so far off once in 10^32
+samples."""
 SIDE = 25
-"""Samples on either side of a spike that tell if the noise is louder there: so many tell a deviation to a seventh,"""
+"""Number of samples on each side of a spike from which the local noise is estimated; 25 give its deviation to a
+seventh."""
 ROUNDS, FURTHEST = 30, 1000.0
-"""rounds in which the shares settle, and the square of a bend beyond which it is as surely loud as can be."""
+"""Number of iterations in which the share of usual values converges, and limit for the squares of normalised
+deviations, beyond which a value certainly belongs to the louder noise."""
 MOSTLY, TWICE = 0.5, 2.0
-"""Share of a stretch that must be as usual for a value in it to be an outlier, and how much louder a burst is at least."""
+"""Share of the values beside an outlier that must be usual, and smallest ratio of a burst's noise to the usual noise.
+"""
 LONE = 0.5
-"""Share of a spike by which its neighbours bend at most once it is replaced: a film that rings bends there as well."""
+"""Largest deviation of a spike's neighbours once the spike is replaced, as a share of the spike; a ringing film exceeds
+it."""
 STILL = 1e-9
-"""Share of the readings' range by which a reading that stands still lies beside its neighbours, for rounding."""
+"""Share of the readings' range below which the distance from the neighbours' cubic is only rounding: the reading is
+constant."""
 STILL_SAMPLES = 10
-"""Number of equal readings in a row that is no chance, even if readings come in coarse steps."""
+"""Number of constant readings in a row that is no coincidence, even if readings come in coarse steps."""
 QUIET_SECONDS = 1.0
-"""After a jump of the command the film rings: readings are not called spikes for this long."""
+"""Time after a jump of the command, s, in which readings are not called spikes, because the film rings."""
 FROZEN = 0.9
-"""Share of the command's range over which a reading that stays the same is stuck even at its limit."""
+"""Share of the command's range over which a constant reading is stuck even where a limit or friction could explain it.
+"""
 NEAR_STEPS = 3
-"""Steps of coarse readings by which neighbours differ that follow one another."""
+"""Largest difference between readings in coarse steps that follow one another in slow motion, in such steps."""
 STEP_BENDS_LESS = 0.85
-"""Beside the bend of a step those of its neighbours are two thirds as large; beside that of a spike, as large."""
+"""Limit for the deviations beside a suspected step, as a share of its own: they are two thirds beside a step, and as
+large beside a spike."""
 LETS_GO = 0.1
-"""Seconds, three samples at least, within which a plant that friction holds moves once the command has leapt: it is its
-inertia that takes so long. A sensor comes back whenever it likes."""
+"""Time after a jump of the command, s, but at least three samples, within which inertia lets a plant held by friction
+move. A faulty sensor recovers at any time."""
 HOLDS = 0.9
-"""Share of the other readings under the same commands that stand as one, where friction holds the plant there: the rest
-is for coming to rest late."""
+"""Share of the other readings under the same commands that must be constant if friction holds the plant there; the rest
+allows for a late rest."""
 BY_CHANCE = 1e-9
-"""Probability of so many equal readings in a row below which it was no chance, in however long a recording."""
+"""Probability of a run of equal readings below which it is no coincidence, however long the recording."""
 USUALLY = (0.1, 0.9)
-"""Quantiles between which a plant moves: a peak of the current that comes a sample late does not count."""
+"""Quantiles between which the range of a motion is measured, so that a peak of the current that comes a sample late
+does not count."""
 LOST_SAMPLES = 3
-"""Number of equal readings in a row that a film in motion does not give."""
+"""Number of equal readings in a row that a moving film does not give."""
 
 
 def stuck(record: Recording) -> np.ndarray:
-    """Return runs of one and the same reading while the command moves, longer than a second or up to a leap."""
-    # Those up to a leap are longer than chance makes them. Readings in coarse steps stay the same over slow commands,
-    # too, but then go on by a step or two. And dry friction holds a plant, whose reading stands still without any noise
-    # if it is a counter's, until the command is large enough; or, if it sticks and slips, stands as often, and leaps as
-    # far, elsewhere.
+    """Mark runs of one constant reading while the command moves, longer than a second or ending in a jump."""
+    # A run that ends in a jump must be longer than chance explains. Readings in coarse steps also stay constant under
+    # slow commands, but then go on by a step or two. Dry friction holds a plant until the command is large enough, and
+    # a counter reads this without any noise; a plant that sticks and slips stands as often, and jumps as far,
+    # elsewhere.
     reading, command = record.outputs[0], record.inputs[0]
     usual = reading[~spikes(reading)]
     ends, near = (usual.max(), usual.min()), NEAR_STEPS * resolution(usual)
@@ -73,7 +82,7 @@ def stuck(record: Recording) -> np.ndarray:
         if last - first < (by_chance if leaps[last] else shortest):
             continue
         # A reading at the end of its range is clipped, not stuck: that is physics, and an effect of the catalogue. But
-        # nothing clips under high commands and low ones alike.
+        # nothing is clipped under high and low commands alike.
         gradual = np.ptp(reading[max(first - 1, 0) : last + 1]) <= near
         moved = np.ptp(command[first:last]) / (np.ptp(command) or 1.0)
         sound = (
@@ -88,21 +97,21 @@ def stuck(record: Recording) -> np.ndarray:
 
 
 def _longest_by_chance(equal: np.ndarray) -> float:
-    """Return how many equal readings may follow each other by chance, given how often neighbours are `equal`."""
+    """Return the longest run of equal readings that chance explains, given which neighbours are `equal`, (n - 1,)."""
     share = float(equal.mean())
     return 1 + np.log(BY_CHANCE) / np.log(share) if 0.0 < share < 1.0 else np.inf
 
 
 def _is_likely(ways: np.ndarray, number: int) -> bool:
-    """Return whether chance makes a reading stand so long on the command's way, by the other ways on which it stood."""
-    # Each bit of the command's way may make it go on.
+    """Return whether chance explains run `number`, by the command's range in each run of equal readings, `ways` (k,)."""
+    # Any part of the command's motion may end a run, so the ranges are distributed exponentially.
     others = np.delete(ways, number)
     return bool(others.size and ways[number] < -np.log(BY_CHANCE) * others.mean())
 
 
 def _slips(reading: np.ndarray, command: np.ndarray, sample_time: float, run: tuple[int, int]) -> bool:
-    """Return whether a `run` of one `reading` under a command without leaps ends in a step as others."""
-    # One other step in ten or more is at least half as large where the command changed no faster.
+    """Return whether a `run` of one `reading`, under a command without jumps, ends in a step such as occurs elsewhere."""
+    # At least one in ten of the other steps under commands that changed no faster must be at least half as large.
     first, last = run
     speed = np.abs(np.diff(command, prepend=command[0]))
     if last == reading.size or speed[first + 1 : last + 1].max() > MOVES * np.ptp(command):
@@ -118,8 +127,9 @@ def _may_be_held(
     reading: np.ndarray, command: np.ndarray, sample_time: float, run: tuple[int, int], near: float
 ) -> bool:
     """Return whether friction may hold the plant in a `run`, first and last-plus-one sample, of one `reading`."""
-    # It lets go where the command leaps, or never did; and under commands as those of the run, which are too small for
-    # it, it holds the plant at other times as well, within `near`, once that has had a second to come to rest.
+    # The plant moves again when the command jumps, or not within the record. At other times under the commands of the
+    # run, which are too small to overcome friction, it must also be held, within `near`, after a second to come to
+    # rest.
     first, last = run
     delay, settling = max(3, round(LETS_GO / sample_time)), samples_in(STUCK_SECONDS, sample_time)
     step = np.abs(np.diff(command[max(last - delay - 1, 0) : last + 1]))
@@ -139,10 +149,10 @@ def _may_be_held(
 def held(
     reading: np.ndarray, simulated: np.ndarray, command: np.ndarray, sample_time: float, noise: float
 ) -> np.ndarray:
-    """Return runs in which a `reading`, nan where unknown, is but noise while the plant moves. Shapes: (n,) all."""
-    # A converter that holds its last value still has its noise. It comes back within a sample, to where the plant is by
-    # then, or never. A leap that is larger than any motion within a sample, of plant and reading, is no motion. One
-    # that is not may be: what the plant did in the last second may come late then, or friction have held it.
+    """Mark runs in which a `reading`, NaN where unknown, shows only noise while the plant moves. Shapes: (n,) all."""
+    # A converter that holds its last value still has its noise. It recovers within a sample, to where the plant is by
+    # then, or never. A jump that is larger than any motion of plant and reading within a sample is no motion. A smaller
+    # one may be: the plant's motion of the last second may come late, or friction may have held it.
     mask, known = np.zeros(reading.size, dtype=bool), np.flatnonzero(np.isfinite(reading))
     shortest = samples_in(STUCK_SECONDS, sample_time)
     if known.size < shortest:
@@ -173,8 +183,8 @@ def held(
 
 
 def lost(record: Recording) -> np.ndarray:
-    """Return runs of one and the same reading, far from those before and after: the sensor had no film to see."""
-    # No film leaps away and back by itself, each time within a sample, and stands still in between.
+    """Mark runs of one constant reading far from those before and after, as when the sensor loses sight of the film."""
+    # No film jumps away and back by itself, each time within a sample, and stands still in between.
     reading = record.outputs[0]
     mask, still = np.zeros(reading.size, dtype=bool), quiet(record)
     far = SPIKE_DEVIATIONS * _typical(np.abs(neighbours_deviation(reading)), reading)
@@ -192,7 +202,7 @@ def spikes(signal: np.ndarray) -> np.ndarray:
     """Find single values of a `signal` far from the cubic through their four neighbours."""
     bend = _bends(signal)
     deviation = np.abs(bend)
-    # A spike bends its neighbours' cubics too, by two thirds of its size: only the peak is the outlier.
+    # A spike raises its neighbours' deviations as well, by two thirds of its size: only the peak is the outlier.
     around = np.pad(deviation, 1)
     peak = (deviation >= around[:-2]) & (deviation >= around[2:])
     typical = _typical(deviation, signal)
@@ -202,14 +212,12 @@ def spikes(signal: np.ndarray) -> np.ndarray:
 
 
 def _bends(signal: np.ndarray) -> np.ndarray:
-    """Return the distance of each value from the cubic through its four neighbours, with the signal continued at its
-    ends.
-    """
+    """Return each value's deviation from the cubic through its four neighbours, the signal being continued at its ends."""
     return neighbours_deviation(np.pad(signal, 2, mode="edge"))[2:-2]
 
 
 def _isolated(far: np.ndarray, bend: np.ndarray, typical: float) -> np.ndarray:
-    """Return which values `far` off, (n,), have usual ones on both sides; `bend`, (n,), leaves the values out."""
+    """Return which values marked `far`, (n,), have usual ones on both sides; `bend`, (n,), is computed without them."""
     alone, squares = far.copy(), bend**2 / typical**2
     for place in np.flatnonzero(far):
         sides = squares[max(place - SIDE, 0) : place], squares[place + 1 : place + 1 + SIDE]
@@ -218,8 +226,10 @@ def _isolated(far: np.ndarray, bend: np.ndarray, typical: float) -> np.ndarray:
 
 
 def _usual_share(squares: np.ndarray) -> float:
-    """Return the share of values, by their `squares`, that are normal with deviation 1, if others have a larger one."""
-    # Share and larger deviation have their largest likelihood, by expectation and maximisation.
+    """Return the share of values, given their `squares`, (k,), that are standard normal if the others have a larger
+    deviation.
+    """
+    # Share and larger deviation are maximum-likelihood estimates, by expectation-maximisation.
     share, larger = 0.5, max(float(squares.mean()), TWICE**2)
     for _ in range(ROUNDS):
         odds = (1 / share - 1) / np.sqrt(larger) * np.exp((1 - 1 / larger) * np.minimum(squares, FURTHEST) / 2)
@@ -230,16 +240,19 @@ def _usual_share(squares: np.ndarray) -> float:
 
 
 def _beside(bend: np.ndarray) -> np.ndarray:
-    """Return how far the neighbours of each value lie from their cubics after it is moved onto its own."""
+    """Return the largest deviation among each value's neighbours after the value is moved onto its own cubic. Shapes:
+    (n,).
+    """
     padded = np.pad(bend, 2, constant_values=np.nan)
     shares = {1: 2 / 3, 3: 2 / 3, 0: -1 / 6, 4: -1 / 6}
     off = [np.abs(padded[k : k + bend.size] + share * bend) for k, share in shares.items()]
-    return np.nan_to_num(np.fmax.reduce(off))  # there are none outside of the record
+    return np.nan_to_num(np.fmax.reduce(off))  # values near an end lack neighbours
 
 
 def jumps(signal: np.ndarray) -> np.ndarray:
-    """Find the first values of a `signal` after steps that take no longer than a sample."""
-    # The bend changes by the step's size at the step, and by two thirds of it, the other way, on either side.
+    """Mark the first values of a `signal` after steps that take no longer than a sample."""
+    # The deviation changes by the step's size at the step, and by two thirds of it, in the other direction, on either
+    # side.
     step = np.abs(np.diff(neighbours_deviation(signal), prepend=0.0))
     beside = np.pad(step, 1)
     lone = np.maximum(beside[:-2], beside[2:]) < STEP_BENDS_LESS * step
@@ -247,8 +260,8 @@ def jumps(signal: np.ndarray) -> np.ndarray:
 
 
 def _typical(deviation: np.ndarray, signal: np.ndarray) -> float:
-    """Return the deviation of normal values with the median absolute deviation seen; half a step of coarse readings."""
-    # Where the readings stand still they say nothing of it.
+    """Return the standard deviation implied by the median absolute deviation, at least half a step of coarse readings."""
+    # Constant readings contain no information about the noise.
     moves = np.ones(deviation.size, dtype=bool)
     for still in runs(deviation <= STILL * np.ptp(signal)):
         moves[still] = still.size < STILL_SAMPLES
@@ -257,7 +270,7 @@ def _typical(deviation: np.ndarray, signal: np.ndarray) -> float:
 
 
 def clipped(record: Recording) -> np.ndarray:
-    """Find readings of a `record` that pile up at a limit."""
+    """Mark readings of a `record` that pile up at a limit."""
     mask = np.zeros(record.n_samples, dtype=bool)
     for rows in at_limit(record.outputs[0]).values():
         mask[np.concatenate(rows)] = True
@@ -265,14 +278,15 @@ def clipped(record: Recording) -> np.ndarray:
 
 
 def quiet(record: Recording) -> np.ndarray:
-    """Find samples of a `record` away from jumps and corners of the command, after which the film rings."""
+    """Mark samples of a `record` away from jumps and corners of the command, after which the film rings."""
     command = record.inputs[0]
     step = np.diff(command, prepend=command[0])
     bend = np.diff(step, prepend=0.0)
     quiet = np.ones(command.size, dtype=bool)
     ring = samples_in(QUIET_SECONDS, record.sample_time)
     for change in (np.abs(step), np.abs(bend)):
-        # Holds jump by less than noise wanders in a sample or two, so the size is relative to the usual step.
+        # Jumps between holds may be smaller than the changes of a noise-like command within a sample or two, so the
+        # limit is relative to the usual change.
         for sudden in np.flatnonzero(change > max(0.005 * np.ptp(command), 5 * float(np.median(change)))):
             quiet[max(0, sudden - 2) : sudden + ring] = False
     quiet[:ring] = quiet[-2:] = False  # the record before this one may have ended at another command
