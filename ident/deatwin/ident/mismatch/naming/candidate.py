@@ -19,8 +19,8 @@ from deatwin.ident.mismatch.quality.noise import noise_level
 from deatwin.ident.soundness import resolution
 
 LONG_ENOUGH = 250
-"""Samples of an experiment that counts by itself: white noise of 2 µm makes half of a model error of 1.2 µm out of a
-third of it in 0.6 % of so many."""
+"""Smallest number of samples of an experiment that is judged alone: white noise of 2 µm makes a difference of a third
+of a model error of 1.2 µm appear as half of it in only 0.6 % of such experiments."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

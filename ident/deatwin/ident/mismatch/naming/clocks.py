@@ -19,10 +19,10 @@ INTERVAL = 2.0 * TWO_SIDED_95
 
 def of_one_clock(candidate: Candidate) -> tuple[str, ...]:
     """Return two drifts of an explanation that probably have one common time constant, or an empty tuple."""
-    # A film that stiffens with age sags less and gains less, which looks like a drift of the zero and one of the
-    # permittivity; two independent mechanisms would not have equal rates. With d for the difference of the logarithms
-    # of both times and s for its deviation, their densities are N(0, s²) for one clock, and N(0, 2 r²) for two whose
-    # rates have the deviation r beforehand.
+    # A film that stiffens with age sags less and has less gain, which looks like a drift of the zero and one of the
+    # permittivity; two independent mechanisms would not have equal rates. Let d be the difference of the logarithms of
+    # both time constants, and s its standard deviation. The density of d is N(0, s²) for one common time constant, and
+    # N(0, 2 r²) for two whose logarithms have the prior deviation r.
     fit = candidate.calibration
     times = {name: _time(fit, name) for name in candidate.effects if name in DRIFTS and f"{name}.time" in fit.names}
     for one, other in combinations(times, 2):

@@ -12,9 +12,9 @@ from deatwin.ident.mismatch.problem import DiagnosisProblem
 
 
 def contribution(problem: DiagnosisProblem, explanation: Calibration, added: Sequence[str]) -> np.ndarray:
-    """Return readings with the added effects minus those without, (m,), over the noise's level, no parameter changed.
+    """Return the change of the readings due to the added effects, (m,), over the noise level, at unchanged parameters.
 
-    In SI; infinite if the plant fails without the effects.
+    In SI; infinite if the plant cannot be simulated without the effects.
     """
     if not added:
         return np.zeros_like(explanation.residuals)
@@ -25,5 +25,7 @@ def contribution(problem: DiagnosisProblem, explanation: Calibration, added: Seq
 
 
 def readings_of_fit(parts: Sequence[Part], residuals: np.ndarray) -> np.ndarray:
-    """Return the simulated readings that belong to residuals over the noise's level. Shapes: (n,) both, SI."""
+    """Return the simulated readings that belong to residuals, which are divided by the noise level. Shapes: (n,) both,
+    SI.
+    """
     return np.concatenate([part.measured for part in parts]) - residuals * level_of(parts)

@@ -10,8 +10,8 @@ from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.plant.parameters import Parameter
 
 MOST = 0.5
-"""Share of the mismatch's power that an explanation must remove: a nearly adequate base plant becomes adequate with any
-effect."""
+"""Share of the mismatch's power that an explanation must remove, because any effect makes a nearly adequate base plant
+adequate."""
 TRIFLE = 0.05
 """Share of the mismatch's power below which a further effect may only correct the model error."""
 NEARLY_ALL = 0.9

@@ -9,8 +9,8 @@ from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.refit.fitted import fitted_effect
 
 QUARTER = 0.25
-"""Share of a cycle that must be recorded. From its steepest point to its peak a sine departs from the chord by a fifth of
-its rise, as any drift may."""
+"""Smallest share of a cycle that must be recorded. Between its steepest point and its peak a sine departs from the
+chord by a fifth of its rise, as any drift may."""
 
 
 def shows_its_cycles(candidate: Candidate, parts: Sequence[Part]) -> bool:

@@ -22,7 +22,7 @@ def base_tables(base: Forms) -> Variables:
 
 def naming_tables(naming: Explanations) -> Variables:
     """Return all explanations that were tried, the base plant first, with their residuals, SI."""
-    # Those that competed with the best one have a probability; distances d² are those from the best one.
+    # Only explanations that competed with the best one have a probability; the distances d² are from the best one.
     told = [*naming.candidates, *([] if naming.best is None else [naming.best]), *naming.alternatives]
     candidates = list(dict.fromkeys(told))
     probability = [naming.probabilities.get(c.effects, np.nan) for c in candidates]

@@ -26,9 +26,11 @@ Distances = dict[tuple[object, ...], tuple[tuple[Any, ...], float]]
 STRONG = float(np.log(20.0))
 """Log evidence ratio, in nats, beyond which an alternative is excluded (Kass & Raftery 1995: strong evidence)."""
 CREDIBLE = 0.95
-"""Probability that the best explanation and its alternatives must hold together: many weak alternatives count, too."""
+"""Total probability that the best explanation and its alternatives must reach, so that many weak alternatives count
+together."""
 ALTERNATIVE_SHARE = 0.5
-"""An alternative of unknown distance is kept if its residual differs by less than this share of the model error."""
+"""Share of the model error by which the residual of an alternative of unknown distance may exceed that of the best
+explanation."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,7 +90,7 @@ class Naming(Described):
             candidates=(*self.candidates, *alternatives.values()),
             alternatives=(*self.alternatives, *alternatives.values()),
             probabilities=_probabilities(list(competing.values())),
-            # That of the same effects in another variant says nothing of these.
+            # Distances to the same effects in this variant do not hold for those in another variant.
             distances=tuple(d for d in self.distances if d.effects[1] not in elsewhere),
         )
 
@@ -202,7 +204,7 @@ def normalised(weights: Mapping[tuple[str, ...], float]) -> dict[tuple[str, ...]
 
 
 def nothing_tried(base: Candidate) -> Naming:
-    """Return the naming of recordings that need none."""
+    """Return the naming of recordings that need no explanation."""
     return Naming(candidates=(base,), best=None, alternatives=(), probabilities={}, noise=base.noise)
 
 
@@ -213,7 +215,7 @@ def decide(
     good: Callable[[Candidate], bool],
     possible: Callable[[Candidate], bool],
 ) -> Naming:
-    """Choose the best `good` candidate of a stage, and the `possible` alternatives that cannot be excluded."""
+    """Choose the best `good` candidate of a stage, and the `possible` alternatives that cannot be ruled out."""
     # The best candidate must be adequate. An alternative need not be: a candidate that is nearly as likely, or
     # likelier, is not excluded by a limit that the best one meets by a small margin.
     if not stage:

@@ -22,7 +22,7 @@ from deatwin.ident.mismatch.naming.tried import Names, once
 
 _Decision = Callable[[Search, Sequence[Names]], Naming]
 MOST_NEARLY = 2
-"""Largest set that may leave more than the model error: three effects can imitate almost anything."""
+"""Size of the largest set that may leave more than the model error: three effects can imitate almost anything."""
 
 
 def decided(search: Search, stage: Sequence[Names]) -> Naming:
@@ -132,7 +132,7 @@ def _surely(search: Search, decision: Callable[[Sequence[Names]], Naming], over:
 
 
 def _of_none(search: Search, stage: Sequence[Names]) -> Naming:
-    """Decide for no smaller set, because those were refuted."""
+    """Return no decision among smaller sets, because those were refuted."""
     return search.decision((), lambda candidate: False)
 
 
@@ -169,5 +169,5 @@ def _nearly_explains(search: Search, candidate: Candidate) -> bool:
 
 
 def _among(search: Search, stage: Sequence[Names], good: Callable[[Candidate], bool]) -> Naming:
-    competing = [names for names in stage if not search.is_padded(names)]  # to know that may take fits
+    competing = [names for names in stage if not search.is_padded(names)]  # finding this out may require fits
     return search.decision([search.tried[names] for names in competing], good)

@@ -20,15 +20,16 @@ if TYPE_CHECKING:
 
 
 MOST = 12
-"""Candidates that are drawn; more where more cannot be ruled out."""
+"""Number of candidates that are drawn, unless more than this cannot be ruled out."""
 WIDE = 20.0
-"""Ratio of the largest to the smallest bar beyond which the smaller ones are not distinguished on a linear scale."""
+"""Ratio of the largest to the smallest bar above which the axis is logarithmic, because small bars would look alike."""
 THICK = 0.38
-"""Height of a bar, if rows are 1 apart."""
+"""Height of a bar with its gap, if rows are 1 apart."""
 WIDTH, HEIGHT, GAP, LINE = 6.8, 1.8, 0.06, 0.15
-"""Of a new figure, in inches: its height grows with its rows, each with room for the longest name's lines."""
+"""Size of a new figure in inches: its width, the height of everything but the rows, the gap between rows, and the
+height of a line; each row has room for the lines of the longest name."""
 LABEL, TITLE = 36, 66
-"""Characters in a line."""
+"""Largest number of characters in a line of a row's name, and of the title."""
 COLOURS = {
     "chosen": "C0",
     "other form": "0.7",
@@ -42,7 +43,7 @@ COLOURS = {
 
 @dataclass(frozen=True, kw_only=True)
 class _Level:
-    """A horizontal reference line across all bars, SI."""
+    """Reference level that is drawn across all bars, SI."""
 
     name: str
     size: float
@@ -50,7 +51,7 @@ class _Level:
 
 
 def draw_base(base: Forms, ax: Axes | None = None) -> Axes:
-    """Draw what each variant of the base plant leaves."""
+    """Draw the residuals of each variant of the base plant."""
     chosen = base.chosen
     rig = chosen.calibration.plant.rig
     floor = _Level(name="noise and model error", size=float(np.hypot(base.noise, rig.model_error)), style="--")
@@ -63,7 +64,7 @@ def draw_base(base: Forms, ax: Axes | None = None) -> Axes:
 
 
 def draw_naming(naming: Explanations, ax: Axes | None = None) -> Axes:
-    """Draw what each candidate leaves."""
+    """Draw the residuals of each candidate."""
     rows = [row_of(candidate, naming) for candidate in _shown(naming)]
     return _draw(rows, [_noise(naming.noise)], _conclusion(naming, len(rows) - 1), ax)
 

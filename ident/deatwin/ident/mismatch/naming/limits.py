@@ -27,7 +27,7 @@ def with_limits(naming: Naming, possible: Callable[[Candidate], bool]) -> Naming
 
 
 def _become(candidate: Candidate) -> Iterator[frozenset[str]]:
-    """Yield the sets of effects that a candidate may be, besides its own."""
+    """Yield the sets of effects to which a candidate may be equal, besides its own."""
     fit = candidate.calibration
     for effect in fit.plant.effects:
         for parameter, other in effect.becomes.items():

@@ -20,7 +20,7 @@ from deatwin.ident.mismatch.naming.variants import in_variant, with_fewer
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 
 MOST_CAUSES = 3
-"""Larger sets of effects cannot be distinguished."""
+"""Largest number of effects in an explanation; larger sets cannot be distinguished."""
 _InVariant = tuple[Search, list[Names], Naming]
 """Search in one rig variant, the single effects tried there, and the decision among them."""
 
@@ -147,7 +147,7 @@ def _one_after_another(
     search: Search, stage: list[Names], naming: Naming, tell: Callable[[int, float], None]
 ) -> Iterator[Naming]:
     """Yield the decision among single effects (`naming`), among larger sets, and last among nearly adequate sets."""
-    # `tell` takes the number of added effects and the share of that stage that is done.
+    # `tell` is called with the number of added effects and the finished share of that stage.
     for number in range(1, MOST_CAUSES):
         yield settled(search, stage) if naming.best is None else naming
         stage = search.with_one_more(stage, partial(tell, number))
@@ -160,11 +160,11 @@ def _one_after_another(
 
 def _best_variant(variants: Sequence[_InVariant]) -> _InVariant:
     """Return the rig variant in which the search continues."""
-    # The variant is that with the likeliest adequate effect. If there is none: the variant in which an effect leaves
-    # clearly less; else one that leaves, without effects, hardly more than the first variant does with an effect; else
-    # the first. The rig file's own variant is given up only for strong evidence, and for the same effects only if the
-    # model error could not have caused the difference. Adequate effects of other variants that cannot be excluded are
-    # kept as alternatives.
+    # The search continues in the variant with the likeliest adequate effect. If no effect is adequate, it continues in
+    # the variant in which an effect leaves clearly less than in the first; else in one that leaves, without effects,
+    # hardly more than the first variant does with an effect; else in the first. The rig file's own variant is given up
+    # only for strong evidence, and for the same effects only if the model error could not have caused the difference.
+    # Adequate effects of other variants that cannot be ruled out are kept as alternatives.
     sufficing = [(naming.best, k) for k, (_, _, naming) in enumerate(variants) if naming.best is not None]
     if not sufficing:
         least = [search.least(stage) for search, stage, _ in variants]

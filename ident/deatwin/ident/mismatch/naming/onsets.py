@@ -18,7 +18,7 @@ from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
 
 VANISHING = 1e-6
-"""Share of an effect's squared response below which the part that parameters cannot imitate is rounding."""
+"""Share of an effect's squared response below which the remainder that parameters cannot imitate is only rounding."""
 
 
 def event_leads(
@@ -51,10 +51,10 @@ def event_lead(
     `known` is the response to the event before all samples; `rms`, SI, is that of a fit without the event. Shapes:
     `times` (m,), in any order, s; `residuals` (m,), without the event, SI; `jacobian` (m, n).
     """
-    # The response is set to zero before the event's time, which is exact for a sudden change, and rough for one that
-    # grows: the score test over all times of a change (Andrews, Econometrica 61 (1993) 821, doi:10.2307/2951764). The
-    # explained share refers to the square of `rms`, and is counted from the smaller of it and the first-order residual
-    # without the event.
+    # The response is set to zero before the event's time, which is exact for a sudden change and approximate for a
+    # growing one. This is the score test over all times of a change (Andrews, Econometrica 61 (1993) 821,
+    # doi:10.2307/2951764). The explained share is relative to the square of `rms`, and is counted from the smaller of
+    # that square and the first-order residual without the event.
     strength, event = (known.effect.described(name) for name in (known.effect.strength, known.effect.event))
     order = np.argsort(times, kind="stable")
     clock, basis = times[order], tangent_basis(jacobian)

@@ -25,7 +25,7 @@ from deatwin.ident.mismatch.refit.search import DECIDING
 from deatwin.ident.parallel import run_jobs
 
 TINY = 1e-300
-"""Smallest probability: thousands of nats may lie between explanations."""
+"""Smallest probability by which another is divided: thousands of nats may lie between explanations."""
 Refit = Callable[[Candidate, Sequence[Part]], Candidate | None]
 
 

@@ -44,9 +44,9 @@ class Explanations(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """One candidate: its name and its role among the others."""
+    """One candidate with its name and its role among the others."""
 
-    name: str  # as a person says it
+    name: str  # in words
     candidate: Candidate
     role: str  # such as "best explanation"
 
@@ -57,7 +57,7 @@ class Row:
 
 
 def variant_rows(base: Forms) -> list[Row]:
-    """Return the variants of the base plant, the chosen one first, each by what it states differently."""
+    """Return the variants of the base plant, the chosen one first, named by what they state differently."""
     variants = (base.chosen, *base.alternatives)
     told = differences([c.calibration.plant.rig for c in variants])
     return [
@@ -67,9 +67,9 @@ def variant_rows(base: Forms) -> list[Row]:
 
 
 def row_of(candidate: Candidate, naming: Explanations) -> Row:
-    """Return a candidate by its effects, and by the variant of the rig where that is another one."""
+    """Return the row of a candidate, named by its effects and, if it belongs to another rig variant, by that variant."""
     name = in_words(candidate) or "base plant"
-    # Candidates of another search stand on another variant of the rig.
+    # Candidates of another search belong to another variant of the rig.
     stated, own = differences([c.calibration.plant.rig for c in (naming.base, candidate)])
     if own != stated:
         name = f"{name} ({_stated(own)})"
@@ -77,7 +77,7 @@ def row_of(candidate: Candidate, naming: Explanations) -> Row:
 
 
 def in_words(candidate: Candidate) -> str:
-    """Return the effects of a candidate as a person says them: "creep + sensor lag"."""
+    """Return the effects of a candidate in words, such as "creep + sensor lag"."""
     return " + ".join(name.replace("_", " ") for name in candidate.effects)
 
 

@@ -20,24 +20,26 @@ from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Scale
 
 SHAPES = 3
-"""Number of values of each shape parameter at which an effect is screened,"""
+"""Number of values of each shape parameter at which an effect is screened."""
 SHAPE_RANGE = (1 / 8, 8.0)
-"""and their range, relative to the typical value."""
+"""Range of these values, relative to the typical value."""
 LEVELS = (0.5, 0.75, 0.9, 0.98)
 """Quantiles of the readings, or of the voltage, at which an effect with a threshold is screened."""
 EVENT_STEP = 0.04
-"""First step of the search for the time of an event, as a share of the record,"""
+"""First step of the search for the time of an event, as a share of the record."""
 EVENT_ERROR = 0.004
-"""and its last step. A fit begins there, after which the time is searched once more."""
+"""Last step of that search, as a share of the record. A fit begins at the time found; afterwards the time is searched
+again."""
 WEAKER = (1.0, 0.2, 0.02)
 """Shares of the typical strength that are tried until the plant can be simulated."""
 TOO_MUCH = 2.0
-"""An effect that changes the readings by more than this multiple of the residual is simulated again with a smaller
-strength, until it is within this ratio,"""
+"""Ratio to the residual above which an effect's change of the readings is too large: the effect is simulated again, at
+a smaller strength, until the change is within this ratio."""
 LOOKS = 3
-"""at most this often,"""
+"""Largest number of these further simulations of an effect."""
 SEEN = 1e-3
-"""but not below this share of the motion, a thousand times the accuracy of a simulation."""
+"""Smallest change at which these simulations aim, as a share of the motion: a thousand times the accuracy of a
+simulation."""
 TINY = 1e-300
 """Smallest size whose logarithm is taken."""
 
@@ -62,12 +64,13 @@ class LinearisedResponse:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Lead:
-    """An effect as a fit should start with it."""
+    """An effect with values from which a fit should start."""
 
-    effect: Effect  # with the most promising shape and sign, at its typical strength or one that can be simulated
-    share: float  # of the squared residual that it could explain to first order
-    estimate: Effect  # with the strength at which it does
-    # Mean square left, SI, in another plant than that of the fit, if the effect is seen there; else 0
+    # effect with its most promising shape and sign, at its typical strength or one that can be simulated
+    effect: Effect
+    share: float  # share of the squared residual that the effect could explain to first order
+    estimate: Effect  # effect at the strength at which it explains this share
+    # Mean square that remains with the effect, SI, if it was estimated in another plant than that of the fit; else 0
     left: float = 0.0
 
 
@@ -126,10 +129,10 @@ def most_promising(*several: Iterable[Lead]) -> tuple[Lead, ...]:
 def response(
     plant: Plant, parts: Sequence[Part], without: np.ndarray, effect: Effect, missing: float
 ) -> LinearisedResponse | None:
-    """Return what an effect does at its typical strength, or a weaker one; None if the plant can be simulated at none.
+    """Return the response of an effect at its typical strength or a weaker one; None if none of them can be simulated.
 
-    `without`, (m,), is what the plant reads without the effect, SI. The effect does about as much as is `missing`, rms
-    with noise, SI, or as at its typical strength if that is less.
+    `without`, (m,), are the plant's readings without the effect, SI. The strength is such that the effect changes them
+    by about as much as is `missing`, rms with noise, SI, or it is the typical strength if that changes them less.
     """
 
     def does(strength: float) -> np.ndarray | None:
@@ -183,7 +186,9 @@ def _lead(known: LinearisedResponse, residual: np.ndarray, basis: np.ndarray) ->
 
 
 def started(effect: Effect, strength: float) -> tuple[Effect, Effect]:
-    """Return an effect as the start of a distant fit, with its own size, and of a nearby one, with a `strength`."""
+    """Return an effect at its own strength but the sign of `strength`, for a distant fit, and at `strength`, for a
+    nearby one.
+    """
     known = effect.described(effect.strength)
     values = (np.copysign(known.value, strength), strength)
     start, estimate = (
@@ -209,7 +214,9 @@ def _at_its_time(
     times: np.ndarray,
     simulate: Callable[[Effect], LinearisedResponse | None],
 ) -> LinearisedResponse:
-    """Return the event at the time at which it explains most; a fit cannot move it, because few samples depend on it."""
+    """Return the event at the time at which it explains most; a fit cannot move it, because few samples depend on its
+    time.
+    """
     basis, event = tangent_basis(fit.movable), found[0].effect.event
     known = found[0].effect.described(event)
     first, last = known.lower, known.upper

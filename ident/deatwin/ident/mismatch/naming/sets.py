@@ -21,9 +21,9 @@ from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect
 
 BESIDE = 6
-"""Number of effects that are tried beside others."""
+"""Number of the most promising effects that are tried beside the effects of a set."""
 ALONE = 3
-"""Number of the best single effects that are added to others regardless of their score."""
+"""Number of the best single effects that are added to a set regardless of their score."""
 
 
 class Search(Tried):
@@ -78,7 +78,7 @@ class Search(Tried):
         for before in self._beginnings(stage):
             beside = self.beside(before, finished)
             found += beside
-            finished = None  # the share of a second beginning is not known beforehand
+            finished = None  # progress beside a second set is not known beforehand
             best = self.best_that_counts(beside)
             if best is not None:
                 return found + self.replacing(before, best)
@@ -126,8 +126,8 @@ class Search(Tried):
         return self._new(trials)
 
     def _siblings(self, names: Names, best: Names) -> list[Names]:
-        """Try, beside `names`, effects that act like the rest of `best`; return the sets with a new or better fit."""
-        # Done once for each fit of `best`, and only if it is the best of its size.
+        """Try, beside `names`, effects that act like the others of `best`; return the sets with a new or better fit."""
+        # This is done once for each fit of `best`, and only if it is the best of its size.
         found, fit = self.tried[best].calibration, self.tried[names].calibration
         done = self._replaced.get((best, names)) is found
         if done or not self.takes_most(best) or not self.is_best_of_its_size(best):
@@ -164,7 +164,7 @@ class Search(Tried):
         return [effect for effect in others if effect.name not in full.effect_names and is_open(effect)]
 
     def _new(self, trials: Sequence[Trial], finished: Finished | None = None) -> list[Names]:
-        """Try the trials of new sets, against the best known set of the same size."""
+        """Try the trials of sets not tried before, compared with the best known set of the same size."""
         new = [t for t in trials if self.names_of(t) not in self.tried]
         size = len(self.names_of(new[0])) if new else 0
         return self.attempt(new, finished, self.least_rms([names for names in self.tried if len(names) == size]))
@@ -209,7 +209,7 @@ class Search(Tried):
         return tuple(lead for lead in found if lead.effect.name in asked)
 
     def _screened(self, names: Names, further: Sequence[Effect]) -> tuple[Lead, ...]:
-        """Return the same from the linearised responses, without events."""
+        """Return what each effect could explain of a candidate's residual by its linearised response, without events."""
         fit, base = self.tried[names].calibration, self.tried[()].calibration
         if not names:
             return leads(self.known(), fit)
@@ -232,7 +232,7 @@ class Search(Tried):
 
 
 FIRST = 3
-"""Number of untried pairs that are tried because they promise most."""
+"""Number of untried pairs that are tried because they are the most promising."""
 
 
 def joint_trials(search: Search) -> list[Trial]:
@@ -254,8 +254,9 @@ def joint_trials(search: Search) -> list[Trial]:
 
 def _of_all(search: Search) -> Iterator[tuple[float, Trial]]:
     """Yield each trial with the mean square that it leaves to first order, at any values of its parameters."""
-    # Many single fits were given up before their minimum; what their own parameters would still remove is no merit of a
-    # second effect. For an event, which is seen from another plant, the larger of two estimates is used.
+    # Many single fits were given up before their minimum; what their own parameters would still remove is not
+    # attributed to a second effect. For an event, which is estimated in another plant, the larger of two estimates is
+    # used.
     singles = [names for names in search.tried if len(names) == 1]
     for names, events in zip(singles, search.event_leads(*singles), strict=True):
         fit = search.tried[names].calibration

@@ -17,11 +17,11 @@ from deatwin.plant.model import Plant
 BY_SCORE, BY_OPENING = 6, 4
 """Number of effects chosen by their first-order score, and by a rough fit of the openings."""
 OPENING_SAMPLES, EVALUATIONS = 1500, 6
-"""Number of samples and simulations of a rough fit."""
+"""Number of samples, and largest number of simulations, of a rough fit."""
 
 
 def shortlist(problem: DiagnosisProblem, start: Plant, found: Sequence[Lead]) -> tuple[Lead, ...]:
-    """Choose effects to be fitted from all leads, of which the best first-order score comes first."""
+    """Choose effects to be fitted from all leads, which are ordered by their first-order score, the best first."""
     # The score misses an effect that the fitted plant imitates, as a biased damping imitates a lag of the voltage. A
     # rough fit of the opening of each experiment, from an unbiased start, finds such effects, but misses late and slow
     # ones.

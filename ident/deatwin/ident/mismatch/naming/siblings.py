@@ -18,8 +18,8 @@ from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect
 
 ALIKE = 0.25
-"""An effect is tried if to first order it could do this share of what the found one does: their responses correlate
-by a half. The found effect may imitate the rest badly."""
+"""Share of the squared response of the found effect that another one must be able to cause, to first order, before it
+is tried: their responses have a correlation of a half. The found effect may imitate the rest badly."""
 LOOKED_AT = 8
 """Number of the most similar effects that are simulated at their estimated strength."""
 MOST = 3

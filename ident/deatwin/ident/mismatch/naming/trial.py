@@ -29,17 +29,17 @@ from deatwin.ident.parallel import run_jobs, stream_jobs
 from deatwin.plant.model import Plant
 
 FAILED_SEARCH = 1.02
-"""A fit whose rms residual exceeds the prediction by this ratio has failed to find the minimum."""
+"""Ratio of the rms residual to its prediction above which a fit has failed to find the minimum."""
 FEW = 4
 """Number of simulations that show whether a start from the biased plant is promising."""
 NEAR = 1.1
-"""Fits are completed if their rms residual, or its linearised minimum, is within this ratio of the best; so are fits
-that leave hardly anything."""
+"""Ratio to the best rms residual within which a fit, or its linearised minimum, must be to be completed; fits that
+leave hardly anything are always completed."""
 HOPELESS = 1.5
-"""A fit is given up if its linearised minimum exceeds the rms residual of another fit by this ratio. In fits to all
-samples the linearised minimum at the first point is mostly within 15 % of the final value."""
+"""Ratio of a fit's linearised minimum to the rms residual of another fit above which the fit is given up. In fits to
+all samples the linearised minimum at the first point is mostly within 15 % of the final value."""
 MOSTLY = 0.5
-"""A fit is not given up if its mean square is less than this share of that without its last effect."""
+"""Share of the mean square without the last effect below which a fit is not given up."""
 FIRST = 2
 """Number of trials that are made first; the others must come near to the best of them."""
 OTHERWISE = (-1.0, 0.1, 1e-3)
@@ -51,10 +51,11 @@ Fitted = Callable[[Calibration, np.ndarray | None], None]
 class Trial:
     """Start of the fit of a set of effects."""
 
-    start: Plant  # with the effects, and with values that were not biased by a fit without them
-    biased: Plant  # a second start, with the values of the best fit without the last effect
+    start: Plant  # the effects, at values that were not biased by a fit without them
+    biased: Plant  # second start, at the values of the best fit without the last effect
     without: Calibration  # fit without the last effect, a special case of this one
-    share: float = 0.0  # of that fit's squared residual that the last effect explains to first order; 0 if unknown
+    # share of that fit's squared residual that the last effect explains to first order; 0 if unknown
+    share: float = 0.0
 
     @property
     def promised(self) -> float:
@@ -139,16 +140,17 @@ def unbiased_like(problem: DiagnosisProblem, fitted: Plant) -> Plant:
 
 def _tried(problem: DiagnosisProblem, trial: Trial, hopeless: float) -> Calibration:
     """Fit from the unbiased plant and, if the result is worse than predicted, also from the biased one."""
-    # A fit without an effect is biased to imitate it, and its values are far from the right ones; but the minimum that
-    # the score predicts is near it, and a search from far away may end elsewhere. If a fit leaves more than the fit
-    # without the new effects, it is repeated from that fit with a little of them. If no start can be simulated, the
-    # effect is reversed or reduced: a softening spring may release the ball, a hardening or weaker one does not.
+    # A fit without an effect is biased: it imitates the effect with parameters that are far from the right ones. But
+    # the minimum that the score predicts is near this fit, and a search from far away may end elsewhere. If a fit
+    # leaves more than the fit without the new effects, it is repeated from that fit with a little of them. If no start
+    # can be simulated, the effect is reversed or reduced: a softening spring may release the ball, a hardening or
+    # weaker one does not.
     found = search(trial.start, problem.fitted, hopeless)
     if found.given_up and found.rms**2 < MOSTLY * trial.without.rms**2:
         found = _better(
             found, further(found, problem.fitted, **ROUGHLY)
-        )  # far from the minimum the linearised one is least accurate
-    # The plant without the effect is a special case, so a worse fit is a failed search.
+        )  # the linearised minimum is least accurate far from the minimum
+    # The plant without the effect is a special case, so a worse fit means that the search failed.
     if not found.status.ok or found.rms > FAILED_SEARCH * trial.promised:
         again = descend(trial.biased, problem.fitted, evaluations=FEW, tolerance=ROUGH, hopeless=hopeless)
         if again.status is FitStatus.STOPPED and _better(found, again) is again:

@@ -18,7 +18,7 @@ from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.plant.model import Plant
 
 CLEARLY_BETTER = 0.8
-"""The search continues in another rig variant if this leaves less than this share of the mean square."""
+"""Ratio of mean squares below which another rig variant leaves clearly less, so that the search continues there."""
 Finished = Callable[[float], None]
 Names = tuple[str, ...]
 
@@ -34,7 +34,7 @@ def once(stage: Sequence[Names]) -> list[Names]:
 
 
 def _is_better(fit: Calibration, known: Calibration) -> bool:
-    """Return whether a fit replaces the known one: it was finished, or it leaves less."""
+    """Return whether a fit replaces the known one: only it was completed, or it leaves less."""
     return known.given_up if known.given_up != fit.given_up else fit.rms < known.rms
 
 
@@ -72,7 +72,7 @@ class Tried:
 
     def best_that_counts(self, stage: Sequence[Names]) -> Names | None:
         """Return the set with the most evidence among those of a `stage` in which each effect counts, or None."""
-        # One after another, because testing whether a set counts may take a fit.
+        # Sets are tested one after another, because a test may take a fit.
         return next((names for names in self.ranked(stage) if self.each_counts(names)), None)
 
     def least_rms(self, stage: Sequence[Names]) -> float:

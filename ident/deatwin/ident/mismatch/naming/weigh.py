@@ -43,8 +43,8 @@ from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.plant.parameters import Parameter
 
 OWN, OTHER = 0.05, 0.015
-"""Standard deviations of the law error along a second effect, as shares of the effect's contribution: of the part that
-another law of the same mechanism could cause, and of the rest."""
+"""Standard deviations of the error of an effect's law along a second effect, as shares of the first effect's
+contribution: of the part that another law of the same mechanism could cause, and of the rest."""
 LOOPS, LOOSE = frozenset({"coulomb_friction", "hysteresis"}), 0.1
 """Effects whose laws vary more, and not by a filter; for them both deviations have this value. It was measured between
 other laws of these mechanisms and the catalogue's (docs/development/evidence.md)."""
