@@ -15,40 +15,45 @@ from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, Scale
 
 DATA_SHEET = 0.3
-"""Relative deviation of a plant's parameter from its nominal value: what data sheets of elastomers are wrong by."""
+"""Relative standard deviation of a plant's parameter about its nominal value: typical error of elastomers' data sheets.
+"""
 WRONG = 0.05
 """Probability that a nominal value is simply wrong, so that the parameter may lie anywhere in its range (a contaminated
 prior: Berger and Berliner, Ann. Statist. 14 (1986) 461, doi:10.1214/aos/1176349933)."""
 AMPLITUDE, RATE = 2.0, 1.0
-"""Deviation of an effect's strength in typical ones, and of the logarithm of its times: a factor of e either way."""
+"""Prior standard deviations of an effect's strength, in typical strengths, and of the logarithm of its time constants,
+a factor of e either way."""
 FAST, FAST_TIMES = 0.4, (5.0, 50.0)
-"""Rms of the fast error as a share of the rig's, and its time constants in samples: sampling follows the motion."""
+"""Rms of the fast part of the model error, as a share of the rig's, and its time constants in samples, since sample
+times are chosen for the motion."""
 TIMING = 0.15
-"""Deviation of the time at which a reading is taken, in samples."""
+"""Prior standard deviation of the time at which a reading is taken, in samples."""
 SLOW, SLOW_TIME, SLOW_MODES = 0.3, 3000.0, 4
-"""Rms of the slow error as a share of the rig's, its time constant in samples, and the modes that are kept of it."""
+"""Rms of the slow part of the model error, as a share of the rig's, its time constant in samples, and the number of its
+modes that are kept."""
 SPREAD, NOISE = 0.7, 0.1
-"""Deviations of the logarithms of the fast error's rms, a factor of two either way, and of the noise's."""
+"""Prior standard deviations of the logarithm of the fast error's rms, a factor of two either way, and of that of the
+noise."""
 ACCURACY = 1e-6
-"""Noise of a simulation, as a share of the motion, for readings without any noise."""
+"""Error of a simulation, as a share of the motion, which replaces the noise of readings without any."""
 LEAST_ERROR = 0.05
-"""Smallest model error, as a share of the noise, of a rig that states none."""
+"""Smallest model error of a rig that states none, as a share of the noise."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OwnError:
-    """The error of a plant, divided by the noise's relative level, as residuals are.
+    """Model error of a plant in one reading, divided by the noise's relative level, as residuals are.
 
-    What does not repeat is stationary after that: the plant errs fast where it moves most, and there motion-dependent
-    noise is largest.
+    The part that does not repeat is stationary after that division: the plant errs fast where it moves most, and
+    motion-dependent noise is largest there.
     """
 
-    readings: np.ndarray  # (n,), SI
+    readings: np.ndarray  # (n,), simulated readings, SI
     times: np.ndarray  # (n,), s
-    records: np.ndarray  # (n,), numbers of the experiments
+    records: np.ndarray  # (n,), number of the experiment
     sample_time: float
     noise: float  # SI
-    stated: float  # rms that the rig states, SI
+    stated: float  # rms model error that the rig states, SI
     level: np.ndarray | float = 1.0  # (n,)
 
     @property
@@ -101,7 +106,7 @@ def departure(parameter: Parameter, nominal: Parameter) -> float:
 
 def nominal_odds(parameter: Parameter, nominal: Parameter) -> float:
     """Return the log prior density of a plant's parameter relative to that of its nominal value; 0 or less."""
-    # Both densities are in units of the normal one's peak.
+    # Both densities are relative to the peak of the normal one.
     anywhere = WRONG * deviation(nominal) * np.sqrt(2.0 * np.pi / 12.0) / _width(nominal)
     usual = (1.0 - WRONG) * np.exp(-0.5 * departure(parameter, nominal) ** 2)
     return float(np.log((usual + anywhere) / (1.0 - WRONG + anywhere)))
@@ -109,7 +114,7 @@ def nominal_odds(parameter: Parameter, nominal: Parameter) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Coordinate:
-    """Prior knowledge of a parameter's coordinate; a parameter that cannot be negative has half of this normal law."""
+    """Prior of a parameter's coordinate: normal, or half a normal law if the parameter cannot be negative."""
 
     mean: float
     deviation: float
@@ -117,8 +122,8 @@ class Coordinate:
 
 
 def coordinate(parameter: Parameter, nominal: Plant, effects: Mapping[str, Effect], reading: float) -> Coordinate:
-    """Return what is known of a parameter of a plant or, by its name, of an effect; `reading` is the largest, SI."""
-    # The value of a parameter that only another variant of the plant has is known as well as any.
+    """Return the prior of a plant's parameter or, by its name, of an effect's; `reading` is the largest reading, SI."""
+    # A parameter that only another variant of the plant has is known as well as any other.
     if parameter.name in nominal.parameters:
         known = nominal.parameters[parameter.name]
         return Coordinate(mean=known.scale.to_coordinate(known.value), deviation=deviation(known))
@@ -126,14 +131,15 @@ def coordinate(parameter: Parameter, nominal: Plant, effects: Mapping[str, Effec
     if name not in effects:
         return Coordinate(mean=parameter.scale.to_coordinate(parameter.value), deviation=deviation(parameter))
     effect = effects[name]
-    if own not in {p.name for p in effect.describe()}:  # of a memory the start, anywhere in its range if it is unknown
+    if own not in {p.name for p in effect.describe()}:  # start of a memory, anywhere in its range if unknown
         return Coordinate(mean=0.0, deviation=_width(parameter))
     typical = effect.described(own)
     if own == effect.strength:
         return Coordinate(mean=0.0, deviation=strength_deviation(effect), one_sided=typical.lower >= 0.0)
     if typical.scale is Scale.LOGARITHMIC:
         return Coordinate(mean=typical.scale.to_coordinate(typical.value), deviation=RATE)
-    if own == effect.threshold:  # in the upper half of what is reached, or nothing would be seen of it
+    # in the upper half of the range that is reached; otherwise hardly anything would be seen of it
+    if own == effect.threshold:
         high = typical.upper if typical.unit == "V" else min(typical.upper, reading)
         return Coordinate(mean=0.75 * high, deviation=0.25 * high)
     return Coordinate(mean=typical.value, deviation=min(_width(typical), max(abs(typical.value), 1.0)))
@@ -158,4 +164,4 @@ def pair_odds(catalogue: int) -> float:
 
 
 PRIORS: Mapping[int, float] = {0: 1 / 2, 1: 3 / 8, 2: 1 / 10, 3: 1 / 40}
-"""Probability of so many effects."""
+"""Prior probability of each number of effects."""

@@ -7,8 +7,8 @@ With whitened residual r and columns G, z where the fit lies in the standard nor
     b = G^T r - z, \quad M = G^T G + I, \quad
     \log p(y) = -\tfrac12 \Big(r^T r + z^T z - b^T M^{-1} b + \sum_k \log 2\pi S_k + \log\det M\Big)
 
-exact where the readings are linear in the coordinates. An amplitude a that cannot be negative has half a normal as its
-prior, which makes this times :math:`2\Phi(m/s)`, m and s being the mean and deviation of a without that limit.
+This is exact if the readings are linear in the coordinates. The prior of an amplitude a that cannot be negative is half
+a normal law. This multiplies p(y) by :math:`2\Phi(m/s)`, with m and s the mean and deviation of a without that limit.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ LOG_2PI = float(np.log(2.0 * np.pi))
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Weighed:
-    """A fit at one ratio of error and noise: log evidence and coordinates as functions of the noise."""
+    """Log evidence and coordinates of a fit, as functions of the noise, at one ratio of error to noise."""
 
     products: np.ndarray  # (m + 1, m + 1), of the whitened residual and columns, for unit noise
     logs: float  # sum of the log variances of the innovations
@@ -35,8 +35,9 @@ class Weighed:
 
     @cached_property
     def _axes(self) -> tuple[np.ndarray, np.ndarray]:
-        # Of columns of unlike sizes the products hold each to its own rounding, but their eigenvalues all to that of the
-        # largest. So a root is taken of the scaled products, and then the singular values, whose rounding is its square.
+        # If columns differ in size, each product is accurate relative to its own size, but an eigenvalue only relative
+        # to the largest one. So a root of the scaled products is taken, and then its singular values, whose rounding
+        # error becomes squared in the eigenvalues.
         products = self.products[1:, 1:]
         sizes = np.sqrt(np.diagonal(products))
         sizes = np.where(sizes > 0.0, sizes, 1.0)
@@ -78,16 +79,17 @@ class Weighed:
 
 def log_above(mean: np.ndarray, cov: np.ndarray, above: np.ndarray) -> np.ndarray:
     """Return the log probability, (g,), that normal variables, mean (g, q), all lie above limits, (q,)."""
-    # Limits are taken in one after the other: exact for one variable or independent ones; else each variable is taken
-    # for normal again once it was cut (Mendell & Elston 1974, doi:10.2307/2529617).
+    # The limits are applied one after the other. This is exact for one variable or independent ones; otherwise each
+    # variable is treated as normal again after each cut (Mendell & Elston 1974, doi:10.2307/2529617).
     mean, cov, total = mean.copy(), cov.copy(), np.zeros(len(mean))
     edges = (mean - above) / np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
-    for k in np.argsort(edges.mean(axis=0)):  # what is cut most comes first, since that is exact
+    for k in np.argsort(edges.mean(axis=0)):  # the largest cut comes first, since the first one is exact
         spread = np.sqrt(cov[:, k, k])
         edge = (mean[:, k] - above[k]) / spread
         inside = log_ndtr(edge)
         total += inside
-        hazard = np.exp(-0.5 * (edge**2 + LOG_2PI) - inside)  # mean of what was cut, in deviations
+        # mean of the variable after the cut, in standard deviations
+        hazard = np.exp(-0.5 * (edge**2 + LOG_2PI) - inside)
         along = cov[:, :, k] / spread[:, None]
         mean += along * hazard[:, None]
         cov -= np.einsum("gi,gj,g->gij", along, along, hazard * (hazard + edge))

@@ -86,14 +86,15 @@ class Reading:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prior:
-    """Standard normal coordinates, (m,)."""
+    """Prior of the coordinates, (m,): standard normal, with lower bounds."""
 
-    fitted: np.ndarray  # where the fit lies in them
-    above: np.ndarray  # lower bounds: 0 for an amplitude that cannot be negative, which is half a normal; -inf for none
+    fitted: np.ndarray  # coordinates of the fit
+    # lower bounds: 0 for an amplitude that cannot be negative, whose prior is half a normal law; else -inf
+    above: np.ndarray
 
     @classmethod
     def of(cls, *blocks: tuple[int, np.ndarray | None], one_sided: Sequence[int] = ()) -> Self:
-        """Join blocks of coordinates, at the fitted values or 0, and say which of them cannot be negative."""
+        """Join blocks of coordinates, at fitted values or else at 0; those in `one_sided` cannot be negative."""
         fitted = np.concatenate([np.zeros(m) if at is None else at for m, at in blocks])
         above = np.full(fitted.size, -np.inf)
         above[list(one_sided)] = 0.0

@@ -1,8 +1,8 @@
 r"""Evidence with the scales unknown: :math:`\int p(y|\kappa, \sigma)\,p(\kappa)\,p(\sigma)`.
 
-The whitening depends on ρ = κ/σ only; at each ρ the noise is integrated over exactly, at hardly any cost. Of one
-reading the integral over log ρ is a sum over two dozen values, laid where the integrand is; of several, whose columns
-share their coordinates, it is Laplace's over all log ρ and log σ about the joint maximum.
+The whitening depends on ρ = κ/σ only; at each ρ the integral over the noise is exact and costs hardly anything. For one
+reading the integral over log ρ is a sum over two dozen values, placed where the integrand is large. For several, whose
+columns share their coordinates, Laplace's rule integrates over all log ρ and log σ about the joint maximum.
 """
 
 from __future__ import annotations
@@ -20,22 +20,25 @@ from deatwin.ident.mismatch.likelihood.whitening import grams
 from deatwin.plant.errors import DataError
 
 NODES = 8
-"""Ratios at a time: over the prior, about the best of these, and across the peak."""
+"""Number of ratios that are evaluated at a time: over the prior, about the best of these, and across the peak."""
 FAR = 4.0
-"""Deviations of the prior over which ratios are tried first."""
+"""Half width of the range of ratios that is tried first, in standard deviations of the prior."""
 SHIFTS = 8
-"""Times that the ratios move on where the best is the last one: each is as far as the prior is wide."""
+"""Largest number of times that the range is extended, by its half width, because the best ratio is at its end; also the
+largest number of times that ratios are added about the peak."""
 NEGLIGIBLE = 30.0
-"""Nats below the peak: e^-30 of it."""
+"""Nats below the peak from which on the integrand, e^-30 of the peak, is negligible."""
 FEWEST = 4
-"""Places at a peak, as many as a cubic needs."""
+"""Smallest number of ratios at a peak: a cubic needs four."""
 TWICE = 0.02
-"""Widths of the peak: nearer to each other two ratios are one, since a spline through both would follow rounding."""
+"""Smallest distance between two ratios, in widths of the peak; a spline through nearer ones would follow rounding
+errors."""
 ACROSS, FINE = 8.0, 41
-"""Deviations on either side of a peak over which a scale is summed, and in how many steps: less than half a deviation,
-of which the trapezoidal rule makes no error that double precision shows."""
+"""Half width of the range over which a scale is summed, in standard deviations of the peak, and number of its values.
+At steps of less than half a deviation the error of the trapezoidal rule is below double precision."""
 STEP, ROUNDS, ENOUGH = 0.01, 40, 1e-6
-"""Step of a logarithm for slopes (e^0.01), most Newton steps, and nats that a last step may gain."""
+"""Step of a logarithm for derivatives (e^0.01), largest number of Newton steps, and gain in nats below which they end.
+"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,7 +62,7 @@ def evidence(readings: Sequence[Reading], prior: Prior) -> Evidence:
 def weighed(reading: Reading, prior: Prior, log_ratios: np.ndarray) -> list[Weighed]:
     """Evaluate a reading at several ratios of error to noise."""
     rows, size = reading.rows, 1 + reading.columns.shape[1]
-    seen = np.flatnonzero(rows.any(axis=1))  # another reading's own error is not in this one
+    seen = np.flatnonzero(rows.any(axis=1))  # the columns of another reading's own error are 0 here
     known, logs = grams(reading.process, np.exp(log_ratios), (reading.times, reading.records), rows[seen])
     found = np.zeros((log_ratios.size, size, size))
     found[:, seen[:, None], seen] = known
@@ -68,7 +71,7 @@ def weighed(reading: Reading, prior: Prior, log_ratios: np.ndarray) -> list[Weig
 
 
 class _Curve:
-    """Log of the integrand over log ρ, at increasing values, with the most probable log σ at each."""
+    """Logarithm of the integrand over log ρ, at increasing values of it, with the most probable log σ at each."""
 
     def __init__(self, reading: Reading, prior: Prior) -> None:
         self._reading, self._prior = reading, prior
@@ -121,12 +124,13 @@ def _integral(curve: _Curve, centre: float, spread: float) -> float:
     at, values = curve.at, curve.values
     best = int(np.clip(np.argmax(values), 1, at.size - 2))
     slopes = np.diff(values[best - 1 : best + 2]) / np.diff(at[best - 1 : best + 2])
-    bend = (slopes[1] - slopes[0]) / (at[best + 1] - at[best - 1])  # of the parabola through three values
+    # quadratic coefficient of the parabola through three values
+    bend = (slopes[1] - slopes[0]) / (at[best + 1] - at[best - 1])
     slope = slopes[0] + bend * (at[best] - at[best - 1])
     width = np.sqrt(-0.5 / bend) if bend < 0.0 else spread
     peak = at[best] - (0.5 * slope / bend if bend < 0.0 else 0.0)
     curve.extend(peak + width * (np.arange(NODES) - (NODES - 1) / 2.0))
-    for _ in range(SHIFTS):  # a peak that is no parabola is looked at more closely
+    for _ in range(SHIFTS):  # if the peak is no parabola, ratios are added about it
         at, values = curve.at, curve.values
         counts = (values > values.max() - NEGLIGIBLE) & (np.diff(at, prepend=-np.inf) > TWICE * width)
         if counts.sum() >= FEWEST:
@@ -136,7 +140,7 @@ def _integral(curve: _Curve, centre: float, spread: float) -> float:
         width = nearer[1] - nearer[0]
         curve.extend(nearer[1:-1])
     else:
-        return float(values.max() + np.log(width))  # only rounding is so uneven
+        return float(values.max() + np.log(width))  # such an uneven peak is only rounding
     fine = np.linspace(at[counts][0], at[counts][-1], 1 + 100 * NODES)
     return float(logsumexp(CubicSpline(at[counts], values[counts])(fine)) + np.log(fine[1] - fine[0]))
 
@@ -148,7 +152,7 @@ def _over_noise(fit: Weighed, reading: Reading, log_ratio: float) -> tuple[float
         priors = reading.sigma.log_density(log_sigma) + reading.kappa.log_density(log_sigma + log_ratio)
         return fit.log_evidence(log_sigma) + priors
 
-    # κ is known: σ follows from ρ.
+    # If σ or κ is known, σ is known, too, or follows from ρ.
     if reading.sigma.spread == 0.0 or reading.kappa.spread == 0.0:
         known = reading.sigma.median if reading.sigma.spread == 0.0 else reading.kappa.median / np.exp(log_ratio)
         log_sigma = float(np.log(known))
@@ -187,7 +191,7 @@ def _of_several(readings: Sequence[Reading], prior: Prior) -> Evidence:
 
 
 def _near(reading: Reading, prior: Prior) -> tuple[float, float]:
-    """Return log κ and log σ near the optimum of a reading alone: the best of the first ratios."""
+    """Return log κ and log σ near the optimum of one reading alone: those at the best of the first ratios."""
     centre = float(np.log(reading.kappa.median / reading.sigma.median))
     spread = float(np.hypot(reading.kappa.spread, reading.sigma.spread))
     curve = _Curve(reading, prior)
@@ -197,7 +201,7 @@ def _near(reading: Reading, prior: Prior) -> tuple[float, float]:
 
 
 class _Joint:
-    """Several readings evaluated together; their products are added."""
+    """Joint log density of several readings, whose products are added."""
 
     def __init__(self, readings: Sequence[Reading], prior: Prior) -> None:
         self._readings, self._prior = readings, prior
@@ -222,7 +226,8 @@ class _Joint:
         return float(self.fit(scales).log_evidence(np.zeros(1))[0] + np.sum(priors))
 
     def _part(self, j: int, log_ratio: float) -> Weighed:
-        if (j, log_ratio) not in self._known:  # slopes ask for those beside it, which whiten in one pass
+        # derivatives need the ratios beside this one as well, and all are whitened in one pass
+        if (j, log_ratio) not in self._known:
             near = np.round(log_ratio + STEP * np.arange(-2, 3), 9)
             parts = weighed(self._readings[j], self._prior, near)
             self._known |= {(j, float(at)): part for at, part in zip(near, parts, strict=True)}

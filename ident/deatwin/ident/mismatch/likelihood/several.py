@@ -87,7 +87,8 @@ class OwnErrors:
 
 def own_errors(rig: Rig, parts: Sequence[Part], readings: np.ndarray, noise: float, stated: float) -> OwnErrors:
     """Return the errors of a plant with `readings`, (n,); the first reading has this `noise` and `stated` error."""
-    # A further reading has the noise that the rig states and, as its error, at least the rig's share of its variation.
+    # A further reading has the noise that the rig states. Its error is at least the rig's share of the reading's
+    # variation.
     whole = np.repeat(np.arange(len(parts)), [part.size for part in parts])
     times, level = np.concatenate([part.timepts for part in parts]), level_of(parts)
     own, places = [], []

@@ -1,4 +1,4 @@
-r"""Columns of what is known of a plant's own error and of the laws of its effects, scaled by prior deviations.
+r"""Columns of the plant's own error and of errors in the laws of its effects, scaled by prior deviations.
 
 B β: bends of the instantaneous relation (polynomials of degree 2 to 7 of the simulated reading), timing (its
 derivative), known directions, and slow modes. L λ: what another law of an effect would do.
@@ -12,15 +12,17 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 
 DEGREES = (2, 7)
-"""Degrees of bends: parameters imitate lower ones, and a film's static relation has no higher ones."""
+"""Smallest and largest degree of the bends: parameters imitate lower degrees, and a film's static relation has no
+higher ones."""
 FILTERS = 8
-"""Time constants of another law: between two of them none acts differently by more than a few per cent."""
+"""Number of time constants of other laws; a law between two of them differs from both by no more than a few per cent.
+"""
 ALIKE = 1e-6
-"""Share by which two laws must differ to be two."""
+"""Smallest share by which two laws must differ to count as two."""
 TINY = 1e-300
-"""Smallest size by which is divided."""
+"""Smallest divisor."""
 GRID = 200
-"""Points on which slow modes are found: the slowest few are smooth over so many."""
+"""Number of points on which slow modes are computed; the slowest few are smooth at this spacing."""
 
 
 def bends(simulated: np.ndarray, rms: float) -> np.ndarray:
@@ -62,8 +64,8 @@ def law(contribution: np.ndarray, times: np.ndarray, level: np.ndarray | float =
 
     Both are over the noise's relative `level`, (n,).
     """
-    # A law may bend (powers of the contribution, and its size), change with time, or act with other times (first-order
-    # filters, from one sample to the whole recording).
+    # Another law may be bent (powers of the contribution, and its absolute value), change with time, or have other time
+    # constants (first-order filters, from one sample to the whole recording).
     from scipy.signal import lfilter
 
     does, clock = contribution * level, _unit(times)

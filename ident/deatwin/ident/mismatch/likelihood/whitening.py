@@ -18,20 +18,22 @@ import numpy as np
 from deatwin.ident.mismatch.likelihood.model import Process
 
 SETTLED = 1e-12
-"""Share of the innovation's variance by which P may still change: 21,000 samples make 1e-8 nats of it."""
+"""Largest change of P still to come that counts as settled, as a share of the innovation's variance: over 21,000
+samples it amounts to 1e-8 nats."""
 ROUNDING = 16.0 * float(np.finfo(float).eps)
-"""Tolerance for each unit of ρ²: rounding grows by so much if P is computed from the process before."""
+"""Additional tolerance for each unit of ρ²: rounding errors of P grow with the variance of the process."""
 SAME_STEP = 1e-6
-"""Relative difference of two steps of one clock: times of day in double precision differ by 1e-9 of a step."""
+"""Relative difference up to which two time steps count as equal: times of day in double precision differ by 1e-9 of a
+step."""
 PIECE = 1000
-"""Samples that are kept at a time where the gains have not settled."""
+"""Number of samples in a block while the gains have not settled."""
 DOUBLINGS = 60
-"""Each doubles the time over which P has settled; 2^60 samples are more than anybody records."""
+"""Largest number of doublings of the time over which P settles; nobody records more than 2^60 samples."""
 
 
 @dataclass(frozen=True, eq=False)
 class Filter:
-    """The process, as a state space for several ratios at once: diagonals a and stationary variances, (k, p)."""
+    """State space of the process for several ratios at once: diagonals a and stationary variances, (k, p)."""
 
     ratios: np.ndarray
     process: Process
@@ -111,7 +113,8 @@ def grams(
     """Return products of the whitened rows with each other, (k, m, m), and sums of the log variances, (k,)."""
     products, logs = np.zeros((ratios.size, len(rows), len(rows))), np.zeros(ratios.size)
     for block in blocks(process, ratios, clock, rows):
-        products[block.ratios] += [w @ w.T for w in block.whitened]  # a matrix by itself: half the work
+        # a product of a matrix with its own transpose: half the work
+        products[block.ratios] += [w @ w.T for w in block.whitened]
         logs[block.ratios] += np.log(block.variances).sum(axis=1)
     return products, logs
 
@@ -125,7 +128,7 @@ def whitened(process: Process, ratio: float, clock: tuple[np.ndarray, np.ndarray
 
 
 def _recording(of: Filter, times: np.ndarray, rows: np.ndarray, first: int) -> Iterator[Block]:
-    """Filter stretches of equal time steps: gain by gain until they have settled, then by a linear filter."""
+    """Filter stretches of equal time steps: sample by sample until the gains have settled, then by a linear filter."""
     steps = np.diff(times, append=2.0 * times[-1] - times[-2] if times.size > 1 else times[-1] + 1.0)
     changes = 1 + np.flatnonzero(np.abs(np.diff(steps)) > SAME_STEP * steps[:-1])
     cov, state, at = of.start(), np.zeros((of.ratios.size, len(rows), len(of.process.times))), 0
@@ -177,7 +180,7 @@ def _steady(
     for k, gain in enumerate(gains):
         closed = decay[:, None] * (
             np.eye(order) - gain[:, None]
-        )  # the state from sample to sample, its reading taken in
+        )  # transition of the state, including the correction by its reading
         poles, zeros = np.poly(closed), np.poly(decay)
         free = np.array([-np.linalg.matrix_power(closed, i).sum(axis=0) for i in range(order)])
         begin = np.stack([np.convolve(poles, row)[:order] for row in state[k] @ free.T])
