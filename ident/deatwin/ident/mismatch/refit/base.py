@@ -36,12 +36,13 @@ if TYPE_CHECKING:
 
 
 OPENS_AS_WELL = 1.2
-"""A variant is fitted to all data if its rms residual on the openings of the experiments, or the linearised minimum, is
-at most this multiple of the nominal variant's."""
+"""Ratio to the nominal variant's rms residual on the openings of the experiments up to which another variant, or its
+linearised minimum, may come to be fitted to all data."""
 DECADE = 10.0
 """Standard error of a parameter, as a factor, beyond which the readings do not determine its order of magnitude."""
 MORE_STARTS, SPREAD = 2, 0.2
-"""Number of further starts, and their relative deviation: typical errors of elastomers' data sheets."""
+"""Number of further starts, and relative standard deviation of their parameters: typical errors of elastomers' data
+sheets."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -145,7 +146,7 @@ def calibrate_base(problem: DiagnosisProblem) -> Base:
 
 
 def beside_alternatives(problem: DiagnosisProblem, base: Base) -> Base:
-    """Return the base plant with its alternative variants, judged by the same noise, if none was asked before."""
+    """Return the base plant with its alternative variants, judged by the same noise, unless it already has some."""
     if base.alternatives:
         return base
     others = [variant for variant in _other_forms(problem, base.chosen) if not _same_form(variant, base.chosen)]
@@ -192,7 +193,8 @@ def _starts(variant: Plant) -> list[Plant]:
 
 def _where_it_acts(near: Calibration, parts: Sequence[Part]) -> Plant:
     """Move each parameter that the readings hardly determine, at the end of a fit, to the best decade."""
-    # A descent has no slope there, as for a damping that is far too small to matter, so it stays or drifts to a bound.
+    # A descent finds no slope there, as for a damping that is far too small to matter, so the parameter stays or drifts
+    # to a bound.
     errors = dict(zip(near.names, np.sqrt(np.diag(near.covariance)), strict=True))
     known = (near.plant.parameters[name] for name in near.names)
     openings = [opening(part, OPENING_SAMPLES) for part in parts]

@@ -13,27 +13,28 @@ from deatwin.ident.greybox.parts import Part, free_run_residuals, reading_times
 from deatwin.plant.model import Plant
 
 OPENING_SAMPLES = 2000
-"""Samples of each experiment's opening used by a first fit, enough for the film's fast parameters."""
+"""Number of samples of each experiment's opening that a first fit uses, enough for the film's fast parameters."""
 OPENING_EVALUATIONS = 8
 ROUGH = 3e-3
-"""Tolerance of a rough fit: 0.15 % of the residual,"""
+"""Tolerance of a rough fit, as a share of the squared residual: 0.15 % of the residual."""
 ROUGHLY: Mapping[str, Any] = {"evaluations": 10, "tolerance": ROUGH}
-"""and its largest number of simulations."""
+"""Largest number of simulations, and tolerance, of a rough fit."""
 DECIDING = 1e-3
 """Relative change of the squared residual that affects no decision: a tenth of a nat in a hundred blocks."""
 SETTLED, EVALUATIONS = 1e-6, 60
-"""Tolerance and largest number of simulations of a final fit; a tenth of a standard deviation remains."""
+"""Tolerance and largest number of simulations of a final fit, which ends within a tenth of a standard deviation."""
 ROUNDS = 4
 """Largest number of restarts from the end of a fit."""
 EVENT_STEP = 0.02
-"""First step of the search for an event's time, as a share of the record,"""
+"""First step of the search for an event's time, as a share of the record."""
 FINEST = 1 / 8
-"""and the last step, as a share of a sample. If a jump is six times the noise, its time is known to 0.17 samples,
+"""Last step of that search, as a share of a sample. A jump of six times the noise shows its time to 0.17 samples,
 because a single sample depends on it."""
 SAME = 1e-6
-"""Times of an event closer than this share of a sample count as equal."""
+"""Share of a sample within which two times of an event count as equal."""
 AROUND = 4
-"""Samples on either side of a minimum that are searched for a lower one, because noise makes the residual rough."""
+"""Number of samples on either side of a minimum that are searched for a lower one, because noise makes the residual
+rough."""
 PROMISING = 1.3
 """Ratio of the mean squared residual to noise and model error below which a fit is completed."""
 
@@ -69,7 +70,7 @@ def finish(rough: Calibration, parts: Sequence[Part]) -> Calibration:
         again = further(found, parts, tolerance=DECIDING)
         if not again.status.ok:
             break
-        spent = found.evaluations + again.evaluations - 1  # the first of a further fit is the last of the one before
+        spent = found.evaluations + again.evaluations - 1  # both fits count the simulation that they share
         gained, found = 1.0 - (again.rms / found.rms) ** 2, replace(again, evaluations=spent)
         if gained < DECIDING:
             break
