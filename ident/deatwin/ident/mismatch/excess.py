@@ -10,9 +10,9 @@ from deatwin.ident.mismatch.losses import block_losses, exceeds
 
 SIGNIFICANCE = 0.01
 PRACTICAL_SHARE = 0.1
-"""Smallest excess that counts, as a share of the noise's power: the noise is not known better."""
+"""Smallest excess that counts, as a share of the noise's power, which is not known more accurately."""
 BEYOND_DOUBT = 2.0
-"""An excess this many times the practical size is a mismatch whatever its scatter."""
+"""Multiple of the practical size above which an excess is a mismatch, however large its scatter."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +42,7 @@ class Excess:
     @property
     def mismatch(self) -> bool:
         """Return whether physics is missing: the excess is significant, or too large to doubt."""
-        # A mismatch in bursts varies so much that no test of its mean is significant.
+        # A mismatch that comes in bursts varies so much that no test of its mean is significant.
         return self.p_value < SIGNIFICANCE or self.size > BEYOND_DOUBT * self.practical
 
 

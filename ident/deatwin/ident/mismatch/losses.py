@@ -22,9 +22,9 @@ def block_losses(residuals: np.ndarray) -> np.ndarray:
 
 def exceeds(losses: np.ndarray, floor: float) -> float:
     """Return the one-sided p-value of a mean of correlated block losses, (b,), that is no larger than a floor."""
-    # The variance is Newey and West's (Econometrica 55 (1987) 703, doi:10.2307/1913610) with the cube root of b lags.
-    # Its scatter leaves Student's law with as many degrees of freedom as Bartlett's window has at frequency 0: half of
-    # 3 b over the width (Priestley, Spectral Analysis and Time Series (1981), 6.2.4).
+    # The variance is that of Newey and West (Econometrica 55 (1987) 703, doi:10.2307/1913610) with the cube root of b
+    # lags. Since it scatters, the statistic has Student's distribution, with the degrees of freedom of Bartlett's
+    # window at frequency 0: half of 3 b over the width (Priestley, Spectral Analysis and Time Series (1981), 6.2.4).
     centred = losses - losses.mean()
     lags = round(losses.size ** (1 / 3))
     variance = np.mean(centred**2)
@@ -42,8 +42,8 @@ def evidence(losses: np.ndarray, parameters: int) -> float:
 
 def bootstrap_gain(before: np.ndarray, after: np.ndarray, rng: np.random.Generator) -> float:
     """Return the lower 95 % bound of how much the rms error falls, from block losses before and after, (b,) each."""
-    # A paired circular block bootstrap (Politis & Romano 1992). As many neighbouring losses as the square root of their
-    # number are drawn together, since a slow residual ties neighbours.
+    # This is a paired circular block bootstrap (Politis & Romano 1992). A slow residual correlates neighbours, so as
+    # many neighbouring losses as the square root of their number are drawn together.
     count = before.size
     run = max(1, round(np.sqrt(count)))
     starts = rng.integers(0, count, size=(RESAMPLES, -(-count // run)))

@@ -34,19 +34,20 @@ if TYPE_CHECKING:
 
 DRAWS = 400
 CERTAIN = 1.25
-"""An excess this many times the practical size is looked into (of 81 clean rigs drawn for this 80 came to 0.92 at most,
-one, by the scatter of its noise that is allowed for below, to 1.3) though chance may make it with a probability of"""
+"""Multiple of the practical size above which an excess counts if its p-value is below `LIKELY`. Of 81 clean rigs drawn
+for this limit 80 reached at most 0.92; one reached 1.3 through the scatter of its noise, for which `SCATTER` allows."""
 LIKELY = 0.5
-"""instead of a hundredth,"""
+"""Largest p-value of such an excess, instead of 0.01 for smaller ones."""
 BEYOND_CHANCE = 3.0
-"""and an excess this many times the practical size regardless of its probability. On about 90 clean rigs the largest was
-1.8."""
+"""Multiple of the practical size above which an excess counts whatever its p-value. The largest of about 90 clean rigs
+was 1.8."""
 SCATTER = 3.0
 """Allowance for the scatter of the noise's power, in standard deviations; it matters in short records."""
 SURELY_LATE = 2.0
-"""Half width of the 95 % interval of the reading's time, in standard deviations; a later reading has a dead time."""
+"""Half width of the 95 % interval of the time of a reading, in standard deviations; a reading that is later has a dead
+time."""
 POINTS = 400
-"""Points of a drawn curve."""
+"""Largest number of points of a drawn curve."""
 
 
 def detect(base: Candidate, problem: DiagnosisProblem, rng: np.random.Generator) -> Detection:
@@ -73,7 +74,7 @@ def detect(base: Candidate, problem: DiagnosisProblem, rng: np.random.Generator)
 
 
 def detect_in(left: Leftover, rng: np.random.Generator, *, draws: int = DRAWS) -> Detection:
-    """Test a residual with a bootstrap of so many `draws`."""
+    """Test a residual with a bootstrap that takes this number of `draws`."""
     law = Law(left, rng, draws)
     scores = law.battery(left.residual[None])
     groups = law.groups(scores)[0]
@@ -107,8 +108,8 @@ def detect_in(left: Leftover, rng: np.random.Generator, *, draws: int = DRAWS) -
 
 def _taking_up_the_rest(base: Candidate, problem: DiagnosisProblem) -> Calibration | None:
     """Refit the plant to all recordings; return the fit if it is adequate in fitted and in held-out data."""
-    # Parameters from the fitted data alone may amplify the model error in the held-out data. A fit that reaches further
-    # bounds is rejected.
+    # Parameters from the fitted data alone may amplify the model error in the held-out data. A fit that drives further
+    # parameters to bounds is rejected.
     if not base.fitted_test.within_error:
         return None  # more data cannot improve the fitted part
     whole = refit(base.calibration, problem.everything)
@@ -120,7 +121,7 @@ def _answering_late(base: Candidate, problem: DiagnosisProblem, size: float) -> 
     """Refit the plant with a dead time; return the fit if it is adequate and the dead time within the timing error."""
     # Triggers, filters and integrators of real rigs are slightly late, which is no missing physics. This is not tried
     # if the residual's `size`, SI, is larger than such a dead time could cause.
-    fit, share = base.calibration, SURELY_LATE * TIMING  # of a sample
+    fit, share = base.calibration, SURELY_LATE * TIMING  # in samples
     if Delay.name in fit.plant.effect_names or Delay.name not in {effect.name for effect in problem.effects}:
         return None
     steps = np.concatenate([np.diff(readings) for readings in _simulated(base, problem)])
@@ -189,7 +190,9 @@ def _statistics(law: Law, left: Leftover, scores: Scores, groups: np.ndarray) ->
 def _seen(
     law: Law, left: Leftover, practical: float, known: Sequence[LinearisedResponse]
 ) -> tuple[dict[str, float | None], bool]:
-    """Return the smallest detectable size of each effect, at its best shape, and whether any is physically possible."""
+    """Return the smallest detectable size of each effect, at its best shape, and whether any of them is physically
+    possible.
+    """
     smallest: dict[str, float | None] = {}
     visible, power = not known, Power(law)
     for response in known:

@@ -38,17 +38,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Curves:
-    """Curves of a detection that are drawn."""
+    """Curves that a plot of a detection shows."""
 
     frequency: np.ndarray  # (f,), Hz
     spectrum: np.ndarray  # (f,), of the residual, SI squared over Hz
-    noise: float  # density of white noise of the floor's level, SI squared over Hz
+    noise: float  # power density of the sensor noise, as white noise, SI squared over Hz
     lines: np.ndarray  # (l,), frequencies of the periodogram, Hz
     cumulated: np.ndarray  # (l,), cumulative periodogram
-    expected: np.ndarray  # (l,), its mean if nothing is missing
-    distance: float  # half width of its 99 % band
-    regressors: tuple[str, ...]  # what the residual is correlated with
-    correlations: np.ndarray  # (r,), each in standard deviations of chance
+    expected: np.ndarray  # (l,), mean cumulative periodogram if nothing is missing
+    distance: float  # half width of the 99 % band about `expected`
+    regressors: tuple[str, ...]  # names of the signals with which the residual is correlated
+    correlations: np.ndarray  # (r,), each divided by its standard deviation under chance
     bound: float  # half width of the 99 % band of all correlations together
 
 

@@ -9,9 +9,9 @@ from deatwin.ident.mismatch.detect.null import Refit, null_residuals
 from deatwin.ident.mismatch.detect.statistics import Battery, Scores
 
 LEVEL = 0.01
-"""Chance of a false alarm over all statistics together."""
+"""Probability of a false alarm, over all statistics together."""
 KEPT = 100
-"""Drawn residuals that are kept to be added to effects."""
+"""Number of drawn residuals that are kept, to which effects are added later."""
 
 
 class Law:

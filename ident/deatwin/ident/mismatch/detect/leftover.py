@@ -37,7 +37,7 @@ class Leftover:
     model_error: float  # rms of the plant's own error after a calibration, SI
     sheet: float = 0.0  # noise that the sensor's data sheet states, SI; 0 if none
     output_unit: str = "m"
-    # Number of samples of the first reading, which come before those of the others; None for all
+    # Number of samples of the first reading, which precede those of further readings; None if there are no others
     first: int | None = None
 
     def __post_init__(self) -> None:
@@ -75,11 +75,12 @@ class Leftover:
 
 def leftover_of(base: Candidate, problem: DiagnosisProblem) -> Leftover:
     """Return residual, Jacobian and signals of a plant, calibrated on the fitted part, on all recordings."""
-    # No refit can move a parameter on a bound of its range, so its column is left out.
+    # A refit cannot move a parameter beyond its bound, so its column is left out.
     fit = base.calibration
     fitting = Problem(plant=fit.plant, parts=problem.everything, names=fit.names)
     found = fitting.evaluate(fitting.start())
-    if found is None:  # cannot be, as the candidate was simulated on all of it; the fitted part is known in any case
+    # cannot happen, since the candidate was simulated on all data; the fitted part is known in any case
+    if found is None:
         residual, jacobian, parts = fit.residuals, fit.jacobian, problem.fitted
     else:
         (residual, jacobian), parts = found, problem.everything

@@ -30,21 +30,21 @@ from deatwin.ident.mismatch.detect.leftover import Leftover
 
 ORDERS = (0, 1, 2, 3)
 STABLE = 1.0 - 1e-4
-"""Largest partial correlation of the noise; at 1, to which a hyperbolic tangent rounds, it would never decay."""
+"""Largest partial correlation of the noise. A hyperbolic tangent rounds to 1, at which the noise would never decay."""
 MOVING = 0.995
-"""Share of the simulated readings' power below the frequency above which the noise's colour is estimated;"""
+"""Share of the simulated readings' power below the band in which the noise's colour is estimated."""
 QUIET_BAND = 0.6
-"""that frequency is at most this share of the Nyquist frequency."""
+"""Highest lower end of that band, as a share of the Nyquist frequency."""
 SEGMENT_SAMPLES = 256
 SHORTEST_SAMPLES = 64
 """Smallest number of sound samples from which a spectrum is estimated."""
 DEGREE = 4
 MEMORIES = 6
-"""Number of lags of the model error's memory, of which a draw has one."""
+"""Number of lags that the model error may have; each draw has one of them."""
 FREEDOMS = 4
-"""Degrees of freedom of the chi-squared law of a draw's mean square."""
+"""Degrees of freedom of the chi-squared distribution of a draw's mean square."""
 CHUNK = 2_000_000
-"""Numbers that are drawn at once."""
+"""Number of random numbers that are drawn at once."""
 BURN_IN = 200
 
 
@@ -70,7 +70,7 @@ class Refit:
 
 
 def null_residuals(left: Leftover, refit: Refit, rng: np.random.Generator, draws: int) -> Iterator[np.ndarray]:
-    """Yield blocks, (b, n), of residuals under which nothing is missing, SI, until so many `draws` are made."""
+    """Yield blocks, (b, n), of residuals of a plant that lacks nothing, SI, with this number of `draws` in total."""
     from scipy.signal import lfilter
 
     n = left.residual.size
@@ -132,7 +132,7 @@ def colour(left: Leftover) -> tuple[np.ndarray, float]:
     """
     frequency, density, averages = _welch(left)
     if not density.all():
-        return np.ones(1), 1.0  # no noise has no colour
+        return np.ones(1), 1.0  # without noise there is no colour
     above = frequency >= _quiet_from(left, frequency)
     best, chosen = np.inf, np.ones(1)
     seen = (frequency[above], density[above], averages)
@@ -179,7 +179,7 @@ def _welch(left: Leftover) -> tuple[np.ndarray, np.ndarray, float]:
     for r in records:
         frequency, density = welch(left.residual[r], 1.0, nperseg=segment)
         total, weight = total + density * (r.stop - r.start), weight + (r.stop - r.start)
-    # Half-overlapping Hann segments correlate, so the independent ones are counted.
+    # Half-overlapping Hann segments are correlated, so only independent ones are counted.
     return frequency[1:-1], total[1:-1] / weight, max(1.0, weight / segment)
 
 

@@ -24,8 +24,8 @@ from deatwin.ident.mismatch.result import OriginSummary
 from deatwin.ident.soundness import neighbours_deviation
 
 FOREIGN, OWN = 0.3, 0.5
-"""A residual is a disturbance if certainly less than the first share repeats, the plant's if certainly more than the
-second."""
+"""Repeatable shares of a residual: it is a disturbance if its share is certainly below the first one, and belongs to
+the plant if it is certainly above the second."""
 UNPREDICTED = 0.1
 """Largest predictable share of a disturbance, if there are no repeats."""
 COSINES = 8
@@ -34,7 +34,7 @@ STEPS, TONES = 2, 3
 STEP_TIMES = 60
 FOLDS = 6
 RIDGES = 10.0 ** np.arange(-3, 4)
-"""Penalties of the predictor, as shares of the variance; the best one counts."""
+"""Penalties of the predictor, as shares of the variance, of which the best one is used."""
 PLAYS = (0.05, 0.2)
 """Widths of two play operators, as shares of the range of the motion."""
 BOUND = 2.0
@@ -53,14 +53,14 @@ class Origin(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class OriginEvidence:
-    """Evidence for the plant or for a disturbance."""
+    """Evidence that a residual belongs to the plant or to a disturbance."""
 
     origin: Origin
     by: str  # "repeats", "prediction", or "nothing" if neither was possible
-    share: float  # part that comes back, or can be predicted, of what is neither noise nor one of the forms
+    share: float  # repeatable or predictable share of the residual without noise and removed patterns
     low: float  # `share` minus two standard deviations
     high: float  # `share` plus two standard deviations
-    left: float  # rms of what is neither noise nor one of the forms, SI
+    left: float  # rms of the residual without noise and removed patterns, SI
 
     @classmethod
     def none(cls, left: float) -> OriginEvidence:
@@ -89,7 +89,7 @@ def origin_of(left: Leftover, repeats: Repeats | None, practical: float) -> Orig
     if repeats is not None:
         found = repeatability(rest, repeats, left.noise)
         low, share, high = found.low, found.share, found.high
-        # A residual that repeats with the opposite sign repeats.
+        # A residual that repeats with the opposite sign also repeats.
         foreign, own, by = max(high, -low) < FOREIGN, low > OWN, "repeats"
     else:
         terms = _predictors(left)
@@ -115,7 +115,7 @@ def _is_noise(left: Leftover) -> bool:
 
 
 def without_forms(left: Leftover) -> np.ndarray:
-    """Return the residual, (n,), less drifts and steps of level and gain, effects of the farthest motion, and tones."""
+    """Return the residual, (n,), without drifts and steps of level and gain, effects of the largest motion, and tones."""
     moves = left.readings - left.readings.mean()
     moves = moves / max(float(moves.std()), 1e-300)
     slow, farthest = _slow(left), _farthest(left)
@@ -143,8 +143,8 @@ def _slow(left: Leftover) -> np.ndarray:
 
 
 def _farthest(left: Leftover) -> np.ndarray:
-    """Return the largest and smallest reading so far in each experiment, as film that softens there does so once, (n,
-    2 e).
+    """Return the largest and smallest reading so far in each experiment, (n, 2 e): film that is stretched further
+    softens once.
     """
     columns = []
     for number in np.unique(left.experiment):
@@ -170,7 +170,7 @@ def _best_step(left: Leftover, rest: np.ndarray, basis: np.ndarray, moves: np.nd
 
 
 def _best_tone(left: Leftover, rest: np.ndarray) -> np.ndarray:
-    """Return sine and cosine at the strongest line; its frequency is found between the lines of the transform."""
+    """Return sine and cosine at the strongest line, whose frequency may lie between the lines of the transform."""
     lines = 4 * rest.size
     power = np.abs(np.fft.rfft(rest, n=lines)) ** 2
     frequency = np.argmax(power) / lines / left.sample_time

@@ -12,7 +12,7 @@ FACTOR, STEPS, HALVINGS = 1.5, 40, 6
 
 
 class Power:
-    """Detection of an effect by its size and its correlations on the fitted part; the rest can only add to it."""
+    """Detection of an effect by its size and its correlations on the fitted data; held-out data can only add to it."""
 
     def __init__(self, law: Law) -> None:
         self._law = law
@@ -24,10 +24,11 @@ class Power:
         self._along = law.kept @ law.battery.regressors
 
     def smallest(self, change: np.ndarray, practical: float) -> float | None:
-        """Return the strength at which an effect is detected nine times in ten; None if the refit takes up all of it.
+        """Return the strength at which an effect is detected nine times in ten; None if the refit absorbs it
+        completely.
 
-        `change`, (m,), is that of the fitted part's residual after the refit for unit strength; `practical` the rms
-        that counts; both in SI.
+        `change`, (m,), is the change of the fitted part's residual for unit strength, after the refit; `practical` the
+        smallest rms that counts; both in SI.
         """
         power = float(np.mean(change**2))
         if power == 0.0:
@@ -50,7 +51,7 @@ class Power:
         return float(high)
 
     def _detected(self, square: np.ndarray, along: np.ndarray, practical: float) -> np.ndarray:
-        """Return whether each draw is detected, from its mean square and amplitudes along the regressors in fitted
+        """Return whether each draw is detected, from its mean squares and its amplitudes along the regressors in fitted
         data.
         """
         law = self._law

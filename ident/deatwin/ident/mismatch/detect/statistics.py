@@ -19,7 +19,7 @@ from scipy.fft import next_fast_len, rfft
 from deatwin.ident.mismatch.detect.leftover import Leftover
 
 LAGS = 9
-"""Lags of 0, 1, 4, 16, ... samples, as far as a tenth of the longest recording."""
+"""Number of lags: 0, 1, 4, 16, ... samples, as far as a tenth of the longest recording."""
 GROUPS = ("variance ratio", "cumulative periodogram", "correlation with the command", "correlation of the square")
 
 
@@ -28,7 +28,7 @@ class Scores:
     """All statistics of some residuals, before they are standardised."""
 
     linear: np.ndarray  # (b, r), correlation of residual and regressor times the square root of the number of samples
-    squared: np.ndarray  # (b, r), the same for the residual's square
+    squared: np.ndarray  # (b, r), likewise for the square of the residual
     ratios: np.ndarray  # (b, 1 or 2), log of the mean square over the floor, of the fitted and of the held-out part
     spectra: np.ndarray  # (b, f), cumulated periodograms, from 0 to 1
 
@@ -40,7 +40,7 @@ class Scores:
 
 
 class Battery:
-    """The statistics of residuals on given recordings, of which the signals count, not the residual."""
+    """Statistics of any residuals on given recordings, of which only the signals are used, not their own residual."""
 
     def __init__(self, left: Leftover) -> None:
         self.left = left
@@ -57,7 +57,8 @@ class Battery:
         scatter = np.sqrt(np.maximum((squares**2).mean(axis=1, keepdims=True) - power**2, 1e-300))
         return Scores(
             linear=residuals @ self.regressors / np.sqrt(power),
-            squared=squares @ self.regressors / scatter,  # the regressors have no mean, so the squares may have one
+            # the regressors have zero mean, so the mean of the squares has no effect
+            squared=squares @ self.regressors / scatter,
             ratios=np.log(squares @ self._averages / self.left.floor),
             spectra=self._cumulated(residuals),
         )
