@@ -234,7 +234,7 @@ class Advice(Described):
         commands = ax.twinx()
         line = commands.plot(times, recording.inputs[0], color="0.5", linewidth=0.7, label="input")[0]
         low, high = ax.get_ylim()
-        ax.set_ylim(low, high + 1.2 * (high - low))  # the input has the upper half to itself
+        ax.set_ylim(low, high + 1.2 * (high - low))  # leaves the upper half of the drawing to the input
         span = float(np.ptp(recording.inputs[0])) or 1.0
         commands.set_ylim(float(recording.inputs[0].min()) - 1.4 * span, float(recording.inputs[0].max()) + 0.1 * span)
         commands.set_ylabel(axis_label(recording.input_names[0], recording.input_units[0]), color="0.4")

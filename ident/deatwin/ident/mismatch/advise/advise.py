@@ -35,21 +35,21 @@ MOST_RIVALS = 8
 SCREENED, SHORTEST, LONGEST = 3000, 1000, 15_000
 """Samples of a screened input; smallest and largest number of samples of an advised one."""
 ROUND = 250
-"""A length is rounded up to a multiple of this number of samples."""
+"""Number of samples to a multiple of which a length is rounded up."""
 FINALISTS, TRIED = 3, 2
 """Number of waveforms that are simulated with refits, and of those whose length is chosen."""
 WANTED = 1.5 * DISTINGUISHED
 """d² for which a length is chosen, with a margin because d² grows only roughly with the length."""
 AMPLE = 10 * WANTED * SCREENED / SHORTEST
 """d² of a screened waveform that promises ten times the wanted value at the shortest length. The first such waveform is
-preferred to later ones that promise more. The repertoire is ordered from gentle to extreme waveforms, and at extremes
-the plant's equations are least accurate."""
+preferred to later ones that promise more, because the repertoire is ordered from gentle to extreme waveforms, and the
+plant's equations are least accurate at extremes."""
 UNKNOWN = 0.5
-"""Confusion by chance."""
+"""Confusion of two explanations by mere chance."""
 WORTHWHILE = 0.75
 """Largest share of the confusion that an advised input may leave; with three explanations it then excludes one."""
 TINY = 1e-3
-"""d² of explanations that predict the same."""
+"""Smallest d² from which a length is predicted; explanations below it predict the same."""
 ATTEMPTS = 2
 HEAVIER = 2.0
 """Ratio of the load with the added mass to the load without it."""

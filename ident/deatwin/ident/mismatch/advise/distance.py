@@ -25,7 +25,7 @@ DISTINGUISHED = 16.0
 STEPS = 4
 """Largest number of refit steps with simulations."""
 SETTLED = 0.02
-"""Share of the squared difference that a step must gain to be followed by another one."""
+"""Share of the squared difference that a step must gain for another one to follow."""
 DAMPING = 1e-2
 """Damping of a first-order step, relative to each parameter's own effect on the readings; an undamped step goes too far
 in directions that hardly change them."""
@@ -45,7 +45,7 @@ class Memory:
 
     @classmethod
     def of(cls, truth: Calibration, alternative: Calibration, parts: Sequence[Part]) -> Memory:
-        """Compute it without simulations from the fits of both explanations to the same `parts`."""
+        """Compute the memory from the fits of both explanations to the same `parts`, without simulations."""
         readings = np.concatenate([part.measured for part in parts]) - truth.residuals * level_of(parts)
         left = alternative.residuals - truth.residuals
         known = Difference.between(truth.plant, alternative.plant, readings, left, parts)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from deatwin.plant.prefixes import with_unit
 
 THERMOMETER = "room_temperature"
-"""The signal of a room's temperature, which an effect assumes where no thermometer was read."""
+"""Signal of the room's temperature, which an effect assumes if no thermometer was read."""
 WORDS = {"film_voltage": "the voltage on the film", THERMOMETER: "the temperature"}
-"""Readings that are not called by their names."""
+"""Words for readings that are not called by their names."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,7 +19,7 @@ class SensorOffer:
     reading: str  # name of the signal
     unit: str  # SI
     noise: float  # standard deviation, SI
-    noise_source: str  # where `noise` is known from
+    noise_source: str  # source of `noise`
 
     @property
     def words(self) -> str:
@@ -52,5 +52,5 @@ class PricedReading(SensorOffer):
 
 
 def in_words(reading: str) -> str:
-    """Write a reading with its noise, as part of a sentence."""
+    """Write the name of a reading as part of a sentence."""
     return WORDS.get(reading, f"the {reading.replace('_', ' ')}")

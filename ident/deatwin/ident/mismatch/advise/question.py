@@ -21,7 +21,7 @@ from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 
 DRAWS = 2
-"""Plants drawn from each posterior, besides the fitted one."""
+"""Number of plants that are drawn from each posterior, besides the fitted one."""
 STEPS = 2
 """Number of steps of an alternative's refit with simulations; there are many refits."""
 NEAREST = 2
@@ -29,7 +29,7 @@ NEAREST = 2
 CALMED = 3
 """Largest number of times the range is reduced for an input that moves the plant too far."""
 PROBE = 100
-"""Samples for which a drawn plant must bear the extremes of the recorded commands, as the real one did."""
+"""Number of samples for which a drawn plant must bear the extremes of the recorded commands, as the real plant did."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -76,7 +76,7 @@ class Question:
         return np.array([memory.refitted.squared_distance(self.noise) for memory in self.memories])
 
     def before_told(self, known: Mapping[frozenset[int], float]) -> np.ndarray:
-        """Return `before`, (n_fits,), with smaller distances where refits gave these: `known`, d² of pairs."""
+        """Return `before`, (n_fits,), or smaller distances where refits gave these: `known` has d² of pairs."""
         told = np.array([known.get(frozenset(pair), np.inf) for pair in self.pairs])
         return self._nearest(np.minimum(self._before, told))
 
@@ -101,8 +101,8 @@ class Question:
 
     def commands(self, name: str, count: int) -> np.ndarray | None:
         """Return a waveform, (count,), within the limits; None if they do not allow it."""
-        # It usually covers the whole working range. If that moved the plant so far that the larger model error would
-        # hide the mismatch of the existing recordings, the range is reduced to that of these recordings, near the
+        # A waveform usually covers the whole working range. If that moved the plant so far that the larger model error
+        # would hide the mismatch of the existing recordings, the range is reduced to that of these recordings, near the
         # command farthest from rest.
         limits, share = self.limits, 1.0
         made = None if limits is None else self._made(name, count, limits)
@@ -114,7 +114,7 @@ class Question:
             if calmer is None or (calmed := self._error_of(calmer)) > error:
                 break
             made, error = calmer, calmed
-            share *= self._hidden / error if error > 0 else 1.0  # nothing moves in this range
+            share *= self._hidden / error if error > 0 else 1.0  # without an error nothing moves in this range
         return made
 
     def _near_the_farthest(self, limits: Limits, share: float) -> Limits:
@@ -136,7 +136,7 @@ class Question:
 
     @property
     def _hidden(self) -> float:
-        """Return the rms error below which nothing counts on the existing recordings, SI."""
+        """Return the smallest rms excess that counts on the existing recordings, SI."""
         return practical_size(self.noise, self.problem.nominal.rig.model_error)
 
     def recording(self, commands: np.ndarray) -> Recording:

@@ -29,14 +29,15 @@ from deatwin.plant.readings import ELECTRICAL_UNITS, Reading
 from deatwin.plant.recording import Experiment
 
 SHARE = 1e-3
-"""Noise of a reading without stated noise, as a share of its largest value: ten effective bits. It is also the basic accuracy of a fast LCR meter (Keysight E4980A, data sheet 5989-4435EN: 0.10 %)."""
+"""Noise of a reading without stated noise, as a share of its largest value: ten effective bits. It is also the basic
+accuracy of a fast LCR meter (Keysight E4980A, data sheet 5989-4435EN: 0.10 %)."""
 NOT_RECORDED = "the rig file; not recorded"
 TYPICAL = "typical: a thousandth of the largest value"
 PLATINUM = "typical: platinum thermometer of class AA, IEC 60751"
 KELVIN = 0.1
-"""Noise of such a thermometer, K."""
+"""Noise of a platinum thermometer of class AA, K."""
 SOME = 1.0
-"""Placeholder for unknown noise."""
+"""Placeholder for a noise that is not known yet."""
 
 Signal = tuple[np.ndarray, np.ndarray]
 """Readings (n,) of a fitted plant, and their derivative (n, p) by its fitted coordinates; SI."""

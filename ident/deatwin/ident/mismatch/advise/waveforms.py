@@ -1,4 +1,4 @@
-"""Inputs that bring out what explanations differ in, inside what a rig bears.
+"""Inputs that bring out the differences of explanations, within the limits of a rig.
 
 Slow times are shares of the length, fast frequencies shares of the sample rate, so that the same repertoire serves a
 film at 50 Hz, an oscillator at 600 Hz and a tank that is read every 4 s.
@@ -27,17 +27,18 @@ from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.simulate import RunStatus
 
 CHIRP = (5.0, 15.0)
-"""Hz; lower where the sample rate does not allow it."""
+"""Ends of the fast chirp, Hz; lower if the sample rate does not allow them."""
 FASTEST = 0.6
 """Highest frequency, as a share of half the sample rate."""
 HEADROOM = 1.05
-"""A rig bears an input if its plant survives this many times as much: so far the film stays clear of its limits."""
+"""Factor on the commands that a plant must survive for the rig to bear an input: so far the film stays clear of its
+limits."""
 LOWERED, LOWEST = 0.95, 0.4
-"""By which share a range that is too much is lowered at a time, and to which share of it at most."""
+"""Factor by which a range that is too large is reduced at a time, and smallest share of the range that is tried."""
 ROUNDS, PROBES = 20, 6
-"""Rounds of holds and chirp; probes of a long hold."""
+"""Number of rounds of holds and chirp, and number of probes of a long hold."""
 PROBE = 250
-"""Samples for which each end of the range is held in that test."""
+"""Number of samples for which each end of a range is held to test it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,15 +65,15 @@ class Limits:
         return min(*sides, self.highest - self.rest, self.rest - self.lowest)
 
     def scaled(self, share: float) -> Limits:
-        """Return the same with all distances from rest reduced to a `share`, at most 1, as far as the drive goes."""
+        """Return the limits with all distances from rest reduced to a `share`, at most 1, as far as the drive goes."""
         ends = self.rest + share * (np.array([self.lowest, self.highest]) - self.rest)
-        lowest, highest = np.clip(ends, self.lowest, self.highest).tolist()  # where rest is not between them
+        lowest, highest = np.clip(ends, self.lowest, self.highest).tolist()  # rest may be outside of the limits
         bottom, top = np.clip([self.bottom, self.top], lowest, highest).tolist()
         return replace(self, lowest=lowest, highest=highest, bottom=bottom, top=top)
 
 
 Maker = Callable[[Limits, float, float, np.random.Generator], np.ndarray]
-"""From limits, length in s, sample time in s and a source of randomness to commands; nearly of that length."""
+"""Function from limits, length in s, sample time in s and a source of randomness to commands of nearly that length."""
 
 
 def used_range(parts: Sequence[Part]) -> tuple[float, float]:
@@ -82,7 +83,9 @@ def used_range(parts: Sequence[Part]) -> tuple[float, float]:
 
 
 def limits_of(plant: Plant, parts: Sequence[Part]) -> Limits:
-    """Return what a rig's drive may give; where the rig does not say, the range of the recordings, extended to rest."""
+    """Return the commands that a rig's drive can give or, if it states none, the range of the recordings, extended to
+    rest.
+    """
     least, most = plant.rig.command_range if plant.rig.command_range and not parts else used_range(parts)
     rest = plant.rig.start.rest_command
     lowest, highest = plant.rig.command_range or (min(rest, least), max(rest, most))
@@ -93,7 +96,9 @@ def limits_of(plant: Plant, parts: Sequence[Part]) -> Limits:
 
 
 def safe_limits(plants: Sequence[Plant], limits: Limits) -> Limits | None:
-    """Lower a range until all plants bear its held ends with headroom; None if they bear not even a small part."""
+    """Reduce a range until all plants bear its held ends with headroom; None if they do not even bear its smallest
+    share.
+    """
     share = 1.0
     while share >= LOWEST:
         tried = limits.scaled(share)

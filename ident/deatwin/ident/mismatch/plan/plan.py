@@ -37,7 +37,7 @@ FEWEST, MOST = 100, 100_000
 LARGE = 1e20
 """Residual size, SI, that exceeds all changes, so that effects are simulated at their typical strength."""
 TINY = 1e-300
-"""Size of a change that the parameters imitate completely, SI."""
+"""Smallest divisor, instead of the size of a change that the parameters imitate completely, SI."""
 Progress = Callable[[float, str], None]
 
 
@@ -134,9 +134,9 @@ class _Seen:
     error: OwnErrors
     changes: tuple[Change, ...]
     among: np.ndarray
-    left: np.ndarray  # Rms of each change in each reading once the parameters are fitted, (changes, readings)
+    left: np.ndarray  # (changes, readings), rms of each change in each reading after the parameters are fitted
     impossible: tuple[str, ...]
-    beside: tuple[tuple[SensorOffer, np.ndarray], ...]  # What the readings say with a further one that could be had
+    beside: tuple[tuple[SensorOffer, np.ndarray], ...]  # Possible further readings, each with `among` if it is added
 
     @cached_property
     def typical(self) -> dict[str, int]:
@@ -166,7 +166,7 @@ class _Seen:
         return float(np.mean([confusion(d2) for d2 in near])) if near else 0.5
 
     def practical(self, k: int) -> float:
-        """Return the smallest strength at which a change counts in some reading of the rig."""
+        """Return the smallest strength at which a change counts in one of the rig's readings."""
         pairs = zip(self.error.of, self.left[k], strict=False)
         return min(practical_size(one.noise, one.rms) / max(float(left), TINY) for one, left in pairs)
 

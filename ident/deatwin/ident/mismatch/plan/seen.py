@@ -23,7 +23,7 @@ from deatwin.ident.mismatch.likelihood.beforehand import PRIORS
 from deatwin.ident.mismatch.likelihood.several import OwnErrors, taken_up
 
 SURE = 0.95
-"""Probability from which on an effect is named."""
+"""Probability from which on an effect counts as named."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
