@@ -27,18 +27,19 @@ Array = NDArray[np.float64]
 Signals = Mapping[str, Array]
 
 SHORTEST, LONGEST, TIMES = (0.1, 5), (100.0, 1000), 7
-"""Ends of the time constants of low passes, s and, of a plant that is sampled slowly, samples; and their number."""
+"""Shortest and longest time constants of low passes, in s and, for a plant that is sampled slowly, in samples; and
+their number."""
 WIDTHS = (0.15, 0.4, 1.0)
 """Half widths of plays and dead bands, in units of the signal's scale."""
 POSITION, RATE = "displacement", "velocity"
-"""Signals that a rig watches where it has something that moves, and how fast that does."""
+"""Names of the position and the velocity that a rig with a moving part watches."""
 
 
 def signals_along(plant: Plant, part: Part, position: str) -> dict[str, Array]:
-    """Return the signals of which there are functions, along a plant's free run: means over each sample, (n,), SI.
+    """Return the signals on which functions can depend, along a plant's free run: means over each sample, (n,), SI.
 
     They run from rest to the last sample that counts. A watched velocity is the change of `position` over the sample,
-    so motion between the ends of samples counts; `position` is a watched signal, or else the reading is taken.
+    so motion between the ends of samples counts; `position` is a watched signal or, without one, the reading.
     """
     timeline, rest = plant.timeline(part.experiment), plant.rig.start.rest_command
     n = 1 + max(int(r[m].max()) for r, m in zip(timeline.readings, part.masks, strict=True) if m.any())
@@ -66,8 +67,8 @@ def signals_along(plant: Plant, part: Part, position: str) -> dict[str, Array]:
 def dictionary(along: Sequence[Signals], position: str) -> tuple[Primitive, ...]:
     """Return functions of state, input and time, with and without memory, the simpler first.
 
-    `along` has for each part the signals of `signals_along`, (n,), whose rms are the scales; signals that stand still
-    are left out. `position` is the one that moves.
+    `along` has for each part the signals of `signals_along`, (n,), whose rms are the scales; constant signals are left
+    out. `position` is the name of the signal that moves.
     """
     h = max(float(np.diff(signals["time"][:2]).sum()) for signals in along)
     first, last = (max(seconds, samples * h) for seconds, samples in (SHORTEST, LONGEST))

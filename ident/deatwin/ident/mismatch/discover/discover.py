@@ -1,10 +1,10 @@
 """Search for a free form, a force without physical meaning, if no effect explains a mismatch.
 
-What enters the plant is sought as a sum of a few functions of its states and its input, with and without memory. They
-are compared in the readings, after the plant has answered to each of them, beside what the plant's parameters can take
-up: a smoothed force lacks what the filter has smoothed away, and holds what the calibration did not bend to imitate.
-Those that the recordings choose again and again are built into the plant, which is fitted anew as a whole. A free form
-is kept only if the free run on the held-out part gains by it; it is never a cause.
+The force is sought as a sum of a few functions of the plant's states and its input, with and without memory. The
+functions are compared by the response of the readings to each of them, without what the plant's parameters can imitate.
+A smoothed estimate of the force would not do: it lacks what the filter has smoothed away, and what the calibration has
+already imitated. Functions that the recordings choose again and again are built into the plant, which is fitted anew as
+a whole. A free form is kept only if it improves the free run on the held-out part; it is never a cause.
 """
 
 from __future__ import annotations
@@ -38,16 +38,16 @@ from deatwin.plant.model import Plant
 Array = NDArray[np.float64]
 
 LEAST_GAIN = 0.1
-"""Share by which the error on the held-out part must fall."""
+"""Smallest share by which the error on the held-out part must fall."""
 PREFERRED = (("ball", "force"), ("sensor", "reading"), ("drive", "command"))
 """Default places of a free form; the first one that the rig has is used."""
 STEPS = (1.0, 0.5, 0.25, 0.1)
-"""Shares of the linear prediction from which the fit may start."""
+"""Shares of the linear prediction that are tried as the start of the fit."""
 SHARPER = np.geomspace(0.5, 2.0, 15)
-"""By which factors a shape may be other than in the dictionary."""
+"""Factors by which a shape may differ from that in the dictionary."""
 EVALUATIONS, TOLERANCE = 20, 1e-3
 SIGNIFICANT = 2.0
-"""Standard deviations that a coefficient must be away from nothing."""
+"""Smallest ratio of a coefficient to its standard deviation at which the term is kept."""
 
 
 def discover(
@@ -83,7 +83,7 @@ def discover(
     search = _Search.of(plant, problem.fitted, linears, site)
     jacobian, residual = base.calibration.jacobian, base.calibration.residuals
     stable = stable_terms(search.answers(search.terms), residual, jacobian, rng)
-    # If all of them together gain nothing, perhaps the most stable one does.
+    # If all terms together gain nothing, the most stable one alone may.
     for some in dict.fromkeys((stable, stable[:1])):
         fit = _fitted(search, some, base, problem)
         kept = None if fit is None else _kept(fit, base, problem, rng)
@@ -148,17 +148,17 @@ class _Search:
         )
 
     def answers(self, terms: Sequence[Primitive]) -> Array:
-        """Return the derivative of the readings, divided by the noise level, shape (m, k)."""
+        """Return the responses of the readings to terms at the place, divided by the noise level, shape (m, k)."""
         number = self.linears[0].openings.index(self.site.opening)
         found = []
         for linear, signals, level in zip(self.linears, self.along, self.levels, strict=True):
             answer = linear.response(number, evaluated(terms, signals, linear.interval))[linear.counted]
-            # The reading of the state of rest, before anything could enter, answers to nothing.
+            # The reading in the state of rest, before anything could enter, has no response.
             found.append(np.pad(answer, ((level.size - len(answer), 0), (0, 0))) / level[:, None])
         return np.vstack(found)
 
     def sharpened(self, terms: Sequence[Primitive], base: Calibration) -> list[Primitive]:
-        """Fit the shapes of the terms so that they explain most, from two different starts."""
+        """Choose the shape of each term in turn, so that it explains most beside the others."""
         found = list(terms)
         for k, term in enumerate(found):
             if (parameter := term.shape_parameter) is None:
@@ -211,7 +211,7 @@ class _Fit:
 
 
 def _fitted(search: _Search, stable: tuple[Stable, ...], base: Candidate, problem: DiagnosisProblem) -> _Fit | None:
-    """Return the plant fitted with given terms; None if it does not fit better than without."""
+    """Return the plant fitted with given terms; None if it does not fit better than without them."""
     start = _start(search, stable, base, problem) if stable else None
     if start is None:
         return None
@@ -280,8 +280,8 @@ def _kept(fit: _Fit, base: Candidate, problem: DiagnosisProblem, rng: np.random.
 
 
 def _left_without(fit: _Fit, base: Candidate, problem: DiagnosisProblem) -> Array:
-    """Return residuals of the held-out part without the form, of the plant refitted from its values beside the form."""
-    # Beside a form the plant's parameters may come to values that are better without it, too.
+    """Return held-out residuals of the plant without the form, refitted from its values beside the form."""
+    # Beside a form, the plant's parameters may come to values that are better even without the form.
     plant = fit.calibration.plant.without_effects(fit.form.name)
     again = descend(plant, problem.fitted, evaluations=EVALUATIONS, tolerance=TOLERANCE)
     unseen = free_run_residuals(again.plant, problem.unseen) if again.status.ok else None

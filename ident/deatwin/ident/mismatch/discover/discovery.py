@@ -40,7 +40,8 @@ Array = NDArray[np.float64]
 SHOWN = {"m": ("mm", 1e-3), "m/s": ("mm/s", 1e-3), "N": ("mN", 1e-3)}
 """Units on axes, with their SI size; others are shown as they are."""
 BINS, FEWEST, BAND = 40, 5, 2.0
-"""Bins of the band over the state, samples that a bin needs, and half its width in standard deviations."""
+"""Number of bins of the band over the state, samples that a bin needs, and half width of the band in standard
+deviations."""
 NOT_PHYSICS = "free form, not physics"
 WORDS = {
     "power": "{x}",
@@ -61,7 +62,7 @@ class FoundTerm:
     """One term of a free form."""
 
     term: Primitive  # with its shape as fitted
-    coefficient: float  # factor once the scale of the variable is taken out, in `unit`
+    coefficient: float  # factor of the term if its variable is not scaled, in `unit`
     unit: str  # SI
     shape: tuple[str, float, str] | None  # name, SI value and unit of the shape parameter, if any
     inclusion: float  # share of the resampled records that chose it, or one that can hardly be distinguished from it

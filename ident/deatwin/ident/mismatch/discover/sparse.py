@@ -1,7 +1,7 @@
 """Sparse regression of a residual on few functions, its stability under resampling, and its false discoveries.
 
-The only module that knows pysindy, and of it only the forward regression by orthogonal least squares. Sums of products
-over blocks of samples hold all that a regression needs, so that a resampled record costs as many rows as columns.
+No other module uses pysindy, of which only the forward regression by orthogonal least squares is needed. Sums of
+products over blocks of samples contain all that a regression needs, so a resampled record has as few rows as columns.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ RESAMPLES = 60
 INCLUSION = 0.9
 """Share of the resampled records in which a term must be chosen."""
 ALIAS = 0.85
-"""Columns that are correlated more than this count as one: the readings can hardly tell them apart."""
+"""Correlation above which two columns count as one, because the readings can hardly distinguish them."""
 NOTHING_OWN = 1e-2
-"""A column of which the nuisances leave less than this share has nothing of its own."""
+"""Share of a column's length below which the nuisances imitate it completely."""
 PERMUTATIONS = 40
 FALSE_DISCOVERIES = 0.1
 
@@ -43,10 +43,10 @@ def stable_terms(columns: Array, target: Array, nuisances: Array, rng: np.random
 
     `nuisances`, (n, m), may be in the target in any amount.
     """
-    # Blocks of neighbouring samples are drawn with replacement, and each record made so chooses its own columns.
-    # Columns chosen in nine of ten are kept if they gain more evidence than chance: of those that gain as much, at most
-    # one in ten may come from a target shifted against the columns. Meinshausen & Bühlmann, "Stability selection", J.
-    # R. Stat. Soc. B 72 (2010) 417.
+    # Each resampled record consists of blocks of neighbouring samples, drawn with replacement, and chooses its own
+    # columns. Columns chosen in nine of ten records are kept if they gain more evidence than chance: among columns that
+    # gain as much, at most one in ten may come from a target shifted against the columns. Meinshausen & Bühlmann,
+    # "Stability selection", J. R. Stat. Soc. B 72 (2010) 417.
     basis = tangent_basis(nuisances)
     own = taken_off(columns, basis)
     size, whole = np.linalg.norm(own, axis=0), np.linalg.norm(columns, axis=0)
@@ -103,7 +103,7 @@ def _forward(products: Array, count: int) -> tuple[int, ...]:
         return ()
     optimizer = FROLS(max_iter=steps, alpha=1e-10, normalize_columns=True, unbias=False)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # it finds few rows for so many columns: they are sums
+        warnings.simplefilter("ignore")  # it warns of few rows for so many columns, but these rows are sums
         optimizer.fit(rows[:, usable], rows[:, -1:])
     supports = [tuple(int(j) for j in usable[np.flatnonzero(c[0])]) for c in optimizer.history_[: steps + 1]]
     return max(supports, key=lambda support: _evidence(products, support, count))
