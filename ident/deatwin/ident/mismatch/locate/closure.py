@@ -28,25 +28,26 @@ Array = NDArray[np.float64]
 
 MOST_FEATURES = 4
 FOLDS = 12
-"""Stretches into which the recordings are cut; every second one learns, the others judge, and the other way round."""
+"""Number of stretches into which the recordings are cut: features are chosen on every second one and judged on the
+others, and vice versa."""
 STEPS = 1500
-"""Means of samples on which features are chosen: so many at most."""
+"""Largest number of means of samples on which features are chosen."""
 INDEPENDENT = 1e-3
-"""Share of a feature's answer that must be new for it to be chosen."""
+"""Smallest share of a feature's response that the chosen ones cannot imitate for it to be chosen, too."""
 SHIFTS = 99
 STEADY = 1e-6
-"""Keeps columns of length one apart where two parameters do the same."""
+"""Small diagonal that keeps a fit to columns of length one regular if two parameters act alike."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Regression:
     """A residual, and regressors at one place."""
 
-    residual: Array  # (n,), measured minus simulated, means of some samples, SI
+    residual: Array  # (n,), means over some samples of measured minus simulated, SI
     parameters: Array  # (n, n_p), responses to the base parameters, of length one
     answers: Array  # (n, n_features), responses to the features, of length one
     fold: NDArray[np.int_]  # (n,), number of the stretch
-    readings: int  # samples in a mean
+    readings: int  # number of samples in a mean
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,7 +55,7 @@ class Closure:
     """Share of the residual that a function of the signals at a place predicts on other data."""
 
     losses: Array  # (n,), squared errors of the prediction, SI
-    closed: Array  # (n,), the same for the base parameters alone
+    closed: Array  # (n,), likewise with the base parameters alone
     count: int  # number of features of the function
 
     @property
@@ -71,7 +72,7 @@ def regressions(linears: Sequence[Linear]) -> tuple[Regression, ...]:
     fold = np.arange(residual.size) * FOLDS // residual.size
     found, courses = [], dict[str, list[Array]]()
     for number, opening in enumerate(linears[0].openings):
-        signal = signal_at(linears[0], opening)  # the same one at most places
+        signal = signal_at(linears[0], opening)  # most places have the same signal
         if signal not in courses:
             courses[signal] = [features(linear, opening) for linear in linears]
         pieces = [linear.response(number, course) for linear, course in zip(linears, courses[signal], strict=True)]

@@ -12,20 +12,21 @@ from deatwin.plant.effects.base import Place
 Array = NDArray[np.float64]
 
 TIMES = 8
-"""Time constants of the low passes, from two samples to a third of the record."""
+"""Number of time constants of the low passes, from two samples to a third of the record."""
 HINGES = (0.5, 0.75, 0.9, 0.97)
 """Quantiles of a signal at which a characteristic may bend."""
 PLAYS = (0.01, 0.03, 0.1, 0.3)
 """Half widths of the play operators, as shares of the signal's range."""
 STEEP = (0.1, 0.5)
-"""Rates, in standard deviations, over which friction turns its sign."""
+"""Rates over which friction changes its sign, in standard deviations of the rate."""
 
 
 def features(linear: Linear, opening: Opening) -> Array:
-    """Return courses, (n, n_features), without unit, that may combine to what enters at a place."""
-    # What enters at the drive can know only the command and its past; what enters elsewhere, the motion and its past,
-    # as the reading shows it: polynomials and hinges of that signal, low passes of it and of its square, and their
-    # squares, play operators (rate-independent memory), friction and drag of its rate; and the clock.
+    """Return dimensionless features, (n, n_features), of which a combination may be what enters at a place."""
+    # What enters at the drive can depend only on the command and its past; what enters elsewhere, on the motion and its
+    # past, as the reading shows it. The features are polynomials and hinges of that signal, low passes of it and of its
+    # square, and the square of the former, play operators (rate-independent memory), friction and drag of its rate; and
+    # the clock.
     values = linear.states[signal_at(linear, opening)]
     signal = values / max(float(np.abs(values).max()), 1e-300)
     times = np.geomspace(2.0, max(signal.size / 3, 4.0), TIMES)

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 
 SEGMENT_SECONDS, SEGMENT_SAMPLES, SEGMENTS = 20.0, 256, 8
-"""Length of a segment; of a plant that is sampled slowly it has so many samples, or is this part of the shortest record:
-with fewer segments the power of a line is known to no better than a third."""
+"""Length of a segment, s; smallest number of its samples for a plant that is sampled slowly; and number of segments in
+the shortest record that limits the latter, since fewer show the power of a line to no better than a third."""
 LOUD = 2.0
-"""A line of the spectrum counts when it has this many times the power of the sensor's noise."""
+"""Ratio to the power of the sensor's noise above which a line of the spectrum counts."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,7 +78,7 @@ def locate_frequency(tracks: Sequence[Track], noise: float) -> Bands:
     ratio = np.asarray(total) / segments / (2 * noise**2 * step)
     ratio[0] *= 2  # a one-sided spectrum counts the mean and the Nyquist line once
     ratio[-1] *= 2
-    # Neighbouring half-overlapping Hann segments correlate by 1/6, so many are worth 1/(1 + 2/36) of as many.
+    # Neighbouring half-overlapping Hann segments have a correlation of 1/6, so k of them count as k / (1 + 2/36).
     degrees = 2 * max(1.0, segments * 18 / 19)
     lines = np.flatnonzero(discoveries(chdtrc(degrees, ratio * degrees)) & (ratio > LOUD))
     width = frequency[1]

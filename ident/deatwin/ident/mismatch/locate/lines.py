@@ -1,8 +1,8 @@
 """Under a periodic input, find the spectral lines that the mismatch fills.
 
-A periodic input excites some lines of the spectrum. What is left there, the linear dynamics or the gain got wrong;
-what stands on even lines that were not excited comes from an even nonlinearity, on odd ones from an odd one; and what
-differs from period to period, from noise or from something that drifts.
+A periodic input excites some lines of the spectrum. A residual on these comes from wrong linear dynamics or a wrong
+gain; a residual on even lines that were not excited comes from an even nonlinearity, and on odd ones from an odd one.
+The part that differs from period to period comes from noise or from something that drifts.
 
 References
 ----------
@@ -32,12 +32,12 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 SAME = 1e-6
-"""Share of its range by which a periodic command may differ from period to period."""
+"""Largest difference between periods of a periodic command, as a share of its range."""
 EXCITED = 1e-3
 """Share of the strongest line above which a line counts as excited."""
 FEWEST_PERIODS = 2
 SETTLING = 3
-"""Periods from which on the first is left out, for the plant to settle in."""
+"""Number of periods from which on the first is left out, because the plant may not have settled in it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +78,7 @@ def _period(command: Array) -> int | None:
         return None
     last = command[::-1] - command.mean()
     longest = n // FEWEST_PERIODS
-    # The end of the command against itself, shifted: zero where it repeats itself.
+    # Squared distance of the command's end from the same command shifted: zero if it repeats.
     head = last[: n - longest]
     squares = np.concatenate([[0.0], np.cumsum(last**2)])
     size = 1 << (2 * n).bit_length()

@@ -29,9 +29,10 @@ if TYPE_CHECKING:
 
 
 BLOCKS = 48
-"""Stretches of the recordings in which two places are compared."""
+"""Number of stretches of the recordings in which two places are compared."""
 TOGETHER = 2.0
-"""A place belongs to the answer while its losses are not larger than the best one's by so many standard errors."""
+"""Number of standard errors by which the losses at a place may exceed those at the best one if it still belongs to the
+answer."""
 REPEATABLE = 0.05
 
 
@@ -45,7 +46,7 @@ class OpenedPlace:
         metadata=variable(unit="nat", about="log likelihood with a wandering quantity there, against none")
     )
     p_value: float  # of the gain, which is at the bound of its range; corrected for the number of places
-    # Beyond what base parameters take up, where it was not learned; negative if the function is not repeatable
+    # Beyond what the base parameters imitate, on data that were not fitted; negative if the function is not repeatable
     explained: float = field(
         metadata=variable(about="share of the residual's mean square that the signals there predict")
     )
@@ -70,9 +71,9 @@ class OpenedPlace:
 class Places(Described):
     """Places by how well something that enters there explains the mismatch."""
 
-    # The best first; none for a model that was written elsewhere, which shows only its reading
+    # The best first; empty for a foreign model, which shows only its reading
     opened: tuple[OpenedPlace, ...] = field(metadata=table_along("opened"))
-    # Chance that a residual independent of the signals closes as well at any place
+    # Probability that a residual independent of the signals is predicted as well at any place
     closure_p_value: float = field(metadata=attribute())
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
@@ -122,8 +123,8 @@ class Places(Described):
 def locate_place(base: Candidate, problem: DiagnosisProblem, rng: np.random.Generator) -> Places:
     """Open one place after the other, the best first; raise SimulationError if the plant cannot be simulated."""
     # The gain in likelihood is tested at each place, but with one input and one output several places have the same
-    # likelihood. So places are ranked by how far the force is a repeatable function of the signals there. The gain has
-    # the law of a likelihood ratio at a bound: Self & Liang, J. Am. Stat. Assoc. 82 (1987) 605-610.
+    # likelihood. So places are ranked by how far the force is a repeatable function of the signals there. The gain
+    # follows the law of a likelihood ratio at a bound: Self & Liang, J. Am. Stat. Assoc. 82 (1987) 605-610.
     plant = base.calibration.plant
     linears = without_repeats(linearise(plant, problem.everything, _openings(plant)))
     floor = Floor.of(linears, base.noise)
@@ -146,7 +147,7 @@ def locate_place(base: Candidate, problem: DiagnosisProblem, rng: np.random.Gene
         )
         for opening, gain, p, one in zip(linears[0].openings, gains, p_values, closures, strict=True)
     ]
-    comparable = found if plant.rig.equations_known else []  # of a single place nobody can say that it is the best
+    comparable = found if plant.rig.equations_known else []  # a single place cannot be called the best
     return Places(
         opened=tuple(sorted(comparable, key=lambda o: -o.explained)), closure_p_value=closure_p_value(problems, rng)
     )

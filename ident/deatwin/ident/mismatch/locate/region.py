@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
 BINS = 12
 BRANCH, SINCE_REST = "branch", "time_since_rest"
-"""Signals that are made from a track's own: 1 where the reading rises and -1 where it falls; and the time since the
-command last stood still, s."""
+"""Signals that are derived from others: 1 where the reading rises and -1 where it falls; and the time since the command
+last rested, s."""
 STILL_SECONDS = 1.0
-"""A command that has not moved for so long rests."""
+"""Time for which a command must have been constant to count as at rest, s."""
 RATE = "_rate"
 
 
@@ -41,7 +41,7 @@ class Bin:
     mean: float = field(metadata=variable(unit=attrgetter("unit"), about="mean residual"))
     deviation: float = field(metadata=variable(unit=attrgetter("unit"), about="standard error of the mean"))
     count: int = field(metadata=variable(unit="samples"))
-    p_value: float  # of a mean of zero
+    p_value: float  # of the hypothesis that the mean is zero
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,7 +88,7 @@ def locate_region(tracks: Sequence[Track], unit: float) -> Regions:
     # Each signal is cut into bins of equal counts; their means are tested with one independent value a second and a
     # false-discovery rate of 5 % over all bins of all signals. Neighbours of one sign are joined.
     residual = np.concatenate([t.residual for t in tracks]) / unit
-    # Clocks of several experiments overlap: seconds of different records are different seconds.
+    # The clocks of several experiments overlap, so seconds of different records are kept apart.
     seconds = np.concatenate([np.floor(t.timepts) + 1e9 * k for k, t in enumerate(tracks)])
     operating = [_signals(track) for track in tracks]
     bins = [

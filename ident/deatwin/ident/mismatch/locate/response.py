@@ -1,10 +1,9 @@
 """Orders and bands of the frequency response in which simulation and recordings differ.
 
-One and the same structure is fitted to the recorded and to the simulated readings, which share their input: what it
-cannot hold of the physics it leaves out of both, and the two differ where plant and actuator do. The simulated readings
-have no noise, so that they are the instruments for the recorded ones (least squares would shrink the feedback by the
-noise of the past readings); and block by block the two scatter alike, so that it is their differences which are
-tested.
+The same model structure is fitted to the recorded and to the simulated readings, which share their input. Physics that
+it cannot represent is missing from both models, so these differ where plant and actuator do. The simulated readings
+have no noise, so they serve as instruments for the recorded ones; with least squares, the noise of past readings would
+shrink the feedback. Block by block the two scatter alike, so their differences are tested.
 
 Reference: Söderström, Stoica, "Instrumental variable methods for system identification", Circuits Syst. Signal Process.
 21 (2002) 1-9.
@@ -40,17 +39,17 @@ Array = np.ndarray
 
 ORDERS = (1, 2, 3)
 BANDS = ((0.0, 0.1), (0.1, 0.3), (0.3, 1.0))
-"""Bands, as shares of the frequency up to which the readings move."""
+"""Bands of frequency, as shares of the frequency up to which the readings move."""
 MOVING = 0.95
 """Share of the readings' power that lies below that frequency."""
 SAMPLES = 8
-"""Samples per period of that frequency."""
+"""Smallest number of samples per period of that frequency."""
 SHORTEST = 0.1
 """Shortest record, as a share of the longest; shorter ones have no useful spectrum."""
 LEVEL = 0.05
 """Significance level of the whole table (Holm)."""
 TERMS = generate_terms(1, (0, 1), 3, rule=AtMost(output=1))
-"""Affine in the past reading, so that its noise averages out with instruments."""
+"""Terms of the models, affine in the past reading, so that instruments average out its noise."""
 
 
 def locate_response(
@@ -61,8 +60,8 @@ def locate_response(
     The plant's free-run readings, (n,) each, and the rms `model_error` are in SI. Empty if no difference can be shown;
     None if the recordings are too short or too poor for a test.
     """
-    # The first input and the first output count. A difference of an order counts only beyond the model error, which is
-    # spread over frequencies as the input is.
+    # Only the first input and the first output are compared. A difference of an order counts only beyond the model
+    # error, which is assumed to be spread over frequencies as the input is.
     longest = max(reading.size for reading in readings)
     pairs = [(r, y) for r, y in zip(recordings, readings, strict=True) if y.size >= SHORTEST * longest]
     if not any(np.ptp(y) > 0.0 for _, y in pairs):
@@ -83,7 +82,7 @@ def locate_response(
 
 
 def draw_response(found: Sequence[ResponseDifference], ax: Axes | None = None) -> Axes:
-    """Draw by how much each order differs in each band, with how likely chance would do as much."""
+    """Draw the size of the difference of each order in each band, with its p-value."""
     axes = axes_or_new(ax)
     names = [f"$H_{d.order}$, {d.from_Hz:.2g} to {d.to_Hz:.2g} Hz" for d in found]
     bars = axes.barh(names, [100 * d.size for d in found], color="C0")

@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 
 
 WINDOW_SECONDS, MOST_WINDOWS = 2.0, 2000
-"""Length of a window, and number of windows at most: the work grows with its square."""
+"""Length of a window, s, and largest number of windows: the work grows with its square."""
 MOST_PIECES = 5
 FEWEST_SECONDS = 5
 """Length of the shortest window in which a trend can be seen, s."""
 COMES_BACK = 0.5
-"""Autocorrelation at which a mismatch is called periodic."""
+"""Autocorrelation above which a mismatch is called periodic."""
 NEARLY = 0.9
 
 
@@ -41,7 +41,7 @@ class Times(Described):
     """The stretches of the clock that hold the mismatch; it iterates over them."""
 
     windows: tuple[Window, ...] = field(metadata=table_along("window"))  # in order of time
-    period_s: float | None = field(metadata=attribute())  # at which the mismatch comes back, s; None if it does not
+    period_s: float | None = field(metadata=attribute())  # period of the mismatch; None if it is not periodic
     tracks: tuple[Track, ...]  # the residuals, to be drawn
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
@@ -129,13 +129,13 @@ def _period(tracks: Sequence[Track]) -> float | None:
     correlation = np.fft.irfft(np.abs(np.fft.rfft(centred, 2 * n)) ** 2)[: n // 2]
     if not correlation[0] > 0:
         return None
-    # Without the taper that the shorter overlap gives.
+    # This removes the taper that is due to the shorter overlap.
     correlation = correlation / correlation[0] * n / (n - np.arange(n // 2))
     below = np.flatnonzero(correlation < 0)
     if below.size == 0:
         return None
     later = correlation[below[0] :]
-    # Multiples of the period have peaks as high, but for noise: the first counts.
+    # Multiples of the period have peaks of the same height but for noise, so the first one counts.
     high = np.flatnonzero(later > max(COMES_BACK, NEARLY * later.max()))
     if high.size == 0:
         return None
@@ -154,7 +154,7 @@ def _few_change_points(features: np.ndarray) -> list[int]:
 
 def _change_points(features: np.ndarray, penalty: float) -> list[int]:
     """Divide rows of features optimally into pieces of constant mean."""
-    # Differences of neighbours estimate the scatter without the levels.
+    # Differences of neighbours show the scatter without the levels.
     scatter = np.median(np.abs(np.diff(features, axis=1)), axis=1) / (0.6745 * np.sqrt(2)) + 1e-300
     standard = features / scatter[:, None]
     n = standard.shape[1]

@@ -13,7 +13,7 @@ from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
 
 FEWEST = 16
-"""Samples of a record that can be located in time and frequency."""
+"""Smallest number of samples of a record in which a mismatch is located."""
 
 Unit = tuple[str, float]
 """Name of a unit, and its SI size."""
@@ -66,7 +66,7 @@ def tracks(plant: Plant, experiments: Sequence[Experiment], reading: str = "") -
         simulated = plant.simulate(experiment).require().outputs
         for record, rows, counts in zip(experiment.recordings, simulated, settled(experiment, rig), strict=True):
             if record.n_samples < FEWEST:
-                continue  # a splinter between two gaps has no place of its own
+                continue  # too short, between two gaps, for a location of its own
             motion = rows[0] / size
             signals = {
                 rig.input_name: record.inputs[0],
@@ -76,7 +76,7 @@ def tracks(plant: Plant, experiments: Sequence[Experiment], reading: str = "") -
             found.append(
                 Track(
                     timepts=record.timepts,
-                    # A missing value says nothing, nor does one that an unknown start still moves.
+                    # Missing values contain no information, nor do values that still depend on an unknown start.
                     residual=np.where(counts, np.nan_to_num(record.reading(reading) - rows[row]), 0.0),
                     signals=signals,
                     sample_time=record.sample_time,
