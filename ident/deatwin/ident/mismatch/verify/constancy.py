@@ -27,9 +27,9 @@ SURELY = float(stdtrit(STRETCHES - 1, 0.975))
 """Half width of a 95 % interval, in standard deviations."""
 BEYOND_DOUBT = 7.0
 """Half width, in standard deviations, of an interval that also covers residuals correlated over a third of the
-recordings. A slightly different law may exceed it, so a second condition is needed:"""
+recordings. A slightly different law may exceed it, so the change must also remove the share `MOST`."""
 MOST = 0.75
-"""The change must remove this share of the residual's power beyond noise. In recordings with known causes, it removed
+"""Share of the residual's power beyond noise that the change must remove. In recordings with known causes, it removed
 at most two fifths for right causes, and at least five sixths for clocks that ran late."""
 OWN = 0.1
 """Smallest share of the change's power that no parameter can imitate. With a smaller share, a law error of a tenth of

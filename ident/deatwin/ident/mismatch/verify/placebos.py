@@ -23,9 +23,10 @@ from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
 
 DISTINCT = 0.5
-"""A placebo effect that would imitate more than this share of the true effect is skipped: it would show nothing."""
+"""Share of the true effect that a placebo effect may imitate; one that would imitate more is skipped, as it shows
+nothing."""
 AS_GOOD = 0.8
-"""A placebo effect that gains this share of the named effect's gain is as good."""
+"""Share of the named effect's gain above which a placebo effect is as good."""
 NEARLY_LINEAR = 0.5
 """Smallest first-order gain, as a share of the refit's gain, for which changes of the readings may be added."""
 DRAWS = 19
