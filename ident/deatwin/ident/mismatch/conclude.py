@@ -36,9 +36,9 @@ from deatwin.plant.effects.base import Alone, Effect
 from deatwin.plant.model import Plant
 
 MARGIN = 0.05
-"""Left of a cause's probability to what evidence cannot know: of 48 causes that were named in a study of concealed
-physics (long recordings, seed 2006) two were wrong, where evidence alone said one in ten thousand. That is 0.5 to 14 %
-(95 %): a margin, and no estimate."""
+"""Probability that a named cause is wrong although the evidence is certain. Of 48 causes named in a study of concealed
+physics (long recordings, seed 2006) two were wrong, where evidence alone predicted one in ten thousand. This gives 0.5
+to 14 % (95 %), so the value is a margin, not an estimate."""
 
 
 def conclude(findings: Findings) -> Diagnosis:

@@ -103,7 +103,7 @@ def diagnose(
     if usable is not checked:
         checked = usable
         problem, base = prepare(plant, checked, effects, jobs=jobs)
-    for variant in (base.chosen, *base.alternatives):  # what is wrong with the readings stands out whatever the variant
+    for variant in (base.chosen, *base.alternatives):  # faults of the readings stand out in every variant
         checked = confirm(checked, readings(variant.calibration.plant, checked.experiments))
     keep(quality_step(checked))
     keep(base_step(problem, base))
@@ -160,7 +160,8 @@ def diagnose(
     alternatives = (answer, *naming.alternatives) if verdict is Verdict.AMBIGUOUS else ()
     advice = advise(problem, alternatives, for_advice, distances=naming.distances)
     keep(found_step("advise", advice))
-    unknown = verdict is Verdict.UNKNOWN and problem.of_first.fitted == problem.fitted  # a free form is of one reading
+    # a free form belongs to one reading
+    unknown = verdict is Verdict.UNKNOWN and problem.of_first.fitted == problem.fitted
     discovery = discover(problem, base.chosen, for_discovery) if unknown else None
     keep(found_step("discover", discovery))
 
@@ -201,9 +202,10 @@ def _as_filed(
     problem: DiagnosisProblem, base: Base, seen: Detection, rng: np.random.Generator
 ) -> tuple[Base, Detection]:
     """Return the base plant in the rig file's own variant, and what is detected there."""
-    # The chosen variant has a mismatch (`seen`). Another variant may have absorbed, badly, all that is missing, so the
-    # search starts from the file's own; if nothing is missing there, nothing is. The chosen variant stays only if the
-    # plain test of the calibration is certain that something is missing in the file's own, and detection is not.
+    # The chosen variant has a mismatch (`seen`). A variant other than the file's may have absorbed, badly, all that is
+    # missing, so the search starts from the file's own; if nothing is missing there, nothing is missing. The chosen
+    # variant is kept only if the calibration's own test is certain of a mismatch in the file's variant, but detection
+    # is not.
     filed = base.as_filed(problem.nominal.rig)
     if filed is base:
         return base, seen
@@ -216,8 +218,8 @@ def _in_a_variant_that_lacks_nothing(
     problem: DiagnosisProblem, base: Base, seen: Detection, rng: np.random.Generator
 ) -> tuple[Base, Detection]:
     """Return the base plant in an alternative variant that lacks nothing, if the chosen one has a mismatch (`seen`)."""
-    # The calibration does not change the variant for a mismatch of which it is not certain; but what another variant
-    # explains is no missing physics, however small it is.
+    # The calibration keeps its variant if the mismatch is uncertain; but what another variant explains is no missing
+    # physics, however small it is.
     if not seen.mismatch:
         return base, seen
     for alternative in (variant for variant in base.alternatives if variant.adequate):

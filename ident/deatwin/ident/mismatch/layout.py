@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 SPACE = 0.02
-"""Space between experiments that are drawn one after another, as a share of all."""
+"""Gap between experiments that are drawn one after another, as a share of their total length."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,11 +45,11 @@ class Readings:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stretch:
-    """One record with what was measured and simulated, in the unit that is reported."""
+    """One record with its recorded and simulated readings, in the reported unit."""
 
     experiment: int  # counted from 1
     clock: np.ndarray  # (n,), times on the experiment's own clock, s
-    axis: np.ndarray  # (n,), times at which it is drawn, s
+    axis: np.ndarray  # (n,), times on the axis of the drawing, s
     command: np.ndarray  # (n,), in its own unit
     measured: np.ndarray  # (n,)
     base: np.ndarray  # (n,)
@@ -59,9 +59,9 @@ class Stretch:
 
 
 def laid_out(readings: Readings, size: float) -> tuple[Stretch, ...]:
-    """Lay out records beside simulations; several experiments are drawn one after another.
+    """Lay out records and their simulations; several experiments are drawn one after another.
 
-    `size` is that of the unit in which readings are reported, SI.
+    `size` is the SI size of the unit in which readings are reported.
     """
     many = len(readings.experiments) > 1
     space = SPACE * sum(e.end - e.start for e in readings.experiments)
@@ -95,7 +95,7 @@ def stretches_of_true(flags: np.ndarray) -> list[tuple[int, int]]:
 
 
 def draw_residuals(readings: Readings, unit: str, axes: Axes) -> None:
-    """Draw what the calibrated and the amended plant leave of the readings, in `unit`; the held-out part is shaded."""
+    """Draw the residuals of the calibrated and of the amended plant, in `unit`; the held-out part is shaded."""
     first = True
     for each in laid_out(readings, reported_size(unit, readings.experiments[0].recordings[0].output_units[0])):
         hide = "" if first else "_"

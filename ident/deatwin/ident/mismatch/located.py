@@ -17,10 +17,10 @@ class Window:
     to_s: float = field(metadata=variable(unit="s"))
     score: float = field(
         metadata=variable(about="share of the mismatch's energy")
-    )  # Its share of the mismatch's energy
+    )  # Share of the mismatch's energy in this stretch
     slope: float = field(
         default=0.0, metadata=variable(about="growth of the residual, SI per s")
-    )  # At which the residual grows there, per s; 0 where the growth is not significant
+    )  # Growth rate of the residual there, SI per s; 0 if it is not significant
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,20 +38,20 @@ class Band:
 class LineGroup:
     """A group of lines of the residual's spectrum."""
 
-    kind: str  # excited, odd or even (not excited), or varying: what changes from period to period, on all lines
+    kind: str  # excited, odd or even (not excited), or varying: the part that changes from period to period, all lines
     rms: float = field(
         metadata=variable(about="what the residual holds there, SI")
-    )  # What the residual holds there, without what varies (of the last group: all of it)
-    p_value: float  # Of nothing there; of the last group, of no more than the sensor's white noise
-    lines: int = field(metadata=variable(about="how many"))  # How many
+    )  # Rms of the residual on these lines without its varying part; of the last group, of that part
+    p_value: float  # Of the hypothesis of no residual there; of the last group, of no more than white sensor noise
+    lines: int = field(metadata=variable(about="how many"))  # Number of lines
 
 
 @dataclass(frozen=True, kw_only=True)
 class LinesSummary:
     """The residual under a periodic input, by groups of lines."""
 
-    period_s: float  # Of the input
-    periods: int  # That were compared
+    period_s: float  # Period of the input
+    periods: int  # Number of periods compared
     groups: tuple[LineGroup, ...]
 
 
@@ -60,7 +60,7 @@ class Region:
     """A range of an operating signal in which the residual's mean is not zero."""
 
     signal: str
-    low: float = field(metadata=key("from"))  # In the signal's unit
+    low: float = field(metadata=key("from"))  # Like `high`, in the signal's unit
     high: float = field(metadata=key("to"))
     mean_residual: float = field(metadata=variable(unit=attrgetter("unit")))
 
@@ -70,11 +70,11 @@ class PlaceSummary:
     """Share of the mismatch that the best effect at a place explains or, if none was tried, its signals predict."""
 
     place: str
-    score: float  # Share of what is not noise, 0 to 1
+    score: float  # Share of the residual beyond noise, 0 to 1
     signal: str | None = field(default=None, metadata=OPTIONAL)
     log_likelihood_gain: float | None = field(
         default=None, metadata=OPTIONAL
-    )  # With a wandering quantity there, against none
+    )  # Gain by a wandering quantity at this place
     p_value: float | None = field(default=None, metadata=OPTIONAL)  # Of that gain
     explained: float | None = field(
         default=None, metadata=OPTIONAL
@@ -89,8 +89,8 @@ class ResponseDifference:
     order: int  # n of H_n
     from_Hz: float
     to_Hz: float
-    p_value: float  # Of no more than the model error makes in the readings, corrected for the number of tests
-    size: float  # The difference of the means over the band, over the gain of the plant there
+    p_value: float  # Of a difference no larger than the model error causes, corrected for the number of tests
+    size: float  # Difference of the means over the band, divided by the plant's gain there
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -112,7 +112,8 @@ def _problem_of(
     weights = _weights(rig, checked)
     fitted, unseen, everything = split(checked, onset, weights, levels)
     known = tuple(e for e in effects if plant.accepts(e))
-    # Further readings tell these places apart; one alone tries them in the place of what was found, if they matter to it.
+    # Further readings can distinguish these places, so effects there are tried like all others. With one reading alone
+    # they are tried only as replacements for what was found, and only if they can make a difference to it.
     beside_others = {Alone.AS_FIRST, Alone.AS_ANOTHER} if weights else set()
     in_place = {Alone.TOLD} if weights else {Alone.TOLD, Alone.AS_ANOTHER}
     return DiagnosisProblem(
@@ -148,8 +149,8 @@ def _same_parts(one: DiagnosisProblem, other: DiagnosisProblem) -> bool:
 
 def _weights(rig: Rig, checked: DataQuality) -> dict[str, float]:
     """Return weights of recorded further readings, so that no noise or model error exceeds that of the first one."""
-    # One floor then holds for all residuals. It is exact where the two have the same ratio in each reading, and too
-    # high for the smaller one elsewhere, which costs power and no false alarm.
+    # The same limit then holds for all residuals. It is exact where noise and model error have the same ratio in each
+    # reading. Elsewhere it is too high for the smaller of the two, which costs power but causes no false alarm.
     weights = {}
     for reading in rig.further:
         error = error_in(rig, reading, [r for e in checked.experiments for r in e.recordings])
@@ -177,7 +178,8 @@ def _noisier(base: Base, problem: DiagnosisProblem) -> tuple[Reading, ...]:
             weight, commands = own[0][0].weight, [part.commands for part, _ in own]
             whole = [piece / weight for _, piece in own]
             level = noise_level(whole, problem.nominal.rig.sample_time, reading.noise, commands).level
-            # A late current leaves a peak at each step, in every piece of its spectrum but in few of its samples.
+            # A current that is read late has a peak at each step, which is in every segment of its spectrum, but in few
+            # samples.
             level = float(min(level, max(map(noise_of_bends, whole))))
         found.append(replace(reading, noise=max(level, reading.noise)))
     return tuple(found) if tuple(found) != problem.nominal.rig.further else ()

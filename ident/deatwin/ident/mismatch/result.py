@@ -29,7 +29,7 @@ class Errors:
 
 
 LEAST_TOLD = 0.01
-"""Probability of an explanation below which a sentence leaves it out: it would be shown as 0 %."""
+"""Smallest probability of an explanation that a sentence mentions; a smaller one would be shown as 0 %."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,8 +92,8 @@ class Statistic:
 
     name: str
     value: float  # Largest of the group: a ratio of mean squares, a distance of periodograms, or a correlation
-    where: str = ""  # The part of the data, the frequency, or the regressor at which it is found
-    score: float | None = field(default=None, metadata=OPTIONAL)  # Standardised by what chance gives
+    where: str = ""  # Part of the data, frequency, or regressor at which it is found
+    score: float | None = field(default=None, metadata=OPTIONAL)  # Standardised by its distribution under chance
     p_value: float  # Of this group alone
 
 
@@ -102,7 +102,7 @@ class RepeatabilitySummary:
     """Similarity of the residual between repeats of a command."""
 
     correlation: float
-    share: float  # Of what is not noise: how much comes back; low and high two standard deviations off
+    share: float  # Repeatable share of the residual beyond noise; low and high are two standard deviations off
     low: float
     high: float
     explainable: float  # Largest share that any deterministic model can explain
@@ -113,10 +113,10 @@ class OriginSummary:
     """Evidence for the plant or for a disturbance."""
 
     by: str  # repeats, prediction or nothing
-    share: float  # Of what is left: how much comes back or can be predicted; low and high two standard deviations off
+    share: float  # Repeatable or predictable share of the rest; low and high are two standard deviations off
     low: float
     high: float
-    left: float  # Rms of what is neither noise nor a form that the plant can take
+    left: float  # Rms of the rest: the residual without noise and without patterns that the plant's physics may cause
     conclusion: str  # plant, disturbance or undecided
 
 
@@ -170,15 +170,16 @@ class Ablation:
     effect: str
     fitted: float = field(
         metadata=variable(unit=attrgetter("output_unit"), about="rms residual without the effect")
-    )  # Rms residuals without it
+    )  # Rms residual without the effect, like `unseen`
     unseen: float = field(metadata=variable(unit=attrgetter("output_unit"), about="rms residual without the effect"))
     gain_low: float = field(
         metadata=variable(unit=attrgetter("output_unit"), about="lower 95 % bound of what the effect takes away")
     )  # Lower 95 % bound of how much the effect lowers the rms on the held-out part
     share: float = field(
         metadata=variable(about="share of the mismatch's energy that returns")
-    )  # Of the mismatch's energy that returns, from 0 to 1
-    counts: bool = False  # Whether the error grows for certain over both parts, on the unseen one beyond model error
+    )  # Share of the mismatch's energy that returns without the effect, from 0 to 1
+    # True if the error certainly grows over all data, and on held-out data by more than the model error
+    counts: bool = False
 
     @property
     def returns(self) -> bool:
@@ -192,11 +193,11 @@ class PlaceboSummary:
     """Gain of a placebo effect, relative to the effect itself."""
 
     effect: str
-    kind: str = field(metadata=key("sham"))  # How it was spoilt
+    kind: str = field(metadata=key("sham"))  # How it differs from the effect
     share: float | None
-    expected: float | None  # What it would gain if the effect were the truth
-    rejected: bool | None  # Whether it explains less than the effect, as it should; None where it was skipped
-    skipped: str  # Why nothing can be learned of it; empty if it was judged
+    expected: float | None  # Share that it would gain if the effect were the truth
+    rejected: bool | None  # True if it explains less than the effect, as it should; None if it was skipped
+    skipped: str  # Reason why it shows nothing; empty if it was judged
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -206,9 +207,9 @@ class TransferSummary:
     part: str
     before: float | None  # Rms residuals
     after: float | None
-    gain_low: float  # One-sided 95 % bounds of the fall
+    gain_low: float  # One-sided 95 % bound of the fall of the rms residual, like `gain_high`
     gain_high: float
-    worse: bool  # Whether the error certainly grows there, beyond noise and model error
+    worse: bool  # True if the error certainly grows there, to more than noise and model error
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -216,10 +217,10 @@ class ConstancySummary:
     """Change of the strength of one effect over the fitted data."""
 
     effect: str
-    own: float  # Share of the change's power that nothing else in the plant can make
-    change: float | None  # Relative to the fitted strength; None where that cannot be told
+    own: float  # Share of the change's power that nothing else in the plant can cause
+    change: float | None  # Relative to the fitted strength; None if it cannot be determined
     deviation: float | None
-    mends: bool = False  # Whether too much is left, most of which the change would take
+    mends: bool = False  # True if the explanation leaves too much, and the change would remove most of that
     holds: bool
 
 
@@ -258,7 +259,7 @@ class VerificationSummary:
     constancy: tuple[ConstancySummary, ...] | None = field(default=None, metadata=OPTIONAL)
 
 
-# Advice, free form, fit, and what stands beside them
+# Advice, free form, fit, faults and rig variants
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -383,9 +384,9 @@ class Fault:
 
     experiment: int  # Counted from 1
     recording: int  # Counted from 1
-    file: str  # Its name, or its times
+    file: str  # Name of the file, or times of the recording
     fault: str
-    samples: int  # How many are at fault
+    samples: int  # Number of faulty samples
     from_s: float
     to_s: float
 
@@ -394,6 +395,6 @@ class Fault:
 class FormSummary:
     """An interpretation of the rig file, and the error that remains with it without any effect."""
 
-    form: Mapping[str, Json]  # What is interpreted otherwise than in the file, or where it is silent
+    form: Mapping[str, Json]  # Fields that are interpreted otherwise than in the file, or about which it is silent
     fitted: float | None  # Rms residuals
     unseen: float | None

@@ -1,9 +1,8 @@
 """The conclusion in one plain sentence; the verdict decides which words are allowed.
 
-Every number in it is a field of ``diagnosis.json``, rounded as it is shown; shares are shown in per cent, and what is
-said of a further reading with a prefix to its unit. The one
-exception is a bound: a risk of less than a thousandth is said to be below 0.1 %, since a prediction that small is not
-worth its digits.
+Every number in it is a field of ``diagnosis.json``, rounded as it is shown. Shares are shown in per cent, and amplitudes
+of a further reading in a unit with a prefix. The one exception is a bound: a risk of less than a thousandth is written
+as below 0.1 %, since the digits of so small a prediction mean nothing.
 """
 
 from __future__ import annotations
@@ -25,12 +24,12 @@ from deatwin.plant.errors import ModelError
 from deatwin.plant.prefixes import prefixed, resolving
 
 SMALL_SHARE = 0.5
-"""A single cause that explains less than this much of the mismatch is not the whole story."""
+"""Share of the mismatch below which a cause is said to explain only a part of it."""
 MOST_FAULTS = 3
 LEAST_RISK = 1e-3
-"""Smallest stated probability of a wrong explanation; below it the bound is stated."""
+"""Smallest probability of a wrong explanation that is stated; instead of a smaller one this bound is stated."""
 HALF = 0.5
-"""Share of what is left that a stretch of time must hold for most of it to be there."""
+"""Share of the remaining mismatch above which most of it is said to be in one stretch of time."""
 COUNTED = {2: "Two", 3: "Three"}
 
 
@@ -324,7 +323,7 @@ def _with_interval(parameter: Interval) -> str:
     shown = parameter.shown
     digits = resolving(parameter.low, parameter.high)
     value, low, high = (number(each, digits) for each in (shown.value, shown.low, shown.high))
-    unit = shown.unit.removeprefix("1")  # the 1 of 1/K is no number
+    unit = shown.unit.removeprefix("1")  # the 1 of 1/K is not written
     return f"{value} {unit} ({low} to {high})".replace("  ", " ")
 
 

@@ -47,9 +47,9 @@ class FittedPlant:
     """Fitted parameters, their values, and the residuals."""
 
     effects: tuple[str, ...]
-    form: Mapping[str, Json]  # How the rig file is interpreted where that departs from it or it is silent
-    fitted: float  # Rms residuals in the unit that a diagnosis reports
-    unseen: float | None  # None before it was judged there
+    form: Mapping[str, Json]  # Interpretation of the rig file where it differs from the file or the file is silent
+    fitted: float  # Rms residual, like `unseen`, in the unit that a diagnosis reports
+    unseen: float | None  # None until it was judged on held-out data
     parameters: Mapping[str, FittedParameter]
 
 
@@ -147,7 +147,7 @@ def variants_tried(problem: DiagnosisProblem, base: Base) -> tuple[FormSummary, 
 
 
 def fit_step(problem: DiagnosisProblem, fit: Calibration, unseen: np.ndarray | None) -> Step:
-    """Return a fit with further effects; `unseen`, (n,), are its held-out residuals, SI, None before it was judged."""
+    """Return a fit with further effects; `unseen`, (n,), are its held-out residuals, SI, or None if not yet judged."""
     result = _fit(problem, fit, unseen)
     form = [f"{name} = {value!r}" for name, value in result.form.items()]
     return Step(name="fit", subject=", ".join(["+".join(result.effects), *form]), result=result)
@@ -160,7 +160,7 @@ def found_step(name: str, found: _Found[StepResult] | None) -> Step | None:
 
 def _fit(problem: DiagnosisProblem, fit: Calibration, unseen: np.ndarray | None) -> FittedPlant:
     size = _size(problem)
-    with np.errstate(invalid="ignore", over="ignore"):  # of a fit that is not through an interval may be endless
+    with np.errstate(invalid="ignore", over="ignore"):  # intervals of an unfinished fit may be infinite
         parameters = fitted_parameters(problem.nominal, fit)
     return FittedPlant(
         effects=tuple(name for name in fit.plant.effect_names if name not in problem.nominal.effect_names),

@@ -15,7 +15,7 @@ from deatwin.ident.mismatch.result import Errors, ReadingSummary
 from deatwin.ident.parallel import run_jobs
 
 COMPARED = 4
-"""Explanations of as many effects as the best one that are compared, the best first."""
+"""Largest number of explanations that are compared: the best ones with as many effects as the best of all."""
 
 
 def taught(findings: Findings) -> tuple[ReadingSummary, ...] | None:
@@ -35,7 +35,8 @@ def taught(findings: Findings) -> tuple[ReadingSummary, ...] | None:
                 ReadingSummary(
                     reading=reading.name,
                     unit=reading.unit,
-                    # Told by the base plant it may hold what was missing; none is larger than all that the answer leaves.
+                    # Estimated with the base plant, the noise may contain what was missing; it cannot exceed what the
+                    # answer leaves.
                     noise=min(reading.noise, left) if name else findings.base.noise,
                     fitted=fitted,
                     unseen=unseen,
