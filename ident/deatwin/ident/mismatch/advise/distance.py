@@ -40,8 +40,8 @@ def confusion(squared: float) -> float:
 class Memory:
     """Information of recordings against a refit of the alternative, to first order about its fitted parameters."""
 
-    known: Difference  # of truth and alternative on those recordings, with the fitted parameters
-    jacobian: np.ndarray  # (n, n_p), of the alternative's readings by its fitted coordinates, SI
+    known: Difference  # difference between truth and alternative on those recordings, at the fitted parameters
+    jacobian: np.ndarray  # (n, n_p), derivative of the alternative's readings by its fitted coordinates, SI
 
     @classmethod
     def of(cls, truth: Calibration, alternative: Calibration, parts: Sequence[Part]) -> Memory:

@@ -37,13 +37,13 @@ class Question:
     """The question which of several explanations is right."""
 
     problem: DiagnosisProblem
-    fits: tuple[Calibration, ...]  # to the fitted data, the best first
+    fits: tuple[Calibration, ...]  # fits to the fitted data, the best first
     noise: float  # standard deviation of the sensor's noise, SI
     # For each fit, coordinates of posterior plants minus its own; the first is 0
     shifts: tuple[tuple[np.ndarray, ...], ...]
     pairs: tuple[tuple[int, int], ...]  # numbers of the truth and of the alternative
     memories: tuple[Memory, ...]  # for each pair, the information in the existing recordings
-    seed: int  # of random waveforms; a longer waveform continues a shorter one
+    seed: int  # seed of random waveforms; a longer waveform continues a shorter one
 
     @classmethod
     def of(cls, problem: DiagnosisProblem, fits: Sequence[Calibration], noise: float, rng: np.random.Generator) -> Self:

@@ -83,9 +83,7 @@ def used_range(parts: Sequence[Part]) -> tuple[float, float]:
 
 
 def limits_of(plant: Plant, parts: Sequence[Part]) -> Limits:
-    """Return the commands that a rig's drive can give or, if it states none, the range of the recordings, extended to
-    rest.
-    """
+    """Return the commands that a rig's drive can give or, if not stated, the range of the recordings, extended to rest."""
     least, most = plant.rig.command_range if plant.rig.command_range and not parts else used_range(parts)
     rest = plant.rig.start.rest_command
     lowest, highest = plant.rig.command_range or (min(rest, least), max(rest, most))
@@ -96,9 +94,7 @@ def limits_of(plant: Plant, parts: Sequence[Part]) -> Limits:
 
 
 def safe_limits(plants: Sequence[Plant], limits: Limits) -> Limits | None:
-    """Reduce a range until all plants bear its held ends with headroom; None if they do not even bear its smallest
-    share.
-    """
+    """Reduce a range until all plants bear its held ends with headroom; None if they bear not even its smallest share."""
     share = 1.0
     while share >= LOWEST:
         tried = limits.scaled(share)

@@ -190,9 +190,7 @@ def _statistics(law: Law, left: Leftover, scores: Scores, groups: np.ndarray) ->
 def _seen(
     law: Law, left: Leftover, practical: float, known: Sequence[LinearisedResponse]
 ) -> tuple[dict[str, float | None], bool]:
-    """Return the smallest detectable size of each effect, at its best shape, and whether any of them is physically
-    possible.
-    """
+    """Return the smallest detectable size of each effect, at its best shape, and whether any is physically possible."""
     smallest: dict[str, float | None] = {}
     visible, power = not known, Power(law)
     for response in known:

@@ -24,8 +24,7 @@ class Power:
         self._along = law.kept @ law.battery.regressors
 
     def smallest(self, change: np.ndarray, practical: float) -> float | None:
-        """Return the strength at which an effect is detected nine times in ten; None if the refit absorbs it
-        completely.
+        """Return the strength at which an effect is detected nine times in ten; None if the refit absorbs all of it.
 
         `change`, (m,), is the change of the fitted part's residual for unit strength, after the refit; `practical` the
         smallest rms that counts; both in SI.

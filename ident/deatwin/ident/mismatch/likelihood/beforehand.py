@@ -15,8 +15,8 @@ from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, Scale
 
 DATA_SHEET = 0.3
-"""Relative standard deviation of a plant's parameter about its nominal value: typical error of elastomers' data sheets.
-"""
+"""Relative standard deviation of a plant's parameter about its nominal value: typical error of elastomers' data
+sheets."""
 WRONG = 0.05
 """Probability that a nominal value is simply wrong, so that the parameter may lie anywhere in its range (a contaminated
 prior: Berger and Berliner, Ann. Statist. 14 (1986) 461, doi:10.1214/aos/1176349933)."""

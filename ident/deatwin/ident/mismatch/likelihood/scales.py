@@ -37,8 +37,8 @@ ACROSS, FINE = 8.0, 41
 """Half width of the range over which a scale is summed, in standard deviations of the peak, and number of its values.
 At steps of less than half a deviation the error of the trapezoidal rule is below double precision."""
 STEP, ROUNDS, ENOUGH = 0.01, 40, 1e-6
-"""Step of a logarithm for derivatives (e^0.01), largest number of Newton steps, and gain in nats below which they end.
-"""
+"""Step of a logarithm for derivatives (e^0.01), largest number of Newton steps, and gain in nats below which they
+end."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -15,8 +15,8 @@ DEGREES = (2, 7)
 """Smallest and largest degree of the bends: parameters imitate lower degrees, and a film's static relation has no
 higher ones."""
 FILTERS = 8
-"""Number of time constants of other laws; a law between two of them differs from both by no more than a few per cent.
-"""
+"""Number of time constants of other laws; a law between two of them differs from both by no more than a few per
+cent."""
 ALIKE = 1e-6
 """Smallest share by which two laws must differ to count as two."""
 TINY = 1e-300
@@ -26,7 +26,9 @@ GRID = 200
 
 
 def bends(simulated: np.ndarray, rms: float) -> np.ndarray:
-    """Return polynomials of a reading (n,), orthonormal on the samples, (n, 6); `rms` is that of all together, SI."""
+    """Return orthogonal polynomials of a reading, (n,), (n, 6); `rms`, SI, is that of a sum with standard normal
+    weights.
+    """
     first, last = DEGREES
     basis = np.linalg.qr(legvander(_unit(simulated), last))[0][:, first:]
     return basis * rms * np.sqrt(simulated.size / basis.shape[1])
@@ -60,7 +62,7 @@ def slow(times: np.ndarray, rms: float, constant: float, count: int) -> np.ndarr
 
 
 def law(contribution: np.ndarray, times: np.ndarray, level: np.ndarray | float = 1.0) -> np.ndarray:
-    """Return an orthonormal basis, (n, k), of what another law of the mechanism behind a contribution, (n,), may do.
+    """Return an orthonormal basis, (n, k), of the changes that another law may make to an effect's contribution, (n,).
 
     Both are over the noise's relative `level`, (n,).
     """

@@ -105,7 +105,7 @@ def closure(regression: Regression) -> Closure:
 
 
 def closure_p_value(regressions_: Sequence[Regression], rng: np.random.Generator) -> float:
-    """Return the chance, at least 1/100, that a residual independent of the signals is predicted as well anywhere."""
+    """Return the chance, at least 1/100, that a residual independent of the signals is predicted as well at any place."""
     # The residual is shifted cyclically by random times, which preserves its own correlation.
     observed = max(closure(regression).explained for regression in regressions_)
     n = regressions_[0].residual.size

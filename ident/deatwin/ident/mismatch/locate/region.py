@@ -50,7 +50,7 @@ class Regions(Described):
 
     regions: tuple[Region, ...] = field(metadata=table_along("region"))  # the largest mean residual first
     bins: tuple[Bin, ...] = field(metadata=table_along("bin"))  # all that were tested, signal by signal
-    unit: str = ""  # of the residual, as axes show it
+    unit: str = ""  # unit of the residual, as axes show it
 
     def __iter__(self) -> Iterator[Region]:
         return iter(self.regions)
@@ -126,7 +126,7 @@ def _signals(track: Track) -> Mapping[str, np.ndarray]:
 
 
 def _since_rest(command: np.ndarray, sample_time: float) -> np.ndarray:
-    """Return the time since a command last rested; before the first rest, since the record began; s."""
+    """Return the time since a command last rested or, before its first rest, since the record began, s."""
     samples = np.arange(command.size)
     moved = np.concatenate([[True], np.diff(command) != 0])
     still = samples - np.maximum.accumulate(np.where(moved, samples, 0))

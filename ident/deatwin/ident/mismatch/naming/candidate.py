@@ -160,7 +160,7 @@ def judge(problem: DiagnosisProblem, calibration: Calibration, noise: float) -> 
 
 
 def noise_seen(fit: Calibration, parts: Sequence[Part]) -> float:
-    """Return the first reading's noise as a fit shows it, SI, at least that of its data sheet and of its steps."""
+    """Return the noise of the first reading as a fit shows it, SI; at least that of its data sheet and of its steps."""
     parts = first_only(parts)
     sizes = [int(mask.sum()) for part in parts for mask in part.masks if mask.any()]
     residuals, commands = (

@@ -25,7 +25,5 @@ def contribution(problem: DiagnosisProblem, explanation: Calibration, added: Seq
 
 
 def readings_of_fit(parts: Sequence[Part], residuals: np.ndarray) -> np.ndarray:
-    """Return the simulated readings that belong to residuals, which are divided by the noise level. Shapes: (n,) both,
-    SI.
-    """
+    """Return the simulated readings that belong to residuals over the noise level. Shapes: (n,) both, SI."""
     return np.concatenate([part.measured for part in parts]) - residuals * level_of(parts)

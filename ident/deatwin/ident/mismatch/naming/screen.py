@@ -186,9 +186,7 @@ def _lead(known: LinearisedResponse, residual: np.ndarray, basis: np.ndarray) ->
 
 
 def started(effect: Effect, strength: float) -> tuple[Effect, Effect]:
-    """Return an effect at its own strength but the sign of `strength`, for a distant fit, and at `strength`, for a
-    nearby one.
-    """
+    """Return an effect at its own strength, signed as `strength`, for a distant fit, and at `strength` for a near one."""
     known = effect.described(effect.strength)
     values = (np.copysign(known.value, strength), strength)
     start, estimate = (
@@ -214,9 +212,7 @@ def _at_its_time(
     times: np.ndarray,
     simulate: Callable[[Effect], LinearisedResponse | None],
 ) -> LinearisedResponse:
-    """Return the event at the time at which it explains most; a fit cannot move it, because few samples depend on its
-    time.
-    """
+    """Return the event at the time at which it explains most; a fit cannot move it, as few samples depend on its time."""
     basis, event = tangent_basis(fit.movable), found[0].effect.event
     known = found[0].effect.described(event)
     first, last = known.lower, known.upper

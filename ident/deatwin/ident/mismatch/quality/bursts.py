@@ -40,8 +40,7 @@ BEND = 35.0 / 18.0
 
 
 def noisier(residuals: Sequence[np.ndarray], commands: Sequence[np.ndarray], floor: float) -> list[np.ndarray]:
-    """Mark samples whose residuals are white and much noisier than elsewhere, unless commands as brisk cause this
-    elsewhere.
+    """Mark samples whose residuals are white and much noisier than elsewhere, unless commands as brisk are the cause.
 
     Shapes: `residuals`, NaN where unknown, and `commands` (n,) for each record. Noise below `floor` does not count.
     """
@@ -89,11 +88,10 @@ def _is_uneven(lines: np.ndarray) -> bool:
 
 
 def _is_white(values: np.ndarray, variance: float, others: np.ndarray, hiding: float) -> bool:
-    """Return whether a stretch is white noise, larger than that of the other windows at frequencies where these do not
-    hide it.
+    """Return whether a stretch is white noise, and larger than that of other windows where these do not hide it.
 
-    `others`, (WINDOW // 2 + 1,), are the mean power densities of the other windows, which hide the stretch from
-    `hiding` on.
+    `others`, (WINDOW // 2 + 1,), are the mean power densities of the other windows; values from `hiding` on hide the
+    stretch.
     """
     frequency, densities = np.fft.rfftfreq(values.size), _densities(values)
     usual = np.interp(frequency, np.fft.rfftfreq(WINDOW), others)

@@ -14,12 +14,11 @@ from deatwin.ident.soundness import neighbours_deviation, runs, samples_in
 
 MIDDLE = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 6.0
 """Weights of five successive values in `neighbours_deviation`: they pass white noise, with 35/18 of its power, and
-hardly anything smooth."""
+hardly anything that is smooth."""
 TOP_OF_SPECTRUM = 0.8
 """Share of the Nyquist frequency above which a residual is taken to be sensor noise."""
 SHEET_TOLERANCE = float(np.sqrt(1.0 + PRACTICAL_SHARE))
-"""Ratio to the data sheet's noise up to which an estimate agrees with it: what exceeds this would count as a mismatch.
-"""
+"""Ratio to the data sheet's noise up to which an estimate agrees with it: a larger excess would count as a mismatch."""
 SCATTER = 4.4
 """Margin added to that ratio, times the root of the number of samples: two standard errors of the estimate from the top
 of the spectrum, each of which is 2.2 over that root for white noise."""
@@ -81,8 +80,7 @@ def noise_level(
     commands: Sequence[np.ndarray] = (),
     repeats: Repeats | None = None,
 ) -> NoiseFloor:
-    """Return the sensor's noise from its data sheet (`sheet`, SI; 0 if none) unless all other estimates are clearly
-    larger.
+    """Return the noise from the data sheet (`sheet`, SI; 0 if none) unless all other estimates are clearly larger.
 
     Then, or without a data sheet, the smallest other estimate is returned. Shapes: `residuals` of a calibrated plant,
     SI, and `commands` (n_r,) each.
@@ -180,7 +178,7 @@ def _with_signal(logs: np.ndarray, signal: np.ndarray, known: np.ndarray) -> tup
 
 
 def _is_white(bends: np.ndarray, some: np.ndarray) -> bool:
-    """Return whether at most a tenth of the deviations' power is smooth, by how often neighbours have the same sign."""
+    """Return whether at most `PRACTICAL_SHARE` of the deviations' power is smooth; smooth deviations keep their sign."""
     pairs = np.flatnonzero(some[1:] & some[:-1])
     if not pairs.size:
         return False
@@ -204,9 +202,7 @@ def _at_rest(residual: np.ndarray, command: np.ndarray, sample_time: float) -> l
 
 
 def _white(pieces: Sequence[np.ndarray], above: float) -> float:
-    """Return the standard deviation of white noise with the median power density above a share of the Nyquist
-    frequency.
-    """
+    """Return the deviation of white noise with the median power density found above a share of the Nyquist frequency."""
     # The median over the spectral lines ignores tones and slow errors. The median over the segments ignores bursts,
     # such as the error after each step of a plant that answers too early.
     from scipy.signal import welch

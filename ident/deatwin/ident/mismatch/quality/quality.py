@@ -35,13 +35,11 @@ FEWEST_PER_PARAMETER = 20
 FEWEST_FAULTY, FAULTY_SHARE = 10, 1e-3
 """Number of faulty samples, and their share of all samples, that no sound recording exceeds."""
 FEWEST_SOUND = 0.1
-"""Share of sound samples below which nothing is left out: the recordings are then reported as faulty, whatever the fit.
-"""
+"""Share of sound samples below which nothing is left out: the verdict is then on the recordings, whatever the fit."""
 MOST_STRETCHES = 6
 """Largest number of stretches that are listed one by one in a line; nobody reads more."""
 COARSE = 0.1
-"""Share of the noise variance that the steps of the readings may add (their square over 12) before they are reported.
-"""
+"""Share of the noise variance that steps of the readings may add (their square over 12) before they are reported."""
 
 
 class Soundness(Enum):
@@ -312,9 +310,7 @@ def check_quality(plant: Plant, experiments: Experiment | Sequence[Experiment]) 
 
 
 def _elsewhere(stuck: Masks, experiments: Sequence[Experiment], find: Callable[[Recording], np.ndarray]) -> Masks:
-    """Return the samples that `find` marks, except in and next to stuck stretches, which are already reported as
-    faults.
-    """
+    """Return the samples that `find` marks, except in and next to stuck stretches, which are reported already."""
     return tuple(
         tuple(find(record) & ~binary_dilation(mask) for record, mask in zip(experiment.recordings, masks, strict=True))
         for experiment, masks in zip(experiments, stuck, strict=True)

@@ -57,9 +57,7 @@ class Repeatability:
 
 
 def find_repeats(commands: Sequence[np.ndarray], sample_time: float) -> Repeats | None:
-    """Find repeated stretches of commands, (n_r,) each, within and across recordings; None if shorter than 4 s in
-    total.
-    """
+    """Find repeated stretches of commands, (n_r,) each, in and across recordings; None if they last less than 4 s."""
     # A repeat has at least two seconds of equal commands. Each stretch is paired with its next return, and its first
     # second is left out, since the plant still shows what came before.
     settling = samples_in(SETTLING_SECONDS, sample_time)

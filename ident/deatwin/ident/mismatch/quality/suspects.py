@@ -22,14 +22,13 @@ SPIKE_DEVIATIONS = 12.0
 """Distance of a spike from its neighbours' cubic, in standard deviations; a normal reading is so far off once in 10^32
 samples."""
 SIDE = 25
-"""Number of samples on each side of a spike from which the local noise is estimated; 25 give its deviation to a
-seventh."""
+"""Number of samples on each side of a spike from which the local noise is estimated; 25 give its standard deviation to
+within 14 %."""
 ROUNDS, FURTHEST = 30, 1000.0
 """Number of iterations in which the share of usual values converges, and limit for the squares of normalised
 deviations, beyond which a value certainly belongs to the louder noise."""
 MOSTLY, TWICE = 0.5, 2.0
-"""Share of the values beside an outlier that must be usual, and smallest ratio of a burst's noise to the usual noise.
-"""
+"""Share of the values beside an outlier that must be usual, and smallest ratio of a burst's noise to usual noise."""
 LONE = 0.5
 """Largest deviation of a spike's neighbours once the spike is replaced, as a share of the spike; a ringing film exceeds
 it."""
@@ -41,8 +40,7 @@ STILL_SAMPLES = 10
 QUIET_SECONDS = 1.0
 """Time after a jump of the command, s, in which readings are not called spikes, because the film rings."""
 FROZEN = 0.9
-"""Share of the command's range over which a constant reading is stuck even where a limit or friction could explain it.
-"""
+"""Share of the command's range over which a constant reading is stuck even if a limit or friction could explain it."""
 NEAR_STEPS = 3
 """Largest difference between readings in coarse steps that follow one another in slow motion, in such steps."""
 STEP_BENDS_LESS = 0.85
@@ -67,8 +65,8 @@ def stuck(record: Recording) -> np.ndarray:
     """Mark runs of one constant reading while the command moves, longer than a second or ending in a jump."""
     # A run that ends in a jump must be longer than chance explains. Readings in coarse steps also stay constant under
     # slow commands, but then go on by a step or two. Dry friction holds a plant until the command is large enough, and
-    # a counter reads this without any noise; a plant that sticks and slips stands as often, and jumps as far,
-    # elsewhere.
+    # a counter, which has no noise, then gives a constant reading. A plant that sticks and slips stands still as often,
+    # and jumps as far, elsewhere.
     reading, command = record.outputs[0], record.inputs[0]
     usual = reading[~spikes(reading)]
     ends, near = (usual.max(), usual.min()), NEAR_STEPS * resolution(usual)
@@ -226,9 +224,7 @@ def _isolated(far: np.ndarray, bend: np.ndarray, typical: float) -> np.ndarray:
 
 
 def _usual_share(squares: np.ndarray) -> float:
-    """Return the share of values, given their `squares`, (k,), that are standard normal if the others have a larger
-    deviation.
-    """
+    """Return the share of values, with `squares` (k,), that are standard normal if the others have a larger deviation."""
     # Share and larger deviation are maximum-likelihood estimates, by expectation-maximisation.
     share, larger = 0.5, max(float(squares.mean()), TWICE**2)
     for _ in range(ROUNDS):
@@ -240,9 +236,7 @@ def _usual_share(squares: np.ndarray) -> float:
 
 
 def _beside(bend: np.ndarray) -> np.ndarray:
-    """Return the largest deviation among each value's neighbours after the value is moved onto its own cubic. Shapes:
-    (n,).
-    """
+    """Return the largest deviation among each value's neighbours after the value is moved onto its own cubic, (n,)."""
     padded = np.pad(bend, 2, constant_values=np.nan)
     shares = {1: 2 / 3, 3: 2 / 3, 0: -1 / 6, 4: -1 / 6}
     off = [np.abs(padded[k : k + bend.size] + share * bend) for k, share in shares.items()]

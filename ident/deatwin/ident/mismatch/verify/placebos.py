@@ -212,7 +212,7 @@ def phase_randomised(signal: np.ndarray, rng: np.random.Generator) -> np.ndarray
 
 
 def _change(plant: Plant, effect: Effect, parts: Sequence[Part]) -> list[list[np.ndarray]] | None:
-    """Return what the effect does to the reading of each record of each part, SI, in the units of its residuals."""
+    """Return the effect's change of the reading in each record of each part, SI, in the units of the part's residuals."""
     changes, known = [], {}
     amended = plant.with_effects(effect)
     for part in parts:
