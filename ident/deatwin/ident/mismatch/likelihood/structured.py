@@ -26,9 +26,7 @@ GRID = 200
 
 
 def bends(simulated: np.ndarray, rms: float) -> np.ndarray:
-    """Return orthogonal polynomials of a reading, (n,), (n, 6); `rms`, SI, is that of a sum with standard normal
-    weights.
-    """
+    """Return orthogonal polynomials of a reading, (n,), (n, 6); `rms`, SI, is that of their sum with normal weights."""
     first, last = DEGREES
     basis = np.linalg.qr(legvander(_unit(simulated), last))[0][:, first:]
     return basis * rms * np.sqrt(simulated.size / basis.shape[1])
