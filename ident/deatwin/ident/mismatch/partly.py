@@ -59,9 +59,11 @@ def explains_all(best: Candidate, base: Candidate, whole: Calibration | None) ->
 
 def is_known(candidate: Candidate) -> bool:
     """Return whether the 95 % interval of each effect's strength excludes zero."""
+    # A film's relaxing modulus, for example, is known only as a share of its other modulus, because the permittivity
+    # scales both. No interval tells of such a strength whether it is zero; the ablation does.
     fit = candidate.calibration
-    strengths = [f"{e.name}.{e.strength}" for e in fit.plant.effects if e.name in candidate.effects]
-    return all(low > 0.0 or high < 0.0 for low, high in map(fit.interval, strengths))
+    strengths = {f"{e.name}.{e.strength}" for e in fit.plant.effects if e.name in candidate.effects}
+    return all(low > 0.0 or high < 0.0 for low, high in map(fit.interval, strengths - fit.undetermined))
 
 
 def led_by_what_acts(naming: Naming) -> Naming | None:

@@ -181,9 +181,25 @@ def _ended(problem: DiagnosisProblem, fit: Calibration, noise: float, to_the_end
 
 
 def _finished(problem: DiagnosisProblem, fit: Calibration) -> Calibration:
-    """Complete a fit; an event that it cannot place is placed by the held-out data."""
-    placed = at_its_time(fit, problem.fitted, enough=DECIDING)
-    return in_its_gap(finish(placed, problem.fitted), problem.fitted, problem.everything)
+    """Complete a fit; repeat it from typical values if it stops short; let held-out data place an event it cannot."""
+    # The fit of a set begins at the values of a smaller set. These may lie in another valley: next to a drift that is
+    # missing, a relaxation becomes far slower. The fit then stops in the valley before its minimum.
+    found = _completed(problem, fit)
+    if found.status in (FitStatus.STOPPED, FitStatus.UNSETTLED):
+        again = search(_typical(problem, found.plant), problem.fitted, hopeless=found.rms)
+        if again.status.ok and not again.given_up:
+            found = _better(found, _completed(problem, again))
+    return in_its_gap(found, problem.fitted, problem.everything)
+
+
+def _completed(problem: DiagnosisProblem, fit: Calibration) -> Calibration:
+    return finish(at_its_time(fit, problem.fitted, enough=DECIDING), problem.fitted)
+
+
+def _typical(problem: DiagnosisProblem, fitted: Plant) -> Plant:
+    """Return the nominal plant in the rig variant of a fitted one, with its effects at their typical values."""
+    nominal = problem.nominal.with_rig(fitted.rig)
+    return nominal.with_effects(*(e for e in problem.everywhere if e.name in fitted.effect_names and nominal.lacks(e)))
 
 
 def _better(one: Calibration, other: Calibration) -> Calibration:
