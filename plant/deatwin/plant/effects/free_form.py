@@ -30,7 +30,7 @@ class FreeForm(Effect):
     name: ClassVar[str] = "free_form"
     family: ClassVar[Family] = Family.MECHANICAL  # Family of the default; it is never used
     strength: ClassVar[str] = "size"
-    order: ClassVar[int] = 100  # Last: it is added to what physics makes of the signal
+    order: ClassVar[int] = 100  # Last: added to the signal after all physical effects
     wording: ClassVar[str] = "A sum of functions with a size of {size} is added, which represents no physics"
 
     def __post_init__(self) -> None:

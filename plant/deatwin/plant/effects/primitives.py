@@ -20,7 +20,7 @@ from deatwin.plant.parameters import Parameter, Scale
 Symbol = Any
 
 CORNER = 0.001  # Rounding of corners, in units of the signal's scale
-PURSUIT = 0.1  # Time in which a play or a running extreme follows its input, in samples
+PURSUIT = 0.1  # Time constant with which a play or a running extreme follows its input, in samples
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -203,7 +203,7 @@ class Smallest(Largest):
 PRIMITIVES: Mapping[str, type[Primitive]] = {
     kind.kind: kind for kind in (Power, Magnitude, SignedSquare, DeadBand, LowPass, Play, Largest, Smallest)
 }
-"""Kinds by name."""
+"""Primitives by the name of their kind."""
 
 
 def primitive_from(data: Mapping[str, Any]) -> Primitive:

@@ -51,8 +51,8 @@ class Factors:
     """Lower and upper factor of a matrix in one array, with the reciprocals of the pivots on the diagonal."""
 
     entries: Rows  # n rows of n, in the order of elimination
-    rows: Sequence[int]  # Row and column of the matrix whose entry is the first pivot, the second,
-    columns: Sequence[int]
+    rows: Sequence[int]  # Row of each pivot in the matrix, in the order of elimination
+    columns: Sequence[int]  # Column of each pivot in the matrix
 
     def renamed(self, symbols: Iterator[Symbol]) -> Factors:
         """Return the pattern with a new symbol for each part that may be nonzero."""

@@ -41,8 +41,8 @@ if TYPE_CHECKING:
 Symbol = Any
 
 POINTS = 4
-"""Gauss points in each of the two zones: against sixteen, a displacement changes by less than 0.01 µm (sliding ball)
-or 0.5 µm (bonded, at 3 kV), less than a tenth of the error of the shape functions."""
+"""Number of Gauss points in each of the two zones. Compared with sixteen, a displacement changes by less than 0.01 µm
+(sliding ball) or 0.5 µm (bonded, at 3 kV), which is less than a tenth of the error of the shape functions."""
 
 
 def reduced(rig: BallInFilm, deflection: Symbol, build: Builder) -> Kinematics:
@@ -205,7 +205,7 @@ class _Geometry:
 
     @property
     def areas(self) -> list[Symbol]:
-        """Area of each point, that of the disc under the ball last."""
+        """Area of each point; the last one is the disc under the ball."""
         return [*self.rings(0), *self.rings(1), np.pi * self.contact_reference**2]
 
     def zones(self, contact: Symbol, stretch: Symbol) -> tuple[_Zone, _Zone]:
