@@ -162,7 +162,7 @@ class CalibratedPlant(
         rows = [r + 1 for r in timeline.readings]
 
         def band(values: np.ndarray, slopes: np.ndarray | None, noise: float, model_error: float) -> Band:
-            """Return the band of one reading; NaN where the simulation did not arrive."""
+            """Return the band of one reading, which is NaN after a failure of the simulation."""
             whole = np.full((2, timeline.commands.size + 1), np.nan)
             whole[0, : values.size] = values
             if slopes is not None:

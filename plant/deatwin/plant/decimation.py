@@ -12,7 +12,7 @@ from deatwin.plant.recording import Recording
 from deatwin.plant.rigs.base import ReadingTime
 
 Array = NDArray[np.float64]
-_PASSED, _STOPPED, _ATTENUATION_DB = 0.8, 1.2, 60.0  # Band edges relative to the new Nyquist frequency
+_PASSED, _STOPPED, _ATTENUATION_DB = 0.8, 1.2, 60.0  # Edges of the filter, relative to the new Nyquist frequency
 
 
 def decimate(recording: Recording, factor: int, *, reading: ReadingTime = ReadingTime.END_OF_HOLD) -> Recording:

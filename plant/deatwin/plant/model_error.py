@@ -211,7 +211,7 @@ class _Refit:
         self.start = np.array([p.scale.to_coordinate(p.value) for p in self._free])
 
     def rest(self) -> np.ndarray:
-        """Target minus fitted readings, shape (n,), SI."""
+        """Return target minus fitted readings, shape (n,), SI."""
         from scipy.optimize import least_squares  # not needed to simulate
 
         lower, upper = np.array([p.ends for p in self._free]).T

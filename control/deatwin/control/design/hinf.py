@@ -190,7 +190,7 @@ def _synthesis(plant: StateSpace, bounds: MixedSensitivity) -> StateSpace | None
 
 
 def _weighted(plant: StateSpace, bounds: MixedSensitivity) -> StateSpace:
-    """Generalised plant in the w plane, from reference and command to weighted error, weighted command and error."""
+    """Return the generalised plant in the w plane, from (reference, command) to (weighted error, weighted command, error)."""
     import control
 
     first, second = (control.ss(weight) for weight in bounds.weights())

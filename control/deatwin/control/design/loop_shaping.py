@@ -194,7 +194,7 @@ class _Loops:
         return self.values(self.times, self.omega)
 
     def values(self, times: Array, omega: Array) -> Complex:
-        """Loops with an integral gain of one, shape (n_times, n_frequencies)."""
+        """Return loops with an integral gain of one, shape (n_times, n_frequencies)."""
         h, sign = self.linear.sample_time, float(np.sign(self.linear.static_gain))
         delay, model = np.exp(-1j * omega * h), sign * self.linear.response(omega)
         rows = []
@@ -215,7 +215,7 @@ class _Loops:
         return found
 
     def crossover(self, integral: float, time: float) -> float:
-        """Highest frequency at which the loop gain is one, rad/s."""
+        """Return the highest frequency at which the loop gain is one, rad/s."""
         above = np.flatnonzero(integral * np.abs(self.values(np.array([time]), self.omega)[0]) >= 1.0)
         return float(self.omega[above[-1]])
 

@@ -27,7 +27,7 @@ Loop = Callable[[Array], Complex]
 _LOWEST = 1e-6  # Least distance of a crossing from 0 and from half the sampling rate, rad per sample, as in `margins`
 _POINTS = 400  # Number of points in each part of the grid: logarithmic, 60 per decade, and linear, in steps of 0.45°
 _NEAR = np.concatenate([-np.geomspace(30.0, 0.03, 40), [0.0], np.geomspace(0.03, 30.0, 40)])
-"""Grid points about a pole, in units of its width. A resonance turns by half a circle within some of these widths."""
+"""Distances of grid points from a pole, in its widths. A resonance turns by half a circle within some of these."""
 _DIVIDED, _ROUNDS = 16, 12  # Number of parts of a bracket, and number of divisions: 16^12 is 2^48
 _INTEGRATES = 1e-9
 """Distance from 1 within which a controller's pole counts as an integrator; no other pole has a time constant of 10^9

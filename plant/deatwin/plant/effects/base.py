@@ -97,7 +97,7 @@ class Effect(ABC):
     signal: ClassVar[str]
     strength: ClassVar[str]
     order: ClassVar[int] = 0
-    """Sorts the effects at one signal: those of lower order act first."""
+    """Number that sorts the effects at one signal; those of lower order act first."""
     event: ClassVar[str] = ""
     """Name of the shape parameter that is the time of an event, if any. The effect sets in at once at that time, so a
     fit cannot move it; it is found by search."""

@@ -16,9 +16,9 @@ CYCLES = 60  # Number of periods tried for a slow cycle, evenly spaced in their 
 class Tone:
     r"""A sine, :math:`a\cos(2\pi ft + \varphi)`."""
 
-    amplitude: float  # a, in the unit of the residual
-    frequency: float  # f in Hz
-    phase: float  # :math:`\varphi` at clock 0, rad, between -pi and pi
+    amplitude: float  # Amplitude a, in the unit of the residual
+    frequency: float  # Frequency f, Hz
+    phase: float  # Phase :math:`\varphi` at clock 0, rad, between -pi and pi
     explained: float  # Share of the variance that the sine explains, 0 to 1
 
 

@@ -126,7 +126,7 @@ def _not_increasing(timepts: Floats, where: Callable[[int], str]) -> DataError:
 
 
 def _pieces(timepts: Floats, edges: list[int], short: Flags, sample_time: float, tolerance: float) -> Iterator[Piece]:
-    """Yield the pieces between gaps; a piece with a short step is to be interpolated."""
+    """Yield the pieces between gaps; a piece with a short step must be interpolated."""
     origin = None
     for first, last in pairwise(edges):
         rows = timepts[first:last]

@@ -32,7 +32,8 @@ _CHANGE = re.compile(
     r"|.*(superheat|sub-?cool|subcooling|undercooling|supercooling)(?![a-z])(?!.*temp)|excess[ _]temp"
     r"|d[ _]?temp)|.*[a-z](Diff|Delta|Error|Change|Rise|Drop)(?![a-z])"
 )
-"""Words in the name of a temperature that make it a difference; the one of a *phase change material* is none."""
+"""Name of a temperature with a word that makes it a difference. The word must end the name or precede a preposition,
+unlike in *phase change material*."""
 _ONE_TEMPERATURE = r"(?:[Tt](?:emp(?:erature)?)?(?:[_ ]?\d\w*|_\w+)|[Tϑθ](?:[a-z]{1,4})?)"
 _MINUS = re.compile(
     rf"\(?(?:(?!T\s*[-−–]){_ONE_TEMPERATURE}\s*(?:[-−–]|minus)\s*{_ONE_TEMPERATURE}"

@@ -21,15 +21,15 @@ _SLACK = 0.1  # Tolerance of the fitted clock, in digits, because rounding moves
 _LOOKS = 500  # Number of times that are examined for their digits
 _DECIMALS = range(13)
 _EXACT = 1e-8  # Digit, s, that is too fine for the text of any single-precision number from 1 s on
-_UNITS = (1.0, 1e3, 1e6, 1e9)  # times in s may have been stored in s, ms, us or ns
+_UNITS = (1.0, 1e3, 1e6, 1e9)  # Factors from s to the unit in which times may have been stored: s, ms, us or ns
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rounded:
     """Even clock that fits rounded times."""
 
-    sample_time: float  # s
-    start: float  # s
+    sample_time: float  # Sample time, s
+    start: float  # Time of the first row, s
     digit: float  # Least difference that the file can store, in the median row, s
 
 

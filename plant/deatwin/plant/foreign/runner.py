@@ -116,7 +116,7 @@ class ForeignRunner:
 
 
 class _Around:
-    """The parts before and behind the model, in one experiment."""
+    """The parts of a plant before and after the model, in one experiment."""
 
     def __init__(
         self,
@@ -151,7 +151,7 @@ class _Around:
         return Call(parameters=parameters, inputs=inputs, time=self._time, output=runner.output_name)
 
     def read(self, answer: Answer, values: np.ndarray, call: Call, *, sensitive: bool = False) -> Run:
-        """Simulate the sensor that reads an answer; optionally with derivatives by parameters behind the model."""
+        """Simulate the sensor that reads an answer, optionally with derivatives by parameters after the model."""
         if answer.readings is None:
             return _failed(answer.fault)
         readings = answer.readings

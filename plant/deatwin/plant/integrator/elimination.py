@@ -98,7 +98,7 @@ def _less(value: Complex, left: Complex, right: Complex) -> Complex:
 
 
 def _partners(pattern: Sequence[set[int]]) -> list[int]:
-    """Assign to each column a row that has an entry there: if possible, its own row."""
+    """Return, for each column, a row that has an entry there; each row is used once, if possible for its own column."""
     n = len(pattern)
     if all(i in row for i, row in enumerate(pattern)):
         return list(range(n))

@@ -160,7 +160,7 @@ class FilmActuator(Rig):
 
     @abstractmethod
     def _potential(self, position: Symbol, shape: Kinematics, build: Builder) -> Symbol:
-        """Potential energy of loads and springs, J."""
+        """Return the potential energy of loads and springs, J."""
 
 
 def relaxed_stresses(substance: Material, stretch_1: float, stretch_2: float) -> tuple[float, float]:

@@ -49,7 +49,7 @@ def membrane(rig: BallInFilm, deflection: Symbol, build: Builder) -> Kinematics:
     inside = build.constant("contact_share", (edges[0] / edges[1]) ** 2 * np.pi * edges[1] ** 2)
 
     def passed(radius: Symbol) -> Symbol:
-        """A moving edge passes over each element smoothly; a fixed one covers whole elements."""
+        """Return the relative coverage at a radius, because a moving edge passes over each element smoothly."""
         return smooth_step((ca.sqrt(share) - radius) / width) / smooth_step((1 - radius) / width)
 
     # The points together cover exactly the area that is left, whatever the number of elements.

@@ -196,11 +196,11 @@ class _Geometry:
         )
 
     def radii(self, number: int) -> list[Symbol]:
-        """Reference radius of each Gauss point of a zone."""
+        """Return the reference radius of each Gauss point of a zone."""
         return [self.radius[number][k] for k in range(POINTS)]
 
     def rings(self, number: int) -> list[Symbol]:
-        """Ring area that each Gauss point of a zone represents."""
+        """Return the ring area that each Gauss point of a zone represents."""
         return [self.area[number][k] for k in range(POINTS)]
 
     @property

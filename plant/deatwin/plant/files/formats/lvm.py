@@ -129,7 +129,7 @@ def _table(segments: list[_Segment], separator: str, x_columns: str, path: str, 
     if x_columns == "Multi":
         _require_one_clock(segments, separator, path)
     deltas = {first.number("Delta_X", k) for k in range(len(first.names) - 1)} - {None}
-    # Entries of a header are counted by channel, from 0; without x values, too, a channel's samples are one column on.
+    # Header entries are counted by channel from 0; even without x values, a channel's samples are one column further.
     timing, lines = None, [line for segment in segments for line in segment.lines]
     if x_columns == "No":
         starts = {first.number("X0", k) for k in range(len(first.names) - 1)} - {None}

@@ -113,10 +113,8 @@ def _require_types(matrix: bytes, order: Literal["little", "big"], path: str) ->
         return
     while place + 8 <= len(matrix):
         kind, size = (int.from_bytes(matrix[k : k + 4], order) for k in (place, place + 4))
-        begin, place = (
-            place + 8,
-            place + 8 + (0 if kind >> 16 else -(-size // 8) * 8),
-        )  # the tag may hold four bytes
+        # Up to four bytes of data may lie in the tag itself.
+        begin, place = place + 8, place + 8 + (0 if kind >> 16 else -(-size // 8) * 8)
         if kind & 0xFFFF not in _TYPES:
             raise DataError(f"{path}: no element can be of type {kind & 0xFFFF}; it is damaged")
         if kind == _ARRAY:
