@@ -190,7 +190,7 @@ def _synthesis(plant: StateSpace, bounds: MixedSensitivity) -> StateSpace | None
 
 
 def _weighted(plant: StateSpace, bounds: MixedSensitivity) -> StateSpace:
-    """Return the generalised plant in the w plane, from (reference, command) to (weighted error, weighted command, error)."""
+    """Return the generalised plant in w, from (reference, command) to (weighted error, weighted command, error)."""
     import control
 
     first, second = (control.ss(weight) for weight in bounds.weights())
