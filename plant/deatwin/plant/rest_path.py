@@ -20,7 +20,7 @@ FURTHEST = 0.25
 """Largest move of an unknown between two commands, in units of its scale; a film that snaps moves further."""
 HALVINGS = 14  # Largest number of halvings of the way from rest, with which pull-in is found to a part in 16000
 UPDATES = 20
-SETTLED = 1e-12  # Change of the unknowns, relative to their scale, that ends Newton's method
+SETTLED = 1e-12  # Relative change of the unknowns that ends Newton's method, which is not differentiated
 
 
 def rest_under(plant: Plant, command: float, *, time: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
