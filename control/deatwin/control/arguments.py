@@ -17,7 +17,7 @@ from deatwin.plant.errors import ModelError
 P = ParamSpec("P")
 R = TypeVar("R")
 Check = Callable[[Any, str], object]
-"""Takes a value and its name, and raises ControlError where the value is of another kind."""
+"""Function that takes a value and its name, and raises ControlError if the value is of another kind."""
 
 
 def taking(**checks: Check) -> Callable[[Callable[P, R]], Callable[P, R]]:

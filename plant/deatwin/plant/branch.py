@@ -17,18 +17,20 @@ from deatwin.plant.integrator.march import March
 from deatwin.plant.rest import RestState, rest_state, resting
 
 FURTHEST = 0.25
-"""Largest move of an unknown between two points of a curve, in units of its scale: a film that snaps moves further."""
-RUNAWAY = 20.0  # Largest distance from rest, beyond all films; a model without a limit of stretch would go on
+"""Largest move of an unknown between two points of a curve, in units of its scale; a film that snaps moves further."""
+RUNAWAY = 20.0
+"""Largest distance of an unknown from rest, in units of its scale. No film reaches it, but a material model without a
+limit of stretch would be followed without end."""
 HALVINGS = 12
-"""Largest number of halvings of the range of commands before the equilibrium counts as ended: a part in 4000 is
-finer than any amplifier."""
+"""Largest number of halvings of a stride in the command before the equilibrium counts as ended: a part in 4000 is
+finer than any amplifier resolves."""
 STRIDES = np.sqrt(np.linspace(0.0, 1.0, 9))[1:]
-"""Shares of the way to the furthest command for first strides, since stress grows with the square of the voltage.
-Too long a stride costs a failed search."""
+"""Fractions of the way to the furthest command at which the equilibrium is first sought, evenly spaced in their square
+because the stress grows with the square of the voltage. A stride that is too long costs a failed search."""
 BETWEEN = np.linspace(0.0, 1.0, 17)[1:-1]
-"""Shares of the way between two states at which a negative tangent is sought: a snap passes an unstable equilibrium,
-which lies well between the two stable ones."""
-PIECE = 512  # Number of samples that are checked together; each snap leads to another branch
+"""Fractions of the way between two states at which an unstable tangent is sought: a snap passes an unstable
+equilibrium, which lies well between the two stable ones."""
+PIECE = 512  # Number of samples checked together; the check starts anew after each snap, which leads to another branch
 ACTED_ON = "film_voltage"  # Signal of a rig with a film
 
 Step = Callable[[float, np.ndarray], np.ndarray | None]
@@ -85,7 +87,7 @@ def snap_throughs(
     while here < commands.size:
         piece = slice(here, here + count)
         stays, crosses = _stable(equations, way[:, here : here + count + 1], inputs[:, piece], ends, values, stable)
-        if not stays.size:  # long between two equilibria
+        if not stays.size:  # between two equilibria throughout: look further ahead
             here, count = (here, 2 * count) if here + count < commands.size else (commands.size, count)
             continue
         if not crosses.any():
@@ -95,7 +97,7 @@ def snap_throughs(
         left, entered = here + (1 + int(stays[first - 1]) if first else 0), here + int(stays[first])
         here, count, turn = entered + 1, PIECE, (way[:, entered + 1] - way[:, left]) / equations.scale
         inside = (commands >= ends[0]) & (commands <= ends[1])
-        # The same way once more, though the equilibrium did not vanish: still the last snap, seen from its end.
+        # A further move in the same direction, while the equilibrium still exists, is the end of the last snap.
         if turn @ direction <= 0 or not inside[arrived:here].all():
             held = np.flatnonzero(inside[: left + 1])
             found.append(min(int(held[-1]) + 1, left) if held.size else left)
@@ -123,7 +125,7 @@ def _stable(
     last = np.concatenate([[0], stays[:-1] + 1])
     before, moves = way[:, last], way[:, stays + 1] - way[:, last]
     moved = np.max(np.abs(moves) / equations.scale[:, None], axis=0) >= FURTHEST
-    moved |= np.diff(stays, prepend=-1) > 1  # by way of states that are not stable
+    moved |= np.diff(stays, prepend=-1) > 1  # unstable samples lie between
     between = before[:, moved, None] + moves[:, moved, None] * BETWEEN
     held = np.repeat(told[:, stays[moved]], BETWEEN.size, axis=1)
     signs = _signs(equations, between.reshape(len(way), -1), held, values).reshape(-1, BETWEEN.size)
@@ -166,7 +168,7 @@ def _signs(equations: Equations, unknowns: np.ndarray, inputs: np.ndarray, value
         count = signs[piece].size
         w[:count], u[:count] = unknowns[:, piece].T, inputs[:, piece].T
         tangents = march.advance()[0].reshape(together, len(unknowns), len(unknowns))[:count]
-        with np.errstate(all="ignore"):  # a state that the film cannot have has no tangent, and is not stable
+        with np.errstate(all="ignore"):  # an impossible state of the film has no finite tangent and counts as unstable
             signs[piece] = np.linalg.slogdet(tangents[:, kept[:, None], kept]).sign
     return signs
 

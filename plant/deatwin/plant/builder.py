@@ -153,7 +153,7 @@ class Builder:
         """
         if self.written.parts is not None:
             raise RigError("two effects divide a sample at different times: leave one of them out")
-        # Nobody but a step tells a middle: all else looks at a sample's end, which is in its second part.
+        # Only a step sets the middle. Everything else evaluates a sample's end, which lies in the second part.
         self.written.parts = Parts(
             first=number(first, "the first part of a sample"),
             start=self.sample_start,
@@ -476,7 +476,7 @@ class Builder:
     def _average(self, name: str) -> None:
         """Replace a further reading by the mean of its level over the sample."""
         offered = {**{n: (value, 0.0, 1.0) for n, value in self.written.watched.items()}, **self.written.measured}
-        if name in offered:  # or the equations are refused
+        if name in offered:  # otherwise `equations` raises the error
             level, stored, share = offered[name]
             self.written.measured[name] = (self._mean(name, ca.SX(level), 1.0), stored, share)
 

@@ -50,7 +50,7 @@ class Prediction:
     failed_at: float | None  # Clock time of a failure, s
     failed_command: float | None  # Command at that time, in its unit
     advice: str  # Text of the status; for a plant without a state of rest, the equation at fault
-    further: Mapping[str, Band] = field(default_factory=dict)  # Of each further reading, by its name
+    further: Mapping[str, Band] = field(default_factory=dict)  # Band of each further reading, by name
 
     def to_xarray(self, experiment: Experiment) -> Any:
         """Return readings and standard deviation along ``sample``, with coordinates ``time`` in s and ``record``."""
@@ -74,7 +74,7 @@ class Prediction:
 
 
 def _known(name: str) -> Callable[[CalibratedPlant], list[Any]]:
-    """Return a property of each parameter, from its values by name."""
+    """Return a function that lists one attribute of all parameters of a plant."""
     return lambda known: [getattr(parameter, name) for parameter in known.plant.parameters.values()]
 
 
@@ -162,7 +162,7 @@ class CalibratedPlant(
         rows = [r + 1 for r in timeline.readings]
 
         def band(values: np.ndarray, slopes: np.ndarray | None, noise: float, model_error: float) -> Band:
-            """Return the band of one reading; NaN where the simulation did not arrive."""
+            """Return the band of one reading, which is NaN after a failure of the simulation."""
             whole = np.full((2, timeline.commands.size + 1), np.nan)
             whole[0, : values.size] = values
             if slopes is not None:
@@ -244,7 +244,7 @@ def _require_calibration(plant: Plant, names: tuple[str, ...], covariance: np.nd
     if (np.abs(covariance) > LARGEST**2).any():
         raise ModelError(f"calibration.covariance: no variance is larger than {LARGEST**2:g}")
     variances = np.diag(covariance)
-    # Between parameters of any size; a fit leaves rounding errors of about 1e-12 of this.
+    # Correlations, because the sizes of parameters differ widely; a fit leaves rounding errors of about 1e-12 in them.
     scaled = covariance / np.sqrt(np.outer(variances, variances)) if (variances > 0.0).all() else covariance
     if not np.allclose(scaled, scaled.T, atol=1e-6) or (variances < 0.0).any() or _least(scaled) < -1e-6:
         raise ModelError(

@@ -11,13 +11,13 @@ from deatwin.plant.recording import UNSTATED, Recording, label
 from deatwin.plant.rigs.base import Rig
 from deatwin.plant.rigs.rigfile import DriveSpec
 
-# Without a command range in the rig file: no amplifier for these actuators gives more than this, V.
+# Largest film voltage if the rig file states no command range, V: no amplifier for these actuators gives more.
 _HIGHEST_FILM_VOLTAGE = 30e3
-# "Far" outside of the stated range: by more than this share of its width.
+# Tolerated excess over the stated command range, as a share of its width.
 _RANGE_MARGIN = 0.5
-# Film volts drive a film: divided by the gain they use at least this share of the highest command.
+# Least share of the highest command that a column of film volts uses, once divided by the gain: it drives a film.
 _LEAST_USE = 0.01
-# Between these a reading spends 90 % of its samples: spikes do not count as motion.
+# Percentiles that bound the motion: 90 % of the samples lie between them, so that spikes do not count.
 _MOST_SAMPLES = (5.0, 95.0)
 
 

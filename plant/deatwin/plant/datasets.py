@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 PARTS = ("real", "imaginary")
 Variables = Mapping[str, tuple[Any, ...]]
-"""By its name the dimensions of a variable (one or several), its values, and where it has them its unit and meaning."""
+"""Variables by name: dimensions (one name or several), values and, where known, unit and meaning."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,13 +90,13 @@ PART_COORDINATES: Mapping[str, Metadata] = {
     "part": coordinate("part", of=lambda _: list(PARTS)),
     "other_part": coordinate("other_part", of=lambda _: list(PARTS)),
 }
-"""Of a covariance of complex values."""
+"""Coordinates of a covariance of complex values."""
 
 
 class Described:
     """Base of results whose fields describe, by metadata, how they are stored in a dataset."""
 
-    DERIVED: ClassVar[Mapping[str, Metadata]] = {}  # The same of properties, and of what `Entry.of` makes of the result
+    DERIVED: ClassVar[Mapping[str, Metadata]] = {}  # Metadata of properties and of values from `Entry.of`
 
     def to_xarray(self) -> Any:
         """Return the result as an `xarray.Dataset`, its variables with their units."""

@@ -210,7 +210,7 @@ NI_9264 = Converter(
     full_scale=10.5,
     limit=10.0,
 )
-"""Analogue output: 0.32 mV per code, a quarter of a volt at the film; the largest command of the thesis is 3.75 V."""
+"""Analogue output: 0.32 mV per code, a quarter of a volt at the film. The thesis' largest command is 3.75 V."""
 
 HV_AMPLIFIER = Amplifier(
     name="high-voltage amplifier, type unknown",
@@ -243,4 +243,4 @@ ANALOGUE_INPUT = Converter(
     full_scale=10.0,
     limit=10.0,
 )
-"""0.31 mV per code, which is 1.22 µm of the laser: more than the laser's own noise."""
+"""Analogue input: 0.31 mV per code, which is 1.22 µm of the laser's range and more than the laser's own noise."""

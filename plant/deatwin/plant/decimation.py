@@ -12,7 +12,7 @@ from deatwin.plant.recording import Recording
 from deatwin.plant.rigs.base import ReadingTime
 
 Array = NDArray[np.float64]
-_PASSED, _STOPPED, _ATTENUATION_DB = 0.8, 1.2, 60.0  # of the filter, edges relative to the new Nyquist frequency
+_PASSED, _STOPPED, _ATTENUATION_DB = 0.8, 1.2, 60.0  # Edges of the filter, relative to the new Nyquist frequency
 
 
 def decimate(recording: Recording, factor: int, *, reading: ReadingTime = ReadingTime.END_OF_HOLD) -> Recording:
@@ -68,8 +68,8 @@ def decimate(recording: Recording, factor: int, *, reading: ReadingTime = Readin
     def read(signal: Array) -> Array:
         return _filtered(signal, odd, rows + last)
 
-    # The middle of the hold is (factor - 1)/2 old rows after its first one: between two rows if factor is even,
-    # which is where a filter of even length has its centre.
+    # The middle of a hold is (factor - 1)/2 old rows after its first row. For an even factor that lies between two
+    # rows, as does the centre of a filter of even length.
     inputs = [_filtered(u, held, rows + (factor - 1) // 2) for u in recording.inputs]
     n = rows.size
     return replace(
@@ -139,7 +139,7 @@ def low_pass_gain(factor: int, frequencies: Array, reading: ReadingTime) -> Arra
 
 
 def _low_pass(factor: int, between: int) -> Array:
-    """Return a symmetric filter with gain 1 at zero frequency, of odd length, or of even length between rows."""
+    """Return a symmetric filter with gain 1 at zero frequency; its length is odd, or even if `between` is 1."""
     from scipy.signal import firwin, kaiserord
 
     taps, beta = kaiserord(_ATTENUATION_DB, (_STOPPED - _PASSED) / factor)

@@ -18,7 +18,7 @@ from deatwin.plant.files import write_text_atomic
 from deatwin.plant.safe_read import DOCUMENT_BYTES, DOCUMENT_VALUES, clipped, read_regular
 from deatwin.plant.schemacheck import shape_fault, shipped_schema
 
-# A number that may be too large for a float: only then are numbers read the slow way.
+# A number that may be too large for a float; only files with one are read by the slower parser that checks each number.
 _PERHAPS_HUGE = re.compile(rb"[0-9.][eE]\+?[0-9]{3}|[0-9]{309}")
 
 Content = TypeVar("Content")
@@ -48,7 +48,7 @@ def read_document(path: str | os.PathLike[str], schema: str, build: Callable[[Ma
     except _MALFORMED as error:
         fault = shape_fault(document, schema) or clipped(error, 200)
         raise ModelError(f"{path}: not a valid {schema} file: {fault}") from error
-    if fault := shape_fault(document, schema):  # what was made of it would not show it at once
+    if fault := shape_fault(document, schema):  # `build` may accept a wrong shape, which would fail later
         raise ModelError(f"{path}: not a valid {schema} file: {fault}")
     return content
 
@@ -78,7 +78,7 @@ class Saved:
             cls._file = (schema, document, fields)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # For copies and worker processes: a mapping proxy does not pickle, and what is cached need not.
+        # For copies and worker processes: mapping proxies cannot be pickled, and cached values need not be.
         state = {item.name: getattr(self, item.name) for item in fields(self) if item.init}  # type: ignore[arg-type]
         plain = {name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in state.items()}
         return partial(type(self), **plain), ()
@@ -114,7 +114,7 @@ class Saved:
 
 
 _MALFORMED = (TypeError, ValueError, AttributeError, IndexError, ArithmeticError, MemoryError, RecursionError)
-"""Errors that values of the wrong kind, too large or too deep may raise in a document of the right schema."""
+"""Errors that a document of the right schema may raise: a value of the wrong kind, too large or nested too deeply."""
 
 
 def read_json(path: str | os.PathLike[str]) -> Any:
@@ -134,7 +134,7 @@ def read_json(path: str | os.PathLike[str]) -> Any:
         return json.loads(content.decode("utf-8-sig"), parse_float=real, parse_int=whole, parse_constant=_finite)
     except RecursionError:
         raise ModelError(f"{path}: not a readable JSON file (lists are nested too deeply)") from None
-    except ValueError as error:  # no UTF-8, or no JSON
+    except ValueError as error:  # not UTF-8, or not JSON
         raise ModelError(f"{path}: not a readable JSON file ({clipped(error, 200)})") from error
 
 

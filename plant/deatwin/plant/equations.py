@@ -29,10 +29,10 @@ KNOWN = (SAMPLE_START, STEP_MIDDLE)  # Inputs that are known without measurement
 class Equations:
     """The DAE as CasADi Functions and plain data, so that it can go to worker processes."""
 
-    states: tuple[str, ...]  # Names of x, z, d and of the watched signals
-    coordinates: tuple[str, ...]
-    held: tuple[str, ...]
-    signals: tuple[str, ...]
+    states: tuple[str, ...]  # Names of the states x
+    coordinates: tuple[str, ...]  # Names of the coordinates z
+    held: tuple[str, ...]  # Names of the held quantities d
+    signals: tuple[str, ...]  # Names of the watched signals
     scale: np.ndarray  # shape (n_x + n_z,): Typical size of each unknown, SI
     constants: np.ndarray  # shape (n_c,): Known parameters and numbers of the rig, SI
     parameters: ParameterSet  # All parameters; the free ones are the argument *p* of the functions
@@ -45,10 +45,12 @@ class Equations:
     hold: ca.Function  # ``(x, z, p, c) -> d`` at rest
     further: ca.Function | None = None  # ``(x, z, d, u, t, p, c) ->`` rows of the further readings, if any
     integrals: Mapping[str, float] = field(default_factory=dict)
-    """States that begin each sample at zero, and what they reach at rest over their rate at its end, s."""
+    """States that start each sample at zero, each with its value at the end of a sample at rest divided by its rate
+    there, s."""
     shifts: Mapping[str, str] = field(default_factory=dict)
-    """States that begin each sample with what another one reached in the sample before, and keep it: the last states."""
-    history: int = 0  # Number of past samples of the command that follow it in *u*
+    """States that start each sample with another state's final value in the sample before, and keep it, each with the
+    name of that other state. They are the last of the states."""
+    history: int = 0  # Number of past values of the command that follow the present one in *u*
     channels: Mapping[str, float] = field(default_factory=dict)
 
     def outputs(self, *point: Any) -> Any:

@@ -44,10 +44,10 @@ class FilmPoint:
     """A quadrature point of the film."""
 
     volume: Symbol  # Reference volume, m³
-    stretches: tuple[Symbol, Symbol]  # Principal in-plane stretches, meridional and hoop where the film is round
+    stretches: tuple[Symbol, Symbol]  # Principal in-plane stretches; meridional and hoop in a round film
     radius: Symbol | None = None
-    mounted: Symbol = 0.0  # Radius at which the point lies in the flat film as mounted, m
-    coverage: Symbol = 1.0  # Share of the film here that is under the electrode still, where it has one
+    mounted: Symbol = 0.0  # Radius of the point in the flat film as mounted, m
+    coverage: Symbol = 1.0  # Share of the film at the point that the electrode still covers, if it has one
     virtual: tuple[Symbol, Symbol] | None = None
 
     @property
@@ -84,7 +84,7 @@ class AnyFilm(ABC):
     rest_stretch: float  # Start value of the search for the relaxed state
     relaxing: Symbol = 0.0  # Energy of the branches, J
     capacitances: Sequence[Symbol] = ()  # Contribution of each point to the capacitance, F; 0 without an electrode
-    breakdown: BreakdownLaw | None = None  # Field that the film bears, if it is known
+    breakdown: BreakdownLaw | None = None  # Law of the field that the film withstands; None if unknown
 
     @property
     def stored(self) -> Symbol:

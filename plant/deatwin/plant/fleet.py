@@ -65,8 +65,8 @@ TOLERANCES: Mapping[str, Tolerance] = MappingProxyType(
         "hysteresis.force": Tolerance(share=0.2, reason="grease at the ball"),
     }
 )
-"""Departures that an experimenter would not notice before the first recording. Sizes without a source are assumed:
-the thesis gives none."""
+"""Tolerances that an experimenter would not notice before the first recording. Sizes without a source are assumed,
+because the thesis gives none."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,11 +24,11 @@ class GreaseRidge(Effect):
     lump if 2 pi F_g/p exceeds the film's stiffness (law: Iglesias & Gonçalves, arXiv:1708.03414).
     """
 
-    force: float = 1e-3  # F_g in N
-    lower: float = 0.4e-3  # y_1 and y_2, displacement from rest, m
-    upper: float = 0.5e-3
-    built: float = 10.0
-    worn: float = 30.0
+    force: float = 1e-3  # Force F_g, N
+    lower: float = 0.4e-3  # Lower end y_1, displacement from rest, m
+    upper: float = 0.5e-3  # Upper end y_2, likewise
+    built: float = 10.0  # Start t_1, s
+    worn: float = 30.0  # End t_2, s
 
     name: ClassVar[str] = "grease_ridge"
     family: ClassVar[Family] = Family.MECHANICAL
@@ -38,9 +38,9 @@ class GreaseRidge(Effect):
     wording: ClassVar[str] = (
         "From {built} to {worn} the ball runs over a ridge of {force} between deflections of {lower} and {upper}"
     )
-    pitch: ClassVar[float] = 50e-6  # p in m
-    edge: ClassVar[float] = 2e-6  # d in m
-    growth: ClassVar[float] = 0.5  # T in s
+    pitch: ClassVar[float] = 50e-6  # Period p of the lumps, m
+    edge: ClassVar[float] = 2e-6  # Width d of the ends, m
+    growth: ClassVar[float] = 0.5  # Width T of start and end, s
 
     def describe(self) -> tuple[Parameter, ...]:
         place: dict[str, Any] = {"unit": "m", "lower": 10e-6, "upper": 10e-3, "scale": Scale.LOGARITHMIC}

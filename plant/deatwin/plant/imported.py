@@ -16,7 +16,7 @@ def imported(text: str) -> Any:
     """Return the object named ``module:name``; modules are also searched in the working folder."""
     module_name, _, name = text.rpartition(":")
     if os.getcwd() not in sys.path:
-        sys.path.insert(0, os.getcwd())  # stays there: worker processes import the module too
+        sys.path.insert(0, os.getcwd())  # kept there, because worker processes import the module, too
     try:
         module = importlib.import_module(module_name)
     except (ImportError, ValueError) as error:  # ValueError: the name is empty

@@ -7,7 +7,7 @@ import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-ENDING = (signal.SIGINT, signal.SIGTERM)  # Signals of a terminal, and of a batch system that is about to kill
+ENDING = (signal.SIGINT, signal.SIGTERM)  # Signals from a terminal, and from a batch system that is about to kill
 MISTAKEN = (SystemError, NotImplementedError)
 """Errors that CasADi's wrappers raise if an interrupt comes while a matrix is converted."""
 
@@ -39,7 +39,7 @@ def interrupts_held() -> Iterator[None]:
         return
     from multiprocessing import resource_tracker
 
-    resource_tracker.ensure_running()  # its start would let the signal through
+    resource_tracker.ensure_running()  # started before, because its start would let the signal through
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
     try:
         yield

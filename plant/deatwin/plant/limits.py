@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 Symbol = Any
 BREAKDOWN = "breakdown_share"
 EVENTS = ((TENSION, RunStatus.TENSION_LOST, -1.0, 0.0), (BREAKDOWN, RunStatus.BREAKDOWN, 1.0, 1.0))
-"""Signal, event that it indicates, and threshold, with the sign of the excess."""
+"""Signal, event that it indicates, sign of the excess, and threshold."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +105,7 @@ def film_events(
             found.append(_event(what, signals, int(beyond[0]), int(beyond[0]), name, timeline))
     found += [_event(RunStatus.SNAP_THROUGH, signals, sample, sample, BREAKDOWN, timeline) for sample in snaps]
     if not status.ok:
-        # The film gives way where it is thinnest; the last sample that was solved tells.
+        # The film gives way where it was thinnest in the last solved sample.
         found.append(_event(status, signals, min(count, timeline.commands.size - 1), count - 1, BREAKDOWN, timeline))
     return tuple(sorted(found, key=lambda event: event.time))
 
@@ -115,12 +115,12 @@ def _event(
 ) -> Event:
     known = seen >= 0 and f"{name}_radius" in signals
     zone = "electrode" if known and signals[f"{name}_active"][seen] else "bare film"
-    uniform = "the whole film" if seen >= 0 and name in signals and not known else ""  # one stretch everywhere
+    uniform = "the whole film" if seen >= 0 and name in signals and not known else ""  # the stretch is uniform
     return Event(
         status=what,
         time=timeline.start + sample * timeline.sample_time,
         command=float(timeline.commands[sample]),
-        # The voltage of a sample that was not solved is unknown.
+        # The voltage of an unsolved sample is unknown.
         film_voltage=float(signals["film_voltage"][seen]) if seen == sample and "film_voltage" in signals else np.nan,
         place=f"{zone}, {1e3 * signals[f'{name}_radius'][seen]:.1f} mm from the middle" if known else uniform,
     )

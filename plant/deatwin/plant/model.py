@@ -58,7 +58,7 @@ class Plant:
     values: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        # One order for all: effects given in any order make the same plant.
+        # Sorted, so that effects given in any order make the same plant.
         object.__setattr__(self, "effects", tuple(sorted(self.effects, key=lambda e: e.name)))
         object.__setattr__(self, "values", MappingProxyType(dict(self.values)))
         self.parameters  # noqa: B018  (checks names and ranges)
@@ -203,7 +203,7 @@ class Plant:
         try:
             self.with_effects(effect).signals  # noqa: B018  (writes the equations)
         except RigError as error:
-            if error.__cause__ is not None:  # the effect's own code raised something: no refusal
+            if error.__cause__ is not None:  # an error in the effect's own code is no refusal
                 raise
             return False
         return True
@@ -305,7 +305,7 @@ class Plant:
         SimulationError
             If a plant does not reach the end, for example because of pull-in, or the finer film loses tension.
         """
-        from deatwin.plant.model_error import discrepancy  # which is made of plants
+        from deatwin.plant.model_error import discrepancy  # loaded only when needed
 
         whole = Experiment(recordings=(recording,)) if isinstance(recording, Recording) else recording
         return discrepancy(self.with_rig(replace(self.rig, further=())), whole)
@@ -381,7 +381,7 @@ class Plant:
         rig = rig_kind(described.pop("kind")).from_dict(described)
         own = {
             effect.name: effect for effect in everywhere(rig.effects())
-        }  # at the sizes of this rig, and its own ones
+        }  # The catalogue at the sizes of this rig, and the rig's own effects
         effects = tuple(own[e] if isinstance(e, str) and e in own else effect_from(e) for e in data["effects"])
         try:
             values = {name: float(p["value"]) for name, p in data["parameters"].items()}

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 SCHEMA = "deatwin/model-error/2"
 BINS = 12  # Number of intervals of the command in a band
 EVALUATIONS = 30  # Largest number of simulations of a refit, which settles in about ten
-DIGITS = 2  # Step to which the parameters are rounded: within it the error changes by a few percent of itself
+DIGITS = 2  # Significant digits of rounded parameters; rounding changes the error by a few percent of itself
 
 
 @runtime_checkable
@@ -173,7 +173,7 @@ def discrepancy(plant: Plant, experiment: Experiment) -> Discrepancy:
 def _read(file: Path) -> Discrepancy | None:
     try:
         return read_document(file, SCHEMA, Discrepancy.from_dict)
-    except ModelError:  # not there, or written by another version
+    except ModelError:  # missing, or written by another version
         return None
 
 
@@ -211,7 +211,7 @@ class _Refit:
         self.start = np.array([p.scale.to_coordinate(p.value) for p in self._free])
 
     def rest(self) -> np.ndarray:
-        """Target minus fitted readings, shape (n,), SI."""
+        """Return target minus fitted readings, shape (n,), SI."""
         from scipy.optimize import least_squares  # not needed to simulate
 
         lower, upper = np.array([p.ends for p in self._free]).T

@@ -10,8 +10,8 @@ import numpy as np
 
 from deatwin.plant.errors import RigError, nearest
 
-WIDER = 4.0  # Ratio by which a range that ends where no physics does becomes wider at once,
-BEYOND = 1.01  # and that of the value from which on it is to the end that was reached
+WIDER = 4.0  # Factor by which the end of a range grows at a time, unless it is a physical limit
+BEYOND = 1.01  # Ratio of a value just beyond the end of a range to that end
 
 
 class Scale(Enum):

@@ -22,7 +22,7 @@ def prefixed(value: float, unit: str) -> tuple[float, str]:
         return 1.0, "" if unit == "1" else unit
     power = 3 * math.floor(math.log10(abs(value)) / 3)
     if unit == "s":
-        power = min(power, 0)  # nobody writes kiloseconds
+        power = min(power, 0)  # kiloseconds are not in use
     power = min(max(power, min(PREFIXES)), max(PREFIXES))
     return 10.0**power, PREFIXES[power] + unit
 

@@ -16,7 +16,7 @@ from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.substance import Branch, Material
 
 STIFFEST = 1e7
-"""Shear modulus of the stiffest elastomers, Pa: a value beyond a published range widens that range up to it."""
+"""Shear modulus of the stiffest elastomers, Pa. A value beyond a published range widens that range, at most to this."""
 
 
 def _modulus(value: float, source: str) -> Parameter:
@@ -92,8 +92,8 @@ _RANGE = _permittivity(4.5, "published values for stretched VHB lie between 3.5 
 
 
 def _common(name: str) -> Material:
-    """Return one relaxation and a modulus in the middle of the published values, as a start for a rig of unknown
-    history.
+    """Return VHB with one relaxation and a modulus in the middle of the published values, as a start for a rig of
+    unknown history.
     """
     return Material(
         name=name,
@@ -109,7 +109,7 @@ def _common(name: str) -> Material:
 
 
 def _published() -> tuple[Material, ...]:
-    """Complete published sets. Their flow rules differ from ours at large strain only: the times are the same."""
+    """Return complete published sets. Their flow rules differ from ours at large strain only; the times are equal."""
     return (
         Material(
             name="VHB 4910 Wang 2016",
@@ -173,7 +173,7 @@ _TRELOAR = "vulcanised rubber of Treloar: Ogden, Proc. R. Soc. Lond. A 326 (1972
 
 
 def _rubbers() -> tuple[Material, ...]:
-    """Silicones and natural rubber, without branches: none of the sources separates them from the rest."""
+    """Return silicones and natural rubber, without branches, because no source separates these from the rest."""
     wide, small = _TENSILE.format(upto=200), _TENSILE.format(upto=100)
     return (
         Material(

@@ -13,8 +13,8 @@ from deatwin.plant.safe_read import clipped
 
 ELECTRICAL_UNITS: Mapping[str, str] = {"current": "A", "capacitance": "F", "film_voltage": "V"}
 """Readings that each rig with a film offers, with their SI units."""
-ROOM_TEMPERATURE = 293.15  # Reading of a thermometer where no effect says otherwise, K
-ROWS = 3  # Rows of the equations for each further reading: level, stored quantity, and the share of it that flows
+ROOM_TEMPERATURE = 293.15  # Reading of a thermometer unless an effect replaces it, K
+ROWS = 3  # Number of rows of equations per further reading: level, stored quantity, and the share of it that flows
 
 
 @dataclass(frozen=True, kw_only=True)

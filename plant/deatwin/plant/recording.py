@@ -13,7 +13,7 @@ from deatwin.plant.files.formats.optional import require
 from deatwin.plant.files.usual import usual_unit
 
 UNSTATED = {"input": ("command", "V"), "output": ("displacement", "m")}
-"""Name and unit of a single signal about which nothing is said."""
+"""Name and unit of a single signal if none are given."""
 # Two clocks that drift apart by less than this share of a sample over a record count as one.
 _CLOCK_TOLERANCE = 0.1
 

@@ -16,9 +16,9 @@ Json: TypeAlias = str | int | float | bool | Sequence[Any] | Mapping[str, Any] |
 """Free JSON data, such as the fields of a rig in which two readings of its file differ."""
 _KEY, _OPTIONAL, _INTERNAL, _UNBOUNDED = "key", "optional", "internal", "unbounded"
 _Record = TypeVar("_Record")
-OPTIONAL = {_OPTIONAL: True}  # Metadata of a field that a file leaves out where it is None
-INTERNAL = {_INTERNAL: True}  # Metadata of a field that no file holds
-UNBOUNDED = {_UNBOUNDED: True}  # Metadata of a number that may be infinite, which is read as it stands
+OPTIONAL = {_OPTIONAL: True}  # Metadata of a field that a file omits if it is None
+INTERNAL = {_INTERNAL: True}  # Metadata of a field that is never written to a file
+UNBOUNDED = {_UNBOUNDED: True}  # Metadata of a number that may be infinite, which is read unchecked
 
 
 def key(name: str) -> dict[str, str]:
@@ -89,7 +89,7 @@ def _value(hint: Any, value: Any) -> Any:
 
 
 def _of(kind: Any, value: Any) -> Any:
-    """Return the value if it has a given kind; a text is no list, and a truth value no number."""
+    """Return the value if it has a given kind; a text does not count as a list, nor a truth value as a number."""
     wrong = isinstance(value, bool) if kind is not bool and kind is not Mapping else False
     if wrong or (kind is Sequence and isinstance(value, str)) or not isinstance(value, kind):
         raise TypeError(f"{value!r:.80} is no {getattr(kind, '__name__', 'number')}")

@@ -27,17 +27,17 @@ from deatwin.plant.recording import Recording, label
 from deatwin.plant.rigs.base import ReadingTime
 
 Floats = NDArray[np.float64]
-_GAP = 5.0  # usual steps; why is said above
+_GAP = 5.0  # Step above which there is a gap, in usual steps; the module's docstring gives the reason
 _FOLDED = 1.1
-"""Longest sample time without filtering, in usual steps: it folds only the last tenth of the band, of which linear
-interpolation leaves less than a half anyway."""
+"""Longest sample time without filtering, in usual steps. It folds only the last tenth of the band, of which linear
+interpolation leaves less than half anyway."""
 _FINEST = 10.0
-"""Largest number of new rows per usual step: with ten, nine of ten already lie on a straight line between two others,
-and a model would learn the interpolation."""
-_STAYS = 0.5  # of the rows: more stay than change
-_TOLD = 2000  # new rows tell the gain of the interpolation to 1 %
-_ROUNDED = 1e-6  # of a step: times of so little jitter are even but for their print
-_SAME = 1e-9  # of a step, for times that differ by rounding
+"""Largest number of new rows per usual step. With ten, nine of ten rows already lie on a straight line between two
+others, and a model would learn the interpolation."""
+_STAYS = 0.5  # Share of unchanged rows from which a command is a staircase
+_TOLD = 2000  # Number of new rows that determine the gain of the interpolation to 1 %
+_ROUNDED = 1e-6  # Jitter, in steps, up to which times are even apart from rounding in print
+_SAME = 1e-9  # Tolerance, in steps, of times that differ by rounding
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,9 +45,9 @@ class Resampling:
     """Result of planning how samples are brought onto an even clock."""
 
     sample_time: float
-    factor: int  # The samples are brought onto a clock so many times finer, and then decimated
-    clocks: tuple[Floats, ...]  # The finer clock of each piece between gaps, s
-    rows: tuple[tuple[int, int], ...]  # First row of each piece, and the one after its last
+    factor: int  # Ratio of the new sample time to that of the finer clock from which the samples are decimated
+    clocks: tuple[Floats, ...]  # Finer clock of each piece between gaps, s
+    rows: tuple[tuple[int, int], ...]  # First row of each piece, and the row after its last one
     timepts: Floats  # Times of the rows, s
 
     @property
@@ -57,7 +57,7 @@ class Resampling:
 
     def bandwidth(self, reading: ReadingTime = ReadingTime.END_OF_HOLD) -> float:
         """Frequency at which a reading has lost 3 dB, Hz; at most the new Nyquist frequency."""
-        # Between rows that are finer than the old ones, interpolation leaves nothing at the old sampling rate.
+        # With new rows finer than the old ones, interpolation leaves nothing at the old sampling rate.
         frequencies = np.linspace(0.0, min(0.5 / self.sample_time, 1.0 / float(np.median(self.steps))), 257)
         gain = np.abs(self._interpolation(frequencies))
         gain *= low_pass_gain(self.factor, frequencies * self.sample_time, reading)
@@ -134,7 +134,7 @@ def plan_resampling(
             f"{options or ''}",
             options or NO_OPTIONS,
         )
-    # If the new clock is slower than a step, nothing is missing between two new rows.
+    # A step shorter than the new sample time is no gap, because nothing is missing between two new rows.
     long = steps > max(_GAP * usual, _FOLDED * sample_time)
     if long.any() and not allow_gaps:
         row = int(np.argmax(long))

@@ -23,12 +23,12 @@ TENSION = "tension"  # Signal in which a rig watches the least tension of its fi
 CONTINUATION = 20
 HALVINGS = 5  # Largest number of halvings of a continuation step without an equilibrium
 REACH, GROWTH = 0.1, 1.3
-"""Longest first step of Newton's method against the unknowns' scale, which keeps it inside the material's range of
-stretches, and how it grows."""
+"""Longest first step of Newton's method relative to the unknowns' scale, which keeps it inside the material's range of
+stretches, and the factor by which this length grows."""
 SETTLED = 1e-11
 UNBALANCED = 1e-6
-"""Largest residual of an equation of rest, relative to its change when an unknown moves by its scale. An equilibrium
-that was found leaves about `SETTLED`; one that does not exist leaves a whole load."""
+"""Largest residual of an equation of rest, relative to its change when an unknown moves by its scale. About `SETTLED`
+remains at an equilibrium that was found; a whole load remains if there is none."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,13 +36,13 @@ class RestState:
     """Equilibrium under a constant command."""
 
     found: bool  # True if an equilibrium was found
-    x: np.ndarray  # States, coordinates and held quantities, SI
-    z: np.ndarray
-    d: np.ndarray
-    x_p: np.ndarray  # shape (n, n_p): Their derivatives by the free parameters
-    z_p: np.ndarray
-    d_p: np.ndarray
-    fault: str = ""  # One line that says why no equilibrium was found; empty where one was
+    x: np.ndarray  # States, SI
+    z: np.ndarray  # Coordinates, SI
+    d: np.ndarray  # Held quantities, SI
+    x_p: np.ndarray  # shape (n_x, n_p): Derivatives of the states by the free parameters
+    z_p: np.ndarray  # shape (n_z, n_p): Derivatives of the coordinates
+    d_p: np.ndarray  # shape (n_d, n_p): Derivatives of the held quantities
+    fault: str = ""  # Reason why no equilibrium was found, in one line; empty if one was
 
 
 def rest_state(
@@ -63,7 +63,7 @@ def rest_state(
         closest = np.minimum(closest, np.abs(left))
         step[kept] = equations.scale[kept] * np.linalg.lstsq(matrix, left, rcond=None)[0]
         size = np.max(np.abs(step) / equations.scale, initial=0.0)
-        # While what is left to go shrinks, the way is straight, and a far unknown may be reached in longer steps.
+        # While the remaining way shrinks, it is straight, and longer steps may be taken to a distant unknown.
         reach, last = (GROWTH * reach if size < last else REACH), size
         w = w - step * (1.0 if size <= reach else reach / size)
         if size < SETTLED:
@@ -110,7 +110,7 @@ def undefined_ahead(
     if not np.isfinite(masses).all():
         which = f"the mass of state {equations.states[int(np.argmin(np.isfinite(masses)))]} has no finite value"
         return _blamed(which, equations, values) or which
-    for samples in (0.0, 1.0, 2.0):  # the last state, and where the sample leads if all goes on as before or faster
+    for samples in (0.0, 1.0, 2.0):  # the last state, and where it leads at the same or twice the speed
         w = path[:, -1] + samples * ahead
         residual, jacobian = (
             np.asarray(v) for v in _functions(equations).residual(w, inputs, values, equations.constants)
@@ -160,9 +160,9 @@ def _unbalanced(equations: Equations, left: np.ndarray, matrix: np.ndarray, kept
         return ""
     if kept[np.argmax(np.abs(left))] >= len(equations.states):
         return _rootless(equations, np.abs(left), kept)
-    free = np.abs(np.linalg.svd(matrix)[2][-1])  # the direction in which nothing draws the unknowns back
+    free = np.abs(np.linalg.svd(matrix)[2][-1])  # the direction without a restoring force
     unknowns = np.array(equations.states + equations.coordinates)[kept]
-    names = unknowns[free > 1e-3 * free.max()]  # others move along by rounding only
+    names = unknowns[free > 1e-3 * free.max()]  # the others take part by rounding only
     one = next((name for name in names if name in equations.states), names[0])
     return (
         f"{'state' if len(names) == 1 else 'states'} {', '.join(names)} {'has' if len(names) == 1 else 'have'} no "
@@ -222,13 +222,13 @@ def resting(equations: Equations) -> np.ndarray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Functions:
-    """`residual`: ``(w, u, p, c) -> (r, by w)``; `slopes`: likewise by w and by p; `guess_slope`: ``(p, c) ->`` derivative of the guess by p; `held`: ``(w, p, c) -> (d, by w, by p)``; `pattern`: where the derivative of r by w has entries."""
+    """Equations of rest r(w, u, p, c) = 0 with their derivatives."""
 
-    residual: ca.Function
-    slopes: ca.Function
-    guess_slope: ca.Function
-    held: ca.Function
-    pattern: np.ndarray
+    residual: ca.Function  # ``(w, u, p, c) -> (r, derivative by w)``
+    slopes: ca.Function  # ``(w, u, p, c) ->`` derivatives of r by w and by p
+    guess_slope: ca.Function  # ``(p, c) ->`` derivative of the guess by p
+    held: ca.Function  # ``(w, p, c) -> (d, derivatives by w and by p)``
+    pattern: np.ndarray  # shape (n, n): True where the derivative of r by w has entries
 
 
 @lru_cache(maxsize=64)
@@ -262,7 +262,7 @@ def _undefined_by_parameters(equations: Equations, values: np.ndarray) -> str:
     found = np.asarray(ca.Function("inner", [p], [ca.vertcat(*inner)])(values)).ravel()
     if np.isfinite(found).all():
         return ""
-    culprit = inner[int(np.argmin(np.isfinite(found)))]  # what it is made of comes before it, and is finite
+    culprit = inner[int(np.argmin(np.isfinite(found)))]  # its operands come before it, and are finite
     numbers = dict(zip(equations.parameters.free, values, strict=True))
     at = ", ".join(f"{symbol} = {numbers[str(symbol)]:.4g}" for symbol in ca.symvar(culprit))
     return f"{clipped(str(culprit), 120)} has no finite value at {at}"

@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from deatwin.plant.model import Plant
 
 FURTHEST = 0.25
-"""Largest move of an unknown between two commands, in units of its scale: a film that snaps moves further."""
-HALVINGS = 14  # Largest number of halvings of the way from rest; pull-in is then found to a part in 16000
+"""Largest move of an unknown between two commands, in units of its scale; a film that snaps moves further."""
+HALVINGS = 14  # Largest number of halvings of the way from rest, with which pull-in is found to a part in 16000
 UPDATES = 20
-SETTLED = 1e-12  # Change of the unknowns, relative to their scale, that ends Newton's method; it is not differentiated
+SETTLED = 1e-12  # Relative change of the unknowns that ends Newton's method, which is not differentiated
 
 
 def rest_under(plant: Plant, command: float, *, time: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
@@ -70,7 +70,7 @@ def settled(
         inputs = inputs_at(equations, equations.held_inputs(command), share * time, share * time)
         point = (here, own + share * (held - own), inputs, values)
         there = _solved(equations, point, share * time)
-        # What is held changes the meaning of a charge, which lies in kV: it may move further than the film.
+        # New held quantities also rescale a charge, which is stored in kV, so that it may move further than the film.
         if there is not None and np.max(np.abs(there - here) / equations.scale, initial=0.0) < 4 * FURTHEST:
             here, done, step = there, share, 2 * step
         elif step > 1 / 2**HALVINGS:

@@ -19,7 +19,7 @@ from deatwin.plant.safe_read import clipped
 
 Symbol = Any  # casadi.SX
 NUMBERS: tuple[Any, ...] = (int, float, np.number, np.ndarray, ca.DM, ca.SX)
-LIBRARIES = {"casadi", "numpy", "scipy"}  # Folders whose lines a user did not write
+LIBRARIES = {"casadi", "numpy", "scipy"}  # Folders whose code is not the user's
 REMEDIES = {
     "truth value": "if, and, or, min and max need a value: use casadi.if_else, fmin and fmax",
     "array element with a sequence": "NumPy needs a number there: use functions of casadi",
@@ -95,7 +95,7 @@ def users_code(what: str) -> Iterator[None]:
         to_float = ca.SX.__float__
 
         def strict(value: Symbol) -> float:
-            # CasADi says NaN, and a branch on that would be taken without a word.
+            # CasADi would return NaN, and a branch that depends on it would be taken without an error.
             if not value.is_constant():
                 raise TypeError("an expression has no value yet, so use functions of casadi for float() and math")
             return float(to_float(value))
@@ -117,7 +117,7 @@ def _in_one_line(error: Exception, what: str) -> RigError:
     frames = [f for f in traceback.extract_tb(error.__traceback__) if not LIBRARIES & set(Path(f.filename).parts)]
     own = [f for f in frames if Path(f.filename).parent != Path(__file__).parent] or frames
     lines = [WHERE_IN_CASADI.sub("", line.strip()) for line in str(error).splitlines() if line.strip()]
-    # Of arguments that do not fit CasADi lists what would, between the fault and what was given.
+    # If arguments do not fit, CasADi lists those that would, between the fault and the given ones.
     told = dict.fromkeys([lines[0], lines[-1]]) if isinstance(error, NotImplementedError) else lines[-1:]
     text = clipped(" ".join(told), 200).rstrip(".") if lines else "without a word"
     hint = next((f"; {remedy}" for sign, remedy in REMEDIES.items() if sign in text), "")

@@ -9,14 +9,14 @@ import stat
 from collections.abc import Callable
 
 RECORDING_BYTES = 2_000_000_000
-"""Size of a recording of any format, packed and unpacked: 83 million samples of a time and two signals."""
+"""Largest size of a recording of any format, packed and unpacked: 83 million samples of a time and two signals."""
 TEXT_BYTES = 1_000_000_000
-"""Size of a recording as text, whose numbers take several times as much memory while they are read."""
-ROWS = 20_000_000  # Rows of a recording as text: 111 hours at 50 Hz
-COLUMNS = 10_000  # Columns of a recording
-DOCUMENT_BYTES = 500_000_000  # Size of a model, a diagnosis or a check: JSON
-DOCUMENT_VALUES = 20_000_000  # Number of values, texts and lists in such a file
-RIG_BYTES = 1_000_000  # Size of a rig file: TOML
+"""Largest size of a recording as text, whose numbers take several times as much memory while they are read."""
+ROWS = 20_000_000  # Largest number of rows of a recording as text: 111 hours at 50 Hz
+COLUMNS = 10_000  # Largest number of columns of a recording
+DOCUMENT_BYTES = 500_000_000  # Largest size of a model, a diagnosis or a check (JSON)
+DOCUMENT_VALUES = 20_000_000  # Largest number of values, texts and lists in such a file
+RIG_BYTES = 1_000_000  # Largest size of a rig file (TOML)
 
 _KINDS = {
     stat.S_IFDIR: "a folder",
@@ -30,7 +30,7 @@ _KINDS = {
 def read_regular(path: str | os.PathLike[str], limit: int, refuse: Callable[[str], Exception]) -> bytes:
     """Return the bytes of a plain file that is not too large."""
     try:
-        # A pipe without a writer would wait for one; the flag is not known everywhere, and not needed there.
+        # Without O_NONBLOCK, a pipe would wait for a writer; systems that lack the flag do not need it.
         descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     except FileNotFoundError:
         if os.path.islink(path):
@@ -44,7 +44,7 @@ def read_regular(path: str | os.PathLike[str], limit: int, refuse: Callable[[str
             raise IsADirectoryError(21, "Is a directory")
         if not stat.S_ISREG(found.st_mode):
             raise refuse(f"{_KINDS.get(stat.S_IFMT(found.st_mode), 'no file')}; give a plain file")
-        content = file.read(found.st_size + 1) if found.st_size <= limit else b""  # it may be growing
+        content = file.read(found.st_size + 1) if found.st_size <= limit else b""  # the file may be growing
     if max(found.st_size, len(content)) > limit:
         raise refuse(f"the file is too large: {in_words(found.st_size)}; at most {in_words(limit)} can be read")
     return content

@@ -10,14 +10,14 @@ import numpy as np
 
 from deatwin.plant.integrator.newton import SETTLED
 
-SHORTER_STEPS = (4, 16, 64)  # Numbers of shorter steps, tried in turn if a sample is not solved in one step
+SHORTER_STEPS = (4, 16, 64)  # Numbers of shorter steps, tried in turn if one step does not solve a sample
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sample:
     """One sample of a plant under a held command."""
 
-    step: ca.Function  # One step, as `StepFunctions.plain`
+    step: ca.Function  # Function of one step, as `StepFunctions.plain`
     sample_time: float  # s
     values: np.ndarray  # shape (n_p,): Free parameters, SI
     constants: np.ndarray  # shape (n_c,): Constants of the equations, SI

@@ -120,7 +120,7 @@ def _of_list(value: list[Any], schema: Mapping[str, Any], root: Mapping[str, Any
         return
     items = schema["items"]
     if items == {"type": "number"} and all(type(item) is float or type(item) is int for item in value):
-        return  # long series of numbers
+        return  # a series of numbers may be long, and needs no further check
     for k, item in enumerate(value[len(first) :], len(first)):
         yield from _faults(item, items, root, f"{place}[{k}]")
 
@@ -151,7 +151,7 @@ def _shown(value: Any) -> str:
     if isinstance(value, list):
         return "[…]"
     if isinstance(value, int) and not isinstance(value, bool) and value.bit_length() > 300:
-        return "a number of more than 90 digits"  # Python writes no number of thousands of digits
+        return "a number of more than 90 digits"  # Python refuses to write thousands of digits
     return f'"{clipped(value, 40)}"' if isinstance(value, str) else json.dumps(value)
 
 

@@ -52,8 +52,8 @@ class RunStatus(Enum):
 class Run:
     """Result of a simulation."""
 
-    status: RunStatus  # Way in which it ended
-    outputs: np.ndarray  # shape (1 + m,): Reading at rest, then at the end of each sample that is valid, SI
+    status: RunStatus  # How the simulation ended
+    outputs: np.ndarray  # shape (1 + m,): Reading at rest, then at the end of each valid sample, SI
     sensitivities: np.ndarray | None  # shape (1 + m, n_p): Derivative of `outputs` by the free parameters
     watched: np.ndarray | None
     failed_at: int | None  # Sample in which the simulation failed
@@ -61,8 +61,8 @@ class Run:
     further: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
     """Further readings at the same instants, SI, shape (1 + m, k)."""
     further_slopes: np.ndarray = field(default_factory=lambda: np.empty((0, 0, 0)))
-    """Their derivatives, of no parameter in plain runs, shape (1 + m, k, n_p)."""
-    look_for_snaps: Callable[[], tuple[int, ...]] = tuple  # Those of a plain run; takes as long as the run
+    """Derivatives of the further readings by the free parameters, shape (1 + m, k, n_p); n_p is 0 in plain runs."""
+    look_for_snaps: Callable[[], tuple[int, ...]] = tuple  # Search for `snaps` in a plain run; takes as long as the run
 
     @cached_property
     def snaps(self) -> tuple[int, ...]:

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from deatwin.plant.model import Plant
 
 RANK = 1e-12
-"""Singular value of the equations of rest, against the largest, below which a combination of them says nothing:
-rounding leaves some 1e-15, and each equation has a scale of its own."""
+"""Singular value of the equations of rest, relative to the largest, below which a combination of them determines
+nothing: rounding leaves some 1e-15, and each equation has a scale of its own."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,8 +33,8 @@ class SmallSignal:
 
     a: np.ndarray  # shape (n_x, n_x): Dynamics of the states, each in units of its typical size
     b: np.ndarray
-    c: np.ndarray  # shape (n_x,): SI by typical size
-    d: np.ndarray  # shape (1 + history,): SI by unit of the command
+    c: np.ndarray  # shape (n_x,): Reading by state, SI per typical size
+    d: np.ndarray  # shape (1 + history,): Reading by command, SI per unit of the command
     reading: float  # Reading at rest, SI
     static_gain: float
 
@@ -69,7 +69,7 @@ def small_signals(
                 point = settled(equations, here, first.d, at, known, time)
                 require_tension(equations, point, time)
                 found[place] = _differentiated(equations, point, time, plant.rig.sample_time)
-            # CasADi's and numpy's: where Newton left the range of stretches there is no slope, or no finite one.
+            # CasADi and NumPy raise errors where Newton's method left the range of stretches: no slope is finite there.
             except (NoRestError, RuntimeError, np.linalg.LinAlgError):
                 break
     return tuple(found)
@@ -101,8 +101,9 @@ def _differentiated(equations: Equations, point: Point, time: float, sample_time
 
 
 def _static_gain(equations: Equations, point: Point, time: float, sample_time: float) -> float:
-    """Slope of the reading by a slow command. A combination that the equations of rest leave open, as of hysteresis'
-    memory, keeps its time integral, which says how that state moves."""
+    """Return the slope of the reading by a slow command. A combination of states that the equations of rest leave open,
+    such as the memory of hysteresis, keeps its time integral, which determines how the states move.
+    """
     (here, held, inputs, values), functions, count = point, sample_functions(equations), 1 + equations.history
     inputs = inputs_at(equations, inputs, time - sample_time, time)
     arguments = (here, held, inputs, time, values, equations.constants)
@@ -128,7 +129,7 @@ def _static_gain(equations: Equations, point: Point, time: float, sample_time: f
 
 
 def _step_derivatives(equations: Equations, point: Point, time: float, step: Step) -> np.ndarray:
-    """Derivatives of the scaled unknowns after a step, by the states at its start and by the commands."""
+    """Return derivatives of the scaled unknowns after a step, by the states at its start and by the commands."""
     here, held, inputs, values = point
     functions, constants, n_x = sample_functions(equations), equations.constants, len(equations.states)
     nodes, matrix = radau(STAGES)

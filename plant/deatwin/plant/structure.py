@@ -27,7 +27,7 @@ NOT_IN_EQUATIONS = frozenset(
         "chain",
     }
 )
-"""Statements of a rig about itself besides its equations."""
+"""Fields of a rig that do not enter its equations."""
 _LOCK = RLock()
 
 
@@ -49,8 +49,8 @@ class Structure:
             "averages": rig.averages,
             "further": [(reading.name, reading.series_resistance) for reading in rig.further],
         }
-        # The classes themselves: two that share a name may write different equations.
-        # Functions too: an energy of somebody's own is only named in the plain data.
+        # The classes themselves, because two that share a name may write different equations; and the energy's
+        # function, because the plain data only names a user's own energy.
         energy = getattr(getattr(rig, "material", None), "energy", None)
         classes = (type(rig), energy, *(type(e) for e in effects))
         reach = {p.name: p.upper for p in parameters.values() if p.widest is not None}
@@ -65,7 +65,7 @@ class Structure:
     @property
     def simulator(self) -> Simulator:
         """The simulator, compiled when first needed."""
-        with _LOCK:  # threads that start together would each write and compile the same equations
+        with _LOCK:  # otherwise threads that start together would each compile the same equations
             return _simulator(self, compiler())
 
 
@@ -78,5 +78,5 @@ def _equations(structure: Structure) -> Equations:
 
 @lru_cache(maxsize=64)
 def _simulator(structure: Structure, program: str | None) -> Simulator:
-    """Cached simulator for the compiler in use, which is part of the key only."""
+    """Return the simulator, cached by structure and by the compiler in use."""
     return Simulator(structure.equations)

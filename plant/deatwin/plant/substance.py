@@ -135,11 +135,11 @@ def energy_named(name: str) -> Callable[..., Symbol]:
     if known in ENERGIES:
         return ENERGIES[known]
     if ":" not in name:
-        if name.isidentifier():  # a name alone is no formula
+        if name.isidentifier():  # a bare name is no formula
             raise RigError(f"unknown energy {name!r}{nearest(known, ENERGIES)} (known: {', '.join(ENERGIES)})")
         return Formula(name)
     module, _, function = name.partition(":")
-    # Nothing is imported by the word of a file.
+    # A file must not cause an import.
     found = getattr(sys.modules.get(module), function, None)
     if not isinstance(found, FunctionType) or found.__module__ != module:
         raise RigError(

@@ -18,9 +18,10 @@ if TYPE_CHECKING:
 Symbol = Any
 
 SHARPNESS = 8
-"""Power of the corner between resistance and limit: where both are as strong, the current is 8 % below them."""
+"""Exponent of the corner between resistance and current limit: where both are equal, the current is 8 % below them."""
 LEAST_SUNK = 1e-12
-"""Current that a converter takes back which takes none, A: a film of 1 nF falls by 1 mV a second, below its own leakage."""
+"""Current that is assumed for a converter that sinks none, A: a film of 1 nF falls by 1 mV per second, which is below
+its own leakage."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,7 +90,7 @@ class Supply:
         -------
         casadi.SX
         """
-        # Constants: films on sources of other sizes share their compiled equations.
+        # Constants, so that films on sources of other sizes share their compiled equations.
         beside = build.constant("parallel_capacitance", self.parallel_capacitance)
         bleeder = build.constant(
             "bleed_conductance", 0.0 if self.bleed_resistance is None else 1 / self.bleed_resistance
@@ -103,15 +104,17 @@ class Supply:
         voltage = charge * size / all_of_it
         current = build.coordinate("supply_current", scale=1e-6)
         build.rate(charge, (current - bleeder * voltage) * all_of_it / (reached * size))
-        # Into the film as a voltage drop, for a search for rest from afar would find the current flat; out of it as a
-        # current, for that of a converter that takes none back is as good as 0 and the drop any.
+        # Into the film, the balance is one of voltage drops, because a search for rest from afar would find the current
+        # flat. Out of it, it is one of currents: a converter that sinks none has nearly no current at any drop.
         ahead = wanted - voltage
         excess, drop = self._excess(ahead, build), resistance * current
         build.balance(ca.if_else(ahead > 0, ahead - drop * excess, ahead / excess - drop))
         return voltage
 
     def _excess(self, ahead: Symbol, build: Builder) -> Symbol:
-        """Return the current that the resistance would allow, divided by the largest current of the source."""
+        """Return the ratio of the current that the resistance would allow to the source's largest current, smoothly
+        limited to at least 1.
+        """
         into = inf if self.current_limit is None else self.current_limit
         out = into if self.sink_current is None else max(self.sink_current, LEAST_SUNK)
         drops = [

@@ -12,7 +12,7 @@ from deatwin.plant.recording import Experiment, Recording, label
 from deatwin.plant.rigs.base import ReadingTime, StartProcedure
 from deatwin.plant.safe_read import ROWS
 
-OFF_CLOCK = 0.01  # Largest error, as a share of a sample, by which a record may miss the clock of the one before
+OFF_CLOCK = 0.01  # Largest distance of a record's start from the clock of the record before, in samples
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -31,24 +31,24 @@ class Written:
     """Everything that a `Builder` has collected so far."""
 
     parameters: ParameterSet
-    symbols: dict[str, Symbol]  # Of the parameters
+    symbols: dict[str, Symbol]  # Symbols of the parameters
     command: Symbol
     time: Symbol
     states: dict[str, State] = field(default_factory=dict)
-    rates: dict[str, tuple[Symbol, Symbol]] = field(default_factory=dict)  # Of states: right side, mass
-    coordinates: dict[str, tuple[Symbol, float]] = field(default_factory=dict)  # Symbol, typical size
+    rates: dict[str, tuple[Symbol, Symbol]] = field(default_factory=dict)  # Right side and mass of each state
+    coordinates: dict[str, tuple[Symbol, float]] = field(default_factory=dict)  # Symbol and typical size
     balances: list[Symbol] = field(default_factory=list)
     guesses: dict[str, Symbol] = field(default_factory=dict)
-    held: dict[str, tuple[Symbol, Symbol]] = field(default_factory=dict)  # Symbol, the expression that it has at rest
+    held: dict[str, tuple[Symbol, Symbol]] = field(default_factory=dict)  # Symbol, and its expression at rest
     constants: list[tuple[Symbol, np.ndarray]] = field(default_factory=list)
     watched: dict[str, Symbol] = field(default_factory=dict)
-    measured: dict[str, tuple[Symbol, Symbol, Symbol]] = field(default_factory=dict)  # Level, stored, share
+    measured: dict[str, tuple[Symbol, Symbol, Symbol]] = field(default_factory=dict)  # Level, stored quantity, share
     past: list[Symbol] = field(default_factory=list)
-    channels: dict[str, tuple[Symbol, float]] = field(default_factory=dict)  # Symbol, value where none is measured
-    displaced: list[tuple[Symbol, Symbol]] = field(default_factory=list)  # State, its value at rest
+    channels: dict[str, tuple[Symbol, float]] = field(default_factory=dict)  # Symbol, and its value if not measured
+    displaced: list[tuple[Symbol, Symbol]] = field(default_factory=list)  # State, and its value at rest
     parts: Parts | None = None
-    integrals: dict[str, float] = field(default_factory=dict)  # As in `Equations`, likewise the next
-    shifts: dict[str, str] = field(default_factory=dict)
+    integrals: dict[str, float] = field(default_factory=dict)  # As in `Equations`
+    shifts: dict[str, str] = field(default_factory=dict)  # As in `Equations`
 
     def equations(self, output: Symbol, further: Sequence[str]) -> Equations:
         """Assemble the equations with all readings; errors name what is missing or wrong."""

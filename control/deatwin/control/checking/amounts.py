@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 LARGEST: Mapping[str, float] = {" %": 1000.0, " times": 100.0, " steps": 100.0}
-"""Largest number that is written out, by unit."""
+"""Largest number that is written in full, by unit."""
 
 
 def amount(value: float, form: str, unit: str) -> str:
@@ -14,6 +14,6 @@ def amount(value: float, form: str, unit: str) -> str:
     if unit in LARGEST:
         if value > LARGEST[unit]:
             return f"more than {LARGEST[unit]:g}{unit}"
-        if "e+" in text:  # few digits of a number that is not large
+        if "e+" in text:  # a format of few digits, although the number is not large
             text = f"{float(text):.0f}"
     return f"{text}{unit}"

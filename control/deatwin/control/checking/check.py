@@ -47,7 +47,7 @@ from deatwin.plant.recording import Recording
 
 Array = NDArray[np.float64]
 
-POINTS = 5  # Operating points at which margins are judged, where none are given
+POINTS = 5  # Number of operating points at which margins are judged if none are given
 
 
 @taking(
@@ -206,6 +206,6 @@ def _points(model: NarxModel, controller: Controller, operating_inputs: ArrayLik
     else:
         room = STEP_SHARE * min(c.operating_input - c.command_min, c.command_max - c.operating_input)
         points = np.linspace(c.operating_input - room, c.operating_input + room, POINTS)
-    # The middle of a range is the operating input but for its last digit.
+    # The middle of the range equals the operating input except in its last digits.
     others = points[np.abs(points - c.operating_input) > SAME * (c.command_max - c.command_min)]
     return np.unique(np.append(others, c.operating_input))

@@ -24,12 +24,12 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 SIZES = (0.02, 0.06, 0.2, 0.6, 0.95)
-"""Amplitudes of the command at which the plant is measured, as shares of the room to its limits."""
+"""Amplitudes of the command at which the plant is measured, as shares of the distance to its limits."""
 FREQUENCIES = 10
-_LOWEST = 0.3  # of the crossover, above which a loop turns its phase by half a circle
-_SLUGGISH = 20.0  # closed-loop times: a loop that is slower than that is looked at as if it were so fast
-_FINE = 60  # points of each axis on which cycles are looked for
-_LARGEST = 30.0  # times the limit: how far beyond it a saturated command is looked at
+_LOWEST = 0.3  # Lowest frequency searched, as a share of the crossover; the phase reaches half a turn above that
+_SLUGGISH = 20.0  # Time constant of the slowest crossover, in closed-loop times; slower loops are treated like this one
+_FINE = 60  # Number of points on each axis of the grid on which cycles are searched
+_LARGEST = 30.0  # Largest amplitude of a saturated command that is searched, in units of its limit
 
 
 def judge_cycles(
@@ -83,7 +83,7 @@ def _with_plant_unmeasured(judged: list[Finding]) -> Finding:
     """Return the worst finding on limits and codes; at best marginal, because the plant itself was not measured."""
     least = f"{100 * SIZES[1]:g} % of the distance to the command's limits"
     why = f"the plant's own response to sines is not measured: the plant fails under sines of {least}"
-    # Without a cycle there is no number: zero would be one.
+    # Without a cycle the finding has no number; zero would be one.
     finding = worst(judged) if judged else replace(_none("the command limits and the sensor's resolution"), value=None)
     verdict = max(finding.verdict, Verdict.MARGINAL, key=lambda verdict: verdict.severity)
     return replace(finding, verdict=verdict, text=f"{finding.text}; {why}")
@@ -141,13 +141,13 @@ def _of_codes(plant: Plant, controller: Controller, linear: LinearModel, omega: 
 
 
 def _room(controller: Controller) -> float:
-    """Distance from the operating input to the nearer limit of the command, in its unit."""
+    """Return the distance from the operating input to the nearer limit of the command, in its unit."""
     return min(controller.operating_input - controller.command_min, controller.command_max - controller.operating_input)
 
 
 def _crossover(controller: Controller, linear: LinearModel) -> float:
     """Return the crossover of the linear loop, rad/s; if its gain is never one, the requested bandwidth."""
-    # A controller that hardly acts has its crossover at periods of days, which no run lasts.
+    # The crossover of a controller that hardly acts may have a period of days, longer than any run.
     found = float(loop_margins(linear, controller.local(controller.operating_input)).crossover[0])
     asked = 1.0 / controller.closed_loop_time
     return max(found or asked, asked / _SLUGGISH)

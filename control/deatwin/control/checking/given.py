@@ -22,11 +22,12 @@ from deatwin.plant.recording import Recording
 
 _TAKEN = ("model", "plant")
 _FOREIGN = 3.0
-"""Times the residual that a model carries: a recording that leaves more is not of the actuator, or in another unit."""
+"""Largest residual of a recording, in units of the residual that the model states. A recording that leaves more is of
+another actuator, or in another unit."""
 
 Design = Callable[..., Controller]  # Takes the model as the controller sees it, and ``command_limits``
 
-SAME = 1e-9  # Operating inputs that differ by less, as a share of the range of the command, are one
+SAME = 1e-9  # Difference below which operating inputs are equal, as a share of the range of the command
 
 
 class UndesignedError(ControlError):
@@ -56,7 +57,7 @@ def designed(design: Design, linear: LinearModel, command_limits: tuple[float, f
 
 
 def _name(design: Design) -> str:
-    """Return the name of a design for messages: that of the function, or of a callable object's class."""
+    """Return the name of a design for messages: the function's name, or that of a callable object's class."""
     while isinstance(design, partial):
         design = design.func
     return str(getattr(design, "__name__", type(design).__name__))

@@ -30,7 +30,7 @@ _PLAIN = ("excited_band_Hz", "sine_predicted")
 _RUNS = ("steps", "sine")
 _ALWAYS = ("rms_error", "saturated_share", "effort")
 _MEASURES = {"steps": (*_ALWAYS, "overshoot", "steady_error", "ripple"), "sine": _ALWAYS}
-_MAY_BE_ABSENT = ("time",)  # of a row of margins; where another is null it is infinite
+_MAY_BE_ABSENT = ("time",)  # Fields of a row of margins that may be null; null in any other field means infinite
 _UNITS = {"time": "s", "phase_deg": "deg", "phase_low_deg": "deg", "delay": "s", "delay_low": "s", "crossover_Hz": "Hz"}
 
 

@@ -16,9 +16,9 @@ from deatwin.control.stability.bands import MarginBand
 from deatwin.control.stability.loops import family_margins
 from deatwin.control.stability.margins import Margins
 
-QUANTILE = 0.025  # Quantile of the draws at which margins are judged
+QUANTILE = 0.025  # Quantile over the draws by which margins are judged
 BAND = "model by its analytic band"
-"""Source of the margins' limits that follow from the model's covariance without draws."""
+"""Source of margins whose lower limits follow from the model's covariance without draws."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,7 +148,7 @@ def _row(
     stable = found.stable & exists
 
     def low(values: NDArray[np.float64]) -> float:
-        # An order statistic: interpolation between infinite margins is not a number.
+        # An order statistic, because interpolation between infinite margins gives NaN.
         worst = np.quantile(np.where(stable, values, 0.0), QUANTILE, method="lower")
         return float(min(worst, values[0] if stable[0] else 0.0))
 

@@ -17,7 +17,7 @@ from deatwin.plant.amplitudes import written_amplitude
 from deatwin.plant.model import Plant
 from deatwin.plant.rest_path import rest_under
 
-_HOLD = 2.0  # s at the largest command
+_HOLD = 2.0  # Time at the largest command, and at the smallest one, s
 
 
 def judge_band(crossovers_Hz: Sequence[float], excited: Excitation) -> Finding:
@@ -91,9 +91,9 @@ def judge_unknown_band() -> Finding:
 
 def judge_film(source: str, plants: Sequence[Plant], commands: NDArray[np.float64], controller: Controller) -> Finding:
     """Judge whether the film tolerates the commands of the controller, given and possible. Shapes: `commands` (n,)."""
-    # A run may leap over a pull-in from one sample to the next, so the largest and the smallest command must have a
-    # state of rest too.
-    from deatwin.ident.mismatch.advise.waveforms import HEADROOM, bears  # which takes half a second
+    # A run may jump across a pull-in within a sample, so the plant must also have a state of rest at the largest and at
+    # the smallest command.
+    from deatwin.ident.mismatch.advise.waveforms import HEADROOM, bears  # importing it takes half a second
 
     rig = plants[0].rig
     rest = rig.start.rest_command
@@ -115,7 +115,7 @@ def judge_film(source: str, plants: Sequence[Plant], commands: NDArray[np.float6
 
 
 def _rests(plant: Plant, commands: NDArray[np.float64], headroom: float) -> bool:
-    """True if a plant has a state of rest at the largest and the smallest command."""
+    """Return whether a plant has a state of rest at the largest and at the smallest command."""
     rest = plant.rig.start.rest_command
     ends = rest + headroom * (np.array([commands.min(), commands.max()]) - rest)
     return all(rest_under(plant, float(end)) is not None for end in ends)

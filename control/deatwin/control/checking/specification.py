@@ -90,7 +90,7 @@ class Limit:
         if self.more_is_better and self.unit != "%":
             return 1.0 - self.good / value if value > 0.0 else -inf
         best = 1.0 if self.more_is_better else 0.0
-        if self.good == best:  # there is no way from here to there
+        if self.good == best:  # no distance between them in which to place the value
             return 1.0 if value == best else -inf
         return (value - self.good) / (best - self.good)
 

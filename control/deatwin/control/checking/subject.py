@@ -45,11 +45,11 @@ from deatwin.plant.rigs.base import ReadingTime
 Array = NDArray[np.float64]
 
 STICKING = ("hysteresis", "coulomb_friction")
-"""Effects that are a spring or a damper to small motions and nothing to the dynamics of large ones: the loop meets
-both."""
-PLANTS = 20  # Plants drawn from a calibration
-FILMS = 8  # Number of these plants on which the film's limits are tested
-TIME_SAMPLES = 50  # Draws at each time of a model that varies
+"""Effects that act as a spring or a damper on small motions, and do not affect the dynamics of large ones. Margins are
+judged for both, because the loop meets both."""
+PLANTS = 20  # Number of plants drawn from a calibration
+FILMS = 8  # Number of plants, including the calibrated one, on which the film's limits are tested
+TIME_SAMPLES = 50  # Number of draws at each time of a varying model
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -143,7 +143,7 @@ class Subject:
         family = linearise_many(self.model, self.points, thetas).in_loop(reading)
         rows = rows_of_family("model", family, self.controller)
         here = rows[int(np.flatnonzero(self.points == self.controller.operating_input)[0])]
-        if here.gain > 0.0:  # else the loop of the model itself is unstable and has no band
+        if here.gain > 0.0:  # otherwise the loop of the model itself is unstable, and has no band
             law = self.controller.local(self.controller.operating_input)
             rows = (*rows, row_of_band(band_margins(self.linear, *law.feedback), self.linear, here.crossover_Hz))
         if self.trajectory is None:

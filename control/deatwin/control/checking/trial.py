@@ -19,11 +19,11 @@ from deatwin.plant.model import Plant
 Array = NDArray[np.float64]
 
 STEP_SHARE = 0.3  # Amplitude of the references, as a share of the stroke from the operating point to the nearer limit
-PLATEAU = 10.0  # Closed-loop times for which a step's level is held
-SHORTEST = 50  # Samples for which it is held at least, so that what still moves at its end is not the step itself
-SINE_SHARE = 0.2  # Frequency of the sine reference, as a share of the bandwidth 1/(2 pi lambda) that was asked for
+PLATEAU = 10.0  # Time for which a step's level is held, in closed-loop times
+SHORTEST = 50  # Least number of samples of a level, so that motion at its end is not the step itself
+SINE_SHARE = 0.2  # Frequency of the sine reference, as a share of the requested bandwidth 1/(2 pi lambda)
 SINE_PERIODS = 3
-LONGEST = 200_000  # Samples of steps and sine together, at most: each draw of the model runs through them too
+LONGEST = 200_000  # Largest number of samples of steps and sine together; each draw of the model runs through them, too
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,7 +88,7 @@ class Trial:
 
 def require_short_runs(controller: Controller) -> None:
     """Raise ControlError if steps and sine, which grow with the closed-loop time, would need too many samples."""
-    times = len(LEVELS) * PLATEAU + SINE_PERIODS * 2 * np.pi / SINE_SHARE  # closed-loop times that the runs last
+    times = len(LEVELS) * PLATEAU + SINE_PERIODS * 2 * np.pi / SINE_SHARE  # duration of the runs in closed-loop times
     time, h = controller.closed_loop_time, controller.sample_time
     if times * time > LONGEST * h:
         raise ControlError(

@@ -48,8 +48,8 @@ class Runs:
     """The simulated runs of one controller on one physics plant."""
 
     source: str
-    steps: ClosedLoop  # Run of a step reference; `sine` is that of a slow sine
-    sine: ClosedLoop
+    steps: ClosedLoop  # Run of a step reference
+    sine: ClosedLoop  # Run of a slow sine reference
 
     @property
     def where(self) -> str:
@@ -76,7 +76,7 @@ def judge_margins(rows: Sequence[MarginRow], linear: LinearModel, specification:
     text = _stable(rows, unit) if least.stable_share == 1.0 else _partly_stable(least, unit)
     stability = _finding(_subject("stability", least), least.stable_share, spec.stable_share, text)
     if stability.verdict is not Verdict.PASS:
-        return (stability,)  # margins of unstable loops would only repeat this
+        return (stability,)  # the margins of unstable loops would only repeat this
     by = (
         ("gain margin", lambda r: r.gain_low, spec.gain, "a factor of {:.2f}"),
         ("phase margin", lambda r: r.phase_low_deg, spec.phase_deg, "{:.0f}°"),
@@ -212,12 +212,12 @@ def _where(row: MarginRow, unit: str) -> str:
 
 
 def _draws(row: MarginRow) -> str:
-    """Return in words from which draws a row comes."""
+    """Return the draws from which a row comes, in words."""
     return "models drawn from the posterior" if row.source == "model" else f"draws of {_whose(row)}"
 
 
 def _whose(row: MarginRow) -> str:
-    """Return in words from which source a margin comes."""
+    """Return the source from which a margin comes, in words."""
     names = {"model": "the model", "plant": "the plant model"}
     for name, words in names.items():
         if row.source == name or row.source.startswith(f"{name} "):

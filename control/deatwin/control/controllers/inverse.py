@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_CELLS = 32  # points of the table in a piece of the cubic
-_STEPS = 60  # halve a bracket down to rounding; Newton's method needs two or three
+_CELLS = 32  # Number of points of the table in each piece of the cubic
+_STEPS = 60  # Largest number of steps: bisection reaches rounding in 60, Newton's method in two or three
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -157,7 +157,7 @@ class StaticCurve(Described):
         inputs, outputs, pieces = self._table
         wanted = np.clip(np.asarray(value, dtype=np.float64), outputs[0], outputs[-1])
         cell = np.clip(np.searchsorted(outputs, wanted, side="right") - 1, 0, pieces.size - 1)
-        left, right = inputs[cell], inputs[cell + 1]  # the output is too small at the left, too large at the right
+        left, right = inputs[cell], inputs[cell + 1]  # The output is too small at the left and too large at the right
         begin, (c3, c2, c1, c0) = self.inputs[pieces[cell]], self._forward.c[:, pieces[cell]]
         found = np.interp(wanted, outputs, inputs)
         for _ in range(_STEPS):
@@ -166,7 +166,7 @@ class StaticCurve(Described):
             slope = (3.0 * c3 * s + 2.0 * c2) * s + c1
             left, right = np.where(gap > 0.0, found, left), np.where(gap < 0.0, found, right)
             moved = found + np.divide(gap, slope, out=np.zeros_like(s), where=slope != 0.0)
-            inside = (moved - left) * (moved - right) <= 0.0  # else Newton's method leaves the bracket: halve it
+            inside = (moved - left) * (moved - right) <= 0.0  # else outside the bracket, which is halved
             moved = np.where(inside, moved, 0.5 * (left + right))
             done, found = np.all(np.abs(moved - found) <= self._resolution), moved
             if done:
@@ -175,7 +175,7 @@ class StaticCurve(Described):
 
     @cached_property
     def _resolution(self) -> float:
-        """Rounding error of an input, in its unit."""
+        """Return the rounding error of an input, in its unit."""
         return 2.0 * float(np.finfo(np.float64).eps * np.abs(self.inputs).max())
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -195,7 +195,7 @@ class StaticCurve(Described):
 
 
 _INNER = ("name", "operating_input", "command_min", "command_max")
-"""Fields in which the inner feedback differs, because its command is a wanted output."""
+"""Fields that differ in the inner feedback, because its command is a desired output."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -232,7 +232,7 @@ class Law:
     def _transfer(self, b: Array, d: float) -> Polynomials:
         """Return ``C (z - A)^-1 b + d``, computed from the determinant of a matrix with a rank-one change."""
         denominator = _characteristic(self.a)
-        # The change has the size of A whatever the units are, so that no digits cancel in the difference.
+        # The change is scaled to the size of A, whatever the units, so that no digits cancel in the difference.
         size = float(np.linalg.norm(b) * np.linalg.norm(self.c)) or 1.0
         changed = _characteristic(self.a - np.outer(b, self.c) / size)
         return size * (changed - denominator) + d * denominator, denominator

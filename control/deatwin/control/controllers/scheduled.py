@@ -17,7 +17,7 @@ from deatwin.control.errors import ControlError
 
 Array = NDArray[np.float64]
 
-_ROUNDING = 1e-9  # of equations in units of the states' steps
+_ROUNDING = 1e-9  # Rounding error of the equations of rest, in units of the states' steps
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -147,12 +147,12 @@ class ScheduledController(Controller):
 
 
 def _rest_alike(first: Law, other: Law) -> bool:
-    """Return whether two laws have the same states of rest, and the same command there, at equal references."""
+    """Return whether two laws have the same states of rest, and the same commands there, at equal references."""
     units = np.maximum(np.abs(first.b).max(axis=1), np.abs(other.b).max(axis=1))
     units[units == 0.0] = 1.0  # states differ by many orders of magnitude
     manifolds = []
     for law in (first, other):
-        # Rows of (x, r): (A - 1) x + (B_r + B_y) r = 0, and the command there.
+        # Equations of rest in (x, r), (A - 1) x + (B_r + B_y) r = 0, and the command at rest.
         steps = np.column_stack([law.a - np.eye(units.size), law.b.sum(axis=1)])
         command = np.append(law.c, law.d.sum())
         scales = np.append(units, 1.0)

@@ -17,10 +17,11 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 _LAGS = (0.1, 0.4, 1.6)
-"""Time constants of the filter, in periods of the band's end: they follow what creeps within the band."""
-_LOWEST = 0.01  # of the band: where its lower end lies
+"""Time constants of the filter, in periods of the upper end of the band, so that the filter follows creep within the
+band."""
+_LOWEST = 0.01  # Lower end of the band, as a share of its upper end
 _POINTS = 80
-_RIDGE = 1e-3  # of each column's size: keeps the filter's coefficients from cancelling each other
+_RIDGE = 1e-3  # Penalty relative to each column's size, which keeps the filter's coefficients from cancelling
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -122,7 +123,7 @@ def inverse_filter(linear: LinearModel, band_Hz: float) -> InverseFilter:
     weights = _ridge(columns * relative, 1.0 - relative[:, 0])
     error = float(np.abs((1.0 + columns @ weights) * relative[:, 0] - 1.0).max())
     before, *lags = weights
-    # States: the reference before, and the lags; x(k+1) = p x(k) + (1 - p) r(k), whose output is that of the update.
+    # States: the previous reference, and the lags x(k+1) = p x(k) + (1 - p) r(k), of which x(k+1) is the output.
     return InverseFilter(
         a=np.diag([0.0, *poles]),
         b=np.array([1.0, *(1.0 - poles)]),

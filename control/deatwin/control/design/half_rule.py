@@ -13,9 +13,12 @@ from deatwin.control.linear.model import LinearModel
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-_REAL = 0.01  # oscillation against decay of a pair that is a double lag (damping 1 - 5e-5): rounding splits equal lags
-_CLOSE = 1.6 * (1 - 1e-3)  # a zero is nearer to the smaller lag beside it if their ratio is below 1.6, less rounding
-_ROUNDS = 20  # of delay and zeros, which depend on each other
+_REAL = 0.01
+"""Largest ratio of oscillation to decay of a pair of poles that counts as a double lag (damping 1 - 5e-5), because
+rounding splits equal lags."""
+_CLOSE = 1.6 * (1 - 1e-3)
+"""Ratio of a zero's time constant to the next smaller lag below which the two may cancel: 1.6, less rounding."""
+_ROUNDS = 20  # Largest number of iterations between the delay and the zeros, which depend on each other
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,9 +26,9 @@ class SecondOrderDelay:
     """A model with two lags and a delay: ``gain * exp(-delay s) / ((first_lag s + 1) (second_lag s + 1))``."""
 
     gain: float
-    first_lag: float  # s, the longer first
-    second_lag: float
-    delay: float  # s, half a sample for the hold included
+    first_lag: float  # Longer lag, s
+    second_lag: float  # Shorter lag, s
+    delay: float  # Delay, s, including half a sample for the hold
 
 
 def reduce_to_second_order(linear: LinearModel) -> SecondOrderDelay:

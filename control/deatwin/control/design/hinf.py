@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_LEAK = 1e-4  # of the bandwidth: the pole of the first weight, which theory wants stable
-_ROLL_OFF = 2.0  # times the bandwidth: from where the command has to fall
-_LAST = 100.0  # times that: up to where the bound on the command falls
+_LEAK = 1e-4  # Pole of the first weight, as a share of the bandwidth; the theory requires a stable weight
+_ROLL_OFF = 2.0  # Frequency from which the bound on the command falls, in bandwidths
+_LAST = 100.0  # Frequency up to which that bound falls, in units of the frequency from which it falls
 _HALVINGS = 12
 
 
@@ -35,12 +35,12 @@ _HALVINGS = 12
 class MixedSensitivity:
     """Weights on the sensitivity S and on C S; a design keeps the norm of both weighted functions below one."""
 
-    # |S| <= |(w + b l)/(w/M + b)| and |C S G(1)| <= effort / |1 + w/(2 b)|, with b the bandwidth, |w| = tan(omega h /
-    # 2) and l = 1e-4 in place of the integrator.
+    # The bounds are |S| <= |(w + b l)/(w/M + b)| and |C S G(1)| <= effort / |1 + w/(2 b)|, where b is the bandwidth,
+    # |w| = tan(omega h / 2), and l = 1e-4 replaces the integrator.
 
-    bandwidth_Hz: float  # Up to where the sensitivity is below one, Hz
+    bandwidth_Hz: float  # Frequency up to which the sensitivity is below one, Hz
     max_sensitivity: float  # Largest sensitivity, M
-    effort: float  # Largest command that a reference asks, against the command that holds it at rest
+    effort: float  # Largest command for a reference, divided by the command that holds it at rest
     sample_time: float  # s
 
     def __post_init__(self) -> None:
@@ -182,15 +182,15 @@ def _synthesis(plant: StateSpace, bounds: MixedSensitivity) -> StateSpace | None
     p = _weighted(plant, bounds)
     n, inputs, outputs = p.nstates, p.ninputs, p.noutputs
     try:
-        # Job 4: for this norm, without a search for the least; python-control's hinfsyn searches, at times for ever.
+        # Job 4 solves for this norm. python-control's hinfsyn searches for the least norm, sometimes without end.
         found = import_module("slycot").sb10ad(n, inputs, outputs, 1, 1, 1.0, p.A, p.B, p.C, p.D, job=4)
-    except ArithmeticError:  # of slycot: no admissible controller
+    except ArithmeticError:  # slycot found no admissible controller
         return None
     return control.ss(*found[1:5])
 
 
 def _weighted(plant: StateSpace, bounds: MixedSensitivity) -> StateSpace:
-    """Generalised plant in the w plane, from reference and command to weighted error, weighted command and error."""
+    """Return the generalised plant in w, from (reference, command) to (weighted error, weighted command, error)."""
     import control
 
     first, second = (control.ss(weight) for weight in bounds.weights())

@@ -85,7 +85,7 @@ def _(system: NarxModel, command_range: Limits, *, count: int = 33) -> StaticCur
 @static_curve.register
 def _(system: Plant, command_range: Limits, *, count: int = 33) -> StaticCurve:
     equations, values, rig = system.equations, system.free_values, system.rig
-    start = rest_state(equations, rig.start.rest_command, values)  # where a sensor that is zeroed at rest has its zero
+    start = rest_state(equations, rig.start.rest_command, values)  # a sensor that is zeroed at rest has its zero here
     guess: Array | None = None
 
     def output(command: float) -> float:
@@ -96,7 +96,7 @@ def _(system: Plant, command_range: Limits, *, count: int = 33) -> StaticCurve:
                 f"no static curve: the plant has no state of rest at {command:.4g} {rig.input_unit} (pull-in, or the "
                 "film is too soft); choose a smaller range of the command"
             )
-        guess = np.concatenate([rest.x, rest.z])  # so that the next stays on the branch
+        guess = np.concatenate([rest.x, rest.z])  # so that the next search stays on the branch
         here, n_x = held_rest(equations, guess, start.d, command, values), len(equations.states)
         inputs = equations.held_inputs(command)
         return float(equations.output(here[:n_x], here[n_x:], start.d, inputs, 0.0, values, equations.constants))

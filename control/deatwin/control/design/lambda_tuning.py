@@ -14,14 +14,14 @@ from deatwin.control.design.pid import PidGains, pid
 from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel, linear_model
 
-_EARLY, _LATE = 1.0 - np.exp(-1.0 / 3.0), 1.0 - np.exp(-1.0)  # a first-order lag is there at T/3 and at T
-_SETTLED = 1e-4  # of the final value: what the slowest pole leaves at the end of the step response
-_LONGEST = 200_000  # samples of a step response
-_DELAY_SHARE = 3.0  # The closed loop is slower than the delay by this factor; Rivera et al. ask for at least 1.7.
+_EARLY, _LATE = 1.0 - np.exp(-1.0 / 3.0), 1.0 - np.exp(-1.0)  # Response of a first-order lag at T/3 and at T
+_SETTLED = 1e-4  # What the slowest pole leaves at the end of the step response, as a share of the final value
+_LONGEST = 200_000  # Largest number of samples of a step response
+_DELAY_SHARE = 3.0  # Least ratio of the closed-loop time to the delay; Rivera et al. ask for at least 1.7
 _SAMPLES = 10.0
-"""Samples in a closed-loop time constant (Åström & Wittenmark, Computer-Controlled Systems, section 4.4: the
-crossover frequency times the sample time at most 0.05 to 0.14)."""
-_BAND_SHARE = 0.5  # The crossover lies at this share of the band that the recording excited
+"""Least number of samples in a closed-loop time constant (Åström & Wittenmark, Computer-Controlled Systems, section
+4.4: the crossover frequency times the sample time at most 0.05 to 0.14)."""
+_BAND_SHARE = 0.5  # Highest crossover, as a share of the band that the recording excited
 _FILTER_SHARE = 0.1
 """Time constant of the derivative's filter, as a share of the derivative time (Skogestad, section 2)."""
 
@@ -30,9 +30,9 @@ _FILTER_SHARE = 0.1
 class FirstOrderDelay:
     """A model with one lag and a delay, as lambda tuning needs it: ``gain * exp(-delay s) / (time_constant s + 1)``."""
 
-    gain: float  # Output unit by input unit
-    time_constant: float  # s
-    delay: float
+    gain: float  # Static gain, output unit by input unit
+    time_constant: float  # Time constant of the lag, s
+    delay: float  # Delay, s
 
 
 def reduce_to_first_order(linear: LinearModel) -> FirstOrderDelay:
@@ -47,7 +47,7 @@ def reduce_to_first_order(linear: LinearModel) -> FirstOrderDelay:
 
 
 def _first_time(values: np.ndarray, level: float) -> float:
-    """Return the sample, with its fraction, at which a level is first reached."""
+    """Return the time at which a level is first reached, in samples, interpolated between samples."""
     after = int(np.argmax(values >= level))
     if after == 0:
         return 0.0
@@ -164,7 +164,7 @@ def lambda_tuning_pid(
     wanted = require_time(closed_loop_time, h) or _default_time(h, plant.second_lag, delay, band_Hz)
     horizon = wanted + delay
     share, peak = plant.gain / linear.static_gain, _largest_gain(linear, horizon) / linear.static_gain
-    gain = linear.static_gain * max(share, min(share, 1.0) * peak)  # a lead beside a lag makes share and peak alike
+    gain = linear.static_gain * max(share, min(share, 1.0) * peak)  # a lead near a lag raises both share and peak
     integral_time = min(plant.first_lag, 4.0 * horizon)
     series = plant.first_lag / (gain * horizon)
     gains = PidGains(

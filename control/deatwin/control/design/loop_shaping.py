@@ -19,12 +19,12 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Shape = Callable[[float, float], PidGains]  # Gains of a controller from its integral gain and its time constant
 
-_POINTS = 1500  # frequencies of each half of the grid: logarithmic and even
-_LOWEST = 1e-5  # rad a sample
-_NEAR = np.sinh(np.linspace(-6.0, 6.0, 121)) / np.sinh(6.0)  # about a pole, dense where it is near
-_LONGEST = 1000.0  # samples: time constant of the controller, at least
-_TIMES = 240  # time constants that are tried, and again about the best
-_FILTER = 10.0  # The derivative time by its filter's time constant
+_POINTS = 1500  # Number of frequencies in each part of the grid, the logarithmic and the even one
+_LOWEST = 1e-5  # Lowest frequency of the grid, rad per sample
+_NEAR = np.sinh(np.linspace(-6.0, 6.0, 121)) / np.sinh(6.0)  # Relative frequencies about a pole, dense near it
+_LONGEST = 1000.0  # Least upper end of the controller's time constants that are tried, in samples
+_TIMES = 240  # Number of time constants that are tried, before the search is refined about the best
+_FILTER = 10.0  # Ratio of the derivative time to its filter's time constant
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,8 +44,8 @@ class Robustness:
 
     def largest_gain(self, loops: Complex) -> Array:
         """Return the factors (n,) by which loops (n, n_frequencies) may be multiplied before they reach a bound."""
-        # The lower root k of |1 + k L|² = 1/M², or |k L| = 1 where the phase of L is within the margin of -180°. Below
-        # the least over all frequencies the locus never touches the circle about -1.
+        # At each frequency a bound is reached at the lower root k of |1 + k L|² = 1/M², or at |k L| = 1 if the phase of
+        # L is within the margin of -180°. Below the smallest of these k the locus never touches the circle about -1.
         real, square = loops.real, np.abs(loops) ** 2
         outside = 1.0 - 1.0 / self.max_sensitivity**2
         under = real**2 - square * outside
@@ -185,7 +185,7 @@ class _Loops:
         self.omega = _frequencies(linear)
         h = linear.sample_time
         lag = -h / np.log(np.abs(linear.poles).max(initial=0.5))
-        # No proportional part at all is one of them.
+        # Includes 0, a controller without a proportional part.
         self.times = np.append(0.0, np.geomspace(0.1 * h, max(_LONGEST * h, 3.0 * lag), _TIMES))
 
     @cached_property
@@ -194,7 +194,7 @@ class _Loops:
         return self.values(self.times, self.omega)
 
     def values(self, times: Array, omega: Array) -> Complex:
-        """Loops with an integral gain of one, shape (n_times, n_frequencies)."""
+        """Return loops with an integral gain of one, shape (n_times, n_frequencies)."""
         h, sign = self.linear.sample_time, float(np.sign(self.linear.static_gain))
         delay, model = np.exp(-1j * omega * h), sign * self.linear.response(omega)
         rows = []
@@ -206,7 +206,7 @@ class _Loops:
     def fastest(self) -> tuple[float, float]:
         """Return the largest integral gain within the bounds, and the time constant that belongs to it."""
         times, values = self.times, self.table
-        for _ in range(3):  # each time between the neighbours of the best
+        for _ in range(3):  # refined each time between the neighbours of the best
             largest = self.bounds.largest_gain(values)
             best = int(np.argmax(largest))
             found = float(largest[best]), float(times[best])
@@ -215,7 +215,7 @@ class _Loops:
         return found
 
     def crossover(self, integral: float, time: float) -> float:
-        """Highest frequency at which the loop gain is one, rad/s."""
+        """Return the highest frequency at which the loop gain is one, rad/s."""
         above = np.flatnonzero(integral * np.abs(self.values(np.array([time]), self.omega)[0]) >= 1.0)
         return float(self.omega[above[-1]])
 

@@ -19,12 +19,14 @@ from deatwin.control.linear.model import LinearModel, linear_model
 
 Array = NDArray[np.float64]
 
-_REACHED = 1.0 - np.exp(-1.0)  # of a step, in the time constant
-_LEAST, _STEP = np.log(1e-8), np.log(30.0)  # weight of the command's steps against the error, and how it is searched
-_LONGEST = 1e5  # samples in which an answer is waited for
-_DIGITS = 1e-6  # relative error of the transfer function up to which margins can be trusted
+_REACHED = 1.0 - np.exp(-1.0)  # Share of a step that is reached after one time constant
+_LEAST, _STEP = np.log(1e-8), np.log(30.0)
+"""Logarithms of the least weight of the command's changes relative to the error, and of the factor between weights in
+the search for a bracket."""
+_LONGEST = 1e5  # Longest response that is computed, in samples
+_DIGITS = 1e-6  # Relative error of the transfer function up to which margins can be trusted
 _OBSERVER_SHARE = 0.5
-"""The observer averages over this share of the closed-loop time, if nothing is known of drift and noise."""
+"""Time over which the observer averages if drift and noise are unknown, as a share of the closed-loop time."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,16 +42,16 @@ class LqgGains:
         n, gain, m = self.states.b.size, self.states.gain, self.observer
         a, c = _with_drift(self.states)
         forward = float(self.regulator[:n] @ self.states.rest + self.regulator[n])
-        # v = u(k-1) - K_x (x - x_s) - K_u (u(k-1) - u_s) with u_s = r - d, x_s = rest * u_s.
+        # v = u(k-1) - K_x (x - x_s) - K_u (u(k-1) - u_s), where u_s = r - d and x_s = rest * u_s.
         feedback = np.append(self.regulator[:n], forward)
-        corrected = np.eye(n + 1) - np.outer(m, c)  # from predicted states to states, the reading used
+        corrected = np.eye(n + 1) - np.outer(m, c)  # from predicted states to states corrected by the reading
         c_v = np.append(-feedback @ corrected, 1.0 - self.regulator[n])
         d_v = np.array([forward, -feedback @ m])
         applied = np.concatenate([self.states.b, [0.0, 1.0]])
         a_v, b_v = np.zeros((n + 2, n + 2)), np.zeros((n + 2, 2))
         a_v[: n + 1, : n + 1], b_v[: n + 1, 1] = a @ corrected, a @ m
         law = Law(a=a_v + np.outer(applied, c_v), b=(b_v + np.outer(applied, d_v)) / gain, c=c_v, d=d_v / gain)
-        return integrating(law), applied  # exactly, for what rounding left of it
+        return integrating(law), applied  # exact integration, which rounding has disturbed
 
 
 @taking(linear=linear_model, command_limits=pair, closed_loop_time=number, noise=number, drift=number, band_Hz=positive)
@@ -134,7 +136,7 @@ def lqg(
 def lqg_gains(linear: LinearModel, closed_loop_time: float, drift_by_noise: float) -> LqgGains:
     """Return both gains of an LQG controller; `drift_by_noise` is the drift per sample divided by the noise."""
     states = States.of(linear)
-    if linear.realisation is not None:  # of a plant's many states most answer alike: the response keeps eight digits
+    if linear.realisation is not None:  # most of a plant's states are redundant; eight digits remain
         states = states.balanced()
     return LqgGains(
         states=states,
@@ -164,7 +166,7 @@ def _regulator(states: States, samples: float, sample_time: float) -> Array:
     def excess(logarithm: float) -> float:
         return _rise(states, _regulator_of(states, float(np.exp(logarithm))), limit=4.0 * samples) - samples
 
-    low = high = 2.0 * np.log(samples)  # of an actuator that answers at once
+    low = high = 2.0 * np.log(samples)  # the value for an actuator that responds at once
     while excess(high) < 0.0:
         high += _STEP
     while excess(low) > 0.0:
@@ -192,7 +194,7 @@ def _rise(states: States, regulator: Array, limit: float) -> float:
     """Return the number of samples after the delay until the response to a step reaches 63 %, or the limit."""
     a, b = _in_steps(states)
     closed = a - np.outer(b, regulator)
-    gap = -np.append(states.rest, 1.0)  # from the target
+    gap = -np.append(states.rest, 1.0)  # distance from the target
     before = 0.0
     for k in range(1, int(limit) + states.delay + 2):
         gap = closed @ gap

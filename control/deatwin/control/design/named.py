@@ -31,20 +31,20 @@ from deatwin.plant.rigs.base import ReadingTime
 
 SCHEDULE_POINTS = 5
 SCHEDULE_SHARE = 0.6
-"""Share of the room from the operating input to the nearer end of the known range in which a schedule's laws lie."""
+"""Range of a schedule's laws, as a share of the distance from operating input to the nearer end of the known range."""
 
 
 SLOWER = (1.0, 0.7, 0.5, 0.35, 0.25)
-"""Shares of the usual bandwidth that are tried for an H-infinity design, whose bounds are stricter than a PI's."""
+"""Shares of the usual bandwidth tried in turn for an H-infinity design, whose bounds are stricter than a PI's."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Wanted:
     """Requirements of a design, besides the linear model and the limits that `deatwin.control.check` gives it."""
 
-    model: NarxModel  # Identified
+    model: NarxModel  # Identified model
     reading: ReadingTime  # Instant within a row at which its reading is taken
-    closed_loop_time: float | None  # s; by default as lambda tuning chooses it
+    closed_loop_time: float | None  # Closed-loop time, s; None for the one that lambda tuning chooses
     band_Hz: float | None  # Band that the recording excited, Hz
     operating_range: tuple[float, float] | None
 
@@ -94,7 +94,7 @@ def _lqg(wanted: Wanted, linear: LinearModel, *, command_limits: Limits) -> Cont
 
 def _hinf(wanted: Wanted, linear: LinearModel, *, command_limits: Limits) -> Controller:
     fastest = wanted.bandwidth_Hz(linear)
-    if wanted.closed_loop_time is None:  # nobody asked for a time: the fastest that can be had
+    if wanted.closed_loop_time is None:  # without a requested time, the fastest that can be designed
         for share in SLOWER:
             with suppress(ControlError):
                 return hinf(linear, command_limits=command_limits, bandwidth_Hz=share * fastest)

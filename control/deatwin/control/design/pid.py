@@ -81,7 +81,7 @@ class PidGains:
             filter_time = pole * sample_time / (1.0 - pole)
             derivative = float(law.c[1]) * (filter_time + sample_time)
         proportional = float(law.d[REFERENCE]) - step
-        if abs(proportional) <= 1e-12 * abs(step):  # rounding of the difference
+        if abs(proportional) <= 1e-12 * abs(step):  # only rounding remains of the difference
             proportional = 0.0
         if step == 0.0:
             return None
@@ -114,7 +114,7 @@ class PidGains:
         pi = Law.of_error([[1.0]], [step], [1.0], self.proportional + step)
         if not self.derivative:
             return pi
-        # D(k) = p D(k-1) - g (y(k) - y(k-1)) = g (y_f(k) - y(k)), with y_f(k+1) = p y_f(k) + (1 - p) y(k)
+        # D(k) = p D(k-1) - g (y(k) - y(k-1)) = g (y_f(k) - y(k)), where y_f(k+1) = p y_f(k) + (1 - p) y(k)
         p = self.filter_time / (self.filter_time + sample_time)
         g = self.derivative / (self.filter_time + sample_time)
         return Law(

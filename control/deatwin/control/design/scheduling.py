@@ -84,7 +84,7 @@ def scheduled(
 
 
 def _designed(model: LinearModel, design: Design, command_limits: Limits) -> LinearController:
-    # Only the law is taken, which may be wanted at a limit itself.
+    # Only the law of the design is used, so its limits are widened: a law may be wanted at a limit itself.
     low, high = command_limits
     room = (min(low, model.operating_input) - (high - low), max(high, model.operating_input) + (high - low))
     try:

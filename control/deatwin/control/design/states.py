@@ -14,8 +14,10 @@ from deatwin.control.linear.model import LinearModel
 Array = NDArray[np.float64]
 
 _NO_ANSWER = 1e-7
-"""Share of the static gain below which a sample answers nothing: ten times the error of `States.balanced`."""
-_HARDLY = 5e-9  # of the largest Hankel singular value; what is left out counts twice
+"""Share of the static gain below which a response counts as none: ten times the error of `States.balanced`."""
+_HARDLY = 5e-9
+"""Hankel singular value, relative to the largest, below which a state is left out; the error is twice the sum of those
+left out."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -23,8 +25,8 @@ class States:
     """State-space model ``x(k+1) = A x(k) + B u(k)``, ``y(k) = gain C x(k)``, whose static gain from B to C is one."""
 
     a: Array  # shape (n, n): A
-    b: Array  # shape (n,): B and C; the states are in the input's unit
-    c: Array
+    b: Array  # shape (n,): B; the states are in the input's unit
+    c: Array  # shape (n,): C
     gain: float  # Static gain, output unit by input unit
 
     @classmethod
@@ -56,7 +58,7 @@ class States:
         from scipy.linalg import solve_discrete_lyapunov
 
         a, b, c = self.a, self.b, self.c
-        for _ in range(2):  # the second time mends what the companion matrix lost
+        for _ in range(2):  # the second round restores digits that the companion matrix lost
             reached, seen = (_root(solve_discrete_lyapunov(m, np.outer(v, v))) for m, v in ((a, b), (a.T, c)))
             left, sizes, right = np.linalg.svd(seen.T @ reached)
             kept = sizes > _HARDLY * sizes[0]

@@ -80,7 +80,7 @@ def _parts(controller: Controller, fields: dict[str, object]) -> tuple[tuple[str
         tables = {**_law_tables(controller.feedback), **_curve_tables(controller.curve)}
         return (templates.LAW, templates.CURVE, templates.INVERSE_STEP), tables
     if isinstance(controller, ScheduledController):
-        states = controller.states - 1  # the last one is the smoothed command
+        states = controller.states - 1  # the last state is the smoothed command
         follow = min(controller.sample_time / controller.closed_loop_time, 1.0)
         fields |= {"states": states, "size": max(states, 1), "last": controller.points.size - 1, "follow": follow}
         return (templates.SCHEDULE, templates.SCHEDULED_STEP), _schedule_tables(controller)

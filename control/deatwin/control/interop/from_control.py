@@ -66,7 +66,7 @@ def from_control(
     sample_time = _sample_time(system)
     if isinstance(system, control.StateSpace):
         numerator, denominator = _of_states(system)
-        poles = np.linalg.eigvals(system.A)  # with those that neither input nor output knows
+        poles = np.linalg.eigvals(system.A)  # including uncontrollable and unobservable ones
     else:
         numerator, denominator = _of_fraction(system)
         poles = np.roots(denominator)
@@ -97,7 +97,7 @@ def _sample_time(system: LTI) -> float:
 
 
 def _of_fraction(system: TransferFunction) -> tuple[Array, Array]:
-    """Return coefficients in powers of z^-1 from those in falling powers of z."""
+    """Return coefficients in powers of z^-1 from coefficients in falling powers of z."""
     top, bottom = (_leading(part[0][0]) for part in (system.num, system.den))
     if top.size > bottom.size:
         raise ControlError(

@@ -28,7 +28,7 @@ Lagged = tuple[str, int, int]  # Kind "y" or "u", row of the channel, lag in sam
 class NarxSystem:
     """A NARX model in states: ``x(k+1) = (past of x(k), u(k), y(k))``, ``y(k) = sum_m theta_m term_m(x(k), u(k))``."""
 
-    model: NarxModel  # Without noise terms
+    model: NarxModel  # Model without noise terms
 
     @cached_property
     def states(self) -> tuple[Lagged, ...]:
@@ -79,7 +79,7 @@ class NarxSystem:
 
     def output(self, t: float, x: Array, u: Array, params: Params) -> Array:
         """Outputs of a sample. Shapes: `x` (n_states,); `u` (n_inputs,); returns (n_outputs,)."""
-        # For a system without memory python-control may pass one state and a bare number.
+        # For a system without memory, python-control may pass one state and a bare number.
         known = np.concatenate([x[: len(self.states)], np.ravel(u)])
         if not np.isfinite(known).all():
             raise SimulationError(f"at {t:g} s an input or state of the model is not a finite number: {known.tolist()}")

@@ -29,8 +29,8 @@ After = tuple[Array, float]  # State after a sample, and the reading there, SI
 class PlantSystem:
     """A plant that is simulated sample by sample, from any state."""
 
-    # States are deviations from the rig's rest in typical sizes: python-control starts at zeros, and the fixed steps of
-    # `control.linearize` suit all of them.
+    # States are deviations from rest in units of their typical sizes, because python-control starts at zero, and so
+    # that the fixed steps of `control.linearize` suit all of them.
 
     def __init__(self, plant: Plant) -> None:
         self._plant, self._equations, self._values = plant, plant.equations, plant.free_values
@@ -40,7 +40,7 @@ class PlantSystem:
             raise SimulationError(self._rest.fault)
         self._at_rest = np.concatenate([self._rest.x, self._rest.z])
         self._reads_before = plant.rig.reading is ReadingTime.START_OF_HOLD
-        # A reading before the hold still shows the hold before.
+        # A reading at the start of a hold still shows the previous hold.
         self._memory = self._equations.history + int(self._reads_before)
         self._last: tuple[tuple[float, bytes, float], After] | None = None
 
@@ -102,7 +102,7 @@ class PlantSystem:
     def _after(self, t: float, x: Array, u: Array) -> After:
         """Return the state after a sample, and its reading; cached, because output and update both need them."""
         self._require_finite(t, x, u)
-        command = float(np.ravel(u)[0])  # of a plant without memory python-control may give a bare number
+        command = float(np.ravel(u)[0])  # python-control may pass a bare number for a plant without memory
         key = (float(t), np.asarray(x, dtype=np.float64).tobytes(), command)
         if self._last is None or self._last[0] != key:
             self._last = key, self._solved(float(t), x, command)
@@ -122,12 +122,12 @@ class PlantSystem:
 
     def _split(self, state: Array) -> tuple[Array, Array]:
         """Split a state into unknowns, SI, and past commands, in their unit."""
-        # A plant without memory is given an empty list.
+        # python-control passes an empty list for a plant without memory.
         values, n = np.asarray(state, dtype=np.float64), self._at_rest.size
         return self._at_rest + self._equations.scale * values[:n], self._rest_command + values[n : n + self._memory]
 
     def _inputs(self, commands: Array, begin: float) -> Array:
-        """Return the inputs of a sample from its command, the earlier commands and the time at which it begins, s."""
+        """Return the inputs of a sample from its command, the earlier commands and its start time, s."""
         inputs = self._equations.held_inputs(self._rest_command)
         count = 1 + self._equations.history
         inputs[:count] = commands[:count]

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-_TWO_SIDED = 1.959964  # Standard deviations on either side of the mean that hold 95 % of a normal law
+_TWO_SIDED = 1.959964  # Half width of the 95 % interval of a normal law, in standard deviations
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -92,7 +92,7 @@ class Frd(Described):
             Axes to draw on; new ones by default.
         """
         axes = axes_or_new(ax)
-        shown = self.omega > 0.0  # a logarithmic axis has no zero
+        shown = self.omega > 0.0  # a logarithmic axis cannot show zero
         frequency, gain = self.omega[shown] / (2 * np.pi), np.abs(self.values[shown])
         half = _TWO_SIDED * self.gain_deviation[shown]
         line = axes.loglog(frequency, gain, label="gain")[0]
@@ -167,7 +167,7 @@ def linear_frd(linear: LinearModel, omega: ArrayLike, *, name: str = "response")
     signals = (linear.input_name, linear.output_name)
     units = (linear.output_unit, linear.input_unit)
     unit = "/".join(units) if all(units) else ""
-    if not linear.covariance.any():  # of many slow modes the coefficients below would hold nothing
+    if not linear.covariance.any():  # with many slow modes, the coefficients below would lose all digits
         return _frd(given, values, np.zeros((given.size, 2, 2)), signals, unit, name)
     delay = np.exp(-1j * given * linear.sample_time)[:, None]
     bottom = np.polyval(linear.denominator[::-1], delay)
@@ -182,7 +182,7 @@ def _frd(omega: Array, values: Complex, covariance: Array, signals: tuple[str, s
     import control
 
     order = np.argsort(omega, kind="stable")
-    if not np.all(omega >= 0.0):  # also of what is no number
+    if not np.all(omega >= 0.0):  # true for NaN, too
         raise ModelError("the responses of python-control are over frequencies from 0 on; give those only")
     system = control.frd(values[order], omega[order], None, inputs=[signals[0]], outputs=[signals[1]], name=name)
     return Frd(system=system, covariance=covariance[order], unit=unit)

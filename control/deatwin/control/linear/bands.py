@@ -24,8 +24,8 @@ Complex = NDArray[np.complex128]
 
 LEVEL = (0.025, 0.975)  # Quantiles of a 95 % band
 _SHOWN = {"m": (1e3, "mm"), "N": (1e3, "mN")}
-_CLOUD = 200  # Most samples whose poles are drawn
-_REAL = 1e-9  # Imaginary part of a pole that counts as none
+_CLOUD = 200  # Largest number of samples whose poles are drawn
+_REAL = 1e-9  # Imaginary part below which a pole counts as real
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,15 +33,15 @@ class Banded:
     """A quantity with its 95 % band over samples."""
 
     value: Array
-    low: Array  # The 2.5 and 97.5 % quantiles over the samples that have an equilibrium; NaN where none has
-    high: Array
+    low: Array  # 2.5 % quantile over the samples that have an equilibrium; NaN where none has
+    high: Array  # 97.5 % quantile, likewise
 
     @classmethod
     def over_samples(cls, values: Array) -> Banded:
         """Compute the band over the samples. Shapes: `values` (n_points, 1 + n_samples, ...)."""
         own, samples = values[:, 0], values[:, 1:] if values.shape[1] > 1 else values
         known = np.isfinite(samples)
-        # An order statistic of what is finite: NaN is sorted to the end.
+        # An order statistic of the finite values; the others are sorted to the end.
         ordered = np.sort(np.where(known, samples, np.inf), axis=1)
         last = np.maximum(known.sum(axis=1, keepdims=True) - 1, 0)
         ends = [np.take_along_axis(ordered, np.rint(level * last).astype(np.intp), axis=1)[:, 0] for level in LEVEL]
@@ -54,18 +54,18 @@ class Modes:
     """Modes over operating points or times; each column follows one mode."""
 
     poles: Complex
-    time_constant: Banded  # shape (n_points, n_modes): In which the mode decays to 1/e, s; negative where it grows
+    time_constant: Banded  # shape (n_points, n_modes): Time in which the mode decays to 1/e, s; negative if it grows
     frequency: Banded  # Natural frequency ``|ln z|/(2 pi T)``, Hz
-    damping: Banded  # Damping ratio, 1 for a mode that does not swing
+    damping: Banded  # Damping ratio; 1 for a mode that does not oscillate
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FamilyBands(Described):
     """Gain and modes of a family of linear models, with bands."""
 
-    family: LinearFamily  # Its first sample is the model itself; the bands are those of the samples after it
+    family: LinearFamily  # Family whose first sample is the model itself; the bands are over the other samples
 
-    ALONG: ClassVar[str]  # The dimension of its dataset
+    ALONG: ClassVar[str]  # Dimension of the dataset
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
         "quantities": several(lambda bands: _quantities(bands)),
         "n_samples": attribute(of=lambda bands: bands.family.n_samples - 1),
@@ -117,7 +117,7 @@ class FamilyBands(Described):
         with np.errstate(divide="ignore", invalid="ignore"):
             continuous = np.log(poles) / interval
             size = np.abs(continuous)
-            # A pole at z = 0 is a mode that is over within its sample.
+            # A pole at z = 0 is a mode that decays within one sample.
             damping = np.where(np.isinf(size), 1.0, -continuous.real / size)
         return Modes(
             poles=poles[:, 0],
@@ -201,7 +201,7 @@ class FamilyBands(Described):
 
 
 def _drawn(poles: Complex) -> list[int]:
-    """Remove the columns that are everywhere the lower member of a complex pair."""
+    """Return the columns to draw: all but those that are everywhere the lower member of a complex pair."""
     lower = (poles.imag < -_REAL) | np.isnan(poles)
     return [k for k in range(poles.shape[1]) if not lower[:, k].all()]
 
@@ -220,7 +220,7 @@ def _legend_above(ax: Axes) -> None:
 
 
 def _gain_unit(family: LinearFamily) -> tuple[float, str]:
-    """Return the factor and the unit for showing a gain."""
+    """Return the factor and the unit in which a gain is shown."""
     factor, output = _SHOWN.get(family.output_unit, (1.0, family.output_unit))
     unit = f"{output}/{family.input_unit}" if family.input_unit else output
     return factor, written_unit(unit)

@@ -204,7 +204,7 @@ class LinearFamily:
         if reading is ReadingTime.START_OF_HOLD:
             answering = np.argwhere(self.numerators[:, :, 0] != 0.0)
             if answering.size:
-                self.at(*(int(i) for i in answering[0])).in_loop(reading)  # which says what is wrong
+                self.at(*(int(i) for i in answering[0])).in_loop(reading)  # raises the error
             return self
         late = tuple(tuple(one and one.delayed() for one in row) for row in self.realisations)
         return replace(self, numerators=np.pad(self.numerators, ((0, 0), (0, 0), (1, 0))), realisations=late)
@@ -296,7 +296,7 @@ def linearise_many(model: NarxModel, operating_inputs: ArrayLike, thetas: ArrayL
     if len(model.input_names) != 1:
         raise ModelError(f"the model has {len(model.input_names)} inputs; a controller is designed for one")
     polynomial_model(model)
-    operating_input_of(model, None)  # refuses what is no model of one output
+    operating_input_of(model, None)  # raises an error unless the model has one output
     points = np.ravel(real_numbers(operating_inputs, "operating_inputs"))
     samples = np.atleast_2d(model.theta if thetas is None else real_numbers(thetas, "thetas"))
     if not (points.size and np.isfinite(points).all()):
@@ -331,7 +331,7 @@ def _at_one_point(model: NarxModel, level: float, thetas: Array) -> tuple[Array,
     nowhere = np.full(len(thetas), np.nan), numerators, denominators, np.zeros(len(thetas), dtype=np.bool_)
     try:
         point = equilibrium(model, level)
-        motion(model, levels(model, point.operating_input, point.output))  # the branch has a direction there
+        motion(model, levels(model, point.operating_input, point.output))  # fails without a direction of the branch
     except ModelError:
         return nowhere
     outputs, exists = follow_equilibrium(model, point, thetas)
@@ -344,7 +344,7 @@ def _at_one_point(model: NarxModel, level: float, thetas: Array) -> tuple[Array,
                 side[:, variable.lag] += sign * share * thetas[:, m]
     stiffness, sizes = denominators.sum(axis=1), np.abs(denominators).sum(axis=1)
     with np.errstate(invalid="ignore"):
-        exists = exists & (np.abs(stiffness) > _ROUNDING * sizes)  # else it integrates
+        exists = exists & (np.abs(stiffness) > _ROUNDING * sizes)  # otherwise the model integrates
     exists &= np.isfinite(numerators).all(axis=1) & np.isfinite(denominators).all(axis=1)
     numerators[~exists], denominators[~exists, 1:] = 0.0, 0.0
     return np.where(exists, outputs, np.nan), numerators, denominators, exists

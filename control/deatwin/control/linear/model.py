@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-SIGN_LEVEL = 1.96  # A static gain within this many standard deviations of zero has no certain sign (95 %, normal law)
+SIGN_LEVEL = 1.96  # Static gain, in standard deviations, from which its sign is certain (95 %, normal law)
 
 
 class LinearStatus(Enum):
@@ -391,4 +391,4 @@ class LinearModel(Described):
 
 
 linear_model = instance(LinearModel, hint=", as linearise(model, operating_input) makes it")
-"""Check of an argument: refuses what is none, such as a model that is not linearised."""
+"""Check that an argument is a linear model and not, for example, a model that is not linearised."""

@@ -25,14 +25,16 @@ Array = NDArray[np.float64]
 
 _PULL_IN = "the plant has no state of rest in reach there: it pulls in, or its film goes slack"
 _GROWS = 1e-9
-"""A mode that the command does not excite grows if its modulus exceeds 1 by more than this; memories at rest have 1."""
+"""Excess of a mode's modulus over 1 beyond which the mode grows; memories at rest have a modulus of 1."""
 _NO_GAIN = 1e-12
-"""Static gain that is rounding, as a share of what the command does to the states and the states to the reading."""
-_LOWEST, _POINTS = 1e-3, 50  # Lowest frequency at which coefficients are compared with the matrices, Hz
+"""Static gain that counts as rounding, relative to the command's effect on the states times their effect on the
+reading."""
+_LOWEST, _POINTS = 1e-3, 50
+"""Lowest frequency, Hz, and number of frequencies at which the coefficients are compared with the matrices."""
 _GAIN_ERROR = 1e-3
-"""Relative difference between the static gain of the matrices and the slope of the static curve that a design may have:
-far below any gain margin, far above rounding."""
-_LOSS = 1e-6  # Relative error of the response that the coefficients may have without a remark
+"""Largest relative difference between the static gain of the matrices and the slope of the static curve with which a
+controller may be designed: far below any gain margin, and far above rounding."""
+_LOSS = 1e-6  # Relative error of the response by the coefficients above which a remark is made
 
 
 @taking(plant=instance(Plant), time=number)
@@ -161,7 +163,7 @@ def _model(plant: Plant, operating_input: float, small: SmallSignal | None) -> L
     least = whole.minimal()
     numerator, denominator = least.coefficients()
     seen = least
-    if plant.rig.reading is ReadingTime.START_OF_HOLD:  # a row shows the result of the previous hold
+    if plant.rig.reading is ReadingTime.START_OF_HOLD:  # a row shows the response to the previous hold
         numerator, seen = np.concatenate([[0.0], numerator]), least.delayed()
     size = numerator.size + denominator.size - 1
     linear = LinearModel(
@@ -174,12 +176,12 @@ def _model(plant: Plant, operating_input: float, small: SmallSignal | None) -> L
         **signals,
     )
     grows = np.abs(whole.modes).max(initial=0.0) > 1.0 + _GROWS
-    # States are scaled by their typical sizes, so much less than one of these per unit of the command is rounding, too.
+    # States are in units of their typical sizes, so that changes far below 1 per unit of the command are rounding, too.
     moved = max(float(np.linalg.norm(whole.b)), 1.0)
     floor = _NO_GAIN * float(np.linalg.norm(whole.c) * moved + np.linalg.norm(whole.d))
     judged = linear.judged(not grows and bool((np.abs(least.modes) < 1.0).all()), floor)
     error = abs(linear.static_gain - small.static_gain)
-    if not judged.status.ok or not error > _GAIN_ERROR * abs(small.static_gain):  # also without such a slope
+    if not judged.status.ok or not error > _GAIN_ERROR * abs(small.static_gain):  # also if the slope is NaN
         return judged
     detail = f"{linear.static_gain:.4g} against {small.static_gain:.4g}"
     return replace(judged, status=LinearStatus.INACCURATE, detail=detail)

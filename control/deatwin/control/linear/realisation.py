@@ -19,22 +19,22 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 _NOTHING = 1e-11
-"""Cosine of a mode with all that excites it, or shows it, below which that is rounding: one sample of the slowest
-effect of the catalogue, 20000 s, still moves its mode by 1e-6."""
-_BLOCK = 512  # Samples of a step response that are computed at once
+"""Cosine between a mode and the inputs that excite it, or the output that shows it, below which it counts as rounding.
+One sample of the slowest effect of the catalogue, 20000 s, still moves its mode by 1e-6."""
+_BLOCK = 512  # Number of samples of a step response that are computed at once
 _BITS = 64
-"""Behind the point of the largest entry of a matrix in integers; smaller entries lose nothing that a sum with the
-largest would keep, and 11 bits more than that."""
+"""Number of bits of a matrix's largest entry in integers. Smaller entries keep all that a sum with the largest one
+would keep, and 11 bits more."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Realisation:
     """State space with input lags: ``x(k+1) = A x(k) + sum_l B_l u(k-l)``, ``y(k) = C x(k) + sum_l D_l u(k-l)``."""
 
-    a: Array  # shape (n, n): Of the states, which are of like size
-    b: Array  # shape (n, n_lags): A column for each lag of the input, by unit of the input
-    c: Array  # shape (n,): Output unit
-    d: Array  # shape (n_lags,): Output unit by input unit
+    a: Array  # shape (n, n): A, for states of similar size
+    b: Array  # shape (n, n_lags): B, one column per lag of the input, per unit of the input
+    c: Array  # shape (n,): C, in the output's unit
+    d: Array  # shape (n_lags,): D, output unit by input unit
 
     @cached_property
     def modes(self) -> Complex:
@@ -92,7 +92,7 @@ class Realisation:
     def step_response(self, count: int) -> Array:
         """Response to a unit step of the input. `count` number of samples; returns (count,)."""
         a, b, c, d = self.joined()
-        # The input is a state that stays, so that many samples follow from one by powers of a matrix.
+        # The input becomes a constant state, so that many samples follow from one by powers of a matrix.
         whole = np.block([[a, b[:, None]], [np.zeros((1, b.size)), np.ones((1, 1))]])
         rows = [np.append(c, d)]
         for _ in range(min(count, _BLOCK) - 1):
@@ -129,13 +129,13 @@ class Realisation:
         found = self
         while found.a.size:
             hidden = _hidden(found.a, found.b)
-            if hidden is not None:  # w'x stays zero: the rest lies in the complement of w
+            if hidden is not None:  # w'x stays zero, so that x lies in the complement of w
                 kept = _complement(hidden)
             else:
                 hidden = _hidden(found.a.T, found.c[:, None])
                 if hidden is None:
                     break
-                kept = _complement(hidden)  # along v nothing is seen, so that x may be taken without it
+                kept = _complement(hidden)  # the part of x along v does not show, so that it can be left out
             found = Realisation(a=kept.T @ found.a @ kept, b=kept.T @ found.b, c=found.c @ kept, d=found.d)
         return found
 
@@ -144,14 +144,14 @@ class Realisation:
         n, n_lags = self.b.shape
         (a, unit_a), (b, unit_b), (c, unit_c), (d, unit_d) = (_integers(m) for m in (self.a, self.b, self.c, self.d))
         identity = np.array([[int(i == j) for j in range(n)] for i in range(n)], dtype=object).reshape(n, n)
-        adjoint, bottom = identity, [1]  # of z I - A, from the highest power of z on
+        adjoint, bottom = identity, [1]  # Coefficients of z I - A, from the highest power of z on
         top = [[Fraction(0)] * n_lags]
         for order in range(1, n + 1):
-            # C M_k B counts in units of C and B, and of A to the power k - 1.
+            # C M_k B is in units of C times B times A to the power k - 1.
             unit = unit_c * unit_b * unit_a ** (order - 1)
             top.append([Fraction(int(value)) * unit for value in c @ adjoint @ b])
             adjoint = a @ adjoint
-            bottom.append(-int(np.trace(adjoint)) // order)  # coefficients of an integer matrix are integers
+            bottom.append(-int(np.trace(adjoint)) // order)  # exact: an integer matrix has integer coefficients
             adjoint = adjoint + bottom[-1] * identity
         powers = [Fraction(value) * unit_a**order for order, value in enumerate(bottom)]
         numerator = [Fraction(0)] * (n + n_lags)

@@ -96,7 +96,7 @@ def linearise_along(
     families: list[LinearFamily] = []
     models = followed(trajectory, timepts, inputs)
     for model, time, level in zip(models, timepts.tolist(), inputs.tolist(), strict=True):
-        # Equal standard draws at each time keep a sample equally far from the model, so bands are smooth.
+        # The same standard draws at all times keep each sample equally far from the model, so that bands are smooth.
         same = np.random.default_rng(seed)
         family = _of_one_time(trajectory.at(time) if model is None else model, level, same, samples)
         families.append(family if model is not None else _emptied(family))

@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_LEVEL = 5  # samples at one value at least, for a level of a step reference
-_NEWS = 100  # samples between two calls of progress
-_LARGEST = 1e100  # of a value, in whatever unit
+_LEVEL = 5  # Least number of samples at one value in a level of a step reference
+_NEWS = 100  # Number of samples between two calls of the progress callback
+_LARGEST = 1e100  # Largest value of a signal, in any unit; its square is still finite
 _SERIES = ("timepts", "reference", "output", "measured", "command")
 
 
@@ -39,10 +39,10 @@ _SERIES = ("timepts", "reference", "output", "measured", "command")
 class Level:
     """A constant stretch of a step reference, as a range of samples of a run."""
 
-    first: int  # Samples at which the reference leaves the level before, reaches the new one, and leaves that
-    settled: int
-    stop: int
-    step: float  # Difference from the level before, in the output's unit
+    first: int  # Sample at which the reference leaves the previous level
+    settled: int  # Sample at which it reaches this level
+    stop: int  # Sample at which it leaves this level
+    step: float  # Difference from the previous level, in the output's unit
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

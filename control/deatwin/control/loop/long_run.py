@@ -18,7 +18,7 @@ class LongRun:
     def __init__(self, plant: Plant, start: float) -> None:
         values, command = plant.free_values, plant.rig.start.rest_command
         self._equations = equations = plant.simulator.equations
-        # The sample that a stepper takes, repeated: nothing is compiled for this alone.
+        # Repeats the compiled sample of a stepper, so that nothing is compiled for long runs alone.
         self._sample = plant.simulator.sample(values, plant.rig.sample_time)
         self._march = March(repeated(self._sample.step, "long_run", 2))
         rest, held = rest_state(equations, command, values), equations.held_inputs(command)

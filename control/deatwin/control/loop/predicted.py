@@ -34,9 +34,11 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 LEVEL = 0.95
-_SETTLE = 500  # samples at the operating input before the loop is closed
-_NEWS = 100  # samples between two calls of progress
-_BEYOND = 100.0  # times the range of the training data and the reference: there a free run has diverged
+_SETTLE = 500  # Number of samples at the operating input before the loop is closed
+_NEWS = 100  # Number of samples between two calls of the progress callback
+_BEYOND = 100.0
+"""Distance from rest from which a free run has diverged, in units of the larger of the ranges of training data and
+reference."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -102,7 +104,7 @@ class PredictedLoop(Described):
         square = (self.outputs - self.middle) ** 2
         variance = square.mean(axis=0)
         farthest = np.divide(square, variance, out=np.zeros_like(square), where=variance > 0.0).max(axis=1)
-        # Studentised without itself; a draw that makes up the whole spread would be infinitely far.
+        # Each draw is studentised by the others; a draw that makes up the whole spread would be infinitely far.
         others = np.sort(count * farthest / np.maximum(count - 1.0 - farthest, 1.0))
         needed = min(ceil(LEVEL * (count + 1)), count)
         return np.asarray(np.sqrt(others[needed - 1] * variance))
@@ -307,7 +309,7 @@ class _Terms:
         longest = model.table.max_lag + 1
         self._origin_u, self._origin_y = float(model.input_origin[0]), float(model.output_origin[0])
         self._rest, self._limit = output - self._origin_y, far
-        # Both count from the model's origin.
+        # Outputs and commands relative to the model's origin.
         self._y, self._u = np.full((longest, draws), self._rest), np.full((longest, draws), command - self._origin_u)
         self.diverged = np.zeros(draws, dtype=np.bool_)
 
@@ -325,7 +327,7 @@ class _Terms:
 
         values = self._table.of_signals(lagged)
         total = np.zeros(command.size)
-        with np.errstate(over="ignore", invalid="ignore"):  # from large to infinite in one row
+        with np.errstate(over="ignore", invalid="ignore"):  # a large value may overflow within one row
             for m, places in self._terms:
                 product = self._theta[m]
                 for place in places:

@@ -12,7 +12,7 @@ from deatwin.control.errors import ControlError
 
 Array = NDArray[np.float64]
 
-LEVELS = (0.0, 1.0, 0.0, -1.0, 0.0)  # Levels of the step reference, in amplitudes; the first is where the loop closes
+LEVELS = (0.0, 1.0, 0.0, -1.0, 0.0)  # Levels of the step reference, in amplitudes; the loop closes at the first
 
 
 @taking(centre=finite, amplitude=finite, plateau=whole(1), rise=whole(0))

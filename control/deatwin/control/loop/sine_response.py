@@ -25,9 +25,11 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-_SETTLE, _MEASURE = 2, 3  # periods before and in which is measured
-_FEWEST = 40  # samples before and in which is measured: a high frequency has several periods more, a mode rings on
-_PIECE = 20_000  # samples that are held in memory at a time
+_SETTLE, _MEASURE = 2, 3  # Number of periods before the measurement, and in it
+_FEWEST = 40
+"""Least number of samples before the measurement, and in it. At high frequencies this adds several periods, because a
+mode rings on."""
+_PIECE = 20_000  # Number of samples held in memory at a time
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,7 +71,7 @@ class SineResponse:
         from scipy.interpolate import RegularGridInterpolator
 
         phase = np.unwrap(np.unwrap(np.angle(self.values), axis=1), axis=0)
-        # A constant has no logarithm; rounding may put a logarithm just outside the grid.
+        # A response of zero has no logarithm. Rounding may put a logarithm just outside the grid.
         table = np.log(np.maximum(np.abs(self.values), np.finfo(float).tiny)) + 1j * phase
         axes = np.log(self.amplitudes), np.log(self.omega)
         return RegularGridInterpolator(axes, table, bounds_error=False, fill_value=None)
@@ -190,8 +192,8 @@ def _of_frequency(
 
 def _gain(run: LongRun, centre: float, size: float, sine: _Sine, progress: Progress | None) -> complex:
     """Return the fundamental of the reading over that of the command; NaN if the plant fails."""
-    # By least squares, since periods need not be whole numbers of samples; mean and drift are removed.
-    level, triangle = run.reading, np.empty((0, 6))  # without what is constant the sums lose fewer digits
+    # By least squares, because periods need not be whole numbers of samples; mean and drift are removed.
+    level, triangle = run.reading, np.empty((0, 6))  # without the constant part, sums lose fewer digits
     for number in _pieces(sine.count, progress):
         commands = centre + size * np.sin(sine.angle * number)
         readings = run.readings(commands)

@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-_LOWEST, _POINTS = 1e-4, 2000  # rad a sample, and number of frequencies of the locus
-_ELLIPSES = 24  # that are drawn: more of them cover each other
+_LOWEST, _POINTS = 1e-4, 2000  # Lowest frequency of the locus, rad per sample, and number of frequencies
+_ELLIPSES = 24  # Number of ellipses that are drawn; more would cover each other
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -227,7 +227,7 @@ def band_margins(
     found = search(*(np.pad(c, (0, size - c.size))[None, :] for c in (top, bottom)))
     at = partial(_loop, linear, feedback)
     angle = np.geomspace(_LOWEST, np.pi, _POINTS)
-    # Within a thousandth of a sharp approach the grid may be too coarse: the approach itself belongs to it.
+    # Within a thousandth of a sharp approach to -1 the grid may be too coarse, so the approach itself is added.
     angle = np.union1d(angle, found.modulus.angle[found.modulus.angle > _LOWEST])
     response = _response(linear, feedback, angle)
     return MarginBand(
@@ -314,7 +314,7 @@ def _gain(at: partial[_Loop], angle: Array, covariance: Array, level: float) -> 
     shift[moves] = -loop.log_gradient.imag[moves] / loop.log_slope.imag[moves, None]
     gradient = loop.log_gradient.real + loop.log_slope.real[:, None] * shift
     deviations, size = _deviations(gradient, covariance), np.abs(loop.value)
-    # |L| itself is nearly normal, its logarithm is not where little is left of the loop and its deviation is more.
+    # |L| itself is nearly normal; its logarithm is not if the loop is small compared with its deviation.
     reach = interval_radius(level, np.inf) * deviations * np.where(size < 1.0, 1.0, -1.0)
     farther = size * np.maximum(1.0 + reach, np.finfo(float).tiny)
     lows = np.where(size < 1.0, 1.0 / np.maximum(farther, size), farther)
@@ -345,7 +345,7 @@ def _delay(at: partial[_Loop], angle: Array, covariance: Array, level: float, h:
 
 
 def _disk(at: partial[_Loop], angle: Array, covariance: Array, level: float) -> UncertainMargin:
-    # At an integrator's pole the distance is that of an infinite loop, 1, whatever the coefficients.
+    # At an integrator's pole the loop is infinite, and the distance is 1 whatever the coefficients.
     with np.errstate(divide="ignore", invalid="ignore"):
         loop = at(angle)
         gradient = (2 * loop.gradient / ((1 + loop.value) * (1 - loop.value))[:, None]).real
@@ -373,7 +373,7 @@ def _distance(response: FrequencyResponse, radius: float) -> Array:
     along = np.stack([away.real * ellipses.axes[:, 0, i] + away.imag * ellipses.axes[:, 1, i] for i in (0, 1)], axis=-1)
     squares = radius**2 * ellipses.variances
     low, high = np.zeros(away.size), np.sqrt(squares.max(axis=1)) * np.abs(away)
-    for _ in range(100):  # its multiplier l, at which the point lies on the ellipse
+    for _ in range(100):  # bisection for the multiplier l at which the point lies on the ellipse
         middle = 0.5 * (low + high)
         with np.errstate(divide="ignore", invalid="ignore"):
             outside = np.nansum(squares * along**2 / (squares + middle[:, None]) ** 2, axis=1) > 1.0

@@ -22,14 +22,14 @@ Index = NDArray[np.intp]
 Cells = tuple[Index, Index]
 Measure = Callable[[Array, Array, Array], tuple[Array, Array, Array]]
 
-_LOWEST = 1e-6  # rad a sample: no crossing is looked for nearer to 0 and to half the sampling rate
-_PER_DECADE = 16  # points of the logarithmic part of the grid, for slow loops
-_PER_DEGREE = 12  # points of its linear part
-_BLOCK = 1 << 16  # values of a block of loops, which stay in the processor's cache
-_MOST = 1 << 17  # loops that are searched at once
-_STEPS = 80  # of a refinement; bisection alone needs 60
+_LOWEST = 1e-6  # Least distance of a crossing from 0 and from half the sampling rate, rad per sample
+_PER_DECADE = 16  # Number of points per decade in the logarithmic part of the grid, which serves slow loops
+_PER_DEGREE = 12  # Number of points per coefficient of the polynomials in the linear part of the grid
+_BLOCK = 1 << 16  # Number of values in a block of loops, which then stays in the processor's cache
+_MOST = 1 << 17  # Largest number of loops that are searched at once
+_STEPS = 80  # Largest number of steps of a refinement; bisection alone needs 60
 _ROUNDING = 4 * np.finfo(float).eps
-_FLAT = 1e-15  # of a minimum: no step is worth less
+_FLAT = 1e-15  # Relative decrease of a minimum below which no further step is taken
 _TINY = np.finfo(float).tiny
 
 
@@ -37,8 +37,8 @@ _TINY = np.finfo(float).tiny
 class Places:
     """Points on the unit circle, each with the number of its loop."""
 
-    loops: Index  # shape (n_places,): Which loop
-    angle: Array  # shape (n_places,): Where, rad a sample, between 0 and pi
+    loops: Index  # shape (n_places,): Number of the loop
+    angle: Array  # shape (n_places,): Angle, rad per sample, between 0 and pi
 
     def __add__(self, other: Places) -> Places:
         return Places(loops=np.concatenate([self.loops, other.loops]), angle=np.concatenate([self.angle, other.angle]))
@@ -48,8 +48,8 @@ class Places:
 class Nearest:
     """Smallest distance of each loop from -1, and where it occurs."""
 
-    distance: Array  # shape (n,): Dimensionless
-    angle: Array  # shape (n,): Where, rad a sample
+    distance: Array  # shape (n,): Distance, dimensionless
+    angle: Array  # shape (n,): Angle at which it occurs, rad per sample
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -121,7 +121,7 @@ def _grid(size: int) -> Array:
 
 
 def _scan(grid: Array, plus: Array, minus: Array) -> dict[str, Cells]:
-    """Return the cells of the grid that contain a solution: the loop, and the grid point at or before it."""
+    """Return the cells of the grid that contain a solution, as the loop and the grid point at or before it."""
     lags = np.arange(plus.shape[1])
     cosines, sines = np.cos(np.outer(lags, grid)), np.sin(np.outer(lags, grid))
     sines[:, -1] = 0.0
@@ -221,7 +221,7 @@ def _crossings(above: Array, below: Array, grid: Array, cells: Cells, dips: Cell
     low = np.concatenate([grid[cells[1]], start[kept], turn])
     high = np.concatenate([grid[cells[1] + 1], turn, end[kept]])
     angle, kept = _roots(above[:, loops], below[:, loops], low, high, measure)
-    # A crossing at a point of the grid, but for rounding, has no change of sign on second thoughts: it is that point.
+    # A crossing within rounding of a grid point may not change the sign when it is evaluated again: it is that point.
     at_end = np.setdiff1d(np.arange(cells[0].size), kept)
     ends = [np.abs(measure(above[:, loops[at_end]], below[:, loops[at_end]], c[at_end])[0]) for c in (low, high)]
     ending = np.where(ends[0] < ends[1], low[at_end], high[at_end])

@@ -23,9 +23,9 @@ Complex = NDArray[np.complex128]
 Describing = Callable[[Array, Array], Complex]
 
 _STEPS = 60
-_SETTLED = 1e-10  # of log amplitude and log frequency
-_DIFFERENCE = 1e-6  # of the logarithms, for slopes: central, so right to about 1e-10
-_SAME = 1e-6  # cycles whose amplitudes and frequencies differ by less, relatively, are one
+_SETTLED = 1e-10  # Change of log amplitude and log frequency below which Newton's method has converged
+_DIFFERENCE = 1e-6  # Step of the logarithms for central differences, which are accurate to about 1e-10
+_SAME = 1e-6  # Relative difference of amplitudes and frequencies below which two cycles are the same
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,7 +120,7 @@ class LimitCycles(Described, Sequence[LimitCycle]):
                 label=f"{name}, {cycle.frequency_Hz:.3g} Hz, amplitude {cycle.amplitude:.3g}",
             )
         axes.plot(-1.0, 0.0, "+", color="k", markersize=10, label="-1")
-        # An integrator leaves the page: what matters is about -1 and the cycles.
+        # The locus of an integrator is unbounded; only the surroundings of -1 and of the cycles are shown.
         reach = 1.6 * max(1.0, float(np.abs(meets).max(initial=0.0)))
         axes.set_xlim(-1.2 * reach, 0.6 * reach)
         axes.set_ylim(-reach, 0.6 * reach)
@@ -228,7 +228,7 @@ def _cells(values: Complex) -> NDArray[np.intp]:
     corners = np.stack([values[:-1, :-1], values[1:, :-1], values[:-1, 1:], values[1:, 1:]])
     gain, phase = corners.real, corners.imag
     gains = (np.nanmin(gain, axis=0) <= 0.0) & (np.nanmax(gain, axis=0) >= 0.0)
-    # A jump from -pi to pi is no passage through zero.
+    # A jump of the phase from -pi to pi is no passage through zero.
     phases = (phase.min(axis=0) <= 0.0) & (phase.max(axis=0) >= 0.0) & (np.ptp(phase, axis=0) < np.pi)
     return np.argwhere(gains & phases)
 
@@ -239,7 +239,7 @@ def _refined(
     if not len(cells):
         return []
     at = np.stack([sizes[cells[:, 0]] + sizes[cells[:, 0] + 1], rates[cells[:, 1]] + rates[cells[:, 1] + 1]]) / 2
-    # A cell's zero may lie a little outside of it, and not beyond what was asked for.
+    # The zero of a cell may lie slightly outside of it, but not outside the given axes.
     gaps = [np.stack([np.diff(sizes)[cells[:, 0]], np.diff(rates)[cells[:, 1]]])]
     low, high = at - gaps[0], at + gaps[0]
     low = np.maximum(low, np.array([[sizes[0]], [rates[0]]]))
@@ -276,7 +276,7 @@ def _tangent(
     logarithm: Callable[[Array, Array], Complex], at: Array, low: Array, high: Array
 ) -> tuple[Complex, tuple[Complex, Complex], Array]:
     """Return value, slopes by both logarithms, and Loeb's determinant, which is positive at a stable cycle."""
-    # With X = U + jV = 1 + NL a cycle is stable where dU/dA dV/dw - dU/dw dV/dA > 0; ln(-NL) is -X to first order.
+    # A cycle is stable if dU/dA dV/dw - dU/dw dV/dA > 0 with X = U + jV = 1 + NL; ln(-NL) is -X to first order.
     slopes = []
     for row in (0, 1):
         ends = []

@@ -24,13 +24,15 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Loop = Callable[[Array], Complex]
 
-_LOWEST = 1e-6  # rad a sample: no crossing is looked for nearer to 0 and to half the sampling rate, as in `margins`
-_POINTS = 400  # Points in the logarithmic and in the linear part of the grid: 60 a decade, and 0.45° a step
+_LOWEST = 1e-6  # Least distance of a crossing from 0 and from half the sampling rate, rad per sample, as in `margins`
+_POINTS = 400  # Number of points in each part of the grid: logarithmic, 60 per decade, and linear, in steps of 0.45°
 _NEAR = np.concatenate([-np.geomspace(30.0, 0.03, 40), [0.0], np.geomspace(0.03, 30.0, 40)])
-"""Points about a pole, in its widths: a resonance turns by half a circle within some of them."""
-_DIVIDED, _ROUNDS = 16, 12  # A bracket is divided in so many parts so often: 16^12 is 2^48
-_INTEGRATES = 1e-9  # So near to 1 a controller's pole is an integrator's: no other has a time constant of 10^9 samples
-_ALGEBRAIC = 64 * np.finfo(float).eps  # Up to which 1 + D D_k is rounding: the loop then has no solution
+"""Distances of grid points from a pole, in its widths. A resonance turns by half a circle within some of these."""
+_DIVIDED, _ROUNDS = 16, 12  # Number of parts of a bracket, and number of divisions: 16^12 is 2^48
+_INTEGRATES = 1e-9
+"""Distance from 1 within which a controller's pole counts as an integrator; no other pole has a time constant of 10^9
+samples."""
+_ALGEBRAIC = 64 * np.finfo(float).eps  # Size of 1 + D D_k up to which it is rounding, and the loop has no solution
 
 
 def loop_margins(linear: LinearModel, law: Law) -> Margins:
@@ -106,7 +108,7 @@ def _closed(plant: Realisation, law: Law) -> Array | None:
     around = 1.0 + d * through
     if abs(around) <= _ALGEBRAIC:
         return None
-    # y = (C x + D C_k x_k)/(1 + D D_k), u = C_k x_k - D_k y.
+    # y = (C x + D C_k x_k)/(1 + D D_k) and u = C_k x_k - D_k y.
     reading = np.concatenate([c, d * law.c]) / around
     command = np.concatenate([np.zeros(b.size), law.c]) - through * reading
     n = b.size
@@ -138,7 +140,7 @@ def _gain_crossings(loop: Loop, angle: Array, value: Complex) -> Array:
 
 
 def _crossings(function: Callable[[Array], Array], angle: Array, value: Array) -> Array:
-    """Return the angles at which a function changes its sign."""
+    """Return the angles at which a function changes sign."""
     at = np.flatnonzero(np.sign(value[:-1]) * np.sign(value[1:]) < 0.0)
     low, high, sign = angle[at], angle[at + 1], np.sign(value[at])
     shares = np.linspace(0.0, 1.0, _DIVIDED + 1)
@@ -157,7 +159,7 @@ def _least(function: Callable[[Array], Array], angle: Array) -> float:
     value = function(angle)
     least = float(value.min())
     padded = np.concatenate([[np.inf], value, [np.inf]])
-    # A minimum that is far above the least of the grid will not fall below it between two points.
+    # A minimum far above the smallest one on the grid cannot fall below it between two points.
     at = np.flatnonzero((value <= padded[:-2]) & (value <= padded[2:]) & (value < 2.0 * least))
     low, high = angle[np.maximum(at - 1, 0)], angle[np.minimum(at + 1, angle.size - 1)]
     shares = np.linspace(0.0, 1.0, _DIVIDED + 1)

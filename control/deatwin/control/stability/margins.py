@@ -14,8 +14,8 @@ from deatwin.control.stability.polynomials import jet, loop_polynomials, stable_
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-_ROUNDING = 64 * np.finfo(float).eps  # of its coefficients: what a polynomial is below it, rounding has made
-_POLE = 1e3  # a loop of more gain over a denominator that is rounding has a pole there
+_ROUNDING = 64 * np.finfo(float).eps  # Value of a polynomial, relative to its coefficients, below which it is rounding
+_POLE = 1e3  # Gain above which a loop whose denominator is rounding has a pole
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -134,8 +134,8 @@ def _with_ends(places: Places, count: int) -> Places:
 
 def _values(top: Array, bottom: Array, places: Places) -> tuple[Complex, NDArray[np.bool_]]:
     """Return the loops at points, and which points can be crossings: no pole on the circle, no zero gain."""
-    # With slow lags close together the last digits of a denominator are rounding; a margin without such crossings would
-    # be unsafe.
+    # If slow lags lie close together, the last digits of a denominator are rounding. Such crossings still count,
+    # because margins without them would be unsafe.
     values, sizes, above_rounding = [], [], []
     for polynomial in (top, bottom):
         columns = np.ascontiguousarray(polynomial[places.loops].T)

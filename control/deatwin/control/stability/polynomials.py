@@ -13,7 +13,8 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 _NEAR = 1e-5
-"""Poles this near the unit circle are not left to the recursion of Schur and Cohn, whose rounding grows there."""
+"""Distance from the unit circle within which poles are not left to the recursion of Schur and Cohn, whose rounding
+grows there."""
 
 
 @taking(first=numbers, second=numbers)
@@ -79,7 +80,7 @@ def jet(columns: Array, angle: Array, order: int) -> tuple[Complex, ...]:
     found = []
     for power in range(order + 1):
         total = np.zeros(angle.size, dtype=np.complex128)
-        for lag in range(len(columns) - 1, -1, -1):  # Horner
+        for lag in range(len(columns) - 1, -1, -1):  # Horner's rule
             total *= turn
             total += columns[lag] * float(lag**power)
         found.append(total * (-1j) ** power)
@@ -88,7 +89,7 @@ def jet(columns: Array, angle: Array, order: int) -> tuple[Complex, ...]:
 
 def stable_loops(numerators: Array, denominators: Array) -> NDArray[np.bool_]:
     """Return whether all closed-loop poles lie inside the unit circle, (n,). Shapes: (n, m)."""
-    # Schur and Cohn's recursion decides, for polynomials shrunk and grown a little too; where they disagree,
+    # Schur and Cohn's recursion decides if it agrees with that of slightly shrunk and grown polynomials; otherwise
     # eigenvalues decide.
     closed = numerators + denominators
     posed = np.abs(closed[:, 0]) > 64 * np.finfo(float).eps * (np.abs(numerators[:, 0]) + np.abs(denominators[:, 0]))

@@ -57,12 +57,12 @@ class AmplifierSlew(Effect):
     signal: ClassVar[str] = "amplifier_voltage"
     strength: ClassVar[str] = "slowness"
     order: ClassVar[int] = 1
-    """After clipping: a command beyond the amplifier's range must not wind up."""
+    """After clipping, because a command beyond the amplifier's range must not wind up the state."""
     wording: ClassVar[str] = "The amplifier needs {slowness} upwards and falls {ratio} times as fast"
     lag: ClassVar[float] = 2e-3
-    """:math:`T_0`, s."""
+    """Lag near the command, :math:`T_0`, s."""
     width: ClassVar[float] = 400.0
-    """:math:`w_0` for r far above 1, V."""
+    """Value of :math:`w_0` for r far above 1, V."""
 
     def describe(self) -> tuple[Parameter, ...]:
         return (

@@ -48,11 +48,11 @@ class Backlash(Effect):
     strength: ClassVar[str] = "width"
     wording: ClassVar[str] = "The command is transmitted with a backlash of {width} to either side"
     corner: ClassVar[float] = 1e-6
-    """Of the width: sharp enough that what rests in the clearance stays there."""
+    """Rounding of the corners as a share of the width: sharp enough that a state at rest in the clearance stays."""
     floor: ClassVar[float] = 1e-9
-    """Of the corner in V, so that it has a slope where the width is zero."""
+    """Least rounding of the corners, V, so that they have a slope at a width of zero."""
     late: ClassVar[float] = 1e-4
-    """:math:`\\delta` in samples."""
+    """Margin :math:`\\delta` after a sample's end, in samples."""
 
     def describe(self) -> tuple[Parameter, ...]:
         return (Parameter(name="width", value=self.width, unit="V", lower=0.0, upper=1.5),)

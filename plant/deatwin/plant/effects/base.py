@@ -43,7 +43,7 @@ class Alone(Enum):
     TOLD = "told"
     """One reading alone may distinguish the place, so it is tried in every diagnosis."""
     AS_FIRST = "as first"
-    """The reading is the same as with the effect at its first place, in any plant, unless a clock moves that, too."""
+    """The reading is the same as with the effect at its first place, in any plant that does not depend on the clock."""
     AS_ANOTHER = "as another"
     """One reading hardly distinguishes the effect there from another one, so the place is tried only as a replacement."""
 
@@ -92,25 +92,25 @@ class Effect(ABC):
 
     name: ClassVar[str]
     family: ClassVar[Enum]
-    """One of `Family`; like a place, another plant may declare its own."""
+    """A `Family`; as for places, another plant may declare an `Enum` of its own."""
     place: ClassVar[Enum]
     signal: ClassVar[str]
     strength: ClassVar[str]
     order: ClassVar[int] = 0
-    """Among the effects at one signal, those of lower order act first."""
+    """Number that sorts the effects at one signal; those of lower order act first."""
     event: ClassVar[str] = ""
-    """The shape that is the time of an event, if any, which is there at once from then on: a fit cannot move it, it is
-    searched for."""
+    """Name of the shape parameter that is the time of an event, if any. The effect sets in at once at that time, so a
+    fit cannot move it; it is found by search."""
     threshold: ClassVar[str] = ""
-    """The shape that is a level, if any: of the amplifier's voltage in the drive, else of the reading. Below it the
-    effect does nothing, so that a fit must start where such levels occur."""
+    """Name of the shape parameter that is a threshold, if any: a level of the amplifier's voltage for an effect in the
+    drive, else of the reading. Below it the effect does nothing, so that a fit must start from a level that occurs."""
     becomes: ClassVar[Mapping[str, str]] = MappingProxyType({})
-    """Parameters with whose smallest value this effect is another one, and that one's name."""
+    """Parameters at whose smallest value this effect equals another effect, with that effect's name."""
     remembers: ClassVar[str] = ""
-    """Unit of a state that keeps what happened long before, if any: where nobody knows how an experiment began, a
-    parameter ``effect.at_start`` displaces that state from rest."""
+    """Unit of a state that keeps the distant past, if any. If the start of an experiment is unknown, a parameter
+    ``effect.at_start`` displaces that state from rest."""
     wording: ClassVar[str]
-    """Says in a sentence what the physics does; with ``{parameter}`` fields."""
+    """Sentence that says what the physics does, with ``{parameter}`` fields."""
     places: ClassVar[Mapping[str, Site]] = MappingProxyType({})
     """Further places at which the effect may enter, by name. The first place has the name of its signal."""
     placed_at: ClassVar[str] = ""
@@ -197,7 +197,7 @@ class Effect(ABC):
         >>> PeriodicDisturbance().placed("force").describe()[0].unit
         'N'
         """
-        from deatwin.plant.effects.places import placed  # which is made of effects
+        from deatwin.plant.effects.places import placed  # that module imports this one
 
         return placed(type(self), at)()
 

@@ -20,19 +20,19 @@ from deatwin.plant.safe_read import clipped
 
 GROUP = "deatwin.effects"
 MACHINES: tuple[type[Effect], ...] = (Backlash, DeadZone, DryFriction, Relaxation)
-"""What rigs lack that are no film actuators: a film has creep for relaxation, and neither gears nor valves."""
+"""Effects of rigs without a film. A film actuator has creep instead of relaxation, and neither gears nor valves."""
 
 
 @lru_cache(maxsize=1)
 def _types() -> dict[str, type[Effect]]:
     types: dict[str, type[Effect]] = {}
-    # The project's own first: another effect of its name is left out.
+    # deatwin's own effects come first, so that an effect of the same name from another package is left out.
     for point in sorted(entry_points(group=GROUP), key=lambda p: (p.name, not p.value.startswith("deatwin."))):
         try:
             kind = _loaded(point)
             if types.get(kind.name, kind) is not kind:
                 raise RigError(f"{types[kind.name].__module__} already has an effect of this name")
-        except Exception as error:  # whatever somebody else's package may raise
+        except Exception as error:  # another package may raise anything
             said = str(error) if isinstance(error, RigError) else f"{type(error).__name__}: {error}"
             warn(f"the effect {point.name} ({point.value}) is left out: {clipped(said, 300)}", stacklevel=2)
             continue
@@ -41,7 +41,7 @@ def _types() -> dict[str, type[Effect]]:
 
 
 def _loaded(point: EntryPoint) -> type[Effect]:
-    """Return the class of an entry point; None if a diagnosis cannot use it."""
+    """Return the effect class of an entry point; raise `RigError` if a diagnosis cannot use it."""
     kind = point.load()
     if not (isinstance(kind, type) and issubclass(kind, Effect)):
         raise RigError("it is no subclass of deatwin.plant.Effect")

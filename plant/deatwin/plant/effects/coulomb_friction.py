@@ -55,9 +55,9 @@ class CoulombFriction(Effect):
     strength: ClassVar[str] = "force"
     wording: ClassVar[str] = "The ball moves against a dry friction of {force}"
     mobility: ClassVar[float] = 2.0
-    """b in m/(s N)."""
+    """Mobility b in :math:`v_r = v_s + bF_c`, m/(s N)."""
     corner: ClassVar[float] = 1e-4
-    """w."""
+    """Rounding w of the corners of P."""
 
     def describe(self) -> tuple[Parameter, ...]:
         return (

@@ -44,7 +44,7 @@ class DeadZone(Effect):
     strength: ClassVar[str] = "width"
     wording: ClassVar[str] = "Commands below {width} do nothing, and larger ones are short by as much"
     rounding: ClassVar[float] = 5e-3
-    """:math:`\\epsilon` in V."""
+    """Rounding of the corners, :math:`\\epsilon` in V."""
 
     def describe(self) -> tuple[Parameter, ...]:
         return (Parameter(name="width", value=self.width, unit="V", lower=0.0, upper=3.0),)

@@ -21,9 +21,10 @@ if TYPE_CHECKING:
 
 
 USUAL, LONGEST = 0.1, 1.6
-"""Upper end of the dead time, s: usual, and the longest one; a command that comes later has gone through a queue."""
+"""Upper ends of the range of the dead time, s: the usual one, and the largest to which a fit may extend it. A command
+that arrives later has gone through a queue."""
 INVERSE = np.linalg.inv(1 / (1 + np.add.outer(np.arange(STAGES), np.arange(STAGES))))
-"""From moments over a sample to the coefficients of a polynomial."""
+"""Matrix that maps moments over a sample to the coefficients of a polynomial."""
 ROUNDING = 1e-10  # Tolerance in samples: a shift this close to a whole sample counts as whole
 
 
@@ -75,7 +76,7 @@ class Delay(Effect):
     signal: ClassVar[str] = "command"
     strength: ClassVar[str] = "time"
     order: ClassVar[int] = -1
-    """Before what else happens to the command: only the bare one has a past."""
+    """Before all other effects on the command, because past values are known of the bare command only."""
     wording: ClassVar[str] = "The command acts {time} late"
     places: ClassVar[Mapping[str, Site]] = MappingProxyType(
         {
@@ -83,7 +84,7 @@ class Delay(Effect):
                 place=Place.SENSOR,
                 signal="reading",
                 family=Family.SENSOR,
-                order=21,  # behind the sensor's lag
+                order=21,  # after the sensor's lag
                 strength=Parameter(name="time", value=0.03, unit="s", lower=0.0, upper=0.15),
                 alone=Alone.AS_FIRST,
                 wording="The reading comes {time} late",
@@ -121,7 +122,7 @@ def _late(reading: Any, build: Builder, whole: Any, share: Any, count: int) -> A
         now = (1 - share) * reading
     else:
         return _past([_inside(reading, build, share, 1)], build, whole, [count])
-    return _past([now, reading - now], build, whole, [count, count + 1])  # of parts of two samples
+    return _past([now, reading - now], build, whole, [count, count + 1])  # the reading combines parts of two samples
 
 
 def _past(parts: Sequence[Any], build: Builder, whole: Any, counts: Sequence[int]) -> Any:

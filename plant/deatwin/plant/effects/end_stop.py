@@ -58,7 +58,7 @@ class EndStop(Effect):
     threshold: ClassVar[str] = "position"
     wording: ClassVar[str] = "The ball meets a stop of {stiffness} at {position}"
     width: ClassVar[float] = 5e-6
-    """w in m."""
+    """Rounding w of the first touch, m."""
 
     def describe(self) -> tuple[Parameter, ...]:
         return (

@@ -20,17 +20,17 @@ class FreeForm(Effect):
     """Add S sum_k c_k phi_k, functions of one signal with and without memory, to that signal; off at S = 0. It has no
     physical meaning, so it is not in the catalogue. A fit moves c_k and the shapes, S is held."""
 
-    size: float = 1e-3  # S, in the unit of the signal
+    size: float = 1e-3  # Strength S, in the unit of the signal
     terms: tuple[Primitive, ...] = (Power(variable="displacement", scale=1e-4, order=3),)
-    coefficients: tuple[float, ...] = (-1.0,)  # c_k, one for each term
+    coefficients: tuple[float, ...] = (-1.0,)  # Coefficient c_k of each term
     enters: Place = Place.BALL  # Place of the signal in the plant
-    node: str = "force"  # Name of the signal there
+    node: str = "force"  # Name of the signal
     unit: str = "N"
 
     name: ClassVar[str] = "free_form"
-    family: ClassVar[Family] = Family.MECHANICAL  # Family of the default; it is never used
+    family: ClassVar[Family] = Family.MECHANICAL  # Family of the default place; never used
     strength: ClassVar[str] = "size"
-    order: ClassVar[int] = 100  # Last: it is added to what physics makes of the signal
+    order: ClassVar[int] = 100  # Last: added to the signal after all physical effects
     wording: ClassVar[str] = "A sum of functions with a size of {size} is added, which represents no physics"
 
     def __post_init__(self) -> None:

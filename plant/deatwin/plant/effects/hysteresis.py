@@ -69,7 +69,7 @@ class Hysteresis(Effect):
         memory = build.state("hysteresis_memory", scale=1.0, start=0.0)
         velocity, beta, slow = build.signal("velocity"), self.own("beta", build), 1e-8
         speed, strain = smooth_magnitude(velocity, slow), smooth_magnitude(memory, 1e-4)
-        forward = speed * smooth_sign(velocity, slow)  # the velocity, as smooth at rest as the speed
+        forward = speed * smooth_sign(velocity, slow)  # velocity, smoothed at rest like the speed
         build.rate(
             memory, velocity - beta * speed * memory - (1 - beta) * forward * strain, mass=self.own("distance", build)
         )

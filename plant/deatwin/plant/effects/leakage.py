@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 SERIES_RESISTANCE = 1e9
-"""Resistance over which the drop is taken to occur if no reading states one, ohm: that of `Leakage` by default."""
+"""Series resistance over which the voltage drops if no reading states one, ohm: the default of `Leakage`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +56,7 @@ class Leakage(Effect):
     signal: ClassVar[str] = "film_voltage"
     strength: ClassVar[str] = "resistance"
     order: ClassVar[int] = 1
-    """After `electrode_rc`: the drop is added to the voltage that charging has reached."""
+    """After `electrode_rc`, because the drop is that at the voltage to which the film has charged."""
     wording: ClassVar[str] = (
         "Leakage through the film, which grows e-fold every {field_scale}, drops voltage over {resistance}"
     )

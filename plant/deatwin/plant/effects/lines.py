@@ -7,19 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 
 NEIGHBOURS = 101
-"""Bins of the spectrum from whose median a line must stand out: 25 times the resolution, as the spectrum is taken
-four times finer."""
-CYCLES = 60  # Periods that are tried for a slow cycle, evenly in their logarithm
+"""Number of spectral bins above whose median a line must stand out: 25 times the resolution of the record, because the
+spectrum is computed on a grid four times finer."""
+CYCLES = 60  # Number of periods tried for a slow cycle, evenly spaced in their logarithm
 
 
 @dataclass(frozen=True, kw_only=True)
 class Tone:
     r"""A sine, :math:`a\cos(2\pi ft + \varphi)`."""
 
-    amplitude: float  # a, in the unit of the residual
-    frequency: float  # f in Hz
-    phase: float  # :math:`\varphi` at clock 0, rad, between -pi and pi
-    explained: float  # Share of the variance that it takes away, 0 to 1
+    amplitude: float  # Amplitude a, in the unit of the residual
+    frequency: float  # Frequency f, Hz
+    phase: float  # Phase :math:`\varphi` at clock 0, rad, between -pi and pi
+    explained: float  # Share of the variance that the sine explains, 0 to 1
 
 
 def tone_at(timepts: np.ndarray, values: np.ndarray, frequency: float) -> Tone:
@@ -51,7 +51,7 @@ def tones(timepts: np.ndarray, residual: np.ndarray, count: int = 3) -> tuple[To
     for _ in range(count):
         frequencies, power = _periodogram(timepts, left)
         floor = median_filter(power, size=min(NEIGHBOURS, power.size), mode="reflect")
-        # Below one and a half cycles a line cannot be told from a drift.
+        # With fewer than one and a half cycles, a line cannot be distinguished from drift.
         inside = frequencies * np.ptp(timepts) >= 1.5
         if not (inside & (floor > 0)).any():
             break

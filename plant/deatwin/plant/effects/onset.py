@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 LATEST = 3e4  # Latest time of an event on the clock of the recordings, s: a day in the laboratory
-APART = 0.02  # Least distance between two candidates, as a share of the samples
+APART = 0.02  # Least distance between two candidates, as a share of the number of samples
 
 
 def steps_of(timepts: np.ndarray, residual: np.ndarray, count: int = 3) -> tuple[tuple[float, float], ...]:

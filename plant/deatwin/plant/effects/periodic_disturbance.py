@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 
 PHASES = 2 * np.pi / 4 * np.arange(-1, 3)
-"""Phases at which a tone is tried behind a plant that shifts it: one of them is within an eighth of a turn, and
-promises half of what the right one does."""
+"""Phases tried for a tone that passes through the plant, which shifts it. One of the four is within an eighth of a turn
+of the right phase, and promises at least half of its improvement."""
 
 
 def _added(to: str, unit: str, amplitude: float, upper: float, place: Place) -> Site:
@@ -70,7 +70,7 @@ class PeriodicDisturbance(Effect):
     signal: ClassVar[str] = "reading"
     strength: ClassVar[str] = "amplitude"
     order: ClassVar[int] = -1
-    """It precedes the sensor's lag and limit, but not its curvature, which acts on the motion alone."""
+    """Before the sensor's lag and limit, but after its curvature, which acts on the motion alone."""
     wording: ClassVar[str] = "A tone of {frequency} and {amplitude} is added to the reading, at a phase of {phase}"
     places: ClassVar[Mapping[str, Site]] = MappingProxyType(
         {

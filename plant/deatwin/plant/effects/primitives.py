@@ -20,7 +20,7 @@ from deatwin.plant.parameters import Parameter, Scale
 Symbol = Any
 
 CORNER = 0.001  # Rounding of corners, in units of the signal's scale
-PURSUIT = 0.1  # Time in which a play or a running extreme follows its input, in samples
+PURSUIT = 0.1  # Time constant with which a play or a running extreme follows its input, in samples
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +65,7 @@ class Primitive(ABC):
 class Power(Primitive):
     r"""A power, :math:`s^n`."""
 
-    order: int = 1  # n
+    order: int = 1  # Exponent n
 
     kind: ClassVar[str] = "power"
 
@@ -105,7 +105,7 @@ class SignedSquare(Primitive):
 class DeadBand(Primitive):
     r"""Part of a signal beyond a band about zero, :math:`p(s - w) - p(-s - w)`."""
 
-    width: float = 1.0  # w, half the band, in units of the scale
+    width: float = 1.0  # Half the band w, in units of the scale
 
     kind: ClassVar[str] = "dead_band"
     shape: ClassVar[str] = "width"
@@ -122,8 +122,8 @@ class DeadBand(Primitive):
 class LowPass(Primitive):
     r"""A low-pass of first order of a power, :math:`T\dot m = s^n - m`."""
 
-    time: float = 1.0  # T in s
-    order: int = 1  # n
+    time: float = 1.0  # Time constant T, s
+    order: int = 1  # Exponent n
 
     kind: ClassVar[str] = "low_pass"
     shape: ClassVar[str] = "time"
@@ -159,7 +159,7 @@ class LowPass(Primitive):
 class Play(Primitive):
     """Play operator, as of a fork with clearance: T dm/dt = p(s - m - w) - p(m - s - w) (Visintin 1994, ch. III)."""
 
-    width: float = 1.0  # w, half the clearance, in units of the scale
+    width: float = 1.0  # Half the clearance w, in units of the scale
 
     kind: ClassVar[str] = "play"
     shape: ClassVar[str] = "width"
@@ -203,7 +203,7 @@ class Smallest(Largest):
 PRIMITIVES: Mapping[str, type[Primitive]] = {
     kind.kind: kind for kind in (Power, Magnitude, SignedSquare, DeadBand, LowPass, Play, Largest, Smallest)
 }
-"""Kinds by name."""
+"""Primitives by the name of their kind."""
 
 
 def primitive_from(data: Mapping[str, Any]) -> Primitive:

@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
 
 
-STARTS = 5  # Times at which a fit may start: a factor of 4 to 10 apart, from which the nearest one is reached
+STARTS = 5
+"""Number of time constants from which a fit may start. They are a factor of 4 to 10 apart, and a fit reaches the true
+one from the nearest."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +75,7 @@ class Relaxation(Effect):
         if not steps.size:
             return ()
         known = self.described("time")
-        # What relaxes within a sample is damping, and what hardly relaxes within a third of the record is stiffness.
+        # A force that relaxes within a sample acts as damping; one that hardly relaxes within a third of the record, as
+        # stiffness.
         times = np.geomspace(2 * np.median(steps), max(np.ptp(timepts) / 3, 2 * np.median(steps)), STARTS)
         return tuple(replace(self, time=float(t)) for t in np.unique(np.clip(times, known.lower, known.upper)))

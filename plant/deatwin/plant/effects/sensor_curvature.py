@@ -41,7 +41,7 @@ class SensorCurvature(Effect):
     signal: ClassVar[str] = "reading"
     strength: ClassVar[str] = "curvature"
     order: ClassVar[int] = -10
-    """First of all: it is the motion that the sensor maps."""
+    """First of all effects on the reading, because the sensor's curve maps the motion itself."""
     wording: ClassVar[str] = "The sensor's gain changes with the reading, by twice {curvature} times the reading"
 
     def describe(self) -> tuple[Parameter, ...]:

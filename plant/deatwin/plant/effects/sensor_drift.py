@@ -29,8 +29,8 @@ def _drifting(what: str, place: Place, signal: str, family: Family, strength: Pa
 
 
 GAIN = Parameter(name="change", value=0.01, unit="1", lower=-0.5, upper=0.5)
-"""High-voltage amplifiers of laboratories are specified to 0.01 % an hour, unregulated converters drift by some per cent.
-A gain is far steadier than a film's permittivity, so a large drift is hardly the gain's."""
+"""Relative drift of a gain. Laboratory high-voltage amplifiers are specified to 0.01 % an hour; unregulated converters
+drift by some per cent. A gain is far steadier than a film's permittivity, so a large drift is hardly the gain's."""
 VOLTS = Parameter(name="change", value=0.02, unit="V", lower=-1.0, upper=1.0)
 
 
@@ -69,7 +69,7 @@ class SensorDrift(Effect):
     signal: ClassVar[str] = "reading"
     strength: ClassVar[str] = "change"
     order: ClassVar[int] = 10
-    """Added to what the sensor's curve makes of the motion."""
+    """After `sensor_curvature`: the drift is added to the output of the sensor's curve."""
     places: ClassVar[Mapping[str, Site]] = MappingProxyType(
         {
             "reading_gain": _drifting("The sensor's gain", Place.SENSOR, "reading", Family.SENSOR, GAIN, order=9),

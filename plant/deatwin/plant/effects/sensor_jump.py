@@ -43,7 +43,7 @@ class SensorJump(Effect):
     signal: ClassVar[str] = "reading"
     strength: ClassVar[str] = "change"
     order: ClassVar[int] = 10
-    """Added to what the sensor's curve makes of the motion."""
+    """After `sensor_curvature`: the jump is added to the output of the sensor's curve."""
     event: ClassVar[str] = "at"
     wording: ClassVar[str] = "At {at} the sensor's zero jumps by {change}"
 

@@ -47,7 +47,7 @@ class SensorLag(Effect):
     signal: ClassVar[str] = "reading"
     strength: ClassVar[str] = "time"
     order: ClassVar[int] = 20
-    """After all that happens to the light, before the output clips."""
+    """After all effects on the sensor's light, and before its output clips."""
     places: ClassVar[Mapping[str, Site]] = MappingProxyType(
         {
             "command": Site(

@@ -46,7 +46,7 @@ class SensorSaturation(Effect):
     strength: ClassVar[str] = "share"
     threshold: ClassVar[str] = "limit"
     order: ClassVar[int] = 30
-    """Last: the output of the sensor clips."""
+    """Last of the sensor's effects, because it is the sensor's output that clips."""
     wording: ClassVar[str] = "The sensor clips beyond {limit}, where a share of {share} of the excess is lost"
     width: ClassVar[float] = 1e-6
     """Rounding of the corner, m."""

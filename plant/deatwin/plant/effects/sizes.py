@@ -31,7 +31,7 @@ SIGNALS: Mapping[str, str] = {
     "amplifier_voltage": "V",
     "sample_time": "s",
 }
-"""Signals whose change of units is known, with their units in the diaphragm."""
+"""Signals that can be converted to another plant's units, with their units in the diaphragm."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,7 +102,7 @@ class Sizes:
         return kind(**{p.name: getattr(effect, p.name) * self._ratio(p.unit, effect)[0] for p in effect.describe()})
 
     def _ratio(self, unit: str, effect: Effect) -> tuple[float, str]:
-        """Return the factor from a value in a diaphragm's unit to this plant, and the unit there."""
+        """Return the factor that converts a value of the diaphragm to this plant, and this plant's unit."""
         read = effect.place is Place.SENSOR
         reading, reading_unit = self.reading or self.motion, self.reading_unit or self.motion_unit
         known = {
@@ -120,7 +120,7 @@ class Sizes:
         return float(ratio), unit if unit in DERIVED and dict(powers) == dict(_powers(unit)) else _written(powers)
 
     def _drive(self, effect: Effect) -> tuple[float, str]:
-        """Return factor and unit for a volt, of the command or of the amplifier."""
+        """Return the factor and the unit that replace a volt, of the command or of the amplifier."""
         if effect.signal == "command":
             return self.command / COMMAND, self.command_unit
         if self.voltage is None:
@@ -164,7 +164,7 @@ class _Similar(Effect):
 
 
 class _View:
-    """Builder that shows a plant as the diaphragm to an effect."""
+    """Builder that presents a plant to an effect as if it were the diaphragm."""
 
     def __init__(self, build: Builder, effect: _Similar) -> None:
         self._build, self._effect = build, effect
@@ -210,7 +210,7 @@ class _View:
 
 @lru_cache(maxsize=1024)
 def _kind(original: type[Effect], sizes: Sizes) -> type[Effect]:
-    # The name tells the sizes: plants whose equations differ must differ in the names of their effects' types.
+    # The name contains the sizes, because plants with different equations must have differently named effect types.
     own = {
         "sizes": sizes,
         "original": original,

@@ -68,7 +68,7 @@ class ThermalStiffness(Effect):
         "(unless it was measured: a swing of one kelvin with a period of {period} and a phase of {phase})"
     )
     reference: ClassVar[float] = ROOM_TEMPERATURE
-    """:math:`T_0` in K."""
+    """Reference temperature, :math:`T_0` in K."""
     not_measured: ClassVar[float] = 0.0
     """Value of the channel in recordings without a thermometer, K."""
 

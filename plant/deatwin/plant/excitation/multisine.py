@@ -150,7 +150,7 @@ def random_phase_multisine(
             f"{periods} periods, rms {rms:g}, mean {mean:g}, limits {lower:g} and {upper:g}: need one period, "
             "rms >= 0 and lower < mean < upper"
         )
-    shape = shape / np.sqrt(np.sum(shape**2) / 2.0)  # the sum's rms is then 1
+    shape = shape / np.sqrt(np.sum(shape**2) / 2.0)  # the sum then has an rms of 1
     best = 0.0
     for _ in range(ATTEMPTS):
         spectrum = np.zeros(n // 2 + 1, dtype=np.complex128)

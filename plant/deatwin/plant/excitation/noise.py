@@ -169,7 +169,7 @@ def share_above_band(commands: ArrayLike, sample_time: float, band: float) -> fl
     array = command_array(commands)
     if array.max() == array.min():
         raise DataError("constant commands: they have no power to share out")
-    # A line counts once for each of the two frequencies, positive and negative, that it stands for.
+    # The full transform counts each line at its positive and at its negative frequency.
     power = np.abs(np.fft.fft(array - array.mean())) ** 2
     above = np.abs(np.fft.fftfreq(array.size, sample_time)) > band * (1.0 + 1e-12)
     return float(power[above].sum() / power.sum())

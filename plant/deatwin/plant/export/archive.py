@@ -17,7 +17,7 @@ from deatwin.plant.integrator.compiled import compiler
 _ENDINGS = {"Linux": "so", "Darwin": "dylib"}
 _PROCESSORS = {"x86_64": "x86_64", "AMD64": "x86_64", "arm64": "aarch64", "aarch64": "aarch64"}
 _FLAGS = ("-std=c99", "-O1", "-fPIC", "-shared", "-fvisibility=hidden")
-_SAID = 300  # Number of characters of a compiler's first complaint that an error repeats
+_SAID = 300  # Number of characters that an error quotes from the start of a compiler's messages
 
 
 def headers() -> Path:

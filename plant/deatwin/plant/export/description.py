@@ -22,8 +22,8 @@ _BASE_UNITS = {
     "Pa": {"kg": 1, "m": -1, "s": -2},
     "1": {},
 }
-"""Exponents of SI base units; another unit has a name only."""
-_TOLERANCE = 1e-8  # Relative tolerance that importing tools are advised to use
+"""Exponents of the SI base units; other units are written by name only."""
+_TOLERANCE = 1e-8  # Relative tolerance suggested to importing tools
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,9 +34,9 @@ class Description:
     plain: bytes
     inputs: tuple[Signal, ...]  # Inputs with their units
     outputs: tuple[Signal, ...]
-    start: Mapping[str, float]  # Values of the states at the start, by the names of their variables
-    sample_time: float  # Advised step, s
-    text: str  # Description of the model in one line
+    start: Mapping[str, float]  # Initial values of the states, by variable name
+    sample_time: float  # Suggested step, s
+    text: str  # One-line description of the model
 
     def tidied(self) -> bytes:
         """Add units, default experiment and texts; remove CasADi's own variables, which are never computed."""
@@ -55,7 +55,7 @@ class Description:
             if variable.get("causality") == "input":
                 variable.attrib.pop("initial", None)  # inputs have none
         root.set("description", self.text)
-        root.set("variableNamingConvention", "flat")  # a user's rig may name its signals as it likes
+        root.set("variableNamingConvention", "flat")  # a rig may choose any names for its signals
         root.set("generationTool", f"deatwin {version('deatwin')} ({root.get('generationTool', '')})")
         _insert(root, 1, _units(units.values()), _experiment(self.sample_time))
         return _written(root)

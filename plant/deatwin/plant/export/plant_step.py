@@ -214,7 +214,7 @@ def _shim(plant: Plant, rest: RestState, step: ca.Function, name: str, inputs: S
     channels, k = [], 1
     for position, channel in enumerate(equations.channels, start=1 + equations.history):
         clock = f"state->start + (double)state->count * {name.upper()}_SAMPLE_TIME"
-        # The step itself knows its middle.
+        # A known input gets the sample's start; the step itself replaces that by its middle.
         channels.append(f"    inputs[{position}] = {clock if channel in KNOWN else f'u[{k}]'};")
         k += channel not in KNOWN
     values: dict[str, ArrayLike] = {

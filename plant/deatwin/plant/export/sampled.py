@@ -39,8 +39,8 @@ class Signal:
     """An input or output of a system."""
 
     name: str
-    unit: str = ""  # Its unit, empty where none is known
-    start: float = 0.0  # Value at rest, in that unit
+    unit: str = ""  # Unit; empty if unknown
+    start: float = 0.0  # Value at rest, in `unit`
 
     def __str__(self) -> str:
         return f"{self.name} ({self.unit})" if self.unit else self.name

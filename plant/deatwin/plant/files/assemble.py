@@ -61,7 +61,7 @@ def recordings_of(
     needed = dt is None and table.timing(taken or declared) is None
     times, unit = time_column(table, {*taken, *declared}, named_times, needed=needed)
     if dt is not None and named_times is None and times is not None and not _is_filled(table, times):
-        times = None  # a sample time that stands in one cell, as of benchmark files
+        times = None  # the column holds only a sample time in one cell, as benchmark files do
     bare = table
     if times is not None:
         table = with_times(table, times, unit)
@@ -88,7 +88,7 @@ def recordings_of(
     if times is None and stated is None:
         raise no_times(table, set(used))
     told = None if times is None else numbers[times]
-    # Beside a stated sample time, a column of whole numbers one apart that has no unit says nothing more.
+    # If a sample time is stated, a column without a unit that counts the rows adds no information.
     counted = (
         told is not None and dt is not None and not unit and named_times is None and bool((np.diff(told) == 1).all())
     )
@@ -122,7 +122,7 @@ def recordings_of(
 
 
 def _rows_with_values(table: Table, needed: Mapping[int, Floats], *, timed: bool, allow_gaps: bool) -> NDArray[np.intp]:
-    """Return the numbers of the rows in which command and reading have values; others are gaps, if those are allowed."""
+    """Return the rows in which command and reading have values; other rows become gaps, if allowed."""
     gone = np.isnan(list(needed.values()))
     lost = gone.any(axis=0)
     if not lost.any() or (timed and allow_gaps and not lost.all()):
@@ -146,7 +146,7 @@ def _is_filled(table: Table, column: int) -> bool:
 
 
 def _tell_times(table: Table, times: int, unit: str, named: str | None) -> None:
-    """State how the times were understood, if the file does not say it."""
+    """Warn how the times were interpreted, unless the file states it."""
     if table.nameless and named is None:
         logger.warning(
             '%s: without a header its first column, which rises evenly, is taken as the times%s; --time-column "#1=ms" '
@@ -217,7 +217,7 @@ class _Source:
     table: Table
     roles: Mapping[str, tuple[int, ...]]
     numbers: Mapping[int, Floats]
-    kept: NDArray[np.intp]  # The table's rows that `numbers` hold
+    kept: NDArray[np.intp]  # Rows of the table that `numbers` contains
     remark: str
 
     def where(self, sample: int) -> str:
@@ -255,13 +255,13 @@ class _Source:
         table = self.table
         signals = {role: [table.signal(role, column) for column in columns] for role, columns in self.roles.items()}
         shared = {signal.name for signal in signals["input"]} & {signal.name for signal in signals["output"]}
-        if shared and not table.declared.signals:  # two columns of one quantity: their units tell them apart
+        if shared and not table.declared.signals:  # both measure one quantity; their headers differ by the units
             for role in ("input", "output"):
                 signals[role] = [replace(signal, name=signal.header) for signal in signals[role]]
         return signals
 
     def origin(self, first: int, last: int, remark: str = "") -> dict[str, str]:
-        """Return the origin of the rows from one up to another. `remark` on their clock."""
+        """Return the origin of rows `first` to `last` - 1, with a `remark` on their clock."""
         table = self.table
         rows = f"{table.row(int(self.kept[first]))}-{table.row(int(self.kept[last - 1]))}"
         remarks = [text for text in (self.remark, remark) if text]
@@ -280,7 +280,7 @@ def _recordings(
     resample: float | None,
     reading: ReadingTime,
 ) -> tuple[Recording, ...]:
-    """Return the recordings of the rows at the times that a file tells, or on the clock that is stated."""
+    """Return the recordings of the rows, at the times in the file or on the stated clock."""
     samples = source.kept.size
     step, start = (stated.sample_time, stated.start) if stated else (0.0, 0.0)
     if resample is not None and not (stated.agrees(resample) if told is None and stated else _is_even(told, resample)):
@@ -349,7 +349,7 @@ def _passed_over(table: Table, used: Sequence[int], dt: float) -> str:
 
 
 def _seconds_or_ticks(table: Table, times: int, told: Floats) -> str:
-    """Return the question that whole numbers without a unit raise, which were taken as seconds."""
+    """Ask for the unit of times that are whole numbers without one and were taken as seconds."""
     named, step = f'--time-column "{table.unmistakable(times)}', float(np.median(np.diff(told)))
     counted = "do they count the samples? Then state the sample time, --dt SECONDS; " if step == 1.0 else ""
     return (

@@ -24,27 +24,27 @@ from deatwin.plant.resampling import resampling_options
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-_JITTER = 0.025  # of a sample
-_ROUNDING = 0.25  # of a sample, at most
-_SHORT_STEPS = 0.005  # of all steps
-_LONG_STEPS = 0.01  # of all steps
-_ROUNDED_STEPS = 0.1  # of all steps are unusual where times are rounded, at least
-_AGREE = 0.0025  # of a sample: a start that is no further off the clock is kept as the file has it
-_FEW_GAPS = 3  # are gaps in a record of any length
-_GAP = 1.6  # samples
-_SLACK = 1.1  # for the fit of the clock, which rounded times move a little
+_JITTER = 0.025  # Largest distance of a time from the even clock, in samples
+_ROUNDING = 0.25  # Largest distance of a rounded time from the even clock, in samples
+_SHORT_STEPS = 0.005  # Largest share of steps that may be too short
+_LONG_STEPS = 0.01  # Largest share of steps that may be gaps
+_ROUNDED_STEPS = 0.1  # Least share of unusual steps if the times are rounded
+_AGREE = 0.0025  # Distance from the even clock, in samples, up to which a start is kept as in the file
+_FEW_GAPS = 3  # Number of gaps that a record of any length may have
+_GAP = 1.6  # Step above which there is a gap, in samples
+_SLACK = 1.1  # Factor on the tolerance, because rounded times move the fitted clock a little
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Piece:
     """Consecutive samples of a file, without a gap."""
 
-    first: int  # The rows are ``first`` to ``last - 1``, counted from the first row of samples
-    last: int
+    first: int  # First row of the piece, counted from the first row of samples
+    last: int  # Row after the last one of the piece
     timepts: Floats  # Times of these rows as the file has them, s
     clock: Floats  # The even clock, s
     interpolated: bool  # True if the rows are off the even clock and have to be interpolated
-    remark: str = ""  # What was done to the times, in words
+    remark: str = ""  # Description of what was done to the times
 
     @classmethod
     def even(cls, samples: int, sample_time: float, start: float) -> "Piece":
@@ -72,7 +72,7 @@ def even_pieces(
     if (steps <= 0.0).any():
         raise _not_increasing(timepts, where)
     usual = float(np.median(steps))
-    meant = stated or usual  # the clock that an advice names
+    meant = stated or usual  # sample time that the advice names
     tolerance = _SLACK * max(_JITTER * usual, min(_rounding(timepts, steps, usual), _ROUNDING * usual))
     long = steps > _GAP * usual
     short = steps < usual - 2.0 * tolerance
@@ -126,7 +126,7 @@ def _not_increasing(timepts: Floats, where: Callable[[int], str]) -> DataError:
 
 
 def _pieces(timepts: Floats, edges: list[int], short: Flags, sample_time: float, tolerance: float) -> Iterator[Piece]:
-    """Yield the pieces between gaps; a piece with a short step is to be interpolated."""
+    """Yield the pieces between gaps; a piece with a short step must be interpolated."""
     origin = None
     for first, last in pairwise(edges):
         rows = timepts[first:last]
@@ -154,7 +154,7 @@ def _start(rows: Floats, sample_time: float) -> float:
 
 
 def _rounding(timepts: Floats, steps: Floats, usual: float) -> float:
-    """Return how far rounding may have moved the times, s: half their last digit; 0 if they are not rounded."""
+    """Return the largest rounding error of the times, s: half their last digit; 0 if they are not rounded."""
     if (np.abs(steps - usual) > 1e-6 * usual).mean() < _ROUNDED_STEPS:
         return 0.0
     for decimals in range(7):

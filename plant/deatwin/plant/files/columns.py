@@ -18,7 +18,7 @@ from deatwin.plant.safe_read import clipped
 
 _USUAL = {"input": "command", "output": "displacement"}
 _EXTRAS = ("film_voltage", "current", "capacitance", "temperature", "force")
-# A column that would be passed over is refused as a misspelling from this likeness on.
+# Likeness to a usual header from which an unused column is refused as a misspelling.
 _MISSPELT = 0.85
 
 
@@ -153,7 +153,7 @@ def extra_columns(table: Table, taken: set[int]) -> list[int]:
     if table.declared.signals:
         return [column for column in table.columns_of("extra") if column not in taken]
     found = {name: column for name in _EXTRAS if (column := _usual_column(table, name, taken)) is not None}
-    # In a file whose columns had to be named, a name like a usual one is no misspelling.
+    # If the user had to name columns, the file does not use the usual headers, and one like them is no misspelling.
     if all(table.names[column] in COLUMNS for column in taken):
         absent = [COLUMNS[name] for name in _EXTRAS if name not in found]
         for column, header in enumerate(table.headers):
@@ -205,7 +205,7 @@ def _usual_column(table: Table, name: str, taken: Collection[int] = frozenset())
         if table.names[column] == name and (table.units[column] or not table.own_unit(column))
     ]
     if set(taken).intersection(named):
-        return None  # the quantity has its role already
+        return None  # a column of this quantity already has a role
     fitting = [column for column in named if UNITS[table.units[column]].si == UNITS[right].si]
     exact = [column for column in fitting if table.headers[column] == usual]
     best = exact if len(exact) == 1 else fitting
@@ -214,7 +214,7 @@ def _usual_column(table: Table, name: str, taken: Collection[int] = frozenset())
     if not named or (taken and len(named) > 1):
         return None
     if len(named) > 1:
-        return table.column(name)  # its error says how to name one
+        return table.column(name)  # raises the error that says how to name one
     unit = table.units[named[0]]
     raise DataError(
         f'{table.path}: the column "{table.shown(named[0])}" has the unit {unit or "(none)"}; '

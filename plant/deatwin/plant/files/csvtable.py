@@ -32,13 +32,11 @@ from deatwin.plant.files.headers import split_unit
 from deatwin.plant.files.units import Unit
 from deatwin.plant.safe_read import COLUMNS, RECORDING_BYTES, ROWS, TEXT_BYTES, clipped, in_words, read_regular
 
-DESCRIPTION = f"# {SCHEMA} "  # begins the line above the header that holds a description, if any
-_GZIP = b"\x1f\x8b"  # begins its files
-EXACT = Context(prec=800)  # decimal digits: enough for the sum of any two floats
-_FORTRAN = re.compile(r"(\d\.\d*)[dD](?=[+-]\d\d)")  # the exponent of a number in double precision
-_NO_VALUE = frozenset(
-    {"", "nan", "na", "n/a", "#n/a", "null", "none", "-"}
-)  # as tables mark a missing value, in small letters
+DESCRIPTION = f"# {SCHEMA} "  # Start of a line above the header that holds a description
+_GZIP = b"\x1f\x8b"  # First bytes of a gzip file
+EXACT = Context(prec=800)  # Decimal context with enough digits for the exact sum of any two floats
+_FORTRAN = re.compile(r"(\d\.\d*)[dD](?=[+-]\d\d)")  # Exponent of a double-precision number in Fortran
+_NO_VALUE = frozenset({"", "nan", "na", "n/a", "#n/a", "null", "none", "-"})  # Marks of a missing value, in lower case
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 
 
@@ -46,8 +44,8 @@ _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 class CsvTable(Table):
     """Header and sample lines of a CSV file, before conversion."""
 
-    lines: list[str]  # The lines that hold samples
-    rows: list[int]  # The number of each in the file, as an editor shows it; the first line is 1
+    lines: list[str]  # Lines that hold samples
+    rows: list[int]  # Number of each of these lines in the file, as an editor shows it; the first line is 1
 
     def row(self, sample: int) -> int:
         """Return the row of a sample in the file, counted as in an editor."""
@@ -76,7 +74,7 @@ class CsvTable(Table):
             texts[k] = cells
         try:
             values = np.array([self._values(column, cells) for column, cells in zip(columns, texts, strict=True)])
-        except (ValueError, TypeError, ArithmeticError):  # a number beyond decimal ones is of the last kind
+        except (ValueError, TypeError, ArithmeticError):  # ArithmeticError: outside the range of Decimal
             raise self._bad_cell(columns, missing) from None
         if not np.isfinite(values).all():
             raise self._bad_cell(columns, missing)
@@ -86,7 +84,9 @@ class CsvTable(Table):
     def _of_short_rows(
         self, rows: Sequence[Sequence[str]], columns: Sequence[int], missing: Collection[int]
     ) -> list[list[str]]:
-        """Return the cells of columns; a short row ends in empty cells, but the last one is where the file breaks off."""
+        """Return the cells of columns. A short row is filled up with empty cells, except the last row, at which the
+        file breaks off.
+        """
         last = len(rows) - 1
         try:
             return [
@@ -106,7 +106,7 @@ class CsvTable(Table):
         return column in self.scales and self.scales[column].texts
 
     def _cells(self) -> list[list[str]]:
-        """Return the cells of all rows; a row has at most as many as the header and, between blanks, exactly as many."""
+        """Return the cells of all rows: no more than the header has, and exactly as many if blanks delimit them."""
         if self.delimiter == BLANKS:
             rows = [split_cells(line, BLANKS) if '"' in line else line.split() for line in self.lines]
             for sample, row in enumerate(rows):
@@ -136,7 +136,7 @@ class CsvTable(Table):
         """Return the cells with decimal points, if their commas are certainly decimal commas."""
         if not any("," in cell for cells in texts for cell in cells):
             return texts
-        comma = point = ""  # The first cell with either sign
+        comma = point = ""  # Places of the first cell with a comma and of the first with a point
         sure = False
         for column, cells in zip(columns, texts, strict=True):
             for sample, cell in enumerate(map(str.strip, cells)):
@@ -207,7 +207,7 @@ def read_table(path: str | Path) -> CsvTable:
     content = _unzipped(content, name) if content[:2] == _GZIP else content
     if (count := max(content.count(b"\n"), content.count(b"\r"))) > ROWS:
         raise DataError(f"{name}: it has {count} lines; at most {ROWS} can be read: split it, or give NetCDF or TDMS")
-    text = decode(content, name).replace("\u2212", "-")  # a minus sign of typography
+    text = decode(content, name).replace("\u2212", "-")  # typographic minus sign
     return table_of(enumerate(text.splitlines(), 1), name, hashlib.sha256(content).hexdigest())
 
 
@@ -227,7 +227,7 @@ def table_of(numbered: Iterable[tuple[int, str]], name: str, sha256: str) -> Csv
     """Return the table in lines of text."""
     filled = [(row, line) for row, line in numbered if line.strip()]
     filled = [(row, _FORTRAN.sub(r"\1E", line) if "D" in line or "d" in line else line) for row, line in filled]
-    while filled and not filled[-1][1].strip(",;|\t "):  # a spreadsheet's empty rows
+    while filled and not filled[-1][1].strip(",;|\t "):  # empty rows of a spreadsheet
         filled.pop()
     declared = Declared()
     if filled and filled[0][1].startswith(DESCRIPTION):
@@ -246,7 +246,7 @@ def table_of(numbered: Iterable[tuple[int, str]], name: str, sha256: str) -> Csv
     if len(headers) > COLUMNS:
         raise DataError(f"{name}: it has {len(headers)} columns; at most {COLUMNS} can be read")
     rows, lines = rows[layout.first :], lines[layout.first :]
-    whole = "".join(lines)  # it is quick to see that none of a million lines has such a mark
+    whole = "".join(lines)  # one search of the whole text is quicker than a test of each line
     if any(mark in whole for mark in ("#", "%", "//")):
         kept = [k for k, line in enumerate(lines) if not is_comment(line)]
         rows, lines = [rows[k] for k in kept], [lines[k] for k in kept]
@@ -274,7 +274,7 @@ def read_bytes(path: str | Path, limit: int = RECORDING_BYTES) -> bytes:
         ending = Path(path).suffix.lower()
         found = folder.iterdir() if folder.is_dir() else ()
         beside = [entry.name for entry in found if entry.is_file() and entry.suffix.lower() == ending]
-        # Stricter than usual: equal endings are no likeness.
+        # Stricter than usual, because all candidates have the same ending.
         raise DataError(f"{path}: no such file{nearest(Path(path).name, beside, likeness=0.8)}") from None
     except OSError as error:
         raise DataError(f"{path}: cannot be read: {error.strerror}") from None
@@ -312,7 +312,7 @@ def _converted(unit: Unit) -> Callable[[str], float]:
     shift, numerator, denominator = decimal_relation(unit)
 
     def read(cell: str) -> float:
-        float(cell)  # its ValueError, not Decimal's own error
+        float(cell)  # raises ValueError before Decimal raises its own error
         shifted = EXACT.add(Decimal(cell.strip()), shift)
         return float(EXACT.divide(EXACT.multiply(shifted, numerator), denominator))
 
@@ -328,7 +328,7 @@ def _moved(exponent: int) -> Callable[[str], float]:
     """Return a function that reads a cell with its decimal point shifted."""
 
     def read(cell: str) -> float:
-        float(cell)  # else "1e" would pass
+        float(cell)  # otherwise "1e" would pass
         mantissa, _, power = cell.strip().lower().partition("e")
         return float(f"{mantissa}e{int(power or 0) + exponent}")
 

@@ -16,12 +16,12 @@ from deatwin.plant.files.usual import COLUMNS
 from deatwin.plant.safe_read import clipped
 
 _DELIMITERS = {"\t": "tab", ";": "semicolon", "|": "bar", ",": "comma"}
-BLANKS = " "  # as a delimiter: any run of blanks and tabs
-_HEAD = 1000  # lines at most before the samples
-_LIKE_SAMPLES = 3  # lines that hold numbers follow a header, where there are so many
+BLANKS = " "  # Delimiter that stands for any run of blanks and tabs
+_HEAD = 1000  # Largest number of lines before the samples
+_LIKE_SAMPLES = 3  # Number of lines after the header that must hold numbers, if the file has as many
 _COMMENT = re.compile(r"\s*(?:#+|%+|//+)[ \t]*")
 _GROUPED = re.compile(r"(?<![\d.])[1-9]\d{0,2}(?:,\d{3})+\.\d+")
-_BEFORE_UNIT = re.compile(r"\s+(?![(\[])(?![^(]*\))(?![^\[]*\])")  # no blank before or in brackets
+_BEFORE_UNIT = re.compile(r"\s+(?![(\[])(?![^(]*\))(?![^\[]*\])")  # Blanks that are neither before nor inside brackets
 _FAR_APART = re.compile(r"\s{2,}|\t")
 
 
@@ -48,8 +48,8 @@ def decode(content: bytes, path: str) -> str:
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
-        # Chinese characters take two such bytes each, the common ones beginning with B0 to D7; Latin-1's µ, ° and accents
-        # stand alone, or are small letters from DF on, as in größe.
+        # In GBK, a Chinese character takes two such bytes, and common ones begin with B0 to D7. In Latin-1, µ, ° and
+        # accented letters stand alone, or are small letters from DF on, as in größe.
         runs = re.findall(rb"[\x80-\xff]+", content)
         paired = all(len(run) % 2 == 0 for run in runs) and any(
             0xB0 <= lead <= 0xD7 for run in runs for lead in run[::2]
@@ -99,7 +99,7 @@ def split_cells(line: str, delimiter: str) -> list[str]:
         line = line.strip().replace("\t", BLANKS)
     try:
         cells = [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))]
-    except csv.Error:  # a cell too long for the reader, which no number and no name is
+    except csv.Error:  # a cell is too long for the reader, so it is neither number nor name
         cells = [cell.strip() for cell in line.split(delimiter)]
     while len(cells) > 1 and not cells[-1]:
         cells.pop()
@@ -126,12 +126,12 @@ def is_number(cell: str) -> bool:
         float(cell)
     except ValueError:
         return False
-    return "_" not in cell  # Python's own mark between thousands
+    return "_" not in cell  # which Python accepts between digits
 
 
 def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[str], list[str]]:
     """Return headers and units from the header lines, and the line of units."""
-    # Below names and units may stand a line of the channels' rates, ranges or the like.
+    # A line with the channels' rates, ranges or the like may follow the names and units.
     head = head[:-1] if len(head) > 1 and len(head[-2]) >= len(head[-1]) and _are_quantities(head[-1]) else head
     only_units = len(head) > 1 and len(head[-2]) >= len(head[-1]) and _are_units(head[-1])
     headers = _header(head[:-1] if only_units else head)
@@ -146,7 +146,7 @@ def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[s
                     f"{clipped(cell)}; correct one"
                 )
             units[k] = units[k] or for_name(names[k], find_unit(cell))
-    elif len(headers) > 1 and all(map(find_unit, headers)):  # units are all that the file has of names
+    elif len(headers) > 1 and all(map(find_unit, headers)):  # the file has units instead of names
         units = [find_unit(header) for header in headers]
     return headers, units, said
 
@@ -155,7 +155,7 @@ def _header(head: list[list[str]]) -> list[str]:
     """Return the last header line, or the one above if that names all columns and the last only some."""
     last, above = head[-1], head[-2] if len(head) > 1 else []
     named = len(above) == len(last) == len(set(above)) and all(above) and not any(map(_is_value, above))
-    known = any(split_unit(cell)[1] or cell in COLUMNS for cell in last)  # then the line above is a title
+    known = any(split_unit(cell)[1] or cell in COLUMNS for cell in last)  # if so, the line above is a title
     return above if named and not all(last) and not known else last
 
 
@@ -175,7 +175,7 @@ def _are_quantities(cells: list[str]) -> bool:
 
 
 def _width(lines: list[str], delimiter: str) -> int:
-    """Return the number of cells in most lines of the second half; None without the delimiter."""
+    """Return the commonest number of cells in the second half of the lines; 1 without the delimiter."""
     counts = [
         len(split_cells(line, delimiter)) if '"' in line else line.rstrip(delimiter + " ").count(delimiter) + 1
         for line in lines
@@ -186,7 +186,7 @@ def _width(lines: list[str], delimiter: str) -> int:
 
 
 def _first_sample(lines: list[str], delimiter: str, width: int) -> int | None:
-    """Return the first line of samples: numbers, in no more cells than the non-numeric line before has."""
+    """Return the index of the first line of samples: numbers below a non-numeric line with at least as many cells."""
     cells = [split_cells(line, delimiter) for line in lines[:_HEAD]]
     numeric = [_is_sample(line, row) for line, row in zip(lines, cells, strict=False)]
     for k in range(1, len(cells)):
@@ -194,7 +194,7 @@ def _first_sample(lines: list[str], delimiter: str, width: int) -> int | None:
         if numeric[k - 1] or not all(numeric[k : k + _LIKE_SAMPLES]):
             continue
         header = _header_cells(lines[k - 1], delimiter, len(cells[k]))
-        # Between blanks no cell can be empty.
+        # No cell can be empty if blanks delimit, so all lines have as many.
         even = delimiter != BLANKS or ({len(row) for row in follow} == {len(header)} and len(header) > 1)
         if even and width <= len(header) >= len(cells[k]):
             return k
@@ -204,7 +204,7 @@ def _first_sample(lines: list[str], delimiter: str, width: int) -> int | None:
 def _named(lines: list[str], delimiter: str, first: int) -> Layout:
     """Return the layout of a file with a header."""
     width = len(split_cells(lines[first], delimiter))
-    # Above a line of units names may be numbers, as those of an oscilloscope's channels are.
+    # Names above a line of units may be numbers, such as those of an oscilloscope's channels.
     above = lines[max(first - 3, 0) : first]
     names = [_header_cells(line, delimiter, width) or split_cells(line, delimiter) for line in above]
     return Layout(delimiter=delimiter, first=first, head=tuple(names))
@@ -214,7 +214,7 @@ def _header_cells(line: str, delimiter: str, width: int) -> list[str]:
     """Return the cells of a line that may be a header, if possible as many as in the samples."""
     bare = _COMMENT.sub("", line, count=1)
     ways = [split_cells(bare, delimiter)] if is_comment(line) else []
-    ways = [cells for cells in ways if cells[0]]  # else the mark is a name, such as # for the number
+    ways = [cells for cells in ways if cells[0]]  # otherwise the mark is a name, such as # for the number
     ways.append(split_cells(line, delimiter))
     if delimiter == BLANKS:
         ways += [apart.split(bare.strip()) for apart in (_BEFORE_UNIT, _FAR_APART)]
@@ -239,7 +239,7 @@ def _nameless(lines: list[str]) -> Layout | None:
         cut = delimiter == "," and _is_cut(lines[first : first + _HEAD], rows)
         if alike and {"number"} in kinds and not cut:
             found.append((len(kinds), Layout(delimiter=delimiter, first=first)))
-    # A single column has no delimiter, and any one fits; beside a tab, blanks count for nothing.
+    # A single column fits any delimiter. If another delimiter fits several columns, blanks do not delimit.
     several = [layout for width, layout in found if width > 1]
     marked = [layout for layout in several if layout.delimiter != BLANKS] or several
     return marked[0] if len(marked) == 1 else found[0][1] if found and not several else None
@@ -282,7 +282,7 @@ def _no_layout(lines: list[str], rows: list[int], delimiter: str, path: str) -> 
     cells = [split_cells(line, delimiter) for line in lines[:_HEAD]]
     numeric = [_is_sample(line, row) for line, row in zip(lines, cells, strict=False)]
     if not any(numeric):
-        apart = max(map(len, cells)) < 2  # else there is a delimiter, and blanks are none
+        apart = max(map(len, cells)) < 2  # otherwise another delimiter separates cells
         blanks = next((k for k, line in enumerate(lines[:_HEAD]) if apart and _is_sample(line, line.split())), None)
         if blanks is None:
             place = next(((k, cell) for k, row in enumerate(cells) for cell in row if cell.startswith("=")), None)

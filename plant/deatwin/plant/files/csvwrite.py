@@ -66,7 +66,7 @@ def _header(name: str, unit: str) -> str:
 def _texts(header: str, values: NDArray[np.float64]) -> list[str]:
     """Write SI values in the unit of the header, such that they read back exactly."""
     unit = UNITS[split_unit(header)[1]]
-    with np.errstate(over="ignore"):  # near the largest number the unit's own value is infinite
+    with np.errstate(over="ignore"):  # near the largest float, the value in the unit overflows
         texts = ["" if text == "nan" else text for text in map(repr, unit.from_si(values).tolist())]
     if power_of_ten(unit) == 0:
         return texts

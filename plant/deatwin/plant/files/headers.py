@@ -11,17 +11,17 @@ _LAST_PART = re.compile(r"(.+?)\s*_([^_]+)")
 _IN_WORDS = re.compile(r"(.+?)(?:\s+in\s+|\s*,\s*)(\S.*)")
 _DIVIDED = re.compile(r"([^\W\d]\w*)\s*/\s*(\([^()]*\)|\[[^\[\]]*\]|[^\s/]+)")
 _FORMS = (_IN_BRACKETS, _LAST_PART, _IN_WORDS, _DIVIDED)
-"""Patterns of a header with a unit, which is their second group."""
+"""Patterns of a header with a unit; the second group is the unit."""
 _TIMES = re.compile(
     r"((?:(?:.*[^a-z])?t|.*(?:time|stamp|epoch|clock|zeit|unix|elapsed|ticks?)))[\s_.:-]*?"
     r"(?:(?<![a-z0-9])(s)|(millis|micros|nanos|[mun]?sec(?:ond)?s?|(?:milli|micro|nano)seconds?|[mun]s))",
     re.IGNORECASE,
 )
-"""Header of times that ends in its unit, without a separator."""
+"""Header of a time column that ends in its unit without a separator."""
 _TIME_WORD = re.compile(r"millis|micros|nanos|[mun]s|[mun]?secs?|(?:milli|micro|nano)?seconds?", re.IGNORECASE)
-"""Unit of time that is a whole header; s, min and h alone may be a distance, a minimum and a height."""
-_DOUBTFUL = ("F", "l")  # Units that are written in brackets only: a force and a length end names as well
-_NO_QUANTITIES = frozenset({"counts"})  # Words that begin an unknown unit before a slash, as in ``counts/s``
+"""Header that is only a unit of time. s, min and h are excluded: alone they may mean distance, minimum and height."""
+_DOUBTFUL = ("F", "l")  # Units recognised in brackets only, because names of forces and lengths have these endings, too
+_NO_QUANTITIES = frozenset({"counts"})  # Words before a slash that belong to an unknown unit, as in ``counts/s``
 _DIFFERENCE = re.compile(r"(?i:[Δ∆]|delta|diff(?!us)|d_?t(?![a-z])|(.*[^a-z]|temp)?(difference|rise|increase)\b)")
 _LAST_WORD = (
     r"(?![^\W\d_])(?=[\W_]*(\d+|max|min|mean|rms)?$|[\W_]+(in|of|from|to|between|above|below|across|over)(?![a-z]))"
@@ -32,13 +32,14 @@ _CHANGE = re.compile(
     r"|.*(superheat|sub-?cool|subcooling|undercooling|supercooling)(?![a-z])(?!.*temp)|excess[ _]temp"
     r"|d[ _]?temp)|.*[a-z](Diff|Delta|Error|Change|Rise|Drop)(?![a-z])"
 )
-"""What says, behind or around the name of a temperature, that it is a difference; *phase change material* is none."""
+"""Name of a temperature with a word that makes it a difference. The word must end the name or precede a preposition,
+unlike in *phase change material*."""
 _ONE_TEMPERATURE = r"(?:[Tt](?:emp(?:erature)?)?(?:[_ ]?\d\w*|_\w+)|[Tϑθ](?:[a-z]{1,4})?)"
 _MINUS = re.compile(
     rf"\(?(?:(?!T\s*[-−–]){_ONE_TEMPERATURE}\s*(?:[-−–]|minus)\s*{_ONE_TEMPERATURE}"
     r"|T\s*(?:[-−–]|minus)\s*T(?:_?(?:\d\w*|amb|ref|inf|env|set|sp|air)|_\w+))\)?"
 )
-"""One temperature less another; ``T-Tank`` is the one of the tank."""
+"""Difference of two temperatures; ``T-Tank`` is the temperature of the tank."""
 _CERTAIN_TEMPERATURE = re.compile(r"(?i:.*(temp|therm))")
 _CHARGE = re.compile(r"(?i:.*(charge|coulomb|electric|ladung)|((delta|[dΔ∆])[_ ]?)?q(?![a-z]))")
 _TEMPERATURE = re.compile(
@@ -50,7 +51,7 @@ _ACCELERATION = re.compile(r"(?i:.*acc(?![a-z])|.*accel|a(_?[xyz])?$)")
 def split_unit(header: str) -> tuple[str, str]:
     """Return name and unit of a column header; the unit is empty if it is unknown or may belong to the name."""
     if (match := _QUOTIENT.fullmatch(header)) and (unit := find_unit(f"{match[2]}/{match[4]}")):
-        # N_m may be a stiffness or a torque.
+        # N_m may mean N/m, a stiffness, or N m, a torque.
         either = not match[3] and find_unit(f"{match[2]} {match[4]}")
         return (header, "") if either else (match[1], unit)
     for form in _FORMS:
@@ -89,7 +90,7 @@ def without_unit(header: str, unit: str) -> str:
     """Return the name in a header that gives exactly this unit, known or not; an empty text where it does not."""
     own = re.escape(unit)
     forms = [rf"(.+?)\s*(?:\(\s*{own}\s*\)|\[\s*{own}\s*\])"]
-    if unit not in ("", "1"):  # speed_1 is the first of several speeds
+    if unit not in ("", "1"):  # speed_1 may be the first of several speeds
         forms += [rf"(.+?)\s*_{own}", rf"(.+?)\s+in\s+{own}"]
     return next((match[1] for form in forms if (match := re.fullmatch(form, header))), "")
 

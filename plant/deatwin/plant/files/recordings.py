@@ -27,7 +27,7 @@ from deatwin.plant.rigs.rigfile import RigFile
 
 Way = TypeVar("Way")
 
-# A new format is a line in each: reader to a Table, writer of a Recording.
+# A new format needs a line in each table: a reader that returns a Table, and a writer of a Recording.
 _READERS: dict[str, Callable[[str | Path], Table]] = {
     ".csv": read_table,
     ".txt": read_table,

@@ -29,5 +29,5 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     except OSError as error:
         raise DataError(f"{path}: cannot be written: {error.strerror or error}") from None
     finally:
-        with suppress(OSError):  # where it could not be made, for example below a file
+        with suppress(OSError):  # raised if the file could not be created, for example below a file
             temporary.unlink(missing_ok=True)

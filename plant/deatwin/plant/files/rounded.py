@@ -12,23 +12,25 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-_FEW, _SHARE = 3, 0.1  # steps that differ from the usual one, at least, where times are rounded; of all where coarsely
-_FINE = 0.7  # of a step: a row that is lost or stands twice is off by a whole one
-_SAME = 1e-6  # of the usual step
-_SLACK = 0.1  # of a digit: for the fit of the clock, which rounding moves a little
-_LOOKS = 500  # times that are tried for their digits
+_FEW, _SHARE = 3, 0.1
+"""Steps that differ from the usual one: their least number if times are rounded, and their least share of all steps if
+times are rounded coarsely."""
+_FINE = 0.7  # Digit, in steps, above which rounding is coarse: a lost or repeated row is off by a whole step
+_SAME = 1e-6  # Relative difference from the usual step below which a step equals it
+_SLACK = 0.1  # Tolerance of the fitted clock, in digits, because rounding moves it a little
+_LOOKS = 500  # Number of times that are examined for their digits
 _DECIMALS = range(13)
-_EXACT = 1e-8  # s: no text of a number in single precision has so many decimals from a second on
-_UNITS = (1.0, 1e3, 1e6, 1e9)  # times in s may have been stored in s, ms, us or ns
+_EXACT = 1e-8  # Digit, s, that is too fine for the text of any single-precision number from 1 s on
+_UNITS = (1.0, 1e3, 1e6, 1e9)  # Factors from s to the unit in which times may have been stored: s, ms, us or ns
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rounded:
     """Even clock that fits rounded times."""
 
-    sample_time: float  # s
-    start: float  # s
-    digit: float  # Distance of two numbers that the file tells apart, s; of most rows
+    sample_time: float  # Sample time, s
+    start: float  # Time of the first row, s
+    digit: float  # Least difference that the file can store, in the median row, s
 
 
 def rounded_clock(timepts: Floats, stated: float | None = None) -> Rounded | None:
@@ -38,14 +40,14 @@ def rounded_clock(timepts: Floats, stated: float | None = None) -> Rounded | Non
     odd = np.abs(steps - usual) > _SAME * abs(usual)
     if (steps < 0.0).any() or odd.sum() < (1 if stated else _FEW) or (digits := _digits(timepts)) is None:
         return None
-    # A row that is lost, or stands twice, shifts the clock by a step: only if that is a digit could it be rounding.
+    # If a digit is as coarse as a step, a few odd steps are lost or repeated rows rather than rounding.
     if float(np.median(digits)) > _FINE * usual > 0.0 and odd.mean() < _SHARE:
         return None
     ranks = np.arange(len(timepts)) - 0.5 * (len(timepts) - 1)
     fitted = float(ranks @ timepts / (ranks @ ranks))
     for sample_time in [stated] if stated else _simple(fitted):
         late = timepts - sample_time * np.arange(len(timepts))
-        # Each row's time says within half its digit when the clock began: one beginning must fit all of them.
+        # Each time determines the start of the clock to within half its digit; one start must fit all times.
         latest, earliest = float((late + 0.5 * digits).min()), float((late - 0.5 * digits).max())
         if earliest - latest <= _SLACK * float(np.median(digits)):
             start = 0.5 * (latest + earliest)
@@ -74,12 +76,12 @@ def _digits(timepts: Floats) -> Floats | None:
     digits = np.zeros_like(sizes) if single is None else single
     powers = np.floor(np.log10(np.maximum(sizes, 1e-12)))
     finest = np.inf
-    for power in np.unique(powers)[::-1]:  # to so many digits, a larger number has no more decimals than a smaller one
+    for power in np.unique(powers)[::-1]:  # larger numbers have no more decimals than smaller ones
         rows = powers == power
         decimals = next((d for d in _DECIMALS if _on_grid(timepts[rows], d)), None)
         if decimals is not None:
             finest = min(finest, 10.0**-decimals)
-            # The shortest text of a number in single precision lies up to half its digit off once more.
+            # The shortest text of a single-precision number may be off by another half of its digit.
             coarse = digits[rows] * (1.0 if finest < _EXACT else 2.0)
             digits[rows] = np.where(digits[rows] > finest, coarse, finest)
         elif single is None:

@@ -25,9 +25,9 @@ _STAMP_NAMES = (
     *("ts", "timestamp", "datetime", "unixtime", "times", "elapsed", "elapsedtime", "date", "zeitstempel"),
     *("datum", "datumuhrzeit", "datumzeit", "horodatage", "fecha", "fechahora"),
 )
-_CALENDARS = ((32874.0, 73051.0), (726834.0, 767011.0))  # days from 1990 to 2100, counted from 1900 and from 0
-_SHORT = 1e-4  # s: of days, less than nine seconds
-_LISTED = 5  # columns that an error text names
+_CALENDARS = ((32874.0, 73051.0), (726834.0, 767011.0))  # Days from 1990 to 2100, counted from 1900 and from 0
+_SHORT = 1e-4  # Step below which times in s may be days, in which it is less than nine seconds
+_LISTED = 5  # Largest number of columns that an error lists
 
 
 def time_column(
@@ -47,7 +47,7 @@ def time_column(
     found = usual or named or stamped or timed or first
     groups = {_group(table.names[column]) for column in taken}
     found = [column for column in found if _group(table.names[column]) in groups] or found
-    if len(found) > 1 and found == timed:  # beside a clock there may be durations
+    if len(found) > 1 and found == timed:  # some of them may be durations
         found = [column for column in found if holds_times(table, column)] or found
     if len(found) > 1 and needed:
         listed = " and ".join(f'"{table.shown(column)}"' for column in found[:_LISTED])
@@ -133,7 +133,7 @@ def with_times(table: Table, column: int, unit: str) -> Table:
     order = unit if unit in ORDERS else ""
     units = tuple((not order and unit) or "s" if k == column else known for k, known in enumerate(table.units))
     scale = time_scale(table.texts(column), unit)
-    # A file that deatwin wrote reads back unchanged, whatever its clock.
+    # A file written by deatwin reads back unchanged, whatever its clock.
     if scale and scale.unit and (table.declared.signals or table.headers[column] == USUAL_TIMES):
         scale = None
     if order and not scale:

@@ -13,11 +13,11 @@ from deatwin.plant.files.dates import ORDERS, date_order, day_seconds, is_clock,
 from deatwin.plant.files.units import UNITS
 from deatwin.plant.safe_read import clipped
 
-BEGAN = "clock_began"  # Key of the provenance that holds the date of a clock's zero
+BEGAN = "clock_began"  # Key of the provenance for the date at which the clock is zero
 DATES = "dates"
 TIME_UNITS = tuple(name for name, unit in UNITS.items() if unit.si == "s")
 _SIZED = ("s", "ms", "us", "ns")
-_FIRST, _LAST = 10**9, 3 * 10**9  # s
+_FIRST, _LAST = 10**9, 3 * 10**9  # Range of values taken as Unix times, s: September 2001 to January 2065
 _UNIX = datetime(1970, 1, 1, tzinfo=UTC)
 
 
@@ -26,7 +26,7 @@ class TimeScale:
     """Column of times, read as seconds since its first value."""
 
     unit: str  # A key of `deatwin.plant.files.units.UNITS`; empty for dates and times of day
-    began: datetime | None = None  # The first value, which is the zero of the clock; None where its date is not known
+    began: datetime | None = None  # First value, at which the clock is zero; None if its date is unknown
     first: Decimal = Decimal(0)
     order: str = "dmy"
 
@@ -104,6 +104,6 @@ def _unix(first: str, unit: str) -> TimeScale | None:
             if _FIRST <= seconds < _LAST:
                 began = _UNIX + timedelta(microseconds=int(seconds * 10**6))
                 return TimeScale(unit=name, began=began, first=value)
-    except ArithmeticError:  # no number, or one beyond decimal ones
+    except ArithmeticError:  # not a number, or outside the range of Decimal
         return None
     return None

@@ -18,7 +18,7 @@ from deatwin.plant.readoptions import NO_OPTIONS, ReadOptions
 from deatwin.plant.recording import Recording
 from deatwin.plant.rigs.base import ReadingTime
 
-_REPAIRS = 7  # There are six options, so that more rounds than this add nothing
+_REPAIRS = 7  # Largest number of rounds; there are six options, so that more rounds add nothing
 _LIKE_NUMBER = re.compile(r"[-+]?[\d.,]+([eE][-+]?\d+)?")
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[^\W\d_]+")
 _USUAL_WORDS = {
@@ -28,21 +28,21 @@ _USUAL_WORDS = {
     "ausgang ist auslenkung laser distance abstand deflection temperature",
 }
 _WORDS = {role: tuple(words.split()) for role, words in _USUAL_WORDS.items()}
-"""Names that people give their inputs and outputs, the surest first; they only order a guess that is called one."""
+"""Common names of inputs and outputs, the surest first. They only rank guesses, which are reported as guesses."""
 _UNITS = {"input": ("V", "A"), "output": ("m", "rad", "N")}
-"""SI units that inputs and outputs usually have, where no name of a column is usual."""
+"""Usual SI units of inputs and outputs, which rank columns without a common name."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Column:
     """One column of a file, with its interpretation."""
 
-    place: int  # From 1
+    place: int  # Position in the file, from 1
     header: str
-    role: str  # ``input``, ``output``, ``time``, ``extra``, ``reading``; empty where it is passed over
-    unit: str  # As the file or an option gives it; empty where none does
+    role: str  # ``input``, ``output``, ``time``, ``extra``, ``reading``; empty if the column is passed over
+    unit: str  # Unit given by the file or an option; empty if neither gives one
     si: str  # Unit of its values in the recording
-    how: str  # What gave it its role
+    how: str  # Origin of its role
     numbers: bool  # True if it can be an input or an output
 
 
@@ -52,11 +52,11 @@ class Understood:
 
     path: str
     columns: tuple[Column, ...] = ()
-    recordings: tuple[Recording, ...] = ()  # None where no options were found that read it
-    refused: str = ""  # The error that ends a command without the further options
-    remaining: str = ""  # That which ends it with all options that were found
+    recordings: tuple[Recording, ...] = ()  # Empty if no options were found that read the file
+    refused: str = ""  # Error that ends a command without the further options
+    remaining: str = ""  # Error that ends a command with all options that were found
     asked: ReadOptions = NO_OPTIONS
-    further: ReadOptions = NO_OPTIONS  # What has to be asked for, too
+    further: ReadOptions = NO_OPTIONS  # Options that are needed besides
     placeholders: tuple[str, ...] = ()  # Options whose values only the user knows
 
     @property
@@ -125,7 +125,7 @@ def _roles(options: ReadOptions) -> dict[str, str | None]:
 def _repair(table: Table, offered: ReadOptions, options: ReadOptions) -> ReadOptions:
     """Return the options that an error suggests, else guessed columns, if the user has not set them."""
     new = offered.without(*options.given)
-    if new.time_column:  # instead of a sample time, and what it needs itself is told then
+    if new.time_column:  # replaces a sample time; the next round finds what the column itself needs
         new = new.without("dt", "resample")
     return new or _guessed(table, options)
 
@@ -139,10 +139,10 @@ def _guessed(table: Table, options: ReadOptions) -> ReadOptions:
             (known[role],) = data_columns(bare, role, asked[role])
         except (DataError, ValueError):
             if asked[role]:
-                return NO_OPTIONS  # what the user names is not replaced
+                return NO_OPTIONS  # a column named by the user is not replaced
     times = _times(table, set(known.values()), asked["time"])
     left = [k for k in range(len(table.headers)) if k not in times and k not in known.values()]
-    # A column with a single bad cell is meant all the same: the next error names that cell.
+    # A column with a single bad cell is still a candidate; the next error names that cell.
     free = [k for k in left if works(table, k) or _mostly_numbers(table, k)]
     free = [k for k in free if not _counts(table, k)] or free
     found = NO_OPTIONS

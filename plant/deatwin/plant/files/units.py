@@ -22,10 +22,10 @@ class Unit:
     """A unit of a file: ``SI value = (value + shift) * numerator / denominator``, exact where a product is not: 35 /
     1000 is the float nearest to 0.035, 35 * 1e-3 is not."""
 
-    si: str  # The SI unit of the same kind, or the one that is wanted instead
-    numerator: float = 1.0  # Their quotient is the factor
+    si: str  # SI unit of the same kind, or the unit wanted instead
+    numerator: float = 1.0  # The factor is the quotient of numerator and denominator
     denominator: float = 1.0
-    shift: float = 0.0  # Added before it; of degrees Celsius
+    shift: float = 0.0  # Added before the factor is applied; used for degrees Celsius and Fahrenheit
 
     def to_si(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return values of any shape, given in this unit, in the unit `si`."""
@@ -63,7 +63,7 @@ def _scaled(
 
 
 def _reduced(si: str, numerator: float, denominator: float) -> Unit:
-    """Return a unit with the smallest whole numbers, because each further factor would round again."""
+    """Return a unit with its factor reduced to the smallest whole numbers, because larger ones would round again."""
     whole = float(numerator).is_integer() and float(denominator).is_integer()
     common = math.gcd(int(numerator), int(denominator)) if whole else 1
     return Unit(si, numerator / common, denominator / common)
@@ -72,22 +72,22 @@ def _reduced(si: str, numerator: float, denominator: float) -> Unit:
 _POUND_FORCE = 4.4482216152605  # N, exactly 0.45359237 * 9.80665
 _GRAVITY = 9.80665
 _SYMBOLS = {
-    "": Unit(""),  # not known: values are taken as they are
+    "": Unit(""),  # unknown: values are taken as they are
     **_scaled("s", "mun"),
     "min": Unit("s", 60),
     "h": Unit("s", 3600),
-    "day": Unit("s", 86400),  # its symbol, d, ends too many names
+    "day": Unit("s", 86400),  # not d, because too many names end in it
     **_scaled("V", "munk"),
     **_scaled("A", "munpk"),
     **_scaled("ohm", "umkMGT"),
     **_scaled("F", "munp"),
-    **_scaled("C", "munp"),  # without a prefix it is not known which
+    **_scaled("C", "munp"),  # without a prefix, C may be Celsius or coulomb
     "coulomb": Unit("C"),
-    "farad": Unit("F"),  # behind the name of a temperature, F are degrees
+    "farad": Unit("F"),  # after the name of a temperature, F means degrees Fahrenheit
     **_scaled("W", "munk"),
     **_scaled("J", "munk"),
     **_scaled("m", "cmunk"),
-    "inch": Unit("m", 254, 1e4),  # its symbol is a word
+    "inch": Unit("m", 254, 1e4),  # its symbol, in, is a word
     **_scaled("m3", "mu", "l", 1, 1e3),
     **_scaled("rad", "mu"),
     "deg": Unit("rad", math.pi, 180),
@@ -117,7 +117,7 @@ _SYMBOLS = {
     "ppm": Unit("1", 1, 1e6),
 }
 _WITHIN = {"MV": _reduced("V", 1e6, 1)}
-"""Symbols within products and quotients only: alone they are more often a misspelt mV."""
+"""Symbols recognised within products and quotients only; alone, MV is more often a misspelt mV."""
 _FACTOR = re.compile(r"([^\d-]+?)(-?\d)")
 
 
@@ -145,7 +145,7 @@ _KINDS = {
         *("V/m", "V/s", "A/s", "A/m", "A/m2", "C/m2", "F/m", "ohm m", "V/N", "m/V", "N/V", "N/A", "C/N"),
     )
 } | {_signature(_powers(product)): si for product, si in (("N/m2", "Pa"), ("A s", "C"), ("W s", "J"), ("V A", "W"))}
-"""SI names of the products and quotients that are units, by the powers of their factors."""
+"""SI names of the products and quotients that count as units, by the powers of their factors."""
 
 
 @lru_cache(maxsize=1024)
@@ -243,7 +243,7 @@ _SPELLED_OUT = {
     "sec": "s",
     "msec": "ms",
     "usec": "us",
-    # Without a prefix their capitals tell nothing.
+    # Capitals do not matter in units without a prefix.
     "deg": "deg",
     "rad": "rad",
     "rev": "rev",
@@ -259,7 +259,7 @@ _SPELLED_OUT = {
     for word, unit in _WORDS.items()
     if short + unit in _SYMBOLS
 }
-_SPELLED_OUT |= {"coulomb": "coulomb", "farad": "farad"}  # which their symbols alone are not
+_SPELLED_OUT |= {"coulomb": "coulomb", "farad": "farad"}  # the symbols C and F alone are ambiguous
 _OTHER_SPELLINGS = {
     "deg C": "°C",
     "deg °C": "°C",
@@ -337,7 +337,7 @@ def find_unit(text: str) -> str:
     if bare in _SYMBOLS:
         return bare
     if bare == "L":
-        return ""  # more often left than litres
+        return ""  # L means left more often than litres
     plain = re.sub(r"(?<=[A-Za-z])[.-](?=[A-Za-z])", " ", bare.replace("**", "").translate(_SIGNS))
     above, *below = re.split(r"\s*/\s*|\s+per\s+", plain.strip())
     symbols: Counter[str] = Counter()

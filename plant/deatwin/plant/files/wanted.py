@@ -49,10 +49,10 @@ def with_stated_units(table: Table, asked: Mapping[str, str | None]) -> tuple[Ta
         bare[role] = name
         try:
             column = table.column(name)
-        except DataError:  # whoever looks for the column tells it better
+        except DataError:  # the later search for the column raises a better error
             continue
         known = for_name(table.names[column], find_unit(unit))
-        if units[column] not in ("", "C", known) and not _may_be(units[column], known):  # C alone may be one of two
+        if units[column] not in ("", "C", known) and not _may_be(units[column], known):  # C alone may mean two units
             raise DataError(
                 f'{table.path}: the column "{table.shown(column)}" is in {units[column]}, but is said to be in '
                 f"{clipped(unit)}; leave ={clipped(unit)} out"
@@ -67,7 +67,7 @@ def _may_be(count: str, angle: str) -> bool:
     if not same_kind(own.si, "1/s") or said.si != "rad/s":
         return False
     size = said.numerator * own.denominator / (said.denominator * own.numerator)
-    counts = (2.0 * math.pi,) if count.endswith("Hz") else (1.0, 2.0 * math.pi)  # a hertz is one of turns
+    counts = (2.0 * math.pi,) if count.endswith("Hz") else (1.0, 2.0 * math.pi)  # a hertz counts turns
     return any(math.isclose(size, one, rel_tol=1e-9) for one in counts)
 
 
@@ -144,7 +144,7 @@ def _another_unit(table: Table, column: int, unit: str, wanted: str, taken: Coll
         ways = " or ".join(f'"{table.unmistakable(column)}={like}"' for like in counted)
         other = f"; or name a column in one of {', '.join(likes)}{example}" if fitting else ""
         return DataError(f"{fault}; state what its numbers count: {ways}{other}")
-    # Only capitals may differ: any other letter may stand for another size.
+    # Only names that differ in capitals are offered, because any other letter may change the size.
     hint = nearest(unit, (like for like in likes if like.lower() == unit.lower())) if unit not in UNITS else ""
     if hint:
         return DataError(f'{fault}{hint} (one of {", ".join(likes)} must stand behind its name, as in "{better}")')

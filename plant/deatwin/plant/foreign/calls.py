@@ -20,9 +20,11 @@ from deatwin.plant.safe_read import clipped
 Array = NDArray[np.float64]
 Model = Callable[[Mapping[str, Any], Mapping[str, Array], Array], Any]  # ``f(parameters, inputs, time) -> readings``
 
-KEPT = 512  # Answers that a process remembers: those of all derivatives about a few points. Of 1e5 samples, 0.4 GB.
+KEPT = 512
+"""Number of answers that a process remembers: enough for all derivatives about a few points. With 1e5 samples each,
+they take 0.4 GB."""
 CRASHED, TOO_LONG = "its process crashed", "it took too long"
-LOST = (CRASHED, TOO_LONG)  # Faults of which another call beside it may be the cause
+LOST = (CRASHED, TOO_LONG)  # Faults that another call at the same time may have caused
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -94,7 +96,7 @@ def _called(model: Model, calls: Sequence[Call], longest: float) -> list[Answer]
 def _answer(model: Model, call: Call) -> Answer:
     """Call a model once; any exception of it becomes one line."""
     try:
-        # Copies: what a model writes into its arguments is no business of the next one.
+        # Copies, so that a model that writes into its arguments does not affect the next call.
         given = model(
             dict(call.parameters), {name: np.array(u) for name, u in call.inputs.items()}, np.array(call.time)
         )
@@ -127,7 +129,7 @@ class _Workers:
         if model not in self._taken:
             try:
                 self._taken[model] = bool(self._submitted(callable, model).result())
-            except Exception:  # whatever its parts raise, or a process that did not survive them
+            except Exception:  # unpickling may raise anything, or crash the process
                 self._taken[model] = False
         return self._taken[model]
 
@@ -142,7 +144,7 @@ class _Workers:
     def _submitted(self, function: Callable[..., Any], *arguments: Any) -> Any:
         try:
             return self._pool.submit(function, *arguments)
-        except (BrokenExecutor, RuntimeError):  # it broke, or was shut down
+        except (BrokenExecutor, RuntimeError):  # the pool broke, or was shut down
             self._pool = _pool(self._count)
             return self._pool.submit(function, *arguments)
 
@@ -167,7 +169,7 @@ def _pool(count: int) -> Any:
     pool = ProcessPoolExecutor(max_workers=count, env=one_thread, initializer=ignore_interrupts)
     with interrupts_held():
         started = pool.submit(abs, 0)
-    started.result()  # the start of a process is no part of a call
+    started.result()  # the time to start a process does not count as part of a call
     return pool
 
 
@@ -176,7 +178,7 @@ _WORKERS: dict[int, _Workers] = {}
 
 def _workers_for(model: Model) -> _Workers | None:
     """Return this process's workers; None if the model cannot be sent to another process."""
-    if os.getpid() not in _WORKERS:  # a process that was forked has none of its parent's
+    if os.getpid() not in _WORKERS:  # a forked process has none of its parent's workers
         _WORKERS[os.getpid()] = _Workers(_count())
     workers = _WORKERS[os.getpid()]
     return workers if workers.take(model) else None

@@ -67,7 +67,7 @@ class ParameterDrift(Effect):
 
     def describe(self) -> tuple[Parameter, ...]:
         return (
-            # A parameter that changed its sign would be another thing.
+            # A parameter that changed sign would no longer mean the same.
             Parameter(name="relative_change", value=self.relative_change, unit="1", lower=-0.9, upper=4.0),
             Parameter(name="time", value=self.time, unit="s", lower=20.0, upper=20e3, scale=Scale.LOGARITHMIC),
         )

@@ -29,13 +29,13 @@ KINDS: Mapping[str, tuple[str, str]] = {
     "co-simulation": ("CoSimulation", "coSimulation"),
     "model exchange": ("ModelExchange", "modelExchange"),
 }
-"""Kinds of FMUs: names that FMPy has for them as a type, and as a part of a description."""
+"""Kinds of FMUs, each with FMPy's name for the type and for the part of the description."""
 TOLERANCE = 1e-8
-"""Relative tolerance of the solver: below the cube of the step, 1e-3, of the derivatives' differences there is nothing
-to gain."""
+"""Relative tolerance of the solver. Derivatives are differences over steps of 1e-3, and a tolerance below the cube of
+these steps would gain nothing."""
 BEHIND = 1e-6
-"""Share of a sample by which a command comes after the reading before it, so that a reading that follows at once is
-that of the sample which ends."""
+"""Time from a reading to the next command, as a share of a sample, so that a reading that follows its command at once
+belongs to the sample that ends."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -90,7 +90,7 @@ class ForeignRig(Rig):
     kind: ClassVar[str] = "foreign"
     equations_known: ClassVar[bool] = False
     follows_at_once: ClassVar[bool] = True
-    """The command is a mean over each sample, so that a delay need not divide it."""
+    """The command is a mean over each sample, so that a delay need not divide the sample."""
 
     def __post_init__(self) -> None:
         if not callable(self.model):
@@ -118,7 +118,7 @@ class ForeignRig(Rig):
     def write(self, build: Builder) -> Any:
         applied = build.place(Place.DRIVE, "amplifier_voltage", build.place(Place.DRIVE, "command", build.command))
         if applied is not build.command:
-            # The foreign model takes one command a sample: the integral of what varies within it.
+            # The foreign model takes one command per sample, the mean over it: so the applied command is integrated.
             integral = build.state(APPLIED, scale=self.sizes.command * self.sample_time, start=0.0)
             build.rate(integral, applied)
             build.watch(APPLIED, integral)

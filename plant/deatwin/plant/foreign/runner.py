@@ -21,12 +21,12 @@ from deatwin.plant.simulate import Progress, Run, RunStatus, Simulator
 Array = NDArray[np.float64]
 
 APPLIED = "applied_command"
-"""Watched signal: integral of the command from the start on in the equations, its mean over a sample in results."""
-VARYING = "varying_"  # What precedes the name of a parameter that varies, in the name of its watched signal
+"""Watched signal: in the equations, the integral of the command since the start; in results, its mean over a sample."""
+VARYING = "varying_"  # Prefix of a varying parameter's name in the name of its watched signal
 BEFORE, AFTER = "model_reading_before", "model_reading"
 """Inputs of the equations: readings of the model at the beginning and at the end of a sample."""
 OF_RANGE = 0.1
-"""Share of its range that is the size of a parameter near zero: ranges of effects are some ten times what is typical."""
+"""Size of a parameter near zero, as a share of its range: ranges of effects are some ten times typical values."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +42,7 @@ class ForeignRunner:
     step: float
     longest: float
     simulator: Simulator
-    parameters: ParameterSet  # Those of the whole plant
+    parameters: ParameterSet  # Parameters of the whole plant
 
     def run(
         self,
@@ -97,7 +97,7 @@ class ForeignRunner:
         }
         slopes = np.array(run.sensitivities)
         for number in {number for number, _ in moved}:
-            # Where one side fails, or is beyond the range, the other side and the middle give a slope.
+            # If one side fails or lies outside the range, the other side and the middle give the slope.
             sides = [reached[number, side] for side in (0, 1) if (number, side) in reached]
             ends = [(there[number], other.outputs) for there, other in sides if other.status.ok]
             if not ends:
@@ -116,7 +116,7 @@ class ForeignRunner:
 
 
 class _Around:
-    """The parts before and behind the model, in one experiment."""
+    """The parts of a plant before and after the model, in one experiment."""
 
     def __init__(
         self,
@@ -151,7 +151,7 @@ class _Around:
         return Call(parameters=parameters, inputs=inputs, time=self._time, output=runner.output_name)
 
     def read(self, answer: Answer, values: np.ndarray, call: Call, *, sensitive: bool = False) -> Run:
-        """Simulate the sensor that reads an answer; optionally with derivatives by parameters behind the model."""
+        """Simulate the sensor that reads an answer, optionally with derivatives by parameters after the model."""
         if answer.readings is None:
             return _failed(answer.fault)
         readings = answer.readings

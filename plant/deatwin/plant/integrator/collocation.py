@@ -22,8 +22,8 @@ from deatwin.plant.integrator.parts import halves
 from deatwin.plant.integrator.stages import Stages
 
 STAGES = 5
-"""Stages of a step; the order is ``2 * STAGES - 1``. At 50 samples a second four follow the ringing
-of a 16 Hz ball mode after a step to 0.2 µm, five to 0.003 µm, for a third more time (tests/validation)."""
+"""Number of stages of a step; the order is ``2 * STAGES - 1``. At 50 samples per second, four stages follow the ringing
+of a 16 Hz ball mode after a step to 0.2 µm, and five to 0.003 µm in a third more time (tests/validation)."""
 
 
 def radau(stages: int) -> tuple[np.ndarray, np.ndarray]:
@@ -80,18 +80,19 @@ def step_functions(equations: Equations) -> StepFunctions:
 
 
 def _begun(step: ca.Function, rows: Sequence[int], equations: Equations, place: int) -> ca.Function:
-    """A step that first zeroes a sample's integrals and passes values on, if it begins at the time in input `place`;
-    `rows` are the arguments with a row for each state: the states, and their derivatives."""
+    """Return a step that first zeroes a sample's integrals and passes values on, if it starts at the time in input
+    `place`. `rows` are the arguments with a row for each state: the states, and their derivatives.
+    """
     arguments = step.mx_in()
     u, t, h = arguments[-5:-2]
-    begins = t - u[place] < h / 2  # not so in a shorter step that goes on within a sample
+    begins = t - u[place] < h / 2  # false for a shorter step that continues within a sample
     begun = ca.sparsify(ca.DM(equations.begun))
     given = [begins * (begun @ a) + (1 - begins) * a if n in rows else a for n, a in enumerate(arguments)]
     return ca.Function(f"{step.name()}_begun", arguments, step.call(given))
 
 
 def _with_middle(u: ca.MX, place: int, middle: ca.MX) -> ca.MX:
-    """Put the clock time of a step's middle into its inputs, at `place`."""
+    """Return a step's inputs with the clock time of its middle at `place`."""
     return ca.vertcat(u[:place], middle, u[place + 1 :])
 
 
@@ -106,5 +107,5 @@ def _in_two(step: ca.Function, n_states: int, place: int) -> ca.Function:
         at = found[:n_states]
         errors.append(error)
     first, second = errors
-    larger = (first + second + ca.fabs(first - second)) / 2  # no number where one of them is none
+    larger = (first + second + ca.fabs(first - second)) / 2  # NaN if either is NaN
     return ca.Function(f"{step.name()}_in_two", arguments, [*found, larger])

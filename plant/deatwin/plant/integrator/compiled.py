@@ -30,35 +30,35 @@ FLAGS = (
     "-O2",
     "-fPIC",
     "-shared",
-    # A square root needs no errno and traps nothing; quotients by the same number share its reciprocal (one
-    # rounding more). All other arithmetic is as written.
+    # Square roots need no errno, nothing traps, and quotients by the same number share its reciprocal (one rounding
+    # more). All other arithmetic is as written.
     "-fno-math-errno",
     "-fno-trapping-math",
     "-freciprocal-math",
 )
 GCC_ONLY = (
-    # Passes that find nothing in straight-line code and take a third of the time.
+    # Omit passes that find nothing in straight-line code and take a third of the time.
     "-fno-tree-pre",
     "-fno-gcse",
     "-fno-tree-vrp",
     "-fno-schedule-insns2",
     "-fno-code-hoisting",
-    # Registers given out once for a whole function: for straight-line code the same, in half of the time and a third
-    # of the memory.
+    # Allocate registers for a whole function at once: straight-line code stays the same, in half of the time and with a
+    # third of the memory.
     "-fira-region=one",
-    # Helpers are called directly, though another library could bring its own in their place; to have them copied to
-    # every place of a call takes a tenth of the time, and gains nothing.
+    # Call helpers directly, although another library could replace them. Inlining them at every call would take a tenth
+    # of the time and gain nothing.
     "-fno-semantic-interposition",
     "-fno-inline-small-functions",
 )
 """Options for GCC alone: Clang refuses some of these and does not need the others."""
-LOOPS = ("-O3",)  # Compiler options that help code with loops, but not straight-line code
+LOOPS = ("-O3",)  # Compiler options that speed up code with loops, but not straight-line code
 THIS_PROCESSOR = "-march=native"
 WIDE_VECTORS = "__AVX__"
-"""Macro that a compiler defines if its vectors hold four numbers or more; with fewer, lanes gain nothing."""
+"""Macro that a compiler defines if its vectors hold at least four numbers; with fewer, lanes gain nothing."""
 AS_WRITTEN = Exchange()
-ONE_AT_A_TIME = Lock()  # Lock: threads that need the same library wait for the one that builds it
-SAID = "DEATWIN_SAID"  # Environment variable that records a warning, so that worker processes do not repeat it
+ONE_AT_A_TIME = Lock()  # Lock that makes threads wait for the one that already builds the library they need
+SAID = "DEATWIN_SAID"  # Environment variable that records warnings, so that worker processes do not repeat them
 
 
 def cache_folder() -> Path:
@@ -66,7 +66,7 @@ def cache_folder() -> Path:
     folder = Path(os.environ.get("DEATWIN_CACHE") or _user_cache() / "deatwin")
     if not folder.is_dir():
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        folder.chmod(0o700)  # whatever the umask
+        folder.chmod(0o700)  # regardless of the umask
     return folder
 
 
@@ -88,7 +88,7 @@ def compiler() -> str | None:
 def _compiler(wanted: str | None) -> str | None:
     if wanted is not None:
         return shutil.which(wanted) if wanted else None
-    if platform.system() == "Windows":  # a Unix linker line is used below
+    if platform.system() == "Windows":  # the options are those of a Unix linker
         return None
     return next((path for name in ("cc", "gcc", "clang") if (path := shutil.which(name))), None)
 
@@ -130,7 +130,7 @@ def compile_functions(
     for function in renamed.values():
         generator.add(function)
     source = generator.dump()
-    obey()  # much was done in CasADi, which may have lost an interrupt
+    obey()  # CasADi may have lost an interrupt
     try:
         target = _target(program)
         if target.wide_vectors:
@@ -164,7 +164,7 @@ def compile_source(source: str) -> Path | None:
         flags = (*target.flags, *LOOPS)
         return _library(source, replace(target, flags=flags, key="\0".join((target.key, *LOOPS))))
     except (OSError, subprocess.SubprocessError) as error:
-        logger.debug("%s: %s", program, error)  # which names temporary files, each time others
+        logger.debug("%s: %s", program, error)  # not in the warning: it names temporary files, which always differ
         _say_once(f"{program} could not compile a loop over samples: it runs about a hundred times slower")
         return None
 
@@ -239,7 +239,7 @@ def _checksum(library: Path) -> str:
 
 
 def _built(source: str, target: _Target, folder: Path, digest: str) -> Path:
-    # Built beside and renamed, so that two processes that start together never load half a file.
+    # Built under another name and then renamed, so that a process that starts meanwhile never loads half a file.
     with tempfile.TemporaryDirectory(dir=folder) as work:
         code, built = Path(work) / "plant.c", Path(work) / "plant.so"
         code.write_text(source)

@@ -13,10 +13,10 @@ import numpy as np
 
 from deatwin.plant.integrator.lanes import LANES
 
-MOST = 160  # Number of states of all stages up to which whole rows cost a quarter of a sparse method, or less
+MOST = 160  # Number of states of all stages up to which whole rows cost at most a quarter of a sparse method
 GIVEN = 1e-16
-"""Square of the least share that the pivots of a stage may have in their rows, all multiplied, for what it says of its
-coordinates: what is left grows by the inverse of each, and a smaller one would cost more than half of the digits."""
+"""Square of the least product of the pivots' shares in their rows for which a stage's coordinates are solved. The
+remaining entries grow by the inverse of each share; a smaller product would cost more than half of the digits."""
 HEAD = """\
   typedef double lanes __attribute__((vector_size({bytes}), may_alias));
   enum {{ N = {n}, NX = {n_x}, NZ = N - NX, S = {s}, P = {columns}, E = {entries}, L = {lanes}, M = NX * S }};
@@ -84,10 +84,9 @@ STAGE = """\
     for (j = 0; j < L; ++j) sum += squares[j];
     weight[i] = 1.0 / sum;
   }"""
-"""Equations of each stage for its coordinates; the first rows of `z` are those of its states. Each row ends with the
-sum of squares of its entries times the unknowns' scales, with which pivots are compared whatever the units. The
-remaining equations of the states, and the right sides from column R on, go in rows; the weights make each row one of
-length one."""
+"""Equations of each stage, solved for its coordinates. The first rows of `z` belong to the states. Each row ends with
+the sum of squares of its entries times the unknowns' scales, so that pivots are compared independently of units. The
+remaining equations of the states become rows, with the right sides from column R on; the weights normalise each row."""
 BLOCK = """\
   for (k = {first}; k < {last}; ++k) {{
     double largest = of[k][k] * of[k][k] * weight[k];
@@ -109,7 +108,7 @@ BLOCK = """\
       }}
     }}
   }}"""
-"""Elimination of the columns of one vector; the remaining row has a fixed number of vectors."""
+"""Elimination of the columns of one vector. The rest of each row is a fixed number of vectors."""
 BACK = """\
   for (k = M - 1; k >= F * NX; --k) {
     lanes *const found = (lanes*) of[k] + B;

@@ -51,8 +51,8 @@ class Factors:
     """Lower and upper factor of a matrix in one array, with the reciprocals of the pivots on the diagonal."""
 
     entries: Rows  # n rows of n, in the order of elimination
-    rows: Sequence[int]  # Row and column of the matrix whose entry is the first pivot, the second,
-    columns: Sequence[int]
+    rows: Sequence[int]  # Row of each pivot in the matrix, in the order of elimination
+    columns: Sequence[int]  # Column of each pivot in the matrix
 
     def renamed(self, symbols: Iterator[Symbol]) -> Factors:
         """Return the pattern with a new symbol for each part that may be nonzero."""
@@ -98,7 +98,7 @@ def _less(value: Complex, left: Complex, right: Complex) -> Complex:
 
 
 def _partners(pattern: Sequence[set[int]]) -> list[int]:
-    """Assign to each column a row that has an entry there: if possible, its own row."""
+    """Return, for each column, a row that has an entry there; each row is used once, if possible for its own column."""
     n = len(pattern)
     if all(i in row for i, row in enumerate(pattern)):
         return list(range(n))

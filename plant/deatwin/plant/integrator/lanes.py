@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 import casadi as ca
 
 LANES = 4
-"""Numbers in a vector, or points at a time. Where vectors hold more, fewer of them would be needed; but one that is too
-long for the processor is cut in two by the compiler, which then takes twice as long, keeps half as much in registers,
-and moves the halves through memory."""
+"""Number of points evaluated at a time, one per number in a vector. A processor with longer vectors would need fewer of
+them; but the compiler cuts a vector that is too long for the processor in two, takes twice as long, keeps half as much
+in registers, and moves the halves through memory."""
 DIRECT = {
     ca.OP_ASSIGN: "{0}",
     ca.OP_ADD: "{0} + {1}",
@@ -70,7 +70,7 @@ BY_LANE = {
 
 
 INCLUDE = "#include <math.h>\n"
-"""Line of CasADi's code after which helpers follow."""
+"""Line in CasADi's code after which helpers are inserted."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +79,7 @@ class Exchange:
 
     bodies: Mapping[str, str] = field(default_factory=dict)
     beginnings: Mapping[str, str] = field(default_factory=dict)
-    helpers: Mapping[str, str] = field(default_factory=dict)  # C functions that they call, by name
+    helpers: Mapping[str, str] = field(default_factory=dict)  # C functions called by these parts, by name
 
     def into(self, source: str) -> str:
         """Return CasADi's code with the bodies replaced."""
@@ -120,7 +120,7 @@ def in_lanes(function: ca.Function, varying: Sequence[int]) -> str | None:
         "  const lanes zero = {0};",
         f"  const int points = count - first < {LANES} ? count - first : {LANES};",
         "  int k;",
-        # Lanes without a point repeat the last one, so that they raise nothing that it does not.
+        # Lanes without a point repeat the last point, so that they raise no further floating-point exceptions.
         *(f"  const int p{k} = first + ({k} < points ? {k} : points - 1);" for k in range(LANES)),
     ]
     for number in range(function.n_instructions()):

@@ -13,7 +13,7 @@ import numpy as np
 from deatwin.plant.integrator.newton import SETTLED
 from deatwin.plant.sample import SHORTER_STEPS, solved
 
-CHUNK = 200  # Samples in one call of compiled code
+CHUNK = 200  # Number of samples in one call of compiled code
 
 
 class March:
@@ -24,7 +24,7 @@ class March:
     def __init__(self, function: ca.Function) -> None:
         self._arguments = [_array(function.size_in(i)) for i in range(function.n_in())]
         self._results = [_array(function.size_out(i)) for i in range(function.n_out())]
-        # The buffer owns the memory that the call works with: it must live as long.
+        # The buffer owns the memory that the call uses, so it must live as long.
         buffer: Any
         buffer, self._call = function.buffer()
         self._buffer = buffer
@@ -78,7 +78,7 @@ def marched(
     begin, n = 0, inputs.shape[1]
     while begin < n:
         count = min(CHUNK, n - begin)
-        # The last piece is filled up with its last sample.
+        # The last piece is padded with its last sample.
         u[:count], u[count:] = inputs[:, begin : begin + count].T, inputs[:, begin + count - 1]
         h[:], t[:, 0] = sample_time, start + sample_time * np.arange(begin, begin + CHUNK)
         results = march.advance()

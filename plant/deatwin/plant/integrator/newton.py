@@ -22,14 +22,16 @@ from deatwin.plant.integrator.stages import Stages, coupled
 
 Symbol = Any  # casadi.SX or casadi.MX
 
-SETTLED = 1e-10  # Estimate of the error, against each unknown's scale, below which the equations count as solved
+SETTLED = 1e-10  # Estimated error, relative to each unknown's scale, below which the equations count as solved
 CORRECTIONS = (2, 1, 1, 2, 4, 8)
-"""Simplified corrections after the tangent step: the first number for every sample, each further one only while
-the error is large. Smooth plants need two or three; one with friction more, where the motion turns."""
-UPDATES = (4, 10)  # Full Newton updates from the start of the step, likewise, where the simplified ones do not settle
+"""Numbers of simplified corrections after the tangent step: the first for every sample, each further one only while
+the error is large. Smooth plants need two or three corrections; friction needs more where the motion turns."""
+UPDATES = (4, 10)
+"""Numbers of full Newton updates from the start of the step if the simplified corrections do not settle; the second
+only while the error is large."""
 EULER_STEPS, EULER_UPDATES = 4, 6
-"""A sample that even these do not settle, such as one with a kink of friction, starts anew from implicit Euler
-steps, so many between two stages, with so many Newton updates each."""
+"""Number of implicit Euler steps between two stages, and of Newton updates in each. A sample that even the full updates
+do not settle, such as one with a kink of friction, starts anew from these steps."""
 NOTHING = 1e-300  # Small number that keeps a ratio of two changes defined if a plant does not move at all
 
 
@@ -38,7 +40,7 @@ def solved_stages(stages: Stages) -> ca.Function:
     step = stages.symbols()
     x, z, d, u, t, h, p, c = step
     mass, here = stages.mass(p, c), ca.vertcat(x, z)
-    # All stages start from the same point: one value and one Jacobian serve the tangent step, and the factors
+    # All stages start from the same point, so that one value and one Jacobian serve the tangent step, and the factors
     # serve every correction after it.
     value, jacobian = stages.jacobian(here, d, u, t, p, c)
     linear = _linear_systems(stages)
@@ -46,7 +48,7 @@ def solved_stages(stages: Stages) -> ca.Function:
     start, values = ca.repmat(here, stages.count, 1), ca.repmat(value, stages.count, 1)
     tangent, size = linear.correct(factors, start, values, x, mass, h)
 
-    # If nothing moves at the start of a step, the stages may still move, since the clock runs within the step.
+    # The first error counts as large: even if nothing moves at the start of a step, the clock may move its stages.
     found, known = [tangent, size, size + 1], [factors, *step]
     correction = _correction(stages, linear, factors.numel())
     for number, count in enumerate(CORRECTIONS):
@@ -63,20 +65,21 @@ def solved_stages(stages: Stages) -> ca.Function:
 def _continued(
     name: str, function: ca.Function, count: int, found: Sequence[ca.MX], known: Sequence[ca.MX]
 ) -> list[ca.MX]:
-    """Apply a function to ``(w, size of its last change, error)`` some times, as long as the error is large."""
+    """Apply a function `count` times to ``(w, size of its last change, error)`` if the error is large."""
     arguments = function.mx_in()
     state, rest = arguments[: len(found)], arguments[len(found) :]
     keep = ca.Function(f"keep_{name}", arguments, state)
     for _ in range(count):
         state = function.call([*state, *rest])
     more = ca.Function(f"more_{name}", arguments, state)
-    # A result that is not a number must count as large.
+    # A NaN must count as a large error.
     return list(ca.Function.if_else(name, keep, more)(found[2] <= SETTLED, *found, *known))
 
 
 def _correction(stages: Stages, linear: _LinearSystems, n_factors: int) -> ca.Function:
-    """``(w, size, error, factors, step) -> (w, size, error)`` by the simplified method; it converges linearly, so two
-    changes give the rate, and with it the remaining error."""
+    """Return the simplified method, ``(w, size, error, factors, step) -> (w, size, error)``. It converges linearly, so
+    two changes give the rate and, from it, the remaining error.
+    """
     (w, size, error), factors, (x, z, *known) = _arguments(stages, n_factors)
     (values,) = stages.everywhere(stages.values, w, known)
     corrected, change = linear.correct(factors, w, ca.vec(values), x, stages.mass(*known[4:]), known[3])
@@ -85,7 +88,7 @@ def _correction(stages: Stages, linear: _LinearSystems, n_factors: int) -> ca.Fu
 
 
 def _full_update(stages: Stages, n_factors: int) -> ca.Function:
-    """``(w, size, error, factors, step) -> (w, size, error)`` with the Jacobian of each stage; quadratic."""
+    """Return ``(w, size, error, factors, step) -> (w, size, error)`` with the Jacobian of each stage; quadratic."""
     (w, size, error), factors, (x, z, *known) = _arguments(stages, n_factors)
     values, entries = stages.everywhere(stages.jacobians, w, known)
     mass, h = stages.mass(*known[4:]), known[3]
@@ -120,7 +123,7 @@ def _euler(stages: Stages) -> ca.Function:
     system = coupled(jacobian.sparsity(), stages.n_x, np.ones((1, 1)))(_entries(jacobian), m, small)
     rest = [d, u, last, small, m, p, c]
     update = ca.Function("euler_update", [w, before, *rest], [w - ca.solve(system, defect, "qr")])
-    # Functions of functions keep the generated code short.
+    # Nested functions keep the generated code short.
     at = w
     for _ in range(EULER_UPDATES):
         at = update(at, w[: stages.n_x], *rest)
@@ -152,7 +155,7 @@ class _LinearSystems:
 def _linear_systems(stages: Stages) -> _LinearSystems:
     values, vectors = np.linalg.eig(stages.inverse)
     inverse = np.linalg.inv(vectors)
-    # Of a conjugate pair one is solved and represents both.
+    # Only one system of each conjugate pair is solved, and represents both.
     kept = np.flatnonzero(values.imag >= 0)
     weights = np.where(values[kept].imag > 0, 2.0, 1.0)
     spectrum = (values[kept], vectors[:, kept] * weights, inverse[kept])

@@ -16,14 +16,14 @@ import casadi as ca
 
 Symbol = Any  # casadi.SX
 
-LEAST = 1e-9  # Least share of a part: if the width vanished, a state without inertia would be free
+LEAST = 1e-9  # Least share of a part; in a part without width, a state without inertia would be free
 
 
 class Step(NamedTuple):
     """A step over a sample or half of it."""
 
-    begin: Any  # Beginning, s
-    middle: Any  # Its middle, s, which tells the half: the ends may lie on a border
+    begin: Any  # Start, s
+    middle: Any  # Middle, s, which identifies the half, because the ends may lie on a border
     width: Any
 
 

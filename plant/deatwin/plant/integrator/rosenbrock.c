@@ -46,7 +46,7 @@ static double output(const plant_t *q)
     return result;
 }
 
-/* Factors of M/(gamma h) - F_w; 0 where a pivot vanishes. */
+/* Factorise M/(gamma h) - F_w; return 0 if a pivot vanishes. */
 static int factor(const plant_t *q, double h)
 {
     memset(matrix, 0, sizeof matrix);
@@ -77,8 +77,8 @@ static void solve(const double *right, double *x)
     for (int i = 0; i < N; i++) x[i] = y[PLACE[i]];
 }
 
-/* Simplified Newton's method with a step so short that no state moves. A coordinate that would jump far has found
-   another equilibrium, beyond pull-in. */
+/* Make the coordinates consistent by the simplified Newton method, with a step so short that no state moves. Return 0
+   if one would jump far, because it has then found another equilibrium, beyond pull-in. */
 static int make_consistent(const plant_t *q)
 {
     double change[N], before[N];
@@ -100,7 +100,7 @@ static int make_consistent(const plant_t *q)
     return 0;
 }
 
-/* The six stages; the error of the step in units of what is tolerated. */
+/* Compute the six stages; return the error of the step in units of the tolerance. */
 static double staged(const plant_t *q, double h)
 {
     double right[N], here[N], sum = 0.0;
@@ -142,7 +142,7 @@ static int advance(const plant_t *q, double until, long long *steps)
                     w[k] += stage[5][k];
                 }
                 now += h;
-                /* A step that was cut short to end on an event says nothing about the next. */
+                /* A step that was cut short to end at an event must not shorten the next one. */
                 step = h < step ? fmax(wished, step) : wished;
                 break;
             }
@@ -154,7 +154,7 @@ static int advance(const plant_t *q, double until, long long *steps)
     return 1;
 }
 
-/* From the scaled unknowns `start` through m inputs; returns 0, or 1 where the march ends at *ended. */
+/* March from the scaled unknowns `start` through m inputs; return 0, or 1 if the march ends early, at *ended. */
 int march(const double *start, const plant_t *q, long long m, const double *switches, const double *held_inputs,
           const double *rest_inputs, long long n_reads, const double *reads, double *outputs, double *at_rest,
           long long *steps, double *ended)

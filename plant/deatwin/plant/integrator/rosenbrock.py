@@ -26,13 +26,14 @@ from deatwin.plant.integrator.compiled import compile_source
 from deatwin.plant.rest import rest_state
 
 TOLERANCE = 1e-5
-"""Relative error of a step, against each unknown's typical size; a millimetre of displacement is then right within some
+"""Error of a step relative to each unknown's typical size. A displacement of a millimetre is then accurate to some
 hundredths of a micrometre over minutes (tests/unit/plant/integrator/test_rosenbrock.py)."""
 SHORTEST = 1e-7  # Shortest step, s
 SAFETY, SHRINK, GROW = 0.8, 0.2, 4.0
 FURTHEST = 1.0
-"""Largest change of a coordinate at a jump of the input, against its typical size: beyond it a film has pulled in."""
-CONSISTENT = 1e-9  # Change of a coordinate, against its typical size, at which it counts as consistent
+"""Largest change of a coordinate at a jump of the input, relative to its typical size; a film that moves further has
+pulled in."""
+CONSISTENT = 1e-9  # Change of a coordinate, relative to its typical size, below which it counts as consistent
 GAMMA = 0.25
 AT = np.array([0.0, 0.386, 0.21, 0.63, 1.0, 1.0])
 SLOPES = np.array([0.25, -0.1043, 0.1035, -0.0362, 0.0, 0.0])
@@ -62,9 +63,9 @@ PASSED = np.array(
 class Trajectory:
     """Result of an integration."""
 
-    outputs: np.ndarray  # shape (n,): Reading at each of the times that were asked for, SI
-    at_rest: float  # Reading before anything happened, SI
-    steps: int  # Steps that were taken, refused ones included
+    outputs: np.ndarray  # shape (n,): Reading at each requested time, SI
+    at_rest: float  # Reading in the initial state of rest, SI
+    steps: int  # Number of steps, including refused ones
 
 
 def integrate(
@@ -85,7 +86,7 @@ def integrate(
         raise SimulationError(rest.fault)
     kernel, n_x, scale = _kernel(equations), len(equations.states), equations.scale
     mass = np.asarray(equations.mass(values, equations.constants)).ravel() * scale[:n_x]
-    # A state's row is divided by its mass, so that all rows are of one size.
+    # Each state's row is divided by its mass, so that all rows have the same size.
     rows = np.concatenate([1 / np.where(mass > 0, mass, 1.0), np.ones(scale.size - n_x)])
     masses = np.concatenate([mass, np.zeros(scale.size - n_x)]) * rows
     known = [rest.d, values, equations.constants, masses, scale, rows]

@@ -16,23 +16,23 @@ from deatwin.plant.integrator.elimination import products
 from deatwin.plant.integrator.lanes import Exchange, call_in_lanes, in_lanes, in_lanes_name
 
 UNROLLED = 1600
-"""Products of one elimination up to which linear algebra is written as straight-line code, for more with loops over
-sparse matrices: those take ten times as long, but a product takes some 5 ms to compile, so that more would take longer
-than ten seconds."""
+"""Number of products in one elimination up to which linear algebra is written as straight-line code; for more, as loops
+over sparse matrices. Loops take ten times as long, but a product takes some 5 ms to compile, so that more of them would
+take longer than ten seconds."""
 REVERSE = {"helper_options": {"ad_weight": 0.6}}
-"""Jacobians by reverse sweeps unless these are half as many again as forward ones: forces are gradients."""
+"""Options for Jacobians by reverse sweeps unless these are half as many again as forward ones: forces are gradients."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stages:
     """Residual and derivatives of a DAE at the stages of a collocation step."""
 
-    n_x: int  # Numbers of states that move, coordinates, held quantities, inputs, free parameters and constants
-    n_z: int
-    n_d: int
-    n_u: int
-    n_p: int
-    n_c: int
+    n_x: int  # Number of states that move
+    n_z: int  # Number of coordinates
+    n_d: int  # Number of held quantities
+    n_u: int  # Number of inputs
+    n_p: int  # Number of free parameters
+    n_c: int  # Number of constants
     scale: np.ndarray  # shape (n_x + n_z,): Typical size of each unknown
     nodes: np.ndarray  # shape (s,): Nodes of the stages, in (0, 1]
     inverse: np.ndarray  # shape (s, s): Inverse of the Butcher matrix
@@ -40,8 +40,9 @@ class Stages:
     jacobian: ca.Function  # ``(w, d, u, t, p, c) -> ((f; g), derivative by w)``
     derivatives: ca.Function  # ``(w, d, u, t, p, c) -> `` derivatives by d and p
     mass: ca.Function  # ``(p, c) -> diag M``
-    mass_slope: ca.Function  # ``(p, c) -> `` its derivative by p
-    output_derivatives: ca.Function  # ``(x, z, d, u, t, p, c) -> `` of the reading by all states and z, by d and by p
+    mass_slope: ca.Function  # ``(p, c) -> `` derivative of `mass` by p
+    output_derivatives: ca.Function
+    """``(x, z, d, u, t, p, c) -> `` derivatives of the reading by all states and z, by d and by p."""
 
     @classmethod
     def of(cls, equations: Equations, nodes: np.ndarray, matrix: np.ndarray) -> Stages:
@@ -54,7 +55,7 @@ class Stages:
         p, c = ca.SX.sym("p", len(equations.parameters.free)), ca.SX.sym("c", equations.constants.size)
         arguments = [w, d, u, t, p, c]
         split = [every[:n_all, :], every[n_all:, :], d, u, t, p, c]
-        # Common parts of different forces are found before differentiation.
+        # Common subexpressions of different forces are found before differentiation.
         f = ca.cse(equations.dynamics(*split))[moving]
         y = equations.outputs(*split)
         mass = equations.mass(p, c)[:n_x, :]
@@ -233,7 +234,7 @@ def coupled(pattern: ca.Sparsity, n_x: int, coupling: np.ndarray) -> ca.Function
     inert = ((j * n + state) * size + i * n + state).ravel()
 
     places = np.unique(np.concatenate([driven, inert]))  # column by column
-    # Places without a number look up the zero behind the last number.
+    # Places without a number look up the zero after the last number.
     of_jacobian, of_mass, weight = np.full(places.size, nnz * count), np.full(places.size, n_x), np.zeros(places.size)
     of_jacobian[np.searchsorted(places, driven)] = np.arange(nnz * count)
     of_mass[np.searchsorted(places, inert)] = np.repeat(state, i.size)

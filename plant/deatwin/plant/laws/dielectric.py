@@ -190,7 +190,7 @@ def electrostriction_factors(
     Zhao & Suo, J. Appl. Phys. 104 (2008) 123530, doi:10.1063/1.3031483.
     """
     here = permittivity(stretch_1, stretch_2, *parameters)
-    # The operator that makes a true stress of an energy, here of another function of the stretches.
+    # The operator that turns an energy into a true stress, applied to the permittivity.
     first, second = true_stress(permittivity, stretch_1, stretch_2, *parameters)
     return 1 + first / here / 2, 1 + second / here / 2
 

@@ -164,7 +164,7 @@ def gent(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol, stretch_li
     Gent, Rubber Chem. Technol. 69 (1996) 59, doi:10.5254/1.3538357.
     """
     extension = first_invariant(stretch_1, stretch_2) - 3
-    # The root has no value beyond the limit, so neither has a stress there; that of the logarithm alone has.
+    # Beyond the limit the root has no value, so the stress has none; without the root, the stress would have one.
     return -shear_modulus * stretch_limit * ca.log(ca.sqrt(1 - extension / stretch_limit))
 
 
@@ -201,7 +201,7 @@ def arruda_boyce(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol, lo
     """
     links = locking_stretch**2
     extended = first_invariant(stretch_1, stretch_2) / (3 * links)
-    # As in `gent`: the root keeps a stress from having a value beyond the limit.
+    # As in `gent`, with the root the stress has no value beyond the limit.
     logarithm = ca.log(ca.sqrt((1 - extended) / (1 - 1 / links)))
     return shear_modulus * links * ((extended - 1 / links) / 2 - 2 * logarithm)
 

@@ -121,7 +121,7 @@ def random_walk(
             f"random walk over {duration:g} s in steps of {interval:g} s, spread {spread:g} in {spread_time:g} s from "
             f"permittivity {permittivity:g}: times and permittivity must be above 0 and the spread not below"
         )
-    # A whisker less than the quotient, or rounding would add an interval to a whole number of them.
+    # Slightly less than the quotient, so that rounding does not add an interval to a whole number of them.
     n_steps = int(np.ceil(duration / interval * (1 - 1e-12)))
     steps = spread * np.sqrt(interval / spread_time) * rng.standard_normal(n_steps)
     logarithms = np.zeros(n_steps + 1)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from deatwin.plant.simulate import Runner, Simulator
 
 
-SOLVED = 1e-6  # Share of the motion to which a plant is simulated: recordings without noise agree no better
+SOLVED = 1e-6  # Accuracy of a simulation as a share of the motion; recordings without noise agree no better
 
 
 class ReadingTime(Enum):
@@ -38,7 +38,7 @@ class ReadingTime(Enum):
     START_OF_HOLD = "start of hold"
     """The row's reading is taken at the instant at which the row's command is applied."""
     MEAN_OVER_HOLD = "mean over the hold"
-    """The row's reading is the mean over the time for which the row's command is held, as loggers that average give it."""
+    """The row's reading is the mean over the time for which the row's command is held, as averaging loggers give it."""
 
     @property
     def other_end(self) -> ReadingTime:
@@ -108,22 +108,22 @@ class Rig(ABC):
     output_name: ClassVar[str]
     output_unit: ClassVar[str]
     model_share: ClassVar[float] = 0.0
-    """Rms error of the rig's own equations as a share of the motion, where that is more than `model_error`."""
+    """Rms error of the rig's own equations as a share of the motion, used if it exceeds `model_error`."""
     follows_at_once: ClassVar[bool] = False
     """True if the reading follows the command without any dynamics."""
     equations_known: ClassVar[bool] = True
-    """False if a model that was written elsewhere moves the plant, of which `write` gives only what surrounds it."""
+    """False if a model that was written elsewhere moves the plant; `write` then gives only the parts around it."""
     has_film: ClassVar[bool] = False
-    """True if an elastomer film moves, whose relaxation is that of its material."""
+    """True if the rig moves an elastomer film, which relaxes as its material does."""
     offers: ClassVar[Mapping[str, str]] = MappingProxyType({})
-    """Signals that a further sensor could read, and their SI units; a film's electrical ones need no mention."""
+    """Signals that a further sensor could read, with their SI units; electrical readings of a film need no mention."""
     sizes: ClassVar[Sizes | None] = None
     """Sizes at which the catalogue's effects act on this rig, if they differ from the diaphragm's."""
 
     @property
     def readings(self) -> tuple[Reading, ...]:
         """Return all readings, the first one first."""
-        noise = max(self.noise, 1e-300)  # a simulated sensor may have none
+        noise = max(self.noise, 1e-300)  # a simulated sensor may have no noise
         first = Reading(name=self.output_name, unit=self.output_unit, noise=noise, model_error=self.model_error)
         return (first, *self.further)
 
@@ -307,7 +307,7 @@ def written(rig: Rig, build: Builder) -> Iterator[Any]:
     build.share("follows_at_once", rig.follows_at_once)
     build.share("reading_size", rig.reading_size)
     build.share("averages", rig.averages)
-    build.measure("room_temperature", ROOM_TEMPERATURE)  # an effect that knows better replaces it
+    build.measure("room_temperature", ROOM_TEMPERATURE)  # an effect may replace it
     for reading in rig.further:
         if reading.name == "current":
             build.share("series_resistance", reading.series_resistance)

@@ -10,7 +10,7 @@ from deatwin.plant.rigs.base import Rig
 
 GROUP = "deatwin.rigs"
 FOREIGN = EntryPoint("foreign", "deatwin.plant.foreign.rig:ForeignRig", GROUP)
-"""Holds models of any kind: it is no kind that a rig file could name."""
+"""Rig for models written elsewhere, of any kind; a rig file cannot name it."""
 
 
 @lru_cache

@@ -20,7 +20,8 @@ from deatwin.plant.rigs.revolved import Revolved
 
 Symbol = Any
 SHAPES, POINTS = 3, 6
-"""Shapes in the plane and as many out of it, besides the cone itself, and Gauss points in the logarithm of the radius."""
+"""Number of shapes in the plane, equal to that out of it besides the cone itself; and number of Gauss points in the
+logarithm of the radius."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +83,7 @@ class Cone(FilmActuator):
 
     kind: ClassVar[str] = "cone"
     model_share: ClassVar[float] = 0.005
-    """Share of the motion by which the film's shape errs."""
+    """Error of the film's assumed shape, as a share of the motion."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.disc_radius < self.frame_radius:
@@ -116,7 +117,7 @@ class Cone(FilmActuator):
                 along, _ = relaxed_stresses(self.substance, self.prestretch * (1 + ratio**2) ** 0.5, self.prestretch)
             except RigError:
                 break
-            # The cone is steepest, and its film bears the whole force, at the disc.
+            # At the disc the cone is steepest, and its film bears the whole force.
             steepest = ratio * self._size / (self.disc_radius * np.log(self.frame_radius / self.disc_radius))
             held = circle * along * steepest / (1 + steepest**2) ** 0.5
             if held >= float(self._force(height, self.mass, *(value for _, value, _ in self._outside))):
@@ -167,7 +168,7 @@ class Cone(FilmActuator):
 
     def _potential(self, position: Symbol, shape: Kinematics, build: Builder) -> Symbol:
         values = [build.parameter(name) for name in ("mass", *(name for name, _, _ in self._outside))]
-        # The force is a cubic: three Gauss points take its work exactly.
+        # The force is cubic, so that three Gauss points integrate its work exactly.
         abscissae, weights = np.polynomial.legendre.leggauss(3)
         return -position * sum(
             weight / 2 * self._force(position * (1 + at) / 2, *values)

@@ -19,7 +19,7 @@ from deatwin.plant.rigs.kinematics import with_branches
 from deatwin.plant.rigs.rigfile import RigFile
 
 Symbol = Any
-RELAXED = replace(material("VHB 4910"), branches=())  # The default: a purely elastic strip
+RELAXED = replace(material("VHB 4910"), branches=())  # Default material: purely elastic
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,8 +55,8 @@ class Coupon(Rig):
     sample_time: float = 0.02
     noise: float = 1e-3
     model_error: float = 0.05
-    """5 % of the 1 N with which a strip of 10 mm² resists: what good phenomenological models of VHB leave
-    (Zou & Gu: 4.5 % rms), here for clamps, between which the stretch is not uniform, and the form of W."""
+    """Rms error, N: 5 % of the 1 N with which a strip of 10 mm² resists. It covers the form of W and the clamps,
+    between which the stretch is not uniform; good phenomenological models of VHB leave 4.5 % rms (Zou & Gu)."""
 
     kind: ClassVar[str] = "coupon"
     has_film: ClassVar[bool] = True
@@ -66,7 +66,8 @@ class Coupon(Rig):
     output_unit: ClassVar[str] = "N"
     follows_at_once: ClassVar[bool] = True
     sizes: ClassVar[Sizes] = Sizes(command=1.0, command_unit="1", reading=1.0, reading_unit="N")
-    """The command is the strip's own length, not the longest pull: no offset in range takes all of it away."""
+    """The size of the command is the strip's own length, not its longest pull, so that no offset in range takes all of
+    it away."""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -104,7 +105,7 @@ class Coupon(Rig):
 
     def write(self, build: Builder) -> Symbol:
         pulled = build.watch("stretch", build.place(Place.DRIVE, "command", build.command))
-        # The force is the derivative by a virtual pull: the stretch itself may be an expression by now.
+        # The force is the derivative by a virtual pull, because the stretch itself may be an expression by now.
         virtual = build.constant("virtual_pull", 0.0)
         stretch = pulled + virtual
         volume = build.constant("volume", self._volume)

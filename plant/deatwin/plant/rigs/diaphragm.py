@@ -29,7 +29,7 @@ from deatwin.plant.rigs.unknown_start import SETTLING, memories, zero_of
 
 GRAVITY = 9.80665
 BALLS = ("bonded", "sliding")
-THESIS_PRESTRETCHES = (3.5, 4.5)  # Prestretches of which the thesis leaves open which its films had
+THESIS_PRESTRETCHES = (3.5, 4.5)  # Possible prestretches of the thesis' films; it leaves open which one they had
 RESOLUTIONS = {"reduced": reduced, "fine": membrane}
 
 Symbol = Any
@@ -99,8 +99,8 @@ class Diaphragm(Rig):
     sample_time: float = 0.02
     noise: float = 2e-6
     model_error: float = 1e-6
-    """Allowance for a rig that is not quite as described: finite-element rigs of another mesh and another law of flow
-    left 0.4 to 0.8 µm beyond the error of the equations."""
+    """Allowance for a rig that differs from its description, m: finite-element rigs with another mesh and another flow
+    law left 0.4 to 0.8 µm beyond the error of the equations."""
 
     kind: ClassVar[str] = "diaphragm"
     has_film: ClassVar[bool] = True
@@ -109,7 +109,7 @@ class Diaphragm(Rig):
     output_name: ClassVar[str] = "displacement"
     output_unit: ClassVar[str] = "m"
     model_share: ClassVar[float] = 0.01
-    """Share of the motion that this error reaches for large motion: most of it lies at the highest voltages."""
+    """Error of the equations for large motion, as a share of the motion. Most of it arises at the highest voltages."""
 
     def __post_init__(self) -> None:
         for name, known in (("ball", BALLS), ("resolution", RESOLUTIONS)):

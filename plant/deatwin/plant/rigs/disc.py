@@ -19,8 +19,8 @@ from deatwin.plant.rigs.revolved import matrix, move_with_film
 
 Symbol = Any
 INSIDE, AROUND = 3, 8
-"""Gauss points under the electrode, in the square of the radius, and in the ring, in its logarithm: enough for a ring
-ten times as wide as the electrode."""
+"""Numbers of Gauss points: under the electrode, in the square of the radius; in the ring, in the logarithm of the
+radius. They suffice for a ring ten times as wide as the electrode."""
 BENDS = ("bulge", "bump", "lean")
 """Coordinates of the film besides the growth of the electrode's edge: one under the electrode, two in the ring."""
 
@@ -78,7 +78,7 @@ class Disc(FilmActuator):
 
     kind: ClassVar[str] = "disc"
     model_share: ClassVar[float] = 0.004
-    """Share of the motion by which the film's shape errs."""
+    """Error of the film's assumed shape, as a share of the motion."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.electrode_radius < self.frame_radius:
@@ -143,7 +143,7 @@ class Disc(FilmActuator):
     def _move(self, velocity: Symbol, shape: Kinematics, forces: Symbol, build: Builder) -> None:
         (radii, areas), (motions, along) = self._points, self._shapes
         film, around = self.substance.density * (motions * areas) @ motions.T, motions / radii
-        # Of an incompressible film: the rates of its two stretches, and of the third, which is their sum.
+        # Rates of the two in-plane stretches of an incompressible film, and of the third, which is their sum.
         rates = (along, around, along + around)
         viscous = sum((rate * areas) @ rate.T for rate in rates)
         move_with_film(velocity, dict.fromkeys(BENDS, 1.0), film, viscous, shape, forces, build)

@@ -40,15 +40,15 @@ class FilmActuator(Rig):
     mass of zero the part follows the force at once.
     """
 
-    material: str | Material = "VHB 4905"  # or its name in `deatwin.plant.material.MATERIALS`
-    thickness: float = 0.5e-3  # of the film before stretching, m
-    mass: float = 5e-3  # inertia of the moved part, kg; what pulls it is a load of its own
-    damping: float = 1.0  # of its guide, where a fit begins, N s/m
-    gain: float = 800.0  # film volts per command volt
-    start_ramp: float = 0.0  # start procedure from 0 V, s
-    start_hold: float = 0.0
-    start_is_known: bool = True  # else no start procedure counts, and how far each memory is from rest is fitted
-    zero_is_known: bool = True  # the sensor's zero lies near the position without voltage
+    material: str | Material = "VHB 4905"  # Material, or its name in `deatwin.plant.material.MATERIALS`
+    thickness: float = 0.5e-3  # Thickness of the film before stretching, m
+    mass: float = 5e-3  # Inertia of the moved part, kg; the force that pulls it is a separate load
+    damping: float = 1.0  # Damping of its guide, from which a fit starts, N s/m
+    gain: float = 800.0  # Film volts per command volt
+    start_ramp: float = 0.0  # Ramp of the start procedure, from 0 V, s
+    start_hold: float = 0.0  # Hold after the ramp, s
+    start_is_known: bool = True  # If False, there is no start procedure, and each memory's distance from rest is fitted
+    zero_is_known: bool = True  # True if the sensor's zero lies near the position without voltage
     direction: float = 1.0  # -1 if the reading falls as the displacement grows
     sample_time: float = 0.02
     noise: float = 2e-6
@@ -160,7 +160,7 @@ class FilmActuator(Rig):
 
     @abstractmethod
     def _potential(self, position: Symbol, shape: Kinematics, build: Builder) -> Symbol:
-        """Potential energy of loads and springs, J."""
+        """Return the potential energy of loads and springs, J."""
 
 
 def relaxed_stresses(substance: Material, stretch_1: float, stretch_2: float) -> tuple[float, float]:
@@ -206,12 +206,12 @@ def _clamped(name: str, along: Symbol, across: float, build: Builder) -> tuple[S
 
 
 SIDES: Mapping[str, Sides] = MappingProxyType({"equal": _equal, "free": _free, "clamped": _clamped})
-"""``SIDES[how](name, along, across, build)``: the stretch across a film that has the stretch `along` (a symbol)
-along the motion and `across` at rest, and the coordinates that it takes."""
+"""``SIDES[how](name, along, across, build)`` returns the stretch across a film and the coordinates that it needs, from
+the stretch `along` the motion (a symbol) and the stretch `across` at rest."""
 LIMITS: Mapping[str, Callable[[AnyFilm, Symbol, Builder], None]] = MappingProxyType(
     {"equal": watch_breakdown, "free": watch_breakdown, "clamped": watch_limits}
 )
-"""Limits to watch: a film with free sides has no tension to lose."""
+"""Limits to watch, by sides. A film with free sides has no tension to lose."""
 
 
 def check_sides(sides: str, known: Collection[str]) -> None:

@@ -24,7 +24,7 @@ class Kinematics:
     """A film as a function of the rig's coordinates."""
 
     points: Sequence[FilmPoint]  # Points at which stretches are taken, in terms of the coordinates
-    coordinates: Sequence[Symbol]  # The algebraic ones, each with a balance to be given
+    coordinates: Sequence[Symbol]  # Algebraic coordinates, each of which needs a balance
     film: Callable[..., AnyFilm]
 
 

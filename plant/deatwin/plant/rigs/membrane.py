@@ -38,7 +38,7 @@ def membrane(rig: BallInFilm, deflection: Symbol, build: Builder) -> Kinematics:
     electrode = build.constant("electrode_reference", edges[1])
     thickness = build.parameter("thickness")
     free = _free_nodes(rig, np.concatenate([rings[0].nodes, rings[1].nodes[1:]]), edge, build)
-    # A bonded film keeps its stretch at the ball, every film at the frame; heights are counted from there.
+    # A bonded film keeps its stretch at the ball, and every film at the frame, from which heights are counted.
     held = [prestretch] if rig.ball == "bonded" else []
     stretches, heights = [*held, *free["stretch"], prestretch], [deflection, *free["drop"], ca.SX(0)]
     share = electrode_share(build)
@@ -49,10 +49,10 @@ def membrane(rig: BallInFilm, deflection: Symbol, build: Builder) -> Kinematics:
     inside = build.constant("contact_share", (edges[0] / edges[1]) ** 2 * np.pi * edges[1] ** 2)
 
     def passed(radius: Symbol) -> Symbol:
-        """A moving edge passes over each element smoothly; a fixed one covers whole elements."""
+        """Return the relative coverage at a radius, because a moving edge passes over each element smoothly."""
         return smooth_step((ca.sqrt(share) - radius) / width) / smooth_step((1 - radius) / width)
 
-    # The points together have the area that is left, whatever the elements.
+    # The points together cover exactly the area that is left, whatever the number of elements.
     left = share * (ca.sum1(area) + inside) - inside
     scale = 1.0 if isinstance(share, float) else left / ca.dot(area, passed(radii))
 
@@ -134,7 +134,7 @@ def _gauss_points(width: float) -> tuple[np.ndarray, np.ndarray]:
     """
     fine, lengths = np.polynomial.legendre.leggauss(16)
     moments = [float(lengths @ (np.exp(width * fine) * fine**k)) for k in range(4)]
-    # The roots of the quadratic that is orthogonal to 1 and x under the weight.
+    # The abscissae are the roots of the quadratic that is orthogonal to 1 and x under the weight.
     constant, linear = np.linalg.solve([moments[0:2], moments[1:3]], [-moments[2], -moments[3]])
     half = np.sqrt(linear**2 / 4 - constant)
     at = np.array([-linear / 2 - half, -linear / 2 + half])

@@ -20,7 +20,7 @@ from deatwin.plant.rigs.film_actuator import LIMITS, SIDES, FilmActuator, check_
 from deatwin.plant.rigs.kinematics import Kinematics, electrode_share, material_film, squared_voltage
 
 Symbol = Any
-MIDDLE = 0.5**0.5  # Radius of a uniform film's only point, as a share of the electrode's: half of the area lies within
+MIDDLE = 0.5**0.5  # Radius of a uniform film's only point, as a share of the electrode's; half of the area lies within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,7 +164,7 @@ class BlockedPlanar(Rig):
     output_unit: ClassVar[str] = "N"
     follows_at_once: ClassVar[bool] = True
     sizes: ClassVar[Sizes] = Sizes(voltage=1.2e3, reading=1.5, reading_unit="N")
-    """The drive is the diaphragm's. The film pulls with 2.2 N without voltage, with 1.2 N at 3 kV."""
+    """The voltage is the diaphragm's. The film pulls with 2.2 N without voltage, and with 1.2 N at 3 kV."""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

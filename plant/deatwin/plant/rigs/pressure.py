@@ -17,7 +17,8 @@ from deatwin.plant.rigs.kinematics import Kinematics
 from deatwin.plant.rigs.revolved import Revolved, matrix, move_with_film
 
 Symbol = Any
-SHAPES, POINTS = 3, 5  # Shapes out of the plane and as many in it, and Gauss points in the square of the radius
+SHAPES, POINTS = 3, 5
+"""Number of shapes out of the plane, equal to that in it; and number of Gauss points in the square of the radius."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +68,7 @@ class Pressure(FilmActuator):
 
     kind: ClassVar[str] = "pressure"
     model_share: ClassVar[float] = 0.005
-    """Share of the motion by which the film's shape errs."""
+    """Error of the film's assumed shape, as a share of the motion."""
 
     @property
     def _outside(self) -> tuple[tuple[str, float, str], ...]:
@@ -98,7 +99,7 @@ class Pressure(FilmActuator):
         abscissae, weights = np.polynomial.legendre.leggauss(POINTS)
         square = (1 + abscissae) / 2
         rho, shapes = rim * np.sqrt(square), (1 - square) * square**powers
-        rates = powers * square ** np.maximum(powers - 1, 0) - (powers + 1) * square**powers  # by the square
+        rates = powers * square ** np.maximum(powers - 1, 0) - (powers + 1) * square**powers  # per unit of the square
         return Revolved(
             radii=rho,
             areas=np.pi * rim**2 * weights / 2,
@@ -117,7 +118,7 @@ class Pressure(FilmActuator):
 
     def _move(self, velocity: Symbol, shape: Kinematics, forces: Symbol, build: Builder) -> None:
         film = self.substance.density * self._film.inertia
-        # The air takes up the motion of each part of the film, as its mass does.
+        # Damping by the air is distributed over the film as its mass is.
         move_with_film(velocity, self._scales, film, film, shape, forces, build)
 
     @property

@@ -41,8 +41,8 @@ if TYPE_CHECKING:
 Symbol = Any
 
 POINTS = 4
-"""Gauss points in each of the two zones: against sixteen, a displacement changes by less than 0.01 µm (sliding ball)
-or 0.5 µm (bonded, at 3 kV), less than a tenth of the error of the shape functions."""
+"""Number of Gauss points in each of the two zones. Compared with sixteen, a displacement changes by less than 0.01 µm
+(sliding ball) or 0.5 µm (bonded, at 3 kV), which is less than a tenth of the error of the shape functions."""
 
 
 def reduced(rig: BallInFilm, deflection: Symbol, build: Builder) -> Kinematics:
@@ -196,16 +196,16 @@ class _Geometry:
         )
 
     def radii(self, number: int) -> list[Symbol]:
-        """Reference radius of each Gauss point of a zone."""
+        """Return the reference radius of each Gauss point of a zone."""
         return [self.radius[number][k] for k in range(POINTS)]
 
     def rings(self, number: int) -> list[Symbol]:
-        """Ring area that each Gauss point of a zone represents."""
+        """Return the ring area that each Gauss point of a zone represents."""
         return [self.area[number][k] for k in range(POINTS)]
 
     @property
     def areas(self) -> list[Symbol]:
-        """Area of each point, that of the disc under the ball last."""
+        """Area of each point; the last one is the disc under the ball."""
         return [*self.rings(0), *self.rings(1), np.pi * self.contact_reference**2]
 
     def zones(self, contact: Symbol, stretch: Symbol) -> tuple[_Zone, _Zone]:

@@ -57,11 +57,11 @@ class Revolved:
     """Gauss points of a film in a ring, with the shapes evaluated there."""
 
     radii: np.ndarray  # shape (n,): Radius of each point in the unstretched film, m
-    areas: np.ndarray  # shape (n,): Area that it stands for, m²
+    areas: np.ndarray  # shape (n,): Area that each point represents, m²
     hoop: np.ndarray  # shape (n_g, n): f of each shape in the plane
     radial: np.ndarray  # shape (n_g, n): Derivative of rho f by rho
     height: np.ndarray  # shape (n_h, n): e of each shape out of the plane
-    slope: np.ndarray  # shape (n_h, n): Its derivative by rho, 1/m
+    slope: np.ndarray  # shape (n_h, n): Derivative of e by rho, 1/m
 
     @property
     def inertia(self) -> np.ndarray:

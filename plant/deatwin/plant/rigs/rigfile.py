@@ -31,7 +31,7 @@ class DriveSpec:
     start_is_known: bool = True
     command_min: float | None = None
     command_max: float | None = None
-    unit: str = "V"  # Of the commands
+    unit: str = "V"  # Unit of the commands
     supply: Supply | None = None
 
     @property
@@ -58,14 +58,14 @@ class RigFile:
     """Knowledge of an experimenter about a rig, in SI units."""
 
     kind: str
-    material: str | Material  # Published, by its name, or of the section [material]
-    film: Mapping[str, Any]  # Film and load: values by the field of the keys of the kind
-    load: Mapping[str, Any]
+    material: str | Material  # Name of a published material, or the material of the section [material]
+    film: Mapping[str, Any]  # Values of the section [film], by the field of their keys
+    load: Mapping[str, Any]  # Values of the section [load], likewise
     drive: DriveSpec
     sensor: SensorSpec
     stated: Mapping[str, Any]  # Sections, keys and values as the file has them
-    source: str = ""  # The file that it was read from
-    readings: tuple[Reading, ...] = ()  # Beside the displacement
+    source: str = ""  # File from which it was read
+    readings: tuple[Reading, ...] = ()  # Readings besides the first
 
     @staticmethod
     def from_dict(data: Mapping[str, Any], source: str = "rig") -> "RigFile":

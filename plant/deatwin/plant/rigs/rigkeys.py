@@ -13,13 +13,13 @@ class NumberKey:
     """A key whose value is a number."""
 
     field: str
-    lower: float  # Range, both ends included, in the file's unit
-    upper: float
+    lower: float  # Lower end of the range, included, in the file's unit
+    upper: float  # Upper end, likewise
     per_si: float = 1.0  # File units in one SI unit
     required: bool = True  # True if the key must be present
     slips: tuple[tuple[str, float, float], ...] = ()
     about: str = ""
-    instead: str = ""  # Key of the section that takes the place of this one
+    instead: str = ""  # Key of the section that may replace this one
 
     @property
     def allowed(self) -> str:
@@ -30,7 +30,7 @@ class NumberKey:
         """Describe the fault of a value and what is allowed; empty if there is none."""
         if isinstance(value, bool) or not isinstance(value, int | float):
             return f"{_toml(value)} is {kind_of(value)}; it must be {self.allowed}"
-        if not self.lower <= value <= self.upper:  # nan is not
+        if not self.lower <= value <= self.upper:  # true for NaN, too
             return (
                 f"{_toml(value)} is out of range; it must be from {self.lower:g} to {self.upper:g}{self._slip(value)}"
             )
@@ -57,7 +57,7 @@ class TextKey:
     choices: tuple[str, ...] = ()  # Allowed texts; any text if empty
     required: bool = True  # True if the key must be present
     about: str = ""
-    instead: str = ""  # Key of the section, or ``[section]``, that takes the place of this one
+    instead: str = ""  # Key of the section, or ``[section]``, that may replace this one
 
     @property
     def allowed(self) -> str:
@@ -77,7 +77,7 @@ class TextKey:
         return value
 
 
-# Units that a value may have been given in by mistake, with factor and shift to the file's own.
+# Units in which a value may have been given by mistake, with factor and shift to the file's unit.
 _MM = (("in m", 1e3, 0.0), ("in um", 1e-3, 0.0))
 _UM = (("in mm", 1e3, 0.0), ("in nm", 1e-3, 0.0))
 _MG = (("in mg", 1e-3, 0.0),)
@@ -155,7 +155,7 @@ DRIVE: Keys = {
     ),
 }
 AGAINST = "against the motion"
-DIRECTIONS = {"along the motion": 1.0, AGAINST: -1.0}  # Factor of the motion in the reading, by the text of the file
+DIRECTIONS = {"along the motion": 1.0, AGAINST: -1.0}  # Sign of the motion in the reading, by the text in the file
 SENSOR: Keys = {
     "sample_rate_Hz": NumberKey(field="sample_rate", lower=1e-3, upper=1e6, about="of the recordings"),
     "noise_um": NumberKey(field="noise", lower=0.0, upper=1e4, per_si=1e6, slips=_UM, about="rms"),

@@ -37,12 +37,10 @@ class RigKind:
     load: Keys = field(default_factory=dict)
     drive: Keys = field(default_factory=lambda: DRIVE)
     sensor: Keys = field(default_factory=lambda: SENSOR)
-    units: tuple[str, str] = ("V", "m")  # Of the command and the reading
-    below: tuple[Pair, ...] = ()  # Numbers that must be below others, since one part cannot hold the other otherwise
-    absent: Mapping[str, float] = field(
-        default_factory=dict
-    )  # Fields of the rig where the file does not have their key
-    examples: Mapping[str, float | str] = field(default_factory=dict)  # Values of a template
+    units: tuple[str, str] = ("V", "m")  # Units of the command and of the reading
+    below: tuple[Pair, ...] = ()  # Pairs of numbers; the first must be smaller, as in a part that fits into another
+    absent: Mapping[str, float] = field(default_factory=dict)  # Values of the rig's fields whose key the file lacks
+    examples: Mapping[str, float | str] = field(default_factory=dict)  # Example values for a template
 
     @property
     def sections(self) -> Mapping[str, Keys]:

@@ -19,7 +19,7 @@ from deatwin.plant.safe_read import clipped
 from deatwin.plant.substance import Branch, Material, energy_named
 
 SPREAD = 5.0
-"""Ratio of the ends of a range to a value that is given without one: published sets of one elastomer differ by less."""
+"""Ratio of a value given without a range to the ends of its range; published sets of one elastomer differ by less."""
 LIMITS = ("stretch_limit", "locking_stretch")
 _VALUE = "a number, or { value = 330e3, low = 250e3, high = 500e3 }"
 KEYS = ("name", "energy", "parameters", "branches", "permittivity", "breakdown", "density_kg_m3")

@@ -28,11 +28,11 @@ _KEY = re.compile(rf"\s*({_PATH})\s*=")
 class Mistake:
     """A mistake of a rig file."""
 
-    text: str  # Mistake, and what is allowed
+    text: str  # Description of the mistake and of what is allowed
     at: Place = ()
     line_of: Place = ()  # Entry whose line the user should look at
-    missing: Place = ()  # Missing entry, and the entry that an unknown name probably means
-    meant: Place = ()
+    missing: Place = ()  # Missing entry
+    meant: Place = ()  # Entry that an unknown name probably means
 
     @property
     def where(self) -> str:
@@ -46,7 +46,7 @@ def mistakes_of(data: Mapping[str, Any]) -> list[Mistake]:
     table = KINDS[kind].sections
     outside = [_outside(name, table) for name in data if name not in (*table, "kind", "material", READINGS)]
     called = {section: section for section in table}
-    for mistake in outside:  # a section with a misspelt name is read by the name that it should have
+    for mistake in outside:  # a section with a misspelt name is read under the name that it should have
         name = mistake.line_of[0]
         if len(mistake.meant) == 1 and mistake.meant[0] not in data and isinstance(data[name], Mapping):
             called[mistake.meant[0]] = name

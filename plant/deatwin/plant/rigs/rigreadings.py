@@ -33,7 +33,7 @@ READING_KEYS: Keys = MappingProxyType(
         ),
     }
 )
-"""Keys of each such section."""
+"""Keys of the section of each further reading."""
 
 
 def unit_fault(name: str, unit: object) -> str:

@@ -18,7 +18,7 @@ _HEAD = """\
 kind = "{kind}"
 """
 AT_MOST = "the recording shows at most this: put the data sheet's value here if you have it"
-"""What the template says of a noise that a recording told."""
+"""Remark of the template on a noise that was estimated from a recording."""
 _OWN_MATERIAL = f"""\
 ##[material]  # a film of your own, instead of the key material in [film]
 # energy: one of {", ".join(ENERGIES)}, or a formula in I1 and I2
@@ -103,6 +103,6 @@ def _entry(
         said.append(known[1])
     value = known[0] if known is not None else example
     written = f'"{value}"' if isinstance(value, str) else repr(float(f"{value:.6g}"))
-    # An alternative to a required key stays an example even where the others are filled in.
+    # An alternative to a required key stays an example even if the others are filled in.
     mark = "" if known is not None else "##" if isinstance(key, TextKey) and name in ("input", "start") else "#"
     return ["; ".join(filter(None, said)), f"{mark}{name} = {written}"]

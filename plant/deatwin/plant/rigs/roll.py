@@ -11,7 +11,7 @@ from deatwin.plant.rigs.film_actuator import FilmActuator, relaxed_stresses
 from deatwin.plant.rigs.kinematics import Kinematics, electrode_share
 
 Symbol = Any
-MIDDLE = 0.5**0.5  # Radius of a uniform film's only point, as a share of the electrode's: half of the area lies within
+MIDDLE = 0.5**0.5  # Radius of a uniform film's only point, as a share of the electrode's; half of the area lies within
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,7 +18,7 @@ from deatwin.plant.rigs.base import Rig
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FILM, ELECTRODE, BODY = "C2", "C0", "C1"  # Colours of the film, of its electrode, and of what holds or moves it
+FILM, ELECTRODE, BODY = "C2", "C0", "C1"  # Colours of the film, of its electrode, and of parts that hold or move it
 Point = tuple[float, float]
 
 
@@ -59,7 +59,7 @@ class _Pen:
             )
 
     def text(self, x: float, y: float, text: str, side: str = "center") -> None:
-        reach = 0.045 * len(text)  # an estimate of its width, so that it stays inside
+        reach = 0.045 * len(text)  # estimated width of the text, so that it stays inside
         left = x - (0.0 if side == "left" else reach / 2)
         self.ax.update_datalim([(left, y), (left + reach, y + 0.12)])
         self.ax.text(x, y, text, ha=side, va="center" if side == "left" else "bottom")

@@ -49,7 +49,7 @@ def _require(name: str, value: Any, kind: Any, called: str) -> None:
     lower, upper = _RANGES.get(name, (-LARGEST, LARGEST))
     if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
         raise RigError(f"rig.{name} is {clipped(repr(value))}; it must be {called}")
-    if isinstance(value, int | float) and not lower <= value <= upper:  # nan is not
+    if isinstance(value, int | float) and not lower <= value <= upper:  # true for NaN, too
         raise RigError(f"rig.{name} is {value:g}; it must be from {lower:g} to {upper:g}")
 
 

@@ -27,7 +27,7 @@ class TomlFile:
             text = read_regular(path, RIG_BYTES, lambda fault: RigError(f"{path}: {fault}")).decode("utf-8-sig")
             return cls(path=str(path), text=text, data=tomllib.loads(text))
         except OSError as error:
-            # Stricter than usual: equal endings are no likeness.
+            # Stricter than usual, because all candidates have the same ending.
             beside = [entry.name for entry in Path(path).parent.glob("*.toml")]
             hint = nearest(Path(path).name, beside, likeness=0.8) if isinstance(error, FileNotFoundError) else ""
             raise RigError(f"{path}: the {what} cannot be read: {error.strerror}{hint}") from None

@@ -13,10 +13,12 @@ if TYPE_CHECKING:
     from deatwin.plant.effects.base import Effect
 
 SETTLING = StartProcedure(rest_command=0.0, ramp=0.0, hold=1.0, uncounted=1.0)
-"""The first command is held for a second: amplifier, electrode and motion settle in it, and memories, which are free
-before it, are free after it. If they were moving when the recording began, they forget it in another second."""
+"""Start procedure of an experiment with an unknown beginning. The first command is held for a second, in which
+amplifier, electrode and motion settle; memories are free before it and remain so. What was still moving when the
+recording began is forgotten in another second."""
 FARTHEST = {"1": 0.5, "V": 20e3}
-"""Farthest displacement of a memory, by its unit: half of the film's stretch, more than any amplifier gives."""
+"""Largest displacement of a memory from rest, by its unit: half of the film's stretch, and a voltage beyond any
+amplifier's."""
 
 
 def memories(substance: Material, effects: Sequence[Effect]) -> tuple[Parameter, ...]:

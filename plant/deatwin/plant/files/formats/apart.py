@@ -15,12 +15,12 @@ from typing import TypeVar
 
 from deatwin.plant.errors import DataError
 
-SECONDS = 60.0  # that a trial may take for a small file
-BYTES_PER_SECOND = 2_000_000  # that a slow disk and a slow machine unpack
-_ENDING = ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP")  # sent by the system or the user, not by a fault
+SECONDS = 60.0  # Longest trial of a small file, s
+BYTES_PER_SECOND = 2_000_000  # Rate at which a slow machine with a slow disk unpacks
+_ENDING = ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP")  # Signals sent by the system or the user, not caused by a fault
 _FROM_OUTSIDE = tuple(-getattr(signal, name) for name in _ENDING if hasattr(signal, name))
 _BEGUN, _THROUGH = b"begun", b"through"
-# Errors of Python come to their end here: they are raised again where they can be told.
+# Python's exceptions are ignored here; unpacking in the calling process raises them again.
 _PROGRAM = """
 import importlib, json, sys
 sys.path[:] = json.loads(sys.argv[1])
@@ -34,7 +34,7 @@ except Exception:
     pass
 sys.stdout.write("through")
 """
-_survived: set[tuple[str, ...]] = set()  # what need not be tried again
+_survived: set[tuple[str, ...]] = set()  # Cases that need no second trial
 
 Content = TypeVar("Content")
 
@@ -70,8 +70,8 @@ def trial(unpack: Callable[..., object], content: bytes, path: str, *wanted: str
     """Try to unpack a file in another process, and report the outcome."""
     program = spawn.get_executable()
     if getattr(sys, "frozen", False) or not program:
-        return Outcome.UNTRIED  # there is no interpreter to start: a program of one file would begin again
-    # -P: what lies in the working folder is not imported
+        return Outcome.UNTRIED  # there is no interpreter to start; a frozen program would start itself
+    # -P: modules in the working folder are not imported
     command = [program, "-P", "-c", _PROGRAM, json.dumps(sys.path), unpack.__module__, unpack.__name__, path, *wanted]
     most = SECONDS + len(content) / BYTES_PER_SECOND
     try:

@@ -78,7 +78,7 @@ class ArrayTable(Table):
         whole = values.dtype.kind in "iu"
         since = (values.astype(np.int64) - int(values[0])) if whole else values.astype(np.float64) - float(values[0])
         seconds = UNITS[scale.unit].to_si(since.astype(np.float64))
-        # Floats tell a date to 0.24 us, not better.
+        # As a float, a date is known only to 0.24 us.
         return seconds if whole else np.round(seconds, 6)
 
 

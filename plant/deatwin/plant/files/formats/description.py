@@ -18,7 +18,7 @@ from deatwin.plant.files.units import UNITS
 from deatwin.plant.safe_read import clipped
 
 SCHEMA = "deatwin/recording/1"
-KEY = "deatwin"  # the variable, property or attribute that holds the description
+KEY = "deatwin"  # Name of the variable, property or attribute that holds the description
 
 
 class Signals(Protocol):
@@ -80,7 +80,7 @@ def plain_header(name: str, unit: str) -> str:
 
 def header_with_unit(name: str, unit: str) -> str:
     """Return a signal's name and SI unit as its header; empty if it would be misread."""
-    said = unit if unit in UNITS and UNITS[unit].si == unit else ""  # another one stands in the description
+    said = unit if unit in UNITS and UNITS[unit].si == unit else ""  # any other unit is in the description
     header = f"{name}_{said}" if said else name
     fits = re.fullmatch(r"[^\W\d_]\w*", name) and split_unit(header)[1] == said
     return header if fits else ""
@@ -113,7 +113,7 @@ def read_description(text: str, path: str, *, start: float = 0.0) -> Declared:
             signals=tuple(_signal(entry) for entry in content["signals"]),
             provenance={str(key): str(value) for key, value in content["provenance"].items()},
         )
-    except _DAMAGED as error:  # DataError is a ValueError
+    except _DAMAGED as error:  # including DataError, which is a ValueError
         raise _damaged(path, error) from None
 
 

@@ -25,7 +25,7 @@ from deatwin.plant.safe_read import COLUMNS, ROWS, TEXT_BYTES, clipped
 
 _MAGIC, _END = "LabVIEW Measurement", "***End_of_Header***"
 _SPECIAL, _SPECIAL_END = "***Start_Special***", "***End_Special***"
-_ABSOLUTE = 1e9  # s: x values of this size are dates themselves, counted from 1904
+_ABSOLUTE = 1e9  # Size above which x values are absolute times, s since 1904
 _SEPARATORS = {"Tab": "\t", "Comma": ","}
 
 
@@ -107,7 +107,7 @@ def _segments(lines: list[str], separator: str, about: dict[str, str], path: str
             state = "samples"
         elif state == "samples":
             segments[-1].rows.append(row)
-            # A comment behind the channels may hold any mark.
+            # A comment after the channels may contain any separator.
             kept = separator.join(line.split(separator, len(segments[-1].names))[: len(segments[-1].names)])
             segments[-1].lines.append(kept.replace(",", ".") if comma else kept)
     segments = [segment for segment in segments if segment.lines]
@@ -129,7 +129,7 @@ def _table(segments: list[_Segment], separator: str, x_columns: str, path: str, 
     if x_columns == "Multi":
         _require_one_clock(segments, separator, path)
     deltas = {first.number("Delta_X", k) for k in range(len(first.names) - 1)} - {None}
-    # Without x values the columns of a header stand as those of its channels do, one further to the left.
+    # Header entries are counted by channel from 0; even without x values, a channel's samples are one column further.
     timing, lines = None, [line for segment in segments for line in segment.lines]
     if x_columns == "No":
         starts = {first.number("X0", k) for k in range(len(first.names) - 1)} - {None}
@@ -205,7 +205,7 @@ def _on_one_clock(segments: list[_Segment], lines: list[str], separator: str) ->
     for segment, end, date in zip(segments, ends, began, strict=True):
         shift = (date - began[0]).total_seconds()
         for k in range(end - len(segment.lines), end):
-            # Text that is not a number stays unchanged, for the error of its row.
+            # Text that is not a number stays unchanged, so that the error for its row can show it.
             cell, mark, rest = lines[k].partition(separator)
             moved.append(f"{cell if math.isnan(x[k]) else repr(x[k] + shift)}{mark}{rest}")
     return moved

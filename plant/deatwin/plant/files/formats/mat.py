@@ -34,12 +34,12 @@ from deatwin.plant.recording import Recording
 from deatwin.plant.safe_read import clipped
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-_USER_BLOCK = 512  # bytes before the HDF5 signature of a file of version 7.3
+_USER_BLOCK = 512  # Number of bytes before the HDF5 signature in a file of version 7.3
 _SAMPLE_TIMES = ("ts", "dt", "sample_time", "ts_s", "dt_s", "sample_time_s")
 _SAMPLE_RATES = ("fs", "sample_rate", "fs_hz", "sample_rate_hz")
 _TIME = "time_s"
-_WIDEST = 64  # signals of a matrix; wider ones are images and maps
-_UNUSED = ("cell", "object", "function", "opaque", "sparse", "unknown")  # classes of variables
+_WIDEST = 64  # Largest number of signals in a matrix; wider matrices are images and maps
+_UNUSED = ("cell", "object", "function", "opaque", "sparse", "unknown")  # Classes of variables that are ignored
 
 
 def read_mat(path: str | Path) -> ArrayTable:
@@ -95,7 +95,7 @@ def _table(path: str, sha256: str, found: Mapping[str, Any]) -> ArrayTable:
 
 
 def _of_matrix(name: str, value: np.ndarray, lengths: set[int]) -> dict[str, np.ndarray]:
-    """Return the signals of a matrix, along the side that is as long as other vectors, by default the longer."""
+    """Return the signals of a matrix, which run along its longer side; none if other vectors have other lengths."""
     if value.ndim != 2 or not 1 < min(value.shape) <= _WIDEST or (lengths and max(value.shape) not in lengths):
         return {}
     if value.shape[0] >= value.shape[1]:
@@ -136,7 +136,7 @@ def of_level_5(content: bytes, path: str) -> dict[str, Any]:
 
     require_sound_level_5(content, path)
     listed = whosmat(io.BytesIO(content))
-    # Cells are not used: what they declare need not be made room for.
+    # Unused variables such as cells are not loaded, so that no memory is allocated for what they declare.
     left = {name for name, shape, kind in listed if kind in _UNUSED or (kind == "struct" and math.prod(shape) != 1)}
     used = [name for name, _, _ in listed if name not in left]
     held = loadmat(io.BytesIO(content), variable_names=used)
@@ -168,10 +168,10 @@ def of_hdf5(content: bytes, path: str) -> dict[str, Any]:
             if name.startswith("#") or not isinstance(node, h5py.Dataset) or "MATLAB_empty" in node.attrs:
                 continue
             kind = np.bytes_(node.attrs.get("MATLAB_class", b"")).decode()
-            if kind == "char":  # UTF-16 code units, as columns
+            if kind == "char":  # UTF-16 code units, stored by columns
                 values[name.replace("/", ".")] = node[()].T.astype("<u2").tobytes().decode("utf-16-le")
             elif node.dtype.kind in "fiub" and kind not in ("cell", "function_handle"):
-                values[name.replace("/", ".")] = node[()].T  # by columns, as MATLAB keeps it
+                values[name.replace("/", ".")] = node[()].T  # MATLAB stores arrays by columns
     return values
 
 

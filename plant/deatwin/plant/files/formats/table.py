@@ -14,9 +14,9 @@ from deatwin.plant.files.times import TimeScale
 from deatwin.plant.files.units import UNITS, Unit, find_unit
 from deatwin.plant.safe_read import clipped
 
-_SAME_CLOCK = 1e-3  # relative difference of two sample times that are one
-_NO_UNITS = ("", "-", "–", "1")  # as a line of units leaves one out
-_LISTED = 20  # headers that an error text names
+_SAME_CLOCK = 1e-3  # Relative difference below which two sample times mean the same clock
+_NO_UNITS = ("", "-", "–", "1")  # Entries in a line of units that stand for no unit
+_LISTED = 20  # Largest number of headers that an error lists
 
 
 def is_place(wanted: str) -> bool:
@@ -29,9 +29,9 @@ class Signal:
     """One channel of a recording."""
 
     role: str  # ``input``, ``output`` or ``extra``
-    name: str  # Its name inside
-    unit: str  # Its SI unit; an empty text where it is not known
-    header: str  # Its column in the file
+    name: str  # Name in the recording
+    unit: str  # SI unit; empty if unknown
+    header: str  # Header of its column in the file
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,8 +54,8 @@ class Timing:
 class Declared:
     """What a file declares about its recording, besides the columns."""
 
-    timing: Timing | None = None  # Its clock
-    signals: tuple[Signal, ...] = ()  # Meaning of the columns; empty if only the headers tell it
+    timing: Timing | None = None  # Clock; None if the file states none
+    signals: tuple[Signal, ...] = ()  # Meaning of the columns; empty if only the headers show it
     provenance: Mapping[str, str] = field(default_factory=dict)  # Origin of the samples
 
 
@@ -63,12 +63,12 @@ class Declared:
 class Table(ABC):
     """Named columns of a file."""
 
-    path: str  # The file, as error texts call it
-    sha256: str  # Hash of its bytes
-    headers: tuple[str, ...]  # The column headers as the file has them
+    path: str  # Path of the file, as errors show it
+    sha256: str  # Hash of the file's bytes
+    headers: tuple[str, ...]  # Headers of the columns as in the file
     names: tuple[str, ...]
     units: tuple[str, ...]
-    declared: Declared = Declared()  # Declarations of the file beside the columns
+    declared: Declared = Declared()  # Declarations in the file besides the columns
     nameless: bool = False  # True if the file has no header, so that positions serve as headers: ``#1``, ``#2``
     scales: Mapping[int, TimeScale] = field(default_factory=dict)
     said: tuple[str, ...] = ()
@@ -91,7 +91,7 @@ class Table(ABC):
         """Return the unit of a column, which converts to the wanted unit."""
         known = self.units[column]
         own = next((s.unit for s in self.declared.signals if s.header == self.headers[column]), "")
-        if known and find_unit(own) == known:  # a recording in a unit of its own, which is kept
+        if known and find_unit(own) == known:  # the file declares this unit, which is kept
             return self.wanted.get(column, Unit(own))
         return self.wanted.get(column) or (UNITS[known] if known else Unit(self.own_unit(column)))
 

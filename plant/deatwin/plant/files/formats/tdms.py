@@ -32,7 +32,7 @@ from deatwin.plant.safe_read import in_words
 
 STARTED = "wf_start_time"
 _GROUP = "recording"
-_BROKEN_OFF = ("Last segment", "Data size")  # a broken acquisition holds what was written until then
+_BROKEN_OFF = ("Last segment", "Data size")  # Messages about an interrupted acquisition, which keeps its data
 _UNITS = ("unit_string", "NI_UnitDescription")
 
 

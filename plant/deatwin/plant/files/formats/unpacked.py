@@ -15,16 +15,16 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.files.formats.optional import require
 from deatwin.plant.safe_read import RECORDING_BYTES, clipped, in_words
 
-_MOST_PACKED = 1032  # bytes that zlib makes of one, at most (RFC 1951: 258 bytes of 2 bits)
+_MOST_PACKED = 1032  # Largest number of bytes that zlib unpacks from one (RFC 1951: 258 bytes from 2 bits)
 _PIECE = 1 << 20
-_HEAD = 64  # bytes that hold the flags of an array
-_COMPRESSED = 15  # type of an element
-_INTEGERS = (5, 6)  # types that dimensions may have
-_OF_ARRAYS = (1, 2, 3)  # classes of arrays whose entries are arrays: cell, struct, object
-_TYPES = frozenset({1, 2, 3, 4, 5, 6, 7, 9, 12, 13, 14, 15, 16, 17, 18})  # of elements
-_ARRAY = 14  # type of an element
-_CLASSES = range(1, 16)  # of arrays that are read: without functions and what MathWorks does not describe
-_COMPLEX = 0x0800  # flag of an array that has a second part
+_HEAD = 64  # Number of bytes at the start of an array that include its flags
+_COMPRESSED = 15  # Type of a compressed element
+_INTEGERS = (5, 6)  # Types of elements that hold dimensions
+_OF_ARRAYS = (1, 2, 3)  # Classes of arrays whose entries are arrays: cell, struct, object
+_TYPES = frozenset({1, 2, 3, 4, 5, 6, 7, 9, 12, 13, 14, 15, 16, 17, 18})  # Types that an element may have
+_ARRAY = 14  # Type of an element that is an array
+_CLASSES = range(1, 16)  # Classes of arrays that are read: no functions, nor classes that MathWorks does not describe
+_COMPLEX = 0x0800  # Flag of an array with an imaginary part
 _ORDERS: dict[bytes, Literal["little", "big"]] = {b"IM": "little", b"MI": "big"}
 
 
@@ -40,7 +40,7 @@ class Metered(io.BytesIO):
     def __init__(self, content: bytes, path: str) -> None:
         super().__init__(content)
         self._path, self._read = path, 0
-        self._most = 3 * len(content) + 1_000_000  # a header is read twice, and so may be samples
+        self._most = 3 * len(content) + 1_000_000  # headers are read twice, and samples may be, too
 
     def read(self, size: int | None = -1, /) -> bytes:
         """Return the next bytes, unless too many have been read."""
@@ -75,7 +75,7 @@ def require_plain_hdf5(file: Any, path: str) -> None:
         count += max(size, chunk)
         return too_much(path, count) if count > RECORDING_BYTES else None
 
-    if fault := file.visititems_links(look):  # what is raised inside, HDF5 loses
+    if fault := file.visititems_links(look):  # returned, because HDF5 loses exceptions raised inside
         raise fault
 
 
@@ -87,7 +87,7 @@ def require_sound_level_5(content: bytes, path: str) -> None:
     """Refuse a MATLAB file of version 5 that unpacks to too much, or has more entries than it holds."""
     order: Literal["little", "big"] | None = _ORDERS.get(content[126:128])
     if order is None:
-        return  # version 4, or no MATLAB file
+        return  # version 4, or not a MATLAB file
     surely_small = len(content) * _MOST_PACKED <= RECORDING_BYTES
     count, place = 0, 128
     while place + 8 <= len(content):
@@ -113,7 +113,8 @@ def _require_types(matrix: bytes, order: Literal["little", "big"], path: str) ->
         return
     while place + 8 <= len(matrix):
         kind, size = (int.from_bytes(matrix[k : k + 4], order) for k in (place, place + 4))
-        begin, place = place + 8, place + 8 + (0 if kind >> 16 else -(-size // 8) * 8)  # four bytes may lie in the tag
+        # Up to four bytes of data may lie in the tag itself.
+        begin, place = place + 8, place + 8 + (0 if kind >> 16 else -(-size // 8) * 8)
         if kind & 0xFFFF not in _TYPES:
             raise DataError(f"{path}: no element can be of type {kind & 0xFFFF}; it is damaged")
         if kind == _ARRAY:

@@ -13,7 +13,7 @@ from deatwin.plant.files.csvtable import CsvTable, read_bytes, table_of
 from deatwin.plant.files.formats.optional import reading, require
 from deatwin.plant.safe_read import TEXT_BYTES, clipped, in_words
 
-_LISTED = 10  # sheets that an error text names
+_LISTED = 10  # Largest number of sheets that an error lists
 
 
 def split_sheet(path: str | Path) -> tuple[str, str]:
@@ -31,7 +31,7 @@ def read_xlsx(path: str | Path) -> CsvTable:
         with zipfile.ZipFile(io.BytesIO(content)) as packed:
             if (size := sum(entry.file_size for entry in packed.infolist())) > TEXT_BYTES:
                 raise DataError(f"{name}: it unpacks to {in_words(size)}; at most {in_words(TEXT_BYTES)} can be read")
-        # Values, and formulas where they hold none: a program that only writes workbooks does not compute.
+        # Formulas replace missing values, because programs that only write workbooks do not compute them.
         books = [openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=only) for only in (True, False)]
         pairs = zip(*(book.worksheets for book in books), strict=True)
         sheets = {values.title: _lines(values, formulas) for values, formulas in pairs}
@@ -45,7 +45,7 @@ def read_xlsx(path: str | Path) -> CsvTable:
     for title, lines in filled.items() or [("", [])]:
         try:
             tables[title] = table_of(lines, str(path), hashlib.sha256(content).hexdigest())
-        except DataError:  # notes, beside the sheet that holds samples
+        except DataError:  # a sheet of notes, beside the one with samples
             if len(filled) < 2:
                 raise
     if len(tables) == 1:
@@ -60,7 +60,7 @@ def _lines(values: Any, formulas: Any) -> list[tuple[int, str]]:
     """Return the non-empty rows of a sheet as text with tabs, each with its number."""
     lines = []
     for sheet in (values, formulas):
-        sheet.reset_dimensions()  # what a file says of its size may be wrong, and is not needed
+        sheet.reset_dimensions()  # the size stated in the file may be wrong, and is not needed
     rows = zip(*(sheet.iter_rows(values_only=True) for sheet in (values, formulas)), strict=True)
     for row, (cells, written) in enumerate(rows, 1):
         texts = [_text(source if cell is None else cell) for cell, source in zip(cells, written, strict=True)]
@@ -88,5 +88,5 @@ def _text(cell: object) -> str:
                     hours=cell.hour, minutes=cell.minute, seconds=cell.second, microseconds=cell.microsecond
                 ).total_seconds()
             )
-    # A quote would begin a cell that may hold tabs.
+    # A double quote would begin a quoted cell, which may contain tabs.
     return " ".join(str(cell).replace('"', "'").split())
