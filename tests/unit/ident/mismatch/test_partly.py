@@ -1,5 +1,6 @@
 """What acts where nothing explains a mismatch wholly: which effects stand, and what they leave."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, ClassVar
@@ -103,8 +104,21 @@ def test_what_two_others_do_far_better_does_not_act():
     ("low", "high", "known"), [(1.0, 2.0, True), (-2.0, -1.0, True), (-1.0, 2.0, False), (0.0, 1.0, False)]
 )
 def test_an_effect_whose_strength_may_be_none_is_not_certain_to_act(low, high, known):
-    fit = SimpleNamespace(plant=SimpleNamespace(effects=(SensorDrift(),)), interval=lambda name: (low, high))
-    assert is_known(SimpleNamespace(effects=("sensor_drift",), calibration=fit)) is known
+    assert is_known(drifting(low, high)) is known
+
+
+def test_a_strength_that_only_others_tell_is_left_to_the_ablation():
+    assert is_known(drifting(0.0, 1.0, undetermined=["sensor_drift.change"]))
+
+
+def drifting(low: float, high: float, undetermined: Collection[str] = ()) -> SimpleNamespace:
+    """Return a candidate with a drift whose strength has an interval."""
+    fit = SimpleNamespace(
+        plant=SimpleNamespace(effects=(SensorDrift(),)),
+        interval=lambda name: (low, high),
+        undetermined=frozenset(undetermined),
+    )
+    return SimpleNamespace(effects=("sensor_drift",), calibration=fit)
 
 
 def test_what_is_left_is_where_most_of_it_is():
