@@ -120,7 +120,8 @@ def _real_equilibria(model: NarxModel, inputs: Array) -> Array:
     sizes = np.bincount(degrees, weights=np.abs(weights), minlength=2)
     coefficients[1] -= 1.0
     sizes[1] += 1.0
-    # Coefficients in units of the data do not depend on the choice of units; those that cancel to rounding are zero.
+    # Scaled to units of the data, so that the choice of units has no influence; coefficients that cancel to rounding
+    # become zero.
     scale = 1.0 if model.operating is None else _output_size(model)
     powers = scale ** np.arange(coefficients.size)
     scaled, sizes = coefficients * powers, sizes * powers

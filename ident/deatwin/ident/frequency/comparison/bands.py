@@ -23,8 +23,8 @@ Array = NDArray[np.float64]
 Range = tuple[float, float]
 
 LINES = 8  # Frequencies in a band, enough for the curvature of a response with few poles
-TONES = 16  # Frequencies of each further tone, over both signs
-_HIGHEST = 5  # half a million combinations
+TONES = 16  # Values of each further input frequency, over both signs
+_HIGHEST = 5  # highest order that is compared: half a million combinations of frequencies
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -32,10 +32,10 @@ class BandMean:
     """H_n, averaged over the combinations of input frequencies whose sum lies in a band."""
 
     order: int  # n
-    from_Hz: float  # The band of the sum
+    from_Hz: float  # Lower edge of the band of the sum
     to_Hz: float
     value: Array  # shape (2,): Real and imaginary part of the mean, in ``unit``
-    gradient: Array  # shape (2, n_terms): Its derivative by the parameters of the model
+    gradient: Array  # shape (2, n_terms): Derivative of the value by the parameters of the model
     scatter: Scatter
     gain: float  # Root mean square of the gain over the combinations, in ``unit``
     unit: str
@@ -96,7 +96,7 @@ def _mean(model: NarxModel, order: int, band: Range, omega: Array, operating_inp
     response = gfrf(model, order, omega, operating_input=operating_input)
     mean, slope = response.values.mean(), response.gradient.mean(axis=0)
     gradient = np.stack([slope.real, slope.imag])
-    # A t law with that covariance has a smaller scale.
+    # The squared scale of a t law is smaller than its covariance.
     share = 1.0 if np.isinf(model.theta_dof) else (model.theta_dof - 2) / model.theta_dof
     return BandMean(
         order=order,

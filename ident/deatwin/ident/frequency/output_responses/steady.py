@@ -13,9 +13,9 @@ from deatwin.ident.narx.response import divergence_limit
 
 Array = NDArray[np.float64]
 
-_RUN = 4096  # samples of one run at least: a call costs as much as hundreds of samples
-_PATIENCE = 1_000_000  # samples, or 100 periods where these are more
-_SMALL = 1e-11  # a change of the output by less, which falls no more, is rounding
+_RUN = 4096  # least samples of one run: a call costs as much as hundreds of samples
+_PATIENCE = 1_000_000  # most samples of a simulation, or 100 periods if these are longer
+_SMALL = 1e-11  # relative change of the output below which a change that no longer decreases is rounding
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
