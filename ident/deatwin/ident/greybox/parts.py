@@ -142,7 +142,8 @@ class Part:
 
 
 LEAST_COUNTED = 0.9
-"""Share of an experiment whose readings count, however slowly the start is forgotten: a short recording needs them."""
+"""Least share of an experiment whose readings count, however slowly the start is forgotten: a short recording cannot
+spare more."""
 
 
 def settled(experiment: Experiment, rig: Rig) -> tuple[np.ndarray, ...]:
@@ -217,7 +218,7 @@ def simulated(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:
     for part in parts:
         timeline = plant.timeline(part.experiment)
         if part.history not in known:
-            # `plant.simulate` also looks for events, as long again
+            # `plant.simulate` would also look for events, which takes as long again
             known[part.history] = plant.runner.run(**plant.given(timeline))
         run = known[part.history]
         if not run.status.ok:

@@ -16,16 +16,16 @@ from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
 
-TOLERANCE = 1e-5  # Relative, of refits: 0.005 % of a residual that is nearly all structure
+TOLERANCE = 1e-5  # Relative tolerance of refits: 0.005 % of a residual that is almost entirely structural
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StructuralScale:
     """Ratio of the structural residual of added physics to the noise."""
 
-    experiment: Experiment  # The commands that count
+    experiment: Experiment  # Experiment whose commands are used
     clean: np.ndarray  # shape (n,): Noise-free readings without mechanisms, m
-    form: Calibration  # The base plant refitted to them
+    form: Calibration  # The base plant refitted to `clean`
     noise: float  # Rms of the sensor's noise, m
 
     @classmethod
