@@ -33,9 +33,9 @@ class Shift:
 class GainChange:
     """Relative changes of gain and nonlinearity from one time to another, with their standard errors."""
 
-    gain: float  # Over all commands
+    gain: float  # Relative change of the gain over all commands
     gain_error: float
-    bend: float  # Of the ratio of the slopes at an upper and a lower command
+    bend: float  # Relative change of the ratio of the slopes at an upper and a lower command
     bend_error: float
 
 
