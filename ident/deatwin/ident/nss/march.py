@@ -144,7 +144,7 @@ def _plain(
         return outputs, gradient, reached
     phi, slopes = basis.values(z, system.directions), basis.slopes(z)
     early = system.directions * (basis.levels < np.arange(1, 1 + basis.directions)[:, None])
-    # Directions move with what is added to each of them, those before included.
+    # A direction moves with what is added to it and to the earlier directions that it uses.
     chain = np.linalg.inv(np.eye(basis.directions) - early @ slopes[:, :, lin:])
     total = slopes[:, :, : basis.states] + slopes[:, :, lin:] @ chain @ early @ slopes[:, :, : basis.states]
     moving = slopes[:, :, lin:] @ chain
