@@ -14,7 +14,7 @@ from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
 
-_DEPENDENT = 1e-14  # sine of the angle between a regressor and those before it that rounding alone can make
+_DEPENDENT = 1e-14  # sine of the angle between a regressor and earlier ones that rounding alone can produce
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -23,7 +23,7 @@ class Estimate:
 
     theta: Array  # shape (n_terms,): Parameters
     theta_cov: Array  # shape (n_terms, n_terms): Their covariance
-    noise_variance: float  # Variance of what the regressors leave of the output
+    noise_variance: float  # Variance of the residual
     dof: float = inf  # Degrees of freedom of a Student-t law of theta with that covariance; infinite for a normal one
 
 
@@ -44,7 +44,7 @@ class LeastSquares:
         if n <= n_terms:
             raise ModelError(f"{n} samples do not determine {n_terms} parameters and the noise")
         norms = np.linalg.norm(rows, axis=1)
-        sizes = np.exp2(np.round(np.log2(np.where(norms > 0, norms, 1.0))))  # powers of two: division rounds nothing
+        sizes = np.exp2(np.round(np.log2(np.where(norms > 0, norms, 1.0))))  # powers of two: division does not round
         q, r = np.linalg.qr((rows / sizes[:, None]).T)
         if np.abs(np.diag(r)).min() < _DEPENDENT:
             raise ModelError("the regressors depend on each other on these samples: leave some out, or take Ridge()")
@@ -64,10 +64,10 @@ class Centred:
     """A regression without its constant regressor, whose parameter follows from the others."""
 
     rows: Array
-    target: Array  # shape (n_samples,): The output, likewise
+    target: Array  # shape (n_samples,): Output without its mean, if there is a constant
     constant: int | None  # Position of the constant regressor
-    level: float  # Its value
-    means: Array  # shape (n_others,): Of the other regressors
+    level: float  # Value of the constant regressor
+    means: Array  # shape (n_others,): Means of the other regressors
     mean: float
 
     @classmethod

@@ -67,7 +67,7 @@ class March:
     """Terms over one recording, arranged for a recursion over its samples."""
 
     known: Array  # shape (n_known, n): Signals that are known beforehand
-    start: Array  # shape (n_marched, n): The signals to compute, of which the samples before ``first`` are used
+    start: Array  # shape (n_marched, n): Signals to compute; only the samples before ``first`` are used
     first: int  # The first sample to compute
     derived: tuple[tuple[int, Shape], ...]  # Functions of marched signals, the last rows of ``start``, with their rows
     parts: tuple[Factors, ...]  # The known factors of each term
@@ -295,7 +295,7 @@ def _kernel(_program: str | None) -> ctypes.CDLL | None:
         return None
     try:
         kernel = ctypes.CDLL(str(library))
-    except OSError:  # a cache from which nothing may be executed
+    except OSError:  # a cache folder that does not permit execution
         return None
     pointer, integer, number = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
     model = (pointer, pointer)  # terms, parameters

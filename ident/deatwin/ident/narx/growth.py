@@ -25,12 +25,14 @@ from deatwin.plant.errors import ModelError
 Array = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
-# Of the portmanteau test for white errors: more lags lose power, for the first ones hold most of what noise on readings
-# or a missing term leaves (Hyndman, Athanasopoulos, "Forecasting", 3rd ed. (2021), section 5.4: ten, or n/5).
+# Lags of the portmanteau test for white errors: more lags would lose power, because the first ones hold most of what
+# noise on readings or a missing term leaves (Hyndman, Athanasopoulos, "Forecasting", 3rd ed. (2021), section 5.4: ten,
+# or n/5).
 _LAGS = 10
-_LEVEL = 0.01  # of that test, as of the others of `Semp`: true models that are grown for chance are as rare
-_ROUNDING = 1e-12  # of the output: what is left of an exact recording is no noise
-# The held-out errors of a section are not told where so little of a direction of the parameters is left without it.
+_LEVEL = 0.01  # level of that test, as of the others of `Semp`: as rarely is a true model grown by chance
+_ROUNDING = 1e-12  # share of the output below which a residual, of an exact recording, is rounding and not noise
+# Least share of each direction of the parameters that must remain without a section, for its held-out errors to be
+# defined.
 _UNDETERMINED = 1e-9
 
 
@@ -51,7 +53,7 @@ def grown(
     """Refine a model and add terms by the free-run error as long as the free run over held-out sections improves."""
     try:
         path = extend(model, data.recordings, data.table.terms, max_terms=max_terms, progress=progress)
-    except ModelError:  # the free run of the model given diverges: there is nothing to refine
+    except ModelError:  # the free run of the given model diverges, so there is nothing to refine
         return ()
     given = np.array([float(e @ e) for e in _by_sections(run_errors(model, data), sections)])
     errors = np.array([given, *(held_out_errors(one, data, sections) for one in path)])

@@ -21,7 +21,7 @@ from deatwin.ident.narx.terms import Lags, Rule
 from deatwin.plant.errors import ModelError, nearest
 from deatwin.plant.recording import Recording
 
-Progress = Callable[[float, str], None]  # Takes the share that is done, 0 to 1, and what is being done
+Progress = Callable[[float, str], None]  # Called with the completed share, 0 to 1, and the current work
 
 
 class FitStatus(Enum):

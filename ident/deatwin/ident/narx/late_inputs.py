@@ -25,10 +25,12 @@ Array = NDArray[np.float64]
 LAST_INPUT_LAGS = "last input lags"
 """Key of a model's provenance: the last lag of each input among the candidates, -1 for none."""
 _SEEN = 3.9
-"""Standard deviations from which a correlation is there: chance is 1 in 10,000, with a hundred lags 1 in 100 that one is."""
-_BEYOND = 100  # Lags after the model's last that are looked at, and at most a quarter of a recording
+"""Standard deviations from which a correlation counts: by chance, 1 in 10,000 does, and 1 in 100 for any of a hundred
+lags."""
+_BEYOND = 100  # Lags beyond the model's last that are examined, up to a quarter of a recording
 _FEW = 3000
-"""Samples that are put to the estimation, to keep it below a second; a dead time is told to a sample long before."""
+"""Most samples for the estimate of a dead time, which then takes less than a second; far fewer determine it to one
+sample."""
 _WHITENING = 10  # Lags of the autoregression that whitens a signal
 
 
@@ -37,7 +39,7 @@ def late_inputs(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str,
     from deatwin.ident.narx.preprocess.dead_time import DeadTimeStatus
 
     longest = max(record.n_samples for record in recordings)
-    recordings = [record for record in recordings if record.n_samples > longest // 4]  # as far as lags are looked at
+    recordings = [record for record in recordings if record.n_samples > longest // 4]  # enough for the examined lags
     said = []
     told = (DeadTimeStatus.FOUND, DeadTimeStatus.LOOP)
     predicted = [model.predict(record) for record in recordings]

@@ -21,16 +21,17 @@ Signals = Sequence[tuple[Array, Array]]
 
 _OUTPUT_LAGS = 30
 """Most lags of the output, and never more than of the inputs, so that short recordings keep samples for both; Akaike's
-criterion takes what is needed of them."""
-_ANSWERS = 10  # Lags of the output from which an input that answers to it is foretold: more make the test less sharp
-_FOR_EACH = 5  # Samples for each unknown: fewer leave the residual's variance, and so all tests, to the unknowns
+criterion chooses how many are needed."""
+_ANSWERS = 10  # Lags of the output from which an input that responds to it is predicted: more make the test weaker
+_FOR_EACH = 5  # Least samples per unknown: with fewer, unknowns take up the residual's variance and spoil all tests
 _RESOLVED = 1e-9
-"""Share of the output below which a residual is rounding: readings have at most nine digits that mean anything."""
+"""Share of the output below which a residual is rounding: readings have at most nine significant digits."""
 
-_ALL_LAGS = 1e-4  # Chance below which all lags of an input together act
+_ALL_LAGS = 1e-4  # p-value below which all lags of an input together act
 _ALIKE = 1e4
-"""Variance of a coefficient, for that under a white input, from which lags are alike: a hundred times its standard error.
-Held, slow and binary inputs have twenty to eighty, band-limited ones and a few sines a million and more."""
+"""Variance of a coefficient, relative to that under a white input, from which lags are too similar: a hundred times its
+standard error. Held, slow and binary inputs have twenty to eighty, band-limited ones and a few sines a million and
+more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +133,7 @@ def answer_chance(signals: Signals, which: int, longest: int) -> float:
         return 1.0
     hold = _hold(signals, which)
     past = [_inputs(signals, i, range(longest, 0, -1)) for i in range(n_inputs)]
-    past[which] = past[which][:, ::-hold]  # one sample of each hold, the last one first
+    past[which] = past[which][:, ::-hold]  # one sample of each hold, the latest first
     output, present = _outputs(signals, longest)
     target = np.concatenate([inputs[which, longest:] for inputs, _ in signals])
     tested = [output[:, :_ANSWERS]]
@@ -172,10 +173,10 @@ def _on_clock(values: Array, hold: int) -> NDArray[np.bool_]:
 class _Scores:
     """Last columns of a regression, orthogonalised against the earlier ones, and their products with the target."""
 
-    total: Array  # shape (n,): Their products with the target
-    products: Array  # shape (n_samples, n): Their products with the residual, sample by sample
+    total: Array  # shape (n,): Products of the columns with the target
+    products: Array  # shape (n_samples, n): Products of the columns with the residual, sample by sample
     variance: float
-    freedom: int  # Samples less unknowns
+    freedom: int  # Number of samples minus unknowns
 
     @classmethod
     def of(cls, rows: Array, target: Array, n_last: int) -> _Scores:
@@ -203,7 +204,7 @@ class _Scores:
             one = products[lag:].T @ products[:-lag]
             spread = spread + (1.0 - lag / width) * (one + one.T)
         plain = fdtrc(size, self.freedom, float(total @ total) / (size * self.variance))
-        # Bartlett's window leaves so many degrees of freedom; Hotelling's law for their estimated covariance.
+        # Degrees of freedom that Bartlett's window leaves, for Hotelling's law with the covariance estimated by it.
         freedom = 1.5 * n / width - size + 1
         square = float(total @ np.linalg.solve(spread + 1e-12 * self.variance * np.eye(size), total))
         return float(max(plain, fdtrc(size, freedom, square * freedom / (size * (freedom + size - 1)))))
@@ -226,7 +227,7 @@ def _order(columns: Array, fixed: int) -> int:
     """Return the number of output lags by Akaike's criterion, from the residuals in the triangular factor."""
     triangle = np.asarray(np.linalg.qr(columns, mode="r"), dtype=np.float64)
     last = triangle[:, -1] ** 2
-    squares = np.cumsum(last[::-1])[::-1][fixed:-1]  # with 0, 1, ... lags of the output
+    squares = np.cumsum(last[::-1])[::-1][fixed:-1]  # residuals' squares with 0, 1, ... lags of the output
     n = columns.shape[0]
     squares = np.maximum(squares, n * _RESOLVED**2)
     return int(np.argmin(n * np.log(squares) + 2.0 * np.arange(squares.size)))

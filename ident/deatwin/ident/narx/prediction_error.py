@@ -17,13 +17,13 @@ from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
 
-# Newton's method for errors that enter their own recursion nonlinearly doubles its digits in each round; where a dozen
-# do not suffice, the recursion is about to diverge.
+# Newton's method, for errors that enter their own recursion nonlinearly, doubles the correct digits in each round; if a
+# dozen rounds do not suffice, the recursion is about to diverge.
 _ROUNDS = 12
-_ROUNDING = 1e-13  # of the errors, as a share of the output: a few hundred units in the last place
-# A sum of squares is known to so small a share of it; a step that changes it by less is neither better nor worse.
+_ROUNDING = 1e-13  # accuracy of the errors, as a share of the output: a few hundred units in the last place
+# Relative accuracy of a sum of squares: a step that changes it by less is neither better nor worse.
 _SQUARE_ROUNDING = 1e-14
-_MOST_DAMPED = 1e10  # beyond it a step is shorter than rounding
+_MOST_DAMPED = 1e10  # damping beyond which a step is shorter than rounding
 _HALVINGS = 30
 
 
@@ -110,7 +110,7 @@ class _PredictionErrors:
 
     process: Regression
     table: TermTable  # The noise terms
-    rows: Array  # shape (n_terms + n_starts, n_samples): Process terms, then the samples of the start, one each
+    rows: Array  # shape (n_terms + n_starts, n_samples): Process terms, then one row for each sample of the start
     target: Array  # shape (n_samples,): Output
 
     @classmethod
@@ -251,7 +251,7 @@ def _forgets(band: Array) -> bool:
     lag, n = band.shape[0] - 1, band.shape[1]
     if n <= 2 * lag:
         return True
-    passed_on = np.zeros((lag, n - lag))  # of unit disturbances in the leading samples
+    passed_on = np.zeros((lag, n - lag))  # response to unit disturbances in the leading samples
     for start in range(lag):
         for k in range(lag, lag + start + 1):
             passed_on[start, k - lag] = -band[k - start, start]

@@ -14,17 +14,17 @@ from deatwin.plant.recording import Recording
 Array = NDArray[np.float64]
 
 _LAGS = 50
-"""Most lags; Akaike's criterion takes what is needed of them. Sensor noise on a fast-sampled plant needs forty."""
-_FOR_EACH = 5  # Samples for each unknown: fewer leave the residual's variance to the unknowns
-_MOST_SAMPLES = 20_000  # More make nothing surer, and the regression takes a second
+"""Most lags; Akaike's criterion chooses how many are needed. Sensor noise on a fast-sampled plant needs forty."""
+_FOR_EACH = 5  # Least samples per unknown: with fewer, the unknowns take up the residual's variance
+_MOST_SAMPLES = 20_000  # Most samples that are used: more add no certainty, and the regression takes a second
 _RESOLVED = 1e-9
-"""Share of an output below which a residual is rounding: readings have at most nine digits that mean anything."""
-_WIDE = 1.96  # Standard deviations to either side of which 95 % of a normal law lie
+"""Share of an output below which a residual is rounding: readings have at most nine significant digits."""
+_WIDE = 1.96  # Standard deviations on either side within which 95 % of a normal law lie
 _FASTEST = 2.0
-"""Growth within a sample that no sensible loop holds: it answers a sample late at best, and the largest magnitude of its
-sensitivity is at least that growth (Seron, Braslavsky & Goodwin, "Fundamental Limitations in Filtering and Control",
-Springer 1997, section 3.3); above 2 it has hardly a margin."""
-_RARELY_LESS = 0.063  # Standard deviations within which 5 % of a normal law lie
+"""Growth per sample that no sensible loop holds. A loop responds one sample late at best, and the largest magnitude of
+its sensitivity is at least that growth (Seron, Braslavsky & Goodwin, "Fundamental Limitations in Filtering and
+Control", Springer 1997, section 3.3); above 2 it has hardly any margin."""
+_RARELY_LESS = 0.063  # Standard deviations on either side within which 5 % of a normal law lie
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +105,7 @@ def _would_have_grown(found: RecordedPole, drive: Array, signals: Sequence[tuple
     for inputs, outputs in signals:
         moved = np.flatnonzero(np.any(np.diff(inputs, axis=1) != 0.0, axis=0)) + 1
         lasted = max(end - begin for begin, end in pairwise([0, *moved.tolist(), outputs.shape[1]]))
-        growth = lasted * rate - 0.5 * np.log(np.expm1(2.0 * rate))  # of the root of the sum of the squares
+        growth = lasted * rate - 0.5 * np.log(np.expm1(2.0 * rate))  # of the root of the sum of squares
         span = np.ptp(outputs, axis=1)
         if np.any(np.log(np.maximum(_RARELY_LESS * drive, np.finfo(float).tiny)) + growth > np.log(span + _RESOLVED)):
             return True

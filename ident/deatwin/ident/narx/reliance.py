@@ -16,8 +16,8 @@ STATUS_KEY, FAILED_KEY, BIAS_KEY = "residual_tests", "residual_tests_failed", "f
 SCARCITY_KEY, FIT_KEY = "samples_per_parameter", "free_run_fit_percent"  # Keys of a model's provenance
 _UNTESTED = "untested"
 _ENOUGH = 5.0
-"""Training samples for each effective parameter: of fewer, by Akaike's final prediction error (n + p)/(n - p), the
-squared error on new data is expected to be more than half as large again as on the training data."""
+"""Training samples for each effective parameter. With fewer, by Akaike's final prediction error (n + p)/(n - p), the
+expected squared error on new data is more than half as large again as on the training data."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _ALIKE = 0.02
-"""Share of twice the variance by which a signal differs from itself a period later, at most: as much as noise of a
-seventh of its deviation makes."""
+"""Largest mean squared difference of a signal from itself a period later, as a share of twice the variance: noise of a
+seventh of the signal's standard deviation causes as much."""
 _FINER = 8
-"""Shifts in a sample: half of one is a tenth of a radian, 0.6 % of twice the variance, even of a tone of 4 samples."""
+"""Shifts per sample: half of one is a tenth of a radian even of a tone of 4 samples, and costs 0.6 % of twice the
+variance."""
 
 
 def period_of(values: Array) -> float | None:
@@ -48,7 +49,7 @@ def _repeats(values: Array) -> tuple[float, int] | None:
     squares = np.concatenate([[0.0], np.cumsum(left**2)])
     sums = np.interp(n - shifts, np.arange(n + 1), squares) + squares[n]
     sums -= np.interp(shifts, np.arange(n + 1), squares)
-    apart = (sums - 2.0 * products) / np.maximum(sums, np.finfo(float).tiny)  # 0: alike, 1: as two signals
+    apart = (sums - 2.0 * products) / np.maximum(sums, np.finfo(float).tiny)  # 0 for equal, 1 for unrelated signals
     half = n // 2 * _FINER
     other = np.flatnonzero(apart[: half + 1] > 0.5)
     alike = other[0] + np.flatnonzero(apart[other[0] : half + 1] <= _ALIKE) if other.size else other
@@ -64,7 +65,7 @@ def _repeats(values: Array) -> tuple[float, int] | None:
     if apart[last] > 2.0 * _ALIKE:
         return None
     whole = round(last / _FINER) * _FINER
-    # Between samples only where the signals are clearly more alike there than at a sample.
+    # A shift between samples is taken only if the signals are clearly more alike there than at a whole sample.
     return (last if whole >= apart.size or abs(apart[last]) < 0.5 * apart[whole] else whole) / _FINER, times
 
 

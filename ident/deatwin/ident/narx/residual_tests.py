@@ -38,12 +38,12 @@ TESTS: Mapping[str, str] = MappingProxyType(
         "ee'": r"\phi_{ee'}(\tau)",
     }
 )
-"""Name of each test and how it is written; the last is between the residuals of two outputs."""
+"""Names of the tests and their formulas; the last is between the residuals of two outputs."""
 
-_ROUNDING = 1e-20  # relative power of the square of a two-level input, less its mean
-_SYMMETRIC = 1e-2  # a skewness below it changes no p-value
-_LEAST_TAIL = 1e-300  # so that the normal quantile of a tail stays finite
-_QUANTILE = 1.959963984540054  # of the normal law, 97.5 %
+_ROUNDING = 1e-20  # relative power below which the centred square of an input is zero, as for two levels
+_SYMMETRIC = 1e-2  # skewness below which no p-value changes
+_LEAST_TAIL = 1e-300  # least probability of a tail, so that its normal quantile stays finite
+_QUANTILE = 1.959963984540054  # 97.5 % quantile of the normal law
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -136,10 +136,10 @@ class Whiteness:
 
     output: int  # Row of the output
     statistic: float
-    dof: int  # Number of lags: degrees of freedom of the chi-square law that the statistic follows for white noise
-    p_value: float  # Chance of a larger statistic for white noise
+    dof: int  # Number of lags: degrees of freedom of the statistic's chi-square law for white noise
+    p_value: float  # Probability of a larger statistic for white noise
     share_outside: float  # Share of the lags outside of ±1.96 / sqrt(N)
-    usual_outside: tuple[float, float]  # The share for white noise lies in between in 95 % of all cases (binomial)
+    usual_outside: tuple[float, float]  # 95 % interval of that share for white noise (binomial)
 
 
 def correlation(delayed: Series, signal: Series, lags: Integers) -> Array:
@@ -208,7 +208,7 @@ def _tested(
 ) -> CorrelationTest:
     """Test the correlation of a, delayed by the shifts, with b."""
     values = correlation(a, b, shifts)
-    spread = np.eye(1, shifts.size)[0]  # the law at the lags: independent, as e is white
+    spread = np.eye(1, shifts.size)[0]  # correlations at the lags are independent, because e is white
     if name in ("ue", "(u2)'e", "(u2)'e2"):
         spread = _bartlett(a, b, shifts.size, int(shifts[-1]))
     scores = _normal_scores(_standardised(values, b, shifts) / np.sqrt(spread[0]), _skewness(a) * _skewness(b))

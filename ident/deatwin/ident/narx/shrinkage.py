@@ -147,7 +147,7 @@ class _Spectrum:
 
     def __init__(self, powers: Array, along: Array, target: Array, samples: int) -> None:
         self.powers, self.along, self.samples = powers, along, samples
-        # Never below rounding level, so that noise-free data have a logarithm.
+        # At least rounding level, so that noise-free data have a logarithm.
         floor = float(np.finfo(float).eps ** 2 * (target @ target))
         self.outside = max(float(target @ target - along @ along), floor)
 

@@ -38,7 +38,7 @@ class SpikeSlab:
 
     data: Statistics
     priors: Priors = field(default_factory=Priors)
-    information: float = 0.01  # Of the slab, in samples
+    information: float = 0.01  # Information in the slab, in samples
 
     @property
     def n_terms(self) -> int:
