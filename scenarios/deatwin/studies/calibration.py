@@ -16,7 +16,7 @@ BINS = 10  # Bins of stated probabilities, from 0 to 1
 class Calibration:
     """One bin of stated probabilities."""
 
-    stated: float  # Mean of the probabilities in it
+    stated: float  # Mean of the probabilities in the bin
     came_true: Rate
 
 

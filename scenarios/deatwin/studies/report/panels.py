@@ -26,7 +26,7 @@ class Hue:
 
 
 STYLES = tuple((colour, line) for line in ("-", "--") for colour in (Hue.AFTER, Hue.BEFORE, Hue.MARK))
-"""Colour and line of each of six curves."""
+"""Colour and line style of each of six curves."""
 SUBSCRIPTS = "₀₁₂₃₄₅₆₇₈"
 
 
