@@ -80,7 +80,7 @@ Version = Annotated[
 
 
 @app.callback()
-def _program(version: Version = False) -> None:  # what stands before a command; the help is that of `app`
+def _program(version: Version = False) -> None:  # options before a command; the help text is that of `app`
     pass
 
 

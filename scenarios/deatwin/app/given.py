@@ -30,8 +30,8 @@ class GivenPlant:
 
     source: str  # Rig file, ``model.json`` or ``module:function``
     model: CalibratedPlant  # The plant
-    described: RigFile | None  # The rig file, whose command range is checked
-    options: ReadOptions  # How recordings are read; their columns by default have the names of the plant's own signals
+    described: RigFile | None  # The rig file, used for its command range
+    options: ReadOptions  # Options for reading recordings; by default columns have the names of the plant's own signals
 
     @classmethod
     def load(cls, source: str, asked: ReadOptions = NO_OPTIONS) -> GivenPlant:

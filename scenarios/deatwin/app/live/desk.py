@@ -15,7 +15,7 @@ from deatwin.plant.errors import DataError
 RECORDINGS = (".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm", ".xlsx", ".mat", ".tdms", ".nc")
 RESULT = "diagnosis.json"
 MODEL = "model.json"
-WRITTEN = {"figures", "rivals", "next_input.csv"}  # Files of results that are no recordings
+WRITTEN = {"figures", "rivals", "next_input.csv"}  # Files of results that are not recordings
 DEEPEST = 3
 MOST_FILES = 2000
 LONGEST_NAME = 100
@@ -62,10 +62,10 @@ def safe_name(name: str) -> str:
 class Desk:
     """Names of the files in a folder, relative to it, with ``/`` between folders, sorted."""
 
-    recordings: tuple[str, ...]  # Files in a recording's format, but for those that a diagnosis wrote
+    recordings: tuple[str, ...]  # Files in a recording's format, except those that a diagnosis wrote
     rigs: tuple[str, ...]  # Rig files and calibrated models
     results: tuple[str, ...]  # Folders that hold a diagnosis; ``.`` is the folder itself
-    whole: bool = True  # False where the folder holds more than is listed
+    whole: bool = True  # False if the folder contains more than is listed
 
     @classmethod
     def look(cls, root: Path) -> Desk:

@@ -21,9 +21,9 @@ class Glance:
 
     name: str
     columns: tuple[Column, ...]
-    lines: tuple[str, ...]  # What is in it, one fact a line
-    picture: str  # SVG in the report's colours; empty where nothing could be read
-    refused: str  # Why it cannot be read as it was asked for; empty if it can
+    lines: tuple[str, ...]  # Content of the file, one fact per line
+    picture: str  # SVG in the report's colours; empty if nothing could be read
+    refused: str  # Reason why it cannot be read as requested; empty if it can
     further: ReadOptions  # Options with which it can be read
     needs_sample_time: bool  # True if only that is missing
 
