@@ -58,8 +58,8 @@ def root_mean_square(values: ArrayLike) -> float:
 def mean_shift(
     commands: ArrayLike, readings: ArrayLike, sample_time: float, early: Window, late: Window, block: float = 5.0
 ) -> Shift:
-    """Shift of the mean between two windows at the same input: a line through the readings over what command and rate
-    explain (`at_same_input`) is compared, since the mean of 100 s of noise wanders of itself."""
+    """Return the shift of the mean between two windows at the same input. Lines of the readings over what command and
+    rate explain (`at_same_input`) are compared, because the mean of 100 s of noise wanders by itself."""
     u, y = np.asarray(commands, dtype=np.float64), np.asarray(readings, dtype=np.float64)
     expected = _expected(u, y, sample_time)
     found, variance = [], 0.0

@@ -22,7 +22,7 @@ class StateSpace:
     rows: Array  # h_ik, output unit by unit of the state, shape (n_outputs, n, n_states) or (n, n_states)
     noise_variance: Array  # R_i of the noise, uncorrelated between outputs, shape (n_outputs,) or ()
     start: Array  # shape (n_states,): Mean of the state at the first sample, before its measurement
-    start_cov: Array  # shape (n_states, n_states): Its covariance; zero where it is known exactly
+    start_cov: Array  # shape (n_states, n_states): Covariance of that state; zero where it is known exactly
     transition: Array | None = None  # F_k from sample k to k + 1, shape ([n - 1,] n_states, n_states); identity if None
     added: Array | None = None  # shape (n - 1, n_states): c_k, effect of known inputs on the state after sample k
     process_cov: Array | None = None  # Q_k of the noise added after sample k, shape as `transition`; zero if None

@@ -26,7 +26,7 @@ class InputLags:
 
     lags: tuple[int, ...]  # Samples, ascending
     dead_times: tuple[DeadTime, ...]
-    sentences: tuple[str, ...]  # For the user
+    sentences: tuple[str, ...]  # Sentences for the user
 
     @property
     def document(self) -> list[dict[str, Any]]:
@@ -119,8 +119,9 @@ def bounded(
     *,
     may_choose: bool,
 ) -> tuple[NarxIdentifier, tuple[str, ...]]:
-    """Return an identifier whose model runs free over its data, and what this took in sentences. A lag with an unstable
-    negative pole, which no continuous plant has, imitates later inputs after a sharp low pass, and is left out."""
+    """Return an identifier whose model runs free over its data, and sentences on what this required. A lag with an
+    unstable negative pole, which no continuous plant has, imitates later inputs after a sharp low pass, and is left
+    out."""
     import numpy as np
 
     from deatwin.ident.narx.unstable import poles_at

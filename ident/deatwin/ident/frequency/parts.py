@@ -91,8 +91,8 @@ class Tones:
 
 
 class TonesInOrder(Tones):
-    """Runs of neighbouring tones only, in the order of the factors. All tones give H_n by Peyton Jones and Billings'
-    eq. 18: not symmetric, but of the same mean over all permutations."""
+    """Runs of neighbouring tones only, in the order of the factors. The run of all tones gives H_n by Peyton Jones and
+    Billings' eq. 18, which is not symmetric but has the same mean over all permutations."""
 
     @property
     def repeats(self) -> int:

@@ -178,7 +178,7 @@ def _few_steps(linears: Sequence[Linear]) -> tuple[Linear, ...]:
 
 
 def _gains(linears: Sequence[Linear], opening: Opening, memories: Array) -> Array:
-    """Return the rms of the readings divided by that of an unknown input that is a sine of one radian per memory."""
+    """Return the rms of the readings divided by the rms of an unknown input, a sine of one radian per memory."""
     squares, count = np.zeros(memories.size), 0
     for linear in linears:
         elapsed = linear.timepts - linear.timepts[0]

@@ -33,7 +33,7 @@ _REACH = (0.5, 0.25, 0.125)  # Distances of successive starts from the given val
 class Search:
     """The best of several fits from different starting points."""
 
-    best: Minimum  # Its evaluations include those of all starts
+    best: Minimum  # Its number of evaluations includes those of all starts
     tried: int  # Number of points
     agreed: int  # Number of starts that ended with the error of the best
     equals: tuple[np.ndarray, ...] = ()

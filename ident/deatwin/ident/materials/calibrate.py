@@ -152,8 +152,8 @@ def _choices(fits: Sequence[Fit], best: Fit, count: float) -> Iterator[Choice]:
 
 
 def _intervals(data: Observations, chosen: _Chosen) -> tuple[tuple[Quantity, ...], Array]:
-    """Parameters with intervals, and the covariance of their coordinates; the specimens' scatter has as many degrees of
-    freedom as their number gives (Welch and Satterthwaite)."""
+    """Return parameters with intervals, and the covariance of their coordinates. The scatter of specimens has the
+    degrees of freedom that their number gives (Welch and Satterthwaite)."""
     best, noise = chosen.fit, chosen.noise
     covariance = _covariance(noise.whitener(data, best.modelled)(best.slopes), best.prior)
     alone = Noise(absolute=noise.absolute, relative=noise.relative, scatter=0.0, repeats=noise.repeats)

@@ -36,7 +36,7 @@ class EnergyStart:
 
     energy: Callable[..., Any]
     parameters: tuple[Parameter, ...]
-    called: str = ""  # Name in a rig file; that of the law by default
+    called: str = ""  # Name in a rig file; by default that of the law
 
     def __post_init__(self) -> None:
         if not self.called:

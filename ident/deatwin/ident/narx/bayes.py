@@ -153,8 +153,8 @@ class RelevanceFit:
 def fit_relevance(
     data: Statistics, priors: Priors, alpha: Array, *, tolerance: float, max_iterations: int
 ) -> RelevanceFit:
-    """Iterate q(theta, tau) and q(alpha), from `alpha` (n_terms,), until parameters and noise converge: for nearly
-    collinear terms the bound rises by a millionth an update, and by hundreds of nats in all."""
+    """Iterate q(theta, tau) and q(alpha), from `alpha` (n_terms,), until parameters and noise converge. The bound is no
+    criterion: for nearly collinear terms it rises by a millionth per update, and by hundreds of nats in all."""
     shape = priors.c0 + 0.5
     bounds: list[float] = []
     before: Posterior | None = None

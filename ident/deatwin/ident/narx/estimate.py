@@ -22,7 +22,7 @@ class Estimate:
     """Parameters of a linear regression and their uncertainty."""
 
     theta: Array  # shape (n_terms,): Parameters
-    theta_cov: Array  # shape (n_terms, n_terms): Their covariance
+    theta_cov: Array  # shape (n_terms, n_terms): Covariance of the parameters
     noise_variance: float  # Variance of the residual
     dof: float = inf  # Degrees of freedom of a Student-t law of theta with that covariance; infinite for a normal one
 

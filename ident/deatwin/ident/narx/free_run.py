@@ -50,7 +50,7 @@ def innovations(
     table: TermTable, theta: Array, inputs: Array, outputs: Array, equations: Sequence[int] | None = None
 ) -> Array:
     """Return e(k) = y(k) - sum_m theta_m term_m(k), (n_outputs, n), from measured signals and past e, zero in the first
-    lags; where the noise model is not invertible it grows and finally holds its last value."""
+    lags. If the noise model is not invertible, e grows and finally holds its last value."""
     march = March.of(
         table.terms,
         {"u": inputs, "y": outputs},

@@ -62,8 +62,8 @@ def grown(
 
 
 def _beyond_chance(model: NarxModel, larger: NarxModel, data: Regression) -> bool:
-    """Return True if a larger model improves on more than the best of equally many false candidates would, by the
-    extended Bayesian criterion over n by the correlation time of its errors."""
+    """Return True if a larger model improves more than the best of equally many false candidates would, by the extended
+    Bayesian criterion with n divided by the correlation time of its errors."""
     old, new = run_errors(model, data), run_errors(larger, data)
     n = max(1, int(sum(e.size / max(correlation_samples(e[None]), 1.0) for e in new)))
     squares = [float(np.mean(np.concatenate(errors) ** 2)) for errors in (old, new)]
@@ -75,9 +75,8 @@ def _beyond_chance(model: NarxModel, larger: NarxModel, data: Regression) -> boo
 
 
 def smallest_adequate(errors: Array, level: float) -> int:
-    """Return the first model of a path from which on no model is significantly worse than the best; (n_models,
-    n_sections).
-    """
+    """Return the position of the first model of a path from which on no model is significantly worse than the best.
+    Shapes: `errors` (n_models, n_sections)."""
     best = int(np.argmin(errors.sum(axis=1)))
     if not np.isfinite(errors[best].sum()):
         return 0
@@ -97,8 +96,9 @@ def worse(errors: Array, than: Array, level: float) -> Booleans:
 
 
 def held_out_errors(model: NarxModel, data: Regression, sections: Sequence[int]) -> Array:
-    """Squared free-run errors of sections, (n_sections,), parameters refined on the others: with sensitivities S = Q R,
-    q of a section, its errors are to first order (I - q q')^-1 e, as leave-one-out errors are."""
+    """Return squared free-run errors of sections, (n_sections,), with parameters refined on the others. With
+    sensitivities S = Q R and the rows q of a section, its errors are (I - q q')^-1 e to first order, like leave-one-out
+    errors."""
     later = data.first - model.table.max_lag
     each = [sensitivities(model, record)[later:] for record in data.recordings]
     inverse = gram_inverse_root(np.concatenate(each))

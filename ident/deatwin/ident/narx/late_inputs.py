@@ -71,7 +71,7 @@ def late_inputs(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str,
     return tuple(said)
 
 
-@lru_cache(maxsize=1)  # several fits to the same recordings ask again
+@lru_cache(maxsize=1)  # several fits use the same recordings
 def _dead_times(recordings: tuple[Recording, ...], row: int) -> tuple[DeadTime, ...]:
     """Return dead times from the first samples of recordings."""
     from deatwin.ident.narx.preprocess.dead_time import estimate_dead_time
@@ -115,8 +115,9 @@ def _after(record: Recording, residuals: Array) -> Array:
 
 
 def _scores(inputs: Sequence[Array], outputs: Sequence[Array], most: int) -> Array:
-    """Correlations of the output with an earlier input, (most + 1,), in deviations: that of independent signals or, if
-    larger, White's (1980, doi:10.2307/1912934), of samples at which a held input jumps."""
+    """Return correlations of the output with an earlier input, (most + 1,), in standard deviations: those of
+    independent signals or, if larger, White's (1980, doi:10.2307/1912934), which allow for samples at which a held
+    input jumps."""
     power = float(np.mean(np.concatenate(outputs) ** 2))
     found = np.zeros(most + 1)
     for lag in range(most + 1):

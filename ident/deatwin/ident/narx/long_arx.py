@@ -114,16 +114,16 @@ class LongArx:
 
 
 def answer_chance(signals: Signals, which: int, longest: int) -> float:
-    """Return the chance that an input which does not answer to the output seems to answer to it this much.
+    """Return the p-value of the hypothesis that an input does not respond to the output.
 
-    Given the past of all inputs, the output's past must not foretell an input that is independent of it (Granger,
+    Given the past of all inputs, the output's past must not predict an input that is independent of it (Granger,
     Econometrica 37 (1969) 424-438, doi:10.2307/1912791). The converse does not hold: an input that is measured with
-    noise, or follows a cause that is not recorded, is foretold by an output that sees more of it. A held input is
-    tested where it may change, since a ringing output tells how long it has been held. Of an input that repeats itself
-    only the differences between periods are tested, since a few lags of the output foretell what repeats. Those may
-    come of noise alone, so that an answer within the sample shows in the present output only: that must agree neither
-    with an input that acts within the sample, as what repeats says, nor with one that does not, as where it is noise of
-    its reading.
+    noise, or follows a cause that is not recorded, is predicted by an output that shows more of it. A held input is
+    tested only where it may change, because a ringing output reveals how long it has been held. Of an input that
+    repeats itself, only the differences between periods are tested, because a few lags of the output predict what
+    repeats. These differences may be noise alone, and a response within the sample then shows in the present output
+    only. It must be compatible neither with an input that acts within the sample, as estimated from what repeats, nor
+    with one that does not, as if the differences were noise of its reading.
     """
     n_inputs = signals[0][0].shape[0]
     apart = [periods_apart(inputs[which], inputs, output, longest) for inputs, output in signals]
@@ -189,10 +189,10 @@ class _Scores:
         return cls(last.T @ target, last * error[:, None] * np.sqrt(target.size / freedom), variance, freedom)
 
     def p_value(self, part: slice = slice(None)) -> float:
-        """Chance of scores at least as large if these columns explain nothing: the larger of two tests' chances.
+        """Return the larger p-value of two tests of the hypothesis that these columns explain nothing.
 
-        Least squares' holds where one sample decides, as in one step; Newey and West's (Econometrica 55 (1987) 703-708,
-        doi:10.2307/1913610) where the residual changes with the input.
+        The test by least squares holds if one sample decides, as in a single step; Newey and West's (Econometrica 55
+        (1987) 703-708, doi:10.2307/1913610) holds if the residual changes with the input.
         """
         from scipy.special import fdtrc
 

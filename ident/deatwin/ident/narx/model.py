@@ -367,7 +367,7 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
             self.equations,
         )
         outputs = np.concatenate([drive.outputs[:, :start], run + self.output_origin[:, None]], axis=1)
-        outputs[:, : drive.first] = drive.outputs[:, : drive.first]  # to the last bit
+        outputs[:, : drive.first] = drive.outputs[:, : drive.first]  # exact to the last bit
         if failed is None:
             return response_over(drive, outputs, drive.first, self.output_units)
         when = float(drive.timepts[start + failed])

@@ -49,7 +49,7 @@ class NoiseFit:
     estimate: Estimate
     noise: tuple[Array, ...]
     changes: tuple[float, ...]
-    status: NoiseStatus  # Whether e settled
+    status: NoiseStatus  # States whether e settled
 
 
 def prediction_error_fit(

@@ -29,8 +29,9 @@ _RARELY_LESS = 0.063  # Standard deviations on either side within which 5 % of a
 
 @dataclass(frozen=True, kw_only=True)
 class RecordedPole:
-    """Largest pole of a long ARX model and its magnitude's deviation. Outside the unit circle it is the plant's, also
-    in a loop whose controller sees no disturbance before the output shows it (Ljung, 1999, section 13.4)."""
+    """Largest pole of a long ARX model, with the standard deviation of its magnitude. Outside the unit circle it is the
+    plant's, even in a loop, if the controller sees no disturbance before the output shows it (Ljung, 1999, section
+    13.4)."""
 
     pole: complex
     deviation: float
@@ -43,8 +44,8 @@ class RecordedPole:
 
 
 def recorded_pole(recordings: Sequence[Recording], first_lag: int = 1) -> RecordedPole | None:
-    """Return the largest pole of recordings, inputs acting from a lag on; None if they are too short, or it cannot be
-    the plant's, as after a low pass of the readings, which looks ahead."""
+    """Return the largest pole of recordings whose inputs act from `first_lag` on; None if they are too short, or if it
+    cannot be the plant's, as after a low pass of the readings, which looks ahead."""
     signals = _scaled(recordings)
     n_inputs, n_outputs = len(signals[0][0]), len(signals[0][1])
     n_samples, width = sum(outputs.shape[1] for _, outputs in signals), n_inputs + n_outputs
@@ -97,8 +98,9 @@ def _columns(inputs: Array, outputs: Array, most: int, first_lag: int) -> Array:
 
 
 def _would_have_grown(found: RecordedPole, drive: Array, signals: Sequence[tuple[Array, Array]]) -> bool:
-    """Return whether no loop holds the pole's mode, or it would in 19 of 20 cases have left the outputs' span while
-    inputs stood still. `drive` (n_outputs,) is in deviations a sample; a plant resting on a stop passes for stable."""
+    """Return whether no loop holds the pole's mode, or whether in 19 of 20 cases the mode would have left the outputs'
+    span while inputs stood still. `drive` (n_outputs,) is in standard deviations per sample; a plant resting on a stop
+    counts as stable."""
     rate = float(np.log(max(found.interval[0], 1.0)))
     if rate == 0.0 or rate > np.log(_FASTEST):
         return rate > 0.0
@@ -113,8 +115,8 @@ def _would_have_grown(found: RecordedPole, drive: Array, signals: Sequence[tuple
 
 
 def _largest(theta: Array, covariance: Array, noise: Array) -> tuple[RecordedPole, Array]:
-    """Return the companion matrix' largest eigenvalue with its deviation, and its mode's drive by output. Shapes:
-    `theta` (lags * n_outputs, n_outputs); `covariance` (X'X)^-1 of its rows; `noise` (n_outputs, n_outputs)."""
+    """Return the companion matrix' largest eigenvalue with its standard deviation, and the drive of its mode by output.
+    Shapes: `theta` (lags * n_outputs, n_outputs); `covariance` (X'X)^-1 of its rows; `noise` (n_outputs, n_outputs)."""
     from scipy.linalg import eig
 
     n_outputs = theta.shape[1]

@@ -320,8 +320,8 @@ class _Search:
         self.best, self.least, self.steps = model.theta, np.inf, 0
 
     def run(self, tolerance: float) -> None:
-        """Search for the least error by Gauss-Newton steps in a trust region. Powers of two, which round nothing, bring
-        outputs and sensitivities to about 1, so that its end does not depend on units."""
+        """Search for the least error by Gauss-Newton steps in a trust region. Outputs and sensitivities are scaled to
+        about 1 by powers of two, which do not round, so that the result does not depend on units."""
         from scipy.optimize import least_squares
 
         start = self.jacobian(self.model.theta)

@@ -213,8 +213,9 @@ def assess_reliance(model: NarxModel, recordings: Sequence[Recording]) -> Relian
 
 
 def samples_per_parameter(model: NarxModel) -> float | None:
-    """Return training samples by effective parameters, None if unknown: one of the best k of M terms may count for 2
-    ln(M/k), being chosen (Foster, George, Ann. Statist. 22 (1994) 1947-1975, doi:10.1214/aos/1176325766)."""
+    """Return training samples per effective parameter, None if unknown. One of the best k of M terms may count as 2
+    ln(M/k) parameters, because it was chosen (Foster, George, Ann. Statist. 22 (1994) 1947-1975,
+    doi:10.1214/aos/1176325766)."""
     samples, candidates = (_number(model.provenance, key) for key in ("samples", "candidates"))
     if samples is None or not model.terms:
         return None

@@ -39,8 +39,9 @@ def whole_multiple(period: float, longest: int, drift: float = 0.5) -> int:
 
 
 def _repeats(values: Array) -> tuple[float, int] | None:
-    """Return a number of samples and the whole periods in it; None without repetition. A signal is compared with itself
-    at all shifts, then over twice as many periods up to half of it, which slow growth does not pass."""
+    """Return a number of samples and the number of whole periods in it; None without repetition. A signal is compared
+    with itself at all shifts, then over twice as many periods each time, up to half of it; slow growth fails the
+    latter."""
     n, left = values.size, values - values.mean()
     size = 1 << (2 * n - 1).bit_length()
     power = np.abs(np.fft.rfft(left, size)) ** 2
@@ -70,11 +71,12 @@ def _repeats(values: Array) -> tuple[float, int] | None:
 
 
 def periods_apart(values: Array, inputs: Array, output: Array, lags: int) -> list[tuple[Array, Array]]:
-    """Separate a record into what repeats itself, first, and differences between its blocks of whole periods.
+    """Separate a record into its repeating part, first, and differences between its blocks of whole periods.
 
-    Helmert's orthonormal matrix gives the mean, and each block less the mean of those before it, in which stationary
-    noise keeps its law and is independent. Blocks leave most samples with `lags` before them. A record without
-    repetition, or with one within the lags, stays whole. Shapes: `values` (n,), `inputs` (n_inputs, n), `output` (n,).
+    Helmert's orthonormal matrix gives the mean, and each block minus the mean of the blocks before it; stationary noise
+    keeps its law and is independent in these. The length of the blocks leaves most samples with `lags` before them. A
+    record without repetition, or with a period within the lags, stays whole. Shapes: `values` (n,), `inputs` (n_inputs,
+    n), `output` (n,).
     """
     period = whole_period_of(values) or 0
     if period <= lags:

@@ -155,12 +155,14 @@ def correlation(delayed: Series, signal: Series, lags: Integers) -> Array:
 def correlation_tests(
     residuals: Sequence[Array], inputs: Sequence[Array], *, max_lag: int, level: float
 ) -> tuple[CorrelationTest, ...]:
-    """Test residuals (n_outputs, n_r) of records by correlations with inputs (n_inputs, n_r) (Billings and Voon [1]_).
+    """Test residuals (n_outputs, n_r) of records by correlations with inputs (n_inputs, n_r) (Billings and Voon
+    [1]_).
 
-    With residual e, input u less its mean, and ' for less the mean: phi_ee at lags from 1; phi_ue, phi_(u2)'e and
-    phi_(u2)'e2 at lags of both signs; phi_e(eu), of e(k) and e(k-1-tau) u(k-1-tau), at lags 0 to ``max_lag - 1``. The
-    mean of e stays, since a mean is a fault. By the covariance between lags (Bartlett's formula [3]_) the tests with u
-    test dependence on the input only. Correlations of two skewed signals, as u^2 and e^2, are taken as gamma variables.
+    With residual e, input u without its mean, and ' for a signal without its mean: phi_ee at lags from 1; phi_ue,
+    phi_(u2)'e and phi_(u2)'e2 at lags of both signs; phi_e(eu), of e(k) and e(k-1-tau) u(k-1-tau), at lags 0 to
+    ``max_lag - 1``. The mean of e is kept, because a mean is a fault. With the covariance between lags (Bartlett's
+    formula [3]_), the tests with u test dependence on the input only. Correlations of two skewed signals, such as u^2
+    and e^2, are treated as gamma variables.
     """
     both, later = np.arange(-max_lag, max_lag + 1), np.arange(1, max_lag + 1)
     n_outputs, n_inputs = residuals[0].shape[0], inputs[0].shape[0]
@@ -249,8 +251,8 @@ def _skewness(series: Series) -> float:
 
 
 def _normal_scores(scores: Array, skewness: float) -> Array:
-    """Return normal quantiles of skewed scores by a gamma law (Pearson type III): after hundreds of samples the far
-    tail of products of skewed signals is still several times the normal one."""
+    """Return normal quantiles of skewed scores by a gamma law (Pearson type III), because even after hundreds of
+    samples the far tail of products of skewed signals is several times the normal one."""
     from scipy.special import gammainc, gammaincc, ndtri
 
     if abs(skewness) < _SYMMETRIC:
@@ -262,8 +264,9 @@ def _normal_scores(scores: Array, skewness: float) -> Array:
 
 
 def _p_value(scores: Array, spread: Array) -> float:
-    """Return the probability of such normal scores of Toeplitz correlation ``spread``: twice the lesser of their
-    squares' (Satterthwaite's chi-square) and of the largest one's (Sidak [4]_, exact for independent lags)."""
+    """Return the p-value of normal scores with Toeplitz correlation ``spread``: twice the smaller of the p-values of
+    their sum of squares (Satterthwaite's chi-square) and of the largest one (Sidak [4]_, exact for independent
+    lags)."""
     from scipy.special import chdtrc, ndtr
 
     count = scores.size

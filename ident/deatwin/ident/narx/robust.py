@@ -29,8 +29,8 @@ _FEWEST = 8  # least number of cosines for the scatter
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cosines:
-    """Cosine coefficients of short series, for the covariance of mean and drift: those of an uncorrelated stationary
-    series are uncorrelated, with n times the covariance of its mean."""
+    """Cosine coefficients of short series, for the covariance of mean and drift. Coefficients of an uncorrelated
+    stationary series are uncorrelated, with n times the covariance of its mean."""
 
     coefficients: Array
     n_slow: int  # Number of first coefficients, which belong to a drift and do not count as scatter
@@ -98,8 +98,8 @@ def _shapes(half_periods: NDArray[np.int_], shares: Array, n: int) -> Array:
 def pseudovalues(
     model: NarxModel, recordings: Recordings, *, n_blocks: int = BLOCKS, instruments: Recordings | None = None
 ) -> Array:
-    """Return each block's own deviation of parameters, (n_blocks, n_terms), of regressors P and residuals e: n_blocks -
-    1 times (P P' - P_k P_k')^-1 P_k e_k. `instruments` give Z for the first P of each product."""
+    """Return the deviation of the parameters due to each block, (n_blocks, n_terms), from regressors P and residuals e:
+    n_blocks - 1 times (P P' - P_k P_k')^-1 P_k e_k. `instruments` give Z for the first P of each product."""
     model.require_one_output("the jackknife")
     if not isinstance(n_blocks, int | np.integer) or n_blocks < 2:
         raise ModelError(f"n_blocks = {n_blocks!r}; it must be an integer of at least 2")

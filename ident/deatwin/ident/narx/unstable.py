@@ -152,8 +152,8 @@ def _sized(pole: complex, interval: tuple[float, float]) -> str:
 def unstable_model(
     model: NarxModel, recordings: Sequence[Recording], recorded: Recorded, *, diverged: bool
 ) -> Unstable | None:
-    """Return a model's unstable pole at the recordings' mean, or None if in doubt: a limit cycle is bounded too, so its
-    free run must have diverged, or the recordings surely have an unstable pole."""
+    """Return a model's unstable pole at the recordings' mean, or None if in doubt. A limit cycle is bounded too, so the
+    free run must have diverged, or the recordings must certainly have an unstable pole."""
     poles = poles_at(model, recordings)
     if (
         not poles.size

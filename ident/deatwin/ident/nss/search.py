@@ -98,10 +98,10 @@ def search(
     patience: int = 10,
     progress: Callable[[int, Point], None] | None = None,
 ) -> Found:
-    """Lower the free run's squared error by damped steps (Levenberg, Marquardt) in directions that move an output.
+    """Reduce the free run's squared error by damped steps (Levenberg, Marquardt) in directions that move an output.
 
-    Keeps the least held-out error, if any is held out. The search ends when the cost falls by less than `tolerance` of
-    itself twice in a row, or after `patience` steps without a lower held-out error.
+    Keeps the smallest held-out error, if any samples are held out. The search ends when the cost falls by less than
+    `tolerance` of itself twice in a row, or after `patience` steps without a lower held-out error.
     """
     point = best = judged(system, starts, records)
     holds_out = any(record.fitted < record.outputs.shape[1] for record in records)

@@ -168,7 +168,7 @@ def _emps(path: Path) -> Recording:
     for factor in EMPS_DECIMATION:
         force, position = (decimate(signal, factor, ftype="fir") for signal in (force, position))
         step *= factor
-    within = slice(EMPS_EDGE, -EMPS_EDGE)  # the filters know nothing beyond the ends
+    within = slice(EMPS_EDGE, -EMPS_EDGE)  # the filters have no samples beyond the ends
     return _recording(force[within], np.gradient(position, step)[within], step, ("N", "m/s"), path)
 
 

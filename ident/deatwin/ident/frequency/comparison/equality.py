@@ -35,7 +35,8 @@ class Equality:
 
 
 def equality(difference: ArrayLike, scatters: Sequence[Scatter], margin: float = 0.0) -> Equality:
-    """Test whether a difference (2,) of independent means is at most a margin; of several, whether one of them is.
+    """Test whether a difference (2,) of independent means is at most a margin; for several differences, whether any of
+    them is.
 
     The largest p-value of all hypotheses counts (intersection-union test: Berger, Technometrics 24 (1982) 295-300).
     Source: Krishnamoorthy, Yu, "Modified Nel and Van der Merwe test for the multivariate Behrens-Fisher problem", Stat.

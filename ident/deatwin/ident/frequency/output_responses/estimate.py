@@ -305,7 +305,7 @@ def _quotients(evaluate: Callable[[Array], Evaluated], powers: Complex, thetas: 
 
 
 def _said(found: Nofrf) -> str:
-    """Return the advice with what it refers to."""
+    """Return the advice, with the levels or orders that it concerns."""
     if found.status is NofrfStatus.DIVERGED:
         return f"{found.status.value} ({_written(found.lost_levels)} times the excitation)"
     if found.status is NofrfStatus.TRUNCATED:

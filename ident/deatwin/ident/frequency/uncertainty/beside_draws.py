@@ -64,7 +64,7 @@ class Spread:
     @property
     def largest(self) -> float:
         """Largest difference between the two covariances, divided by its Monte Carlo error."""
-        error = np.array([[2.0, 1.0], [1.0, 2.0]]) / len(self.sampled.draws)  # of a Wishart matrix about the unit
+        error = np.array([[2.0, 1.0], [1.0, 2.0]]) / len(self.sampled.draws)  # of a Wishart matrix of unit mean
         departure = np.abs(self.whitened - np.eye(2)) / np.sqrt(error)
         return float(np.max(departure[self.strict], initial=0.0))
 

@@ -29,7 +29,7 @@ class Ellipses(Frozen):
     """Principal axes of covariances; axes that consist only of rounding errors are set to 0."""
 
     variances: Array
-    axes: Array  # shape (n, 2, 2): In columns
+    axes: Array  # shape (n, 2, 2): Principal axes, in columns
 
     @classmethod
     def of(cls, covariance: Array) -> Ellipses:
@@ -59,7 +59,7 @@ class Ellipses(Frozen):
 class Polar(Frozen):
     """Gain and phase with variances by linear propagation."""
 
-    covariance: Array  # shape (n, 2, 2): Of gain (in the values' unit) and phase (rad); infinite where the gain is 0
+    covariance: Array  # shape (n, 2, 2): Of gain, in the values' unit, and phase, rad; infinite where the gain is 0
     gain_bend: Array
     phase_bend: Array
     relative_deviation: Array  # shape (n,): Standard deviation along the ellipse's longer axis, divided by the gain

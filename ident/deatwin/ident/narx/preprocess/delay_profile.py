@@ -28,11 +28,11 @@ frequencies can be far from every plant."""
 
 
 def delay_probabilities(arx: LongArx, which: int, latest: int) -> Array:
-    """Probabilities (latest + 1,) of dead times, by exp(-BIC/2) of each structure (Kass, Wasserman, JASA 90 (1995)
-    928-934).
+    """Return the probabilities (latest + 1,) of dead times, by exp(-BIC/2) of each structure (Kass, Wasserman, JASA 90
+    (1995) 928-934).
 
-    All are alike beforehand, so a first coefficient near zero counts against a dead time. Squares are measured by what
-    the best plant leaves beyond the noise, for each degree of freedom, as in quasi-likelihood.
+    All dead times are equally probable a priori, so a first coefficient near zero counts against one. Squares are
+    measured in units of what the best plant leaves beyond the noise, per degree of freedom, as in quasi-likelihood.
     """
     records = _whitened(arx, which)
     squares = np.full((latest + 1, len(_STRUCTURES)), np.inf)

@@ -233,8 +233,8 @@ def _levelled(segments: Array) -> Array:
 
 
 def _outliers(channel: _Channel, level: float) -> Iterator[Finding]:
-    """Find isolated readings far from the cubic through four neighbours, by the usual distance nearby. A step, its
-    ringing, and the usual response to a kink of an input are motion, not outliers."""
+    """Find isolated readings far from the cubic through four neighbours, relative to the usual distance nearby. A step,
+    its ringing, and the usual response to a kink of an input are motion, not outliers."""
     from scipy.ndimage import maximum_filter, median_filter
     from scipy.special import ndtri
 
