@@ -46,8 +46,8 @@ class CheckTask:
     operating_range: tuple[float, float] | None  # Range over which margins are judged, in the input's unit
     recording: Recording | None  # Recording from which the model was identified, or better another one
     rivals: Mapping[str, CalibratedPlant]  # Further plants that the actuator may be
-    jobs: int  # Worker processes, for the record only, because a check is a single task; and seed of all random numbers
-    seed: int
+    jobs: int  # Worker processes, for the record only, because a check is a single task
+    seed: int  # Seed of all random numbers
 
     def __post_init__(self) -> None:
         if self.operating_range is not None:

@@ -33,7 +33,7 @@ NEXT = {
     True: "use the responses at this operating point, for example to design a controller (deatwin check).",
     False: "do not rely on the responses where a measure below is missed; a better model or a longer recording helps.",
 }
-"""Advice by whether all measures are reached."""
+"""Advice, by whether all measures are reached."""
 IN_ITS_UNIT = ("real", "imaginary", "gain", "gain_low", "gain_high", "truncation")
 """Columns in the unit of the response."""
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from deatwin.plant.recording import Recording
 
 
-FIRST, LAST = 0, 2  # The first and last input lag without a dead time
+FIRST, LAST = 0, 2  # First and last input lag if there is no dead time
 _WITHIN = (
     "in a closed loop, lag 0 would include the controller's reaction within the sample; if each reading is taken at "
     "the end of its row and the controller reacts in the next, give --first-input-lag 0"

@@ -34,7 +34,7 @@ NEXT = {
     True: "use the model within the range and frequencies of these inputs.",
     False: "see below which measure the model misses; try other lags, another --degree or another --method.",
 }
-"""Advice by whether all measures are reached."""
+"""Advice, by whether all measures are reached."""
 MOST = 6  # Most recordings that have a figure of their own
 ROW = 0.3  # Height of a term's row, in inches
 
@@ -59,12 +59,12 @@ class Identified:
 
     model: NarxModel | NonlinearStateSpace
     told: str  # Kind, size and method of the model, in words
-    unseen: Sequence[Recording]  # The part of each recording that was not fitted
+    unseen: Sequence[Recording]  # Held-out part of each recording
     tested: Tested
     complete: bool = True  # False if the search for terms was interrupted
     notes: Sequence[str] = ()  # Notes on the fit
     clocks: Sequence[str] = ()  # Notes on the sampling of the recordings
-    linear: Sequence[float] = ()  # Free-run error of a linear model on each held-out part, SI; empty without one
+    linear: Sequence[float] = ()  # Free-run error of a linear model on each held-out part, SI; empty if there is none
     linear_as: str = "with the same lags"  # What that model has in common with this one
     best_linear: BestLinearApproximation | None = None  # Set for periodic recordings
 

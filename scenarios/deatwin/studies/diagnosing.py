@@ -27,7 +27,7 @@ WRITTEN = ("diagnosis.json", "model.json", INPUT_FILE, "report.html", "run.json"
 class DiagnosisTask:
     """All inputs of a diagnosis."""
 
-    plant: Plant  # Nominal or amended
+    plant: Plant  # Nominal or amended plant
     experiments: Sequence[Experiment]  # Experiments, each from rest
     files: Sequence[str | Path]  # Files from which plant and recordings were read
     command: Sequence[str]

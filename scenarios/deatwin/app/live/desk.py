@@ -38,7 +38,7 @@ def inside(root: Path, name: str) -> Path:
     home = root.resolve()
     try:
         path = (home / name).resolve()
-    except (OSError, RuntimeError, ValueError):  # a loop of links, a null character
+    except (OSError, RuntimeError, ValueError):  # for example, a loop of links or a null character
         raise DataError(f"{name!r}: no name of a file in {root}") from None
     if not path.is_relative_to(home):
         raise DataError(f"{name}: lies outside of {root}; only what is in this folder can be used")

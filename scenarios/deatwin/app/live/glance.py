@@ -25,7 +25,7 @@ class Glance:
     picture: str  # SVG in the report's colours; empty if nothing could be read
     refused: str  # Reason why it cannot be read as requested; empty if it can
     further: ReadOptions  # Options with which it can be read
-    needs_sample_time: bool  # True if only that is missing
+    needs_sample_time: bool  # True if only the sample time is missing
 
     def html(self) -> str:
         """Return the columns, the facts and the picture, for a page that defines the report's colours."""
@@ -40,7 +40,7 @@ def glance(root: Path, name: str, asked: ReadOptions, rig: str = "") -> Glance:
     fault = file.refused
     try:
         lines, picture = _looked(name, file) if file.recordings else ((), "")
-    except DeatwinError as error:  # such as a record of three samples
+    except DeatwinError as error:  # for example, a record of three samples
         lines, picture, fault = (), "", fault or str(error)
     return Glance(
         name=name,

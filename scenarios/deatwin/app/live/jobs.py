@@ -70,7 +70,7 @@ class Order:
 class Diagnosing(Order):
     """Request for a diagnosis."""
 
-    recordings: Sequence[str]  # Files in the folder: one experiment
+    recordings: Sequence[str]  # Files in the folder, which together are one experiment
 
     @property
     def files(self) -> tuple[str, ...]:

@@ -97,7 +97,7 @@ def _stop_cleanly(server: Any) -> None:
         server.should_exit = True
 
     signal.signal(signal.SIGTERM, leave)
-    if hasattr(signal, "SIGHUP"):  # not on Windows
+    if hasattr(signal, "SIGHUP"):  # absent on Windows
         signal.signal(signal.SIGHUP, stop)
 
 

@@ -32,7 +32,7 @@ TONES = {
 class Left:
     """An effect that the plant lacked, in words."""
 
-    effect: str  # Name
+    effect: str  # Name of the effect
     probability: float
     parameters: tuple[tuple[str, str, str], ...]  # Name, value with unit, and 95 % interval with unit of each
 

@@ -64,8 +64,8 @@ class HeldOut:
 class Law:
     """The missing physics as a function of the state that it depends on."""
 
-    state: str  # Labels with units
-    force: str
+    state: str  # Label of the state, with unit
+    force: str  # Label of the force, with unit
     measured: tuple[Array, Array]  # State and force, shapes (n,)
     modelled: tuple[Array, Array]  # State and force of the amended plant, shapes (m,)
     caption: str  # Origin of the measured force
@@ -94,9 +94,9 @@ class Trial:
     """Free runs of all models over a held-out recording."""
 
     held_out: HeldOut
-    base: Array  # shape (n,): readings of the calibrated base plant, SI
-    amended: Array  # shape (n,): readings of the amended plant, SI
-    black_boxes: tuple[Outcome, ...]  # Black boxes that learned from the same samples
+    base: Array  # shape (n,): Readings of the calibrated base plant, SI
+    amended: Array  # shape (n,): Readings of the amended plant, SI
+    black_boxes: tuple[Outcome, ...]  # Results of black boxes trained on the same samples
 
     @property
     def base_error(self) -> float:

@@ -76,7 +76,7 @@ class Outcome:
     data: str  # Name of the data set
     method: str
     seconds: float  # Time for learning, s
-    outputs: Array = field(default_factory=lambda: np.zeros(0))  # shape (n,): free run over the test recording
+    outputs: Array = field(default_factory=lambda: np.zeros(0))  # shape (n,): Free run over the test recording
     terms: int = 0  # Number of parameters
     one_step: float = np.nan  # One-step error over the test recording
     free_run: float = np.nan  # Free-run error over the test recording

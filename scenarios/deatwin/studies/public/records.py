@@ -69,12 +69,12 @@ class DataSet:
     train: Recording  # Training recording
     test: Recording
     candidates: Candidates
-    unit: str  # Unit in which errors are shown, and its size in the unit of the output
-    scale: float
+    unit: str  # Unit in which errors are shown
+    scale: float  # Size of that unit, in the unit of the output
     files: tuple[Path, ...] = ()  # Files from which it was read
     note: str = ""  # Note on its preparation
     parts: int = 1  # Parts into which a long training recording is cut to grow structures
-    further: Mapping[str, Learner] = field(default_factory=dict)  # Estimators made for it, by name
+    further: Mapping[str, Learner] = field(default_factory=dict)  # Estimators made for this data set, by name
 
 
 def buck(folder: Path) -> DataSet:
@@ -163,7 +163,7 @@ def _emps(path: Path) -> Recording:
 
     data = matlab_vectors(path, ("vir", "qm"), single=("gtau",))
     require_samples(path, data["qm"].size, EMPS_LEAST)
-    force = data["vir"] * data["gtau"][0]  # the motor's, as recorded: it holds the pulses already
+    force = data["vir"] * data["gtau"][0]  # motor force as recorded, which already includes the pulses
     position, step = data["qm"], 1e-3
     for factor in EMPS_DECIMATION:
         force, position = (decimate(signal, factor, ftype="fir") for signal in (force, position))

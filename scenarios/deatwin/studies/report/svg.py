@@ -31,7 +31,7 @@ _FAINTEST, _GUIDE = 50, 20
 """_FAINTEST: least per cent of ink in a grey line that must be visible. _GUIDE: per cent of ink up to which a line is a
 guide and stays faint."""
 _SETTINGS: dict[Any, Any] = {
-    "svg.fonttype": "none",  # text stays text: small, selectable, in the page's own font
+    "svg.fonttype": "none",  # keeps text as text: small, selectable, in the page's own font
     "svg.hashsalt": "deatwin",
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans", "Arial", "Helvetica"],

@@ -121,7 +121,7 @@ def _array(value: Any) -> Array | None:
         array = np.array(value)
         if array.dtype.kind == "O" and all(v is None or isinstance(v, (bool, int, float)) for v in array.flat):
             array = array.astype(np.float64)  # None in an array is NaN
-    except (ValueError, OverflowError):  # rows of several lengths; a number that no float can hold
+    except (ValueError, OverflowError):  # rows of unequal lengths, or a number too large for a float
         return None
     return _narrowed(array) if array.size and array.dtype.kind in "biuf" else None
 
