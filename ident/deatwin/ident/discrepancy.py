@@ -25,8 +25,8 @@ DIVERGED = 20.0  # Limit of a simulated residual, in its rms over the training s
 class Track:
     """Scaled signals on one clock: training samples first, then test samples."""
 
-    residual: Array  # shape (n,): Measured minus simulated
-    reading: Array  # shape (n,): Simulated
+    residual: Array  # shape (n,): Residual, measured minus simulated
+    reading: Array  # shape (n,): Simulated reading
     rate: Array  # shape (n,): Rate of the simulated reading
     drive: Array  # shape (n,): Squared command
     cut: int  # Number of training samples; residuals of the test samples serve only to start a run
@@ -92,7 +92,8 @@ def track_of(plant: Plant, whole: Experiment, records: int) -> Track:
 # --- sparse dynamics of the residual: pysindy as a discrepancy model -------------------------------------------------
 
 VARIABLES = ("e", "x", "v", "w", "s")
-"""Residual, simulated reading and its rate, squared command, and the direction of motion (smoothed sign of v)."""
+"""Variables of the sparse model: residual, simulated reading and its rate, squared command, and the direction of motion
+(smoothed sign of the rate)."""
 THRESHOLDS = (0.02, 0.1, 0.3)
 MODELS, WEAK_DOMAINS, DOMAIN_SECONDS = 20, 200, 1.0
 REST = 0.05  # Speed, as a share of the rms rate, below which the direction of motion is not sharp

@@ -338,4 +338,4 @@ CHECKS: Mapping[str, Callable[[Any, tuple[Recording, ...]], None]] = MappingProx
         )
     }
 )
-"""Each part of the contract by name, taking an identifier and recordings, for tests of one part at a time."""
+"""Parts of the contract by name, for tests of one part at a time; each takes an identifier and recordings."""

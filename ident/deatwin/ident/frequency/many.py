@@ -38,7 +38,7 @@ _SETTLED = 1e-9  # largest residual of the equilibrium equation, relative to its
 class Evaluated(Frozen):
     """A frequency response, computed for many parameter vectors."""
 
-    values: Complex  # shape (n_draws, n): NaN where there is no equilibrium
+    values: Complex  # shape (n_draws, n): Response of each draw; NaN if there is no equilibrium
     exists: NDArray[np.bool_]  # shape (n_draws,): True if there is an equilibrium
     stable: NDArray[np.bool_]  # shape (n_draws,): True if it is stable
 

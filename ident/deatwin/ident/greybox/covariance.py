@@ -7,7 +7,7 @@ import numpy as np
 NOTHING = 1e-100
 """Length of a Jacobian's column below which its parameter has no effect. A variance is the squared reciprocal of the
 length and must not overflow."""
-RANK = 1e-12  # Squares of singular values below this share of the largest one count as zero
+RANK = 1e-12  # Share of the largest squared singular value below which a squared singular value counts as zero
 
 
 def covariance(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:

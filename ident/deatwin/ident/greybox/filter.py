@@ -54,13 +54,13 @@ class Opened:
 class Latent:
     """Smoothed estimate of a plant's unknown input, given all readings."""
 
-    opening: Opening  # Place at which it enters
+    opening: Opening  # Place at which the unknown input enters
     timepts: Array  # shape (n,): Clock times at the ends of the samples, one part after another, s
     mean: Array  # shape (n,): Mean of the unknown input during each sample, SI (a pure number if it is a factor)
     deviation: Array
     states: Mapping[str, Array]
     counted: NDArray[np.bool_]  # shape (n,): True where a reading counts
-    origin: NDArray[np.int_]  # shape (n,): Number of the part
+    origin: NDArray[np.int_]  # shape (n,): Position of the part that a sample belongs to
     amplitude: float
     memory: float
     log_likelihood: float

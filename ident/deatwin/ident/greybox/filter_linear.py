@@ -39,13 +39,13 @@ class Linear:
     plant: Plant  # Linearised plant
     state_names: tuple[str, ...]  # Names of the states x, in order
     openings: tuple[Opening, ...]
-    timepts: Array  # shape (n,): Clock times at the end of each sample from the start procedure on, s
+    timepts: Array  # shape (n,): Clock times of the ends of samples, beginning with the start procedure, s
     residual: Array  # shape (n,): Measured minus simulated at the end of each sample, SI; NaN where no reading counts
-    transition: Array  # shape (n, n_x, n_x): F_k, from the start of a sample to its end
+    transition: Array  # shape (n, n_x, n_x): F_k, derivative of the states at the end of a sample by those at its start
     by_parameter: Array
     rows: Array  # shape (n, n_x): C_k, derivative of the reading at the end of a sample by the states at its start
     rows_by_parameter: Array  # shape (n, n_p): D_k, derivative of that reading by the parameters
-    start_by_parameter: Array  # shape (n_x, n_p): Derivative of the state of rest
+    start_by_parameter: Array  # shape (n_x, n_p): Derivative of the state of rest by the parameters
     entering: Array  # shape (n, n_x, n_openings): G_k, derivative of the states by an input in this sample only
     rows_entering: Array  # shape (n, n_openings): L_k, derivative of the reading by that input
     states: Mapping[str, Array]

@@ -38,7 +38,7 @@ class _Key:
 
     def __init__(self, plant: Plant, openings: tuple[Opening, ...]) -> None:
         self.plant, self.openings = plant, openings
-        # Plants of the same structure share their equations.
+        # Plants of the same structure have the same equations, and share a compiled step.
         self._key = (plant.equations, openings)
 
     def __hash__(self) -> int:

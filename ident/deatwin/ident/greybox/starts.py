@@ -34,7 +34,7 @@ class Search:
     """The best of several fits from different starting points."""
 
     best: Minimum  # Its number of evaluations includes those of all starts
-    tried: int  # Number of points
+    tried: int  # Number of starting points
     agreed: int  # Number of starts that ended with the error of the best
     equals: tuple[np.ndarray, ...] = ()
 

@@ -24,7 +24,7 @@ class StructuralScale:
     """Ratio of the structural residual of added physics to the noise."""
 
     experiment: Experiment  # Experiment whose commands are used
-    clean: np.ndarray  # shape (n,): Noise-free readings without mechanisms, m
+    clean: np.ndarray  # shape (n,): Noise-free readings without the added physics, m
     form: Calibration  # The base plant refitted to `clean`
     noise: float  # Rms of the sensor's noise, m
 

@@ -98,7 +98,7 @@ def survey(problem: Problem, best: Minimum, known: np.ndarray, deviations: float
     better = where if least < -_CLEARLY else None
     inside = [x for found, x in seen if found - least <= limit]
     first, last = min(x[k] for x in inside), max(x[k] for x in inside)
-    # The limit is crossed somewhere before the next point.
+    # The limit is crossed somewhere before the next point outwards, so that point is included.
     next_ones = [max((x for _, x in seen if x[k] < first), key=lambda x: x[k], default=where)]
     next_ones += [min((x for _, x in seen if x[k] > last), key=lambda x: x[k], default=where)]
     points = np.array(inside + next_ones)

@@ -98,7 +98,7 @@ def _flow(strain: Any) -> tuple[Any, Any]:
     across = 1 / (squares[0] * squares[1])
     stresses = squares - across
     flow = ca.vertcat(stresses[0] - stresses[1] / 2, stresses[1] - stresses[0] / 2) / 3
-    first, second, third = 2 * squares[0], 2 * squares[1], across  # derivatives, halved for the third
+    first, second, third = 2 * squares[0], 2 * squares[1], across  # derivatives; half of it for the third
     slope = ca.vertcat(
         ca.horzcat(first + third, third - second / 2),
         ca.horzcat(third - first / 2, second + third),

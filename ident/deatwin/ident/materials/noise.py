@@ -129,7 +129,7 @@ def _repeats(data: Observations, white: Array) -> tuple[float, ...]:
 def _correlated(residual: Array) -> float:
     """Return one plus twice the sum of the correlations before the first insignificant one. Shapes: (n,)."""
     size, energy = residual.size, float(residual @ residual)
-    if energy == 0.0 or size < 8:  # too few to tell a correlation from chance
+    if energy == 0.0 or size < 8:  # too few samples to distinguish a correlation from chance
         return 1.0
     total = 1.0
     for lag in range(1, size // 2):

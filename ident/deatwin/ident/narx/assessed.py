@@ -16,7 +16,7 @@ from deatwin.plant.checks import require_samples
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.recording import Recording
 
-HELD_OUT = 0.3  # Share at the end of each recording that judges the model and is not fitted
+HELD_OUT = 0.3  # Share at the end of each recording that is not fitted but judges the model
 _FEWEST = 500
 """Samples that a held-out part needs for the free-run residual to be measured on it: a shorter part shows too little of
 a slow residual to give its size and memory."""

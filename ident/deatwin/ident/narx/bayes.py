@@ -28,10 +28,10 @@ _LEAF = 64  # most rows of a triangle that LAPACK inverts as fast as products of
 class Priors:
     """Gamma priors: tau ~ Gam(a0, b0) of the noise precision, alpha_m ~ Gam(c0, d0) of each relevance."""
 
-    a0: float = 1e-2  # Shape and rate of the noise precision
-    b0: float = 1e-4
-    c0: float = 1e-2  # Shape and rate of each term's precision, relative to that of the noise
-    d0: float = 1e-4
+    a0: float = 1e-2  # Shape of the prior of the noise precision
+    b0: float = 1e-4  # Rate of that prior
+    c0: float = 1e-2  # Shape of the prior of each term's precision, relative to that of the noise
+    d0: float = 1e-4  # Rate of that prior
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -81,8 +81,8 @@ class Posterior:
 
     mean: Array  # shape (n_terms,): Mean of theta
     root: Array  # shape (n_terms, n_terms): Lower triangular W with V = W'W
-    a: float  # Shape and rate of the noise precision
-    b: float
+    a: float  # Shape of the posterior of the noise precision
+    b: float  # Rate of that posterior
     residual: float  # Sum of squares ||y - Phi mean||^2
 
     @property

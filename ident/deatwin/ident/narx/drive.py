@@ -24,7 +24,7 @@ class Drive:
     outputs: Array  # shape (n_outputs, n): Outputs; only the samples before ``first`` are used
     measured: Array  # shape (n_outputs, n): Known outputs; NaN elsewhere
     timepts: Array  # shape (n,): Times of the samples in s
-    first: int  # The first sample to compute
+    first: int  # First sample to be computed
 
     @classmethod
     def of(

@@ -24,7 +24,7 @@ class Estimate:
     theta: Array  # shape (n_terms,): Parameters
     theta_cov: Array  # shape (n_terms, n_terms): Covariance of the parameters
     noise_variance: float  # Variance of the residual
-    dof: float = inf  # Degrees of freedom of a Student-t law of theta with that covariance; infinite for a normal one
+    dof: float = inf  # Degrees of freedom of theta's Student-t law with that covariance; infinite for a normal law
 
 
 class Estimator(Protocol):
@@ -49,7 +49,7 @@ class LeastSquares:
         if np.abs(np.diag(r)).min() < _DEPENDENT:
             raise ModelError("the regressors depend on each other on these samples: leave some out, or take Ridge()")
         theta = solve_triangular(r, q.T @ target) / sizes
-        theta += solve_triangular(r, q.T @ (target - theta @ rows)) / sizes  # one refinement
+        theta += solve_triangular(r, q.T @ (target - theta @ rows)) / sizes  # one step of iterative refinement
         residual = target - theta @ rows
         variance = float(residual @ residual) / (n - n_terms)
         root = solve_triangular(r, np.eye(n_terms)) / sizes[:, None]
@@ -63,12 +63,12 @@ least_squares = LeastSquares()  # Least squares, ready to be called
 class Centred:
     """A regression without its constant regressor, whose parameter follows from the others."""
 
-    rows: Array
+    rows: Array  # shape (n_others, n_samples): Other regressors without their means, if there is a constant
     target: Array  # shape (n_samples,): Output without its mean, if there is a constant
     constant: int | None  # Position of the constant regressor
     level: float  # Value of the constant regressor
     means: Array  # shape (n_others,): Means of the other regressors
-    mean: float
+    mean: float  # Mean of the output
 
     @classmethod
     def of(cls, rows: Array, target: Array) -> Centred:

@@ -53,8 +53,8 @@ class Move:
     """One change of a structure."""
 
     chosen: Indices  # shape (n_terms,): Structure after the change, as increasing positions among the candidates
-    removed: int | None  # Removed term, if any; an exchange has both, the start has neither
-    added: int | None
+    removed: int | None  # Removed term; None for an addition and at the start
+    added: int | None  # Added term; None for a removal and at the start
     log_odds: float  # ln p(structure | y) after the change, minus that of the structure without any term, nats
 
 

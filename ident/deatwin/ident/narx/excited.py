@@ -222,7 +222,7 @@ def _power(recording: Recording) -> NDArray[np.float64]:
         raise DataError(f"{label(recording)}: the input is constant: it excites nothing")
     if command.size < _FEWEST:
         raise DataError(f"{label(recording)}: {command.size} samples tell no spectrum of the input; {_FEWEST} would")
-    # A trend, and ends that do not meet, would look like power at all frequencies.
+    # A trend, or ends that do not meet, would look like power at all frequencies.
     timepts = np.linspace(-1.0, 1.0, command.size)
     trend = np.polynomial.Polynomial.fit(timepts, command, 1)(timepts)
     left = command - trend

@@ -26,7 +26,7 @@ _ROWS = 64  # rows orthogonalised at once: 5 MB for 10,000 samples
 class SelectionStep:
     """One choice of a forward selection."""
 
-    candidate: int  # Row that was chosen
+    candidate: int  # Position of the chosen row
     err: float  # Error reduction ratio: the share of y'y that the candidate explains
     residual: float  # Residual sum of squares, square of the output's unit
     press: float

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Factors = tuple[tuple[int, int], ...]  # Product of signals: for each factor the row of the signal and its lag
 
-_BLOCK = 256  # as in the kernel
+_BLOCK = 256  # samples of a block, as in the kernel
 
 
 def free_run(
@@ -68,12 +68,12 @@ class March:
 
     known: Array  # shape (n_known, n): Signals that are known beforehand
     start: Array  # shape (n_marched, n): Signals to compute; only the samples before ``first`` are used
-    first: int  # The first sample to compute
+    first: int  # First sample to be computed
     derived: tuple[tuple[int, Shape], ...]  # Functions of marched signals, the last rows of ``start``, with their rows
-    parts: tuple[Factors, ...]  # The known factors of each term
-    monomials: tuple[Factors, ...]  # The products of marched signals that occur
-    monomial: Integers  # shape (n_terms,): The monomial of each term
-    equations: Integers  # shape (n_terms,): The marched signal that each term belongs to
+    parts: tuple[Factors, ...]  # Known factors of each term
+    monomials: tuple[Factors, ...]  # Products of marched signals that occur in the terms
+    monomial: Integers  # shape (n_terms,): Position of each term's monomial
+    equations: Integers  # shape (n_terms,): Marched signal to whose equation each term belongs
 
     @classmethod
     def of(

@@ -41,9 +41,9 @@ class LongArx:
     signals: Signals
     shortest: tuple[int, ...]  # Smallest lag of each input
     longest: int  # Largest lag of all
-    n_output_lags: int  # Lags 1 to this of the output
-    a: Array  # shape (n_output_lags + 1,): A, from q^0 on
-    b: Array  # shape (n_inputs, longest + 1): B of each input, from lag 0 on; zero before its shortest lag
+    n_output_lags: int  # Number of lags of the output, from lag 1 on
+    a: Array  # shape (n_output_lags + 1,): Coefficients of A, from q^0 on
+    b: Array  # shape (n_inputs, longest + 1): Coefficients of each B, from lag 0 on; zero before the shortest lag
     b_std: Array  # shape (n_inputs, longest + 1): Standard deviation of each coefficient
     variance: float
     n_samples: int  # Number of residuals

@@ -20,7 +20,7 @@ from deatwin.plant.errors import ModelError, nearest
 _PRIOR_SAMPLES = 1e-4  # weight of the prior of the start, in samples
 # Drift is measured by the variance that a term's contribution gains per sample, relative to that of the noise, times
 # the square of the number of samples; with a value of 1, a local level would be averaged over the whole record.
-_COARSE = (1e1, 1e3, 1e5, 1e7, 1e9)  # tried first, for all parameters together
+_COARSE = (1e1, 1e3, 1e5, 1e7, 1e9)  # values that are tried first, for all parameters together
 _NONE = 1e-2  # drift that could never be seen
 _MOST = 1e6  # largest drift, without the square of the number of samples: the noise is negligible beside it
 _USUAL_STEPS = 40  # usual number of evaluations of a search, for its progress

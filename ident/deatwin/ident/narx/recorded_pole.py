@@ -64,7 +64,7 @@ def recorded_pole(recordings: Sequence[Recording], first_lag: int = 1) -> Record
         n * np.linalg.slogdet(squares / n)[1] + 2.0 * n_outputs * width * lags for lags, squares in enumerate(left)
     ]
     lags = int(np.argmin(costs))
-    if lags == 0:  # no dynamics at all
+    if lags == 0:  # the outputs have no dynamics
         return RecordedPole(pole=0.0, deviation=0.0)
     size = head + lags * width
     inverse = np.linalg.pinv(triangle[:size, :size], rcond=1e-10)

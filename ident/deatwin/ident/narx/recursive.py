@@ -24,7 +24,7 @@ from deatwin.plant.recording import Experiment, Recording
 Terms = Sequence[Term | str] | Mapping[str, Sequence[Term | str]]
 Structure = NarxModel | Terms  # Fixed structure: that of a model, or terms as `Fixed` takes them
 
-_INDEPENDENT = 1e-7  # least singular value, relative to the largest, of regressors that can start the recursion
+_INDEPENDENT = 1e-7  # least singular value, relative to the largest, of regressors from which the recursion can start
 
 
 class VaryingParameters(NarxIdentifier):

@@ -142,7 +142,7 @@ class Shape:
 
     name: str
     parameters: tuple[float, ...] = ()
-    difference: int = 0  # Samples: it is a function of x(k) - x(k-difference); 0 for one of x(k)
+    difference: int = 0  # Samples d of x(k) - x(k-d), if that is the function's argument; 0 if it is x(k)
     gain: float = 1.0  # Size of the unit in which the signal is given; the parameters stay as they are
 
     @classmethod

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 class BayesianEstimate(Estimate):
     """A posterior with its evidence."""
 
-    log_evidence: float  # ln p(y), the marginal likelihood in nats, of the outputs as they were given
+    log_evidence: float  # ln p(y), the marginal likelihood of the outputs as given, nats
     precision: float
 
 

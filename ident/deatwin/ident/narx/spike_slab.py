@@ -105,7 +105,7 @@ class Structures:
     """Sampled structures."""
 
     inclusion: Array
-    weights: Mapping[Terms, float]  # Share of the chain at each set of terms
+    weights: Mapping[Terms, float]  # Share of the chain's samples at each set of terms
 
     @property
     def median(self) -> Terms:

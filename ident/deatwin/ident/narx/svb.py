@@ -147,7 +147,7 @@ class SvbNarx(CandidateSearch):
         # avoids it.
         try:
             return super()._resting(data, Fixed(terms=model).fit(data[0].recordings).model_)
-        except ModelError:  # least squares has too few samples
+        except ModelError:  # too few samples for least squares
             return resting
 
     def _learn(self, data: Regression, progress: Progress) -> NarxModel:

@@ -32,7 +32,7 @@ class Draw:
 class BenchmarkSystem:
     """A NARX or NARMAX system with its input and noise, and the candidates among which it is to be found."""
 
-    name: str  # Short, as "S3"
+    name: str  # Short name, such as "S3"
     equation: Mapping[str, float]  # Parameter of each term, including noise terms e(k-l); e(k) itself is always added
     draw_input: Callable[[np.random.Generator, int], Array]
     noise_std: float  # Standard deviation of the white normal e(k)

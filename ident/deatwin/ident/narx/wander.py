@@ -40,13 +40,13 @@ class Track:
 
     name: str
     recording: Recording  # Whole recording, thinned
-    share: float  # One of `SHARES`
+    share: float  # Chosen one of `SHARES`
     seen: Mapping[str, float]  # Errors on the fitted record, by method
     unseen: Mapping[str, float]  # Errors on the blocks for judging, with parameters from all others
     ahead: Mapping[str, float]  # Errors of `CONSTANT` and `VARYING` on each block, with parameters from earlier ones
-    trajectory: ThetaTrajectory  # Fitted to the whole record, every second
-    held: ThetaTrajectory  # Fitted without the blocks for judging
-    held_constant: NarxModel  # Least squares without the blocks for judging
+    trajectory: ThetaTrajectory  # Trajectory fitted to the whole record, kept every second
+    held: ThetaTrajectory  # Trajectory fitted without the blocks for judging
+    held_constant: NarxModel  # Model by least squares without the blocks for judging
     judged: tuple[Recording, ...]  # The blocks for judging
 
 

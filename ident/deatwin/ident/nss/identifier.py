@@ -95,7 +95,7 @@ class StateSpaceIdentifier(Identifier):
         require_alike(chosen)
         self._require()
         told = progress or silent
-        with threadpool_limits(1):  # tall and narrow matrices: more threads only wait for each other
+        with threadpool_limits(1):  # tall and narrow matrices, for which more threads only wait for each other
             sides, records = _scaled(chosen, self.held_out, self._needed(chosen[0]))
             told(0.0, "a linear state space")
             found = linear_start(

@@ -29,9 +29,9 @@ class System:
     """Weights of a nonlinear state space, and which of them are free. Masks have the shapes of the weights."""
 
     basis: Basis
-    directions: Array  # shape (n_directions, n_regressors): P
-    transition: Array  # shape (n_states, n_regressors): W
-    output: Array  # shape (n_outputs, n_regressors): V
+    directions: Array  # shape (n_directions, n_regressors): Weights P
+    transition: Array  # shape (n_states, n_regressors): Weights W
+    output: Array  # shape (n_outputs, n_regressors): Weights V
     free_directions: Mask
     free_transition: Mask
     free_output: Mask

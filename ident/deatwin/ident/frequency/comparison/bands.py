@@ -31,9 +31,9 @@ _HIGHEST = 5  # highest order that is compared: half a million combinations of f
 class BandMean:
     """H_n, averaged over the combinations of input frequencies whose sum lies in a band."""
 
-    order: int  # n
+    order: int  # Order n of the response
     from_Hz: float  # Lower edge of the band of the sum
-    to_Hz: float
+    to_Hz: float  # Upper edge of that band
     value: Array  # shape (2,): Real and imaginary part of the mean, in ``unit``
     gradient: Array  # shape (2, n_terms): Derivative of the value by the parameters of the model
     scatter: Scatter

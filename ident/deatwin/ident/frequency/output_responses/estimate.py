@@ -196,7 +196,7 @@ class _Runs:
 
     levels: Array  # shape (n_levels,): Factors of the excitation at which the output stays finite
     spectra: Complex  # shape (n_levels, n_lines): Spectra of the output's deviations
-    lost: Array  # Factors at which the model diverges
+    lost: Array  # Factors of the excitation at which the model diverges
     settled: bool  # True if the output becomes periodic at all of `levels`
 
     @property

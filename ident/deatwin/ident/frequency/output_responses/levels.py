@@ -28,7 +28,7 @@ class LevelFit:
 
     levels: Array  # shape (n_levels,): Factors of the excitation
     orders: Complex
-    condition: float  # Condition number of the powers of the levels, columns scaled to length one
+    condition: float  # Condition number of the powers of the levels, with columns scaled to unit length
     residual: Array
     left_out: Array
     changes: Array

@@ -22,9 +22,9 @@ _SMALL = 1e-11  # relative change of the output below which a change that no lon
 class SteadyState:
     """The last period of a simulation from rest."""
 
-    values: Array  # shape (n_samples,): The output over one period, in the output's unit
-    settled: bool  # True if it repeats from period to period up to rounding
-    diverged: bool  # True if the march left all bounds; the values are then its last ones
+    values: Array  # shape (n_samples,): Output over one period, in its unit
+    settled: bool  # True if the output repeats from period to period, up to rounding
+    diverged: bool  # True if the output left all bounds; the values are then its last ones
 
 
 def steady_state(model: NarxModel, excitation: Array) -> SteadyState:

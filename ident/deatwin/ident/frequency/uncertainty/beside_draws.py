@@ -38,7 +38,7 @@ class Spread:
     case: str
     propagated: Propagated
     sampled: Sampled
-    curve: Complex  # shape (n_curve,): the response at more frequencies, to be drawn as a line
+    curve: Complex  # shape (n_curve,): Response at more frequencies, to be drawn as a line
 
     @property
     def symbol(self) -> str:
@@ -133,8 +133,8 @@ class Speed:
     """Cost of propagation for one response, and of equally accurate draws."""
 
     label: str
-    propagated: float  # Processor time of propagation, and of 20,000 draws all at once, s
-    drawn: float
+    propagated: float  # Processor time of propagation, s
+    drawn: float  # Processor time of 20,000 draws, computed together, s
     equal: float  # Number of draws as accurate as propagation
 
     @property

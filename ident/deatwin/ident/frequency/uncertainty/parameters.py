@@ -28,7 +28,7 @@ JOINT = "the covariance of all parts; take fewer frequencies (at_points)"
 Model = NarxModel | LinearModel  # Models with parameters, their covariance, and a frequency response
 
 Quantity = Callable[[Any], FrequencyResponse]
-"""Computes a frequency response of a model, as ``partial(gfrf, order=2, omega=omega)``."""
+"""Function that computes a frequency response of a model, such as ``partial(gfrf, order=2, omega=omega)``."""
 
 
 def with_theta(model: Model, theta: Array) -> Model:

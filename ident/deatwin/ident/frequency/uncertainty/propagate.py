@@ -169,7 +169,7 @@ class Propagated(Uncertain):
         )
 
     def joint_covariance(self) -> Array:
-        # Its rank is at most the number of parameters.
+        # The rank is at most the number of parameters.
         require_memory(4 * self.values.size**2, JOINT)
         gradient = np.concatenate([self.response.gradient.real, self.response.gradient.imag])
         return read_only(gradient @ self.response.theta_cov @ gradient.T)

@@ -36,7 +36,7 @@ class ShortTime:
 
     timepts: Array  # shape (n_windows,): Middle of each window, s
     frequencies: Array  # shape (n,): Hz
-    recorded: Complex  # shape (n_windows, n): Amplitudes
+    recorded: Complex  # shape (n_windows, n): Amplitudes of the recorded output
     predicted: Mapping[str, Complex]  # shape (n_windows, n): Amplitudes of each prediction
 
     def power_ratio_dB(self, name: str, band: tuple[float, float]) -> Array:

@@ -35,7 +35,7 @@ class Alike:
 
     prepared: Prepared
     factor: int  # Every `factor`-th sample of its recordings is kept
-    sections: tuple[Recording, Recording]  # Training and held-out, thinned
+    sections: tuple[Recording, Recording]  # Training and held-out section, thinned
     model: NarxModel
 
     @property
@@ -61,7 +61,7 @@ class Fleet:
     actuators: tuple[Alike, ...]
     plan: Plan
     structure: Structure  # Terms of all models, in the order of their parameters
-    errors: Array  # shape (n_actuators,): free-run errors of the structure where it was chosen
+    errors: Array  # shape (n_actuators,): Free-run errors of the structure, on the data on which it was chosen
     tried: int  # Number of structures from which it was chosen
 
 

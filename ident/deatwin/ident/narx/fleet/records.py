@@ -39,8 +39,8 @@ class Move:
     """A drift of an actuator's mean from one window of time to another."""
 
     number: int  # Number of the actuator
-    early: tuple[float, float]  # Begin and end of each window, s
-    late: tuple[float, float]
+    early: tuple[float, float]  # Begin and end of the earlier window, s
+    late: tuple[float, float]  # Begin and end of the later window, s
     sign: int  # 1 if the mean rises, -1 if it falls
 
 
@@ -77,8 +77,8 @@ class Prepared:
     """An actuator with its recording and the findings on it."""
 
     actuator: Actuator
-    recordings: Mapping[str, Recording]  # One for each of `VARIANTS`
-    sections: Sections  # Stationary stretches of the recording at the same input
+    recordings: Mapping[str, Recording]  # One recording for each of `VARIANTS`
+    sections: Sections  # Stretches in which the reading at the same input is stationary
     sampling: SamplingChoice  # Sampling time that its correlation functions suggest
     findings: tuple[Finding, ...]  # Findings in the reading at the same input; nothing is corrected
 
