@@ -29,7 +29,7 @@ from deatwin.studies.voice import complain
 
 
 class Commands(Group):
-    """The group of commands; an interrupted command says so, and lists what it kept."""
+    """The group of commands; an interrupted command says so and lists what it kept."""
 
     def invoke(self, ctx: Any) -> Any:
         """Run the named command."""

@@ -286,7 +286,7 @@ def _map(order: int, band: tuple[float, float]) -> Array:
 
 
 def _truncated(found: Nofrf) -> Iterator[str]:
-    """State at how many lines higher orders matter, unless the fit leaves only rounding errors."""
+    """State at how many frequencies higher orders matter, unless the fit leaves only rounding errors."""
     if found.residual[:, -1].max() < ROUNDING:
         return
     for g, error in zip(found.orders[: found.order], found.truncation, strict=False):

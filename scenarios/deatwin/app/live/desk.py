@@ -46,7 +46,7 @@ def inside(root: Path, name: str) -> Path:
 
 
 def safe_name(name: str) -> str:
-    """A name that a browser sent, as the name of a file in one folder."""
+    """Turn a name that a browser sent into the name of a file in one folder."""
     last = re.split(r"[/\\]", unicodedata.normalize("NFC", name))[-1]
     kept = _FORBIDDEN.sub("_", last).strip().lstrip(".- ").rstrip(". ")
     if not kept or not kept.isprintable():
