@@ -159,7 +159,7 @@ def row_of(rig: Rig, reading: str) -> int:
 
 
 def whole_parts(experiments: Sequence[Experiment], rig: Rig) -> tuple[Part, ...]:
-    """All samples of experiments that count: of the first reading, then of each further one, weighted by its noise."""
+    """Return all samples that count: of the first reading, then of each further one, weighted by its noise."""
     found = [Part(experiment=experiment, masks=settled(experiment, rig)) for experiment in experiments]
     for reading in rig.further:
         if not rig.noise > 0.0:

@@ -40,7 +40,7 @@ class Search:
 
 
 def least(problem: Problem, starts: int, evaluations: int, tolerance: float | None, hopeless: float) -> Search | None:
-    """Fit from the given values, then, as far as needed, through growing openings and from other points."""
+    """Fit from the given values and then, as far as needed, through growing openings and from other points."""
     options: dict[str, Any] = {"evaluations": evaluations, "tolerance": tolerance, "hopeless": hopeless}
     problem.watch.begin("fit from the given values")
     first = minimise(problem, **options)
@@ -99,7 +99,7 @@ def largest_alike(residuals: np.ndarray, jacobian: np.ndarray) -> float:
 
 
 def _same(best: Minimum, spread: float) -> float:
-    """Return the largest error that equals that of the best fit, up to rounding."""
+    """Return the largest error that equals the best fit's, up to rounding."""
     return max(largest_alike(best.residuals, best.jacobian), EXACT * spread)
 
 

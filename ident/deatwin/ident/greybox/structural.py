@@ -41,7 +41,7 @@ class StructuralScale:
         return min(self._left(readings)) / self.noise
 
     def ratio(self, readings: Sequence[np.ndarray]) -> float:
-        """Return the rms left by a full refit, beyond that of a clean film, divided by the noise."""
+        """Return the rms that a full refit leaves beyond that of a clean film, divided by the noise."""
         same, shifted = self._left(readings)
         plant = self.form.plant if same <= shifted else _read_otherwise(self.form.plant)
         refitted = descend(plant, [_part(self.experiment, readings)], tolerance=TOLERANCE)

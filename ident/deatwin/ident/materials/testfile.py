@@ -134,7 +134,7 @@ def read_material_tests(path: str | Path) -> MaterialTests:
 
 
 def _mistakes(data: Mapping[str, Any]) -> Iterator[str]:
-    """Yield all mistakes of the file, without those of its section [material]."""
+    """Yield all mistakes of the file, except those of its section [material]."""
     for name in data:
         if name not in _SECTIONS:
             hint = nearest(name[:100], _SECTIONS) or f"; known are {', '.join(_SECTIONS)}"

@@ -289,7 +289,7 @@ class _Terms(ctypes.Structure):
 
 @lru_cache(maxsize=4)
 def _kernel(_program: str | None) -> ctypes.CDLL | None:
-    """The compiled kernel, or None where there is no compiler."""
+    """Return the compiled kernel, or None if there is no compiler."""
     library = compile_source(switch_source() + Path(__file__).with_suffix(".c").read_text(encoding="utf-8"))
     if library is None:
         return None

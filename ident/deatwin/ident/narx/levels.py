@@ -24,7 +24,7 @@ _SETTLED = 1e-3
 
 
 def few_levels(values: Array, most: int) -> Array:
-    """Return the levels of a signal, if it has few, exactly or but for noise and edges. Shapes: returns (n_levels,)."""
+    """Return the levels (n_levels,) of a signal, up to noise and edges; empty if there are more than `most`."""
     flat = np.ravel(values)
     for part in (flat[:_GLANCE], flat):
         distinct = np.unique(part)

@@ -49,7 +49,7 @@ class LongArx:
     n_samples: int  # Number of residuals
 
     def lags(self, which: int) -> range:
-        """Lags of an input, the largest first, so that each test asks what a shorter lag adds to the longer ones."""
+        """Lags of an input, the largest first, so that each test shows what a shorter lag adds to the longer ones."""
         return range(self.longest, self.shortest[which] - 1, -1)
 
     @property

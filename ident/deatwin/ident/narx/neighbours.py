@@ -93,7 +93,7 @@ class CompressedRegression:
         )
 
     def smaller(self, chosen: Sequence[int]) -> Neighbours:
-        """Return the models without one chosen term: with G = (R'R)^-1, i goes by theta - G_i theta_i / G_ii."""
+        """Return the models without one chosen term: with G = (R'R)^-1, removing i gives theta - G_i theta_i / G_ii."""
         basis, triangle = np.linalg.qr(self.rows[list(chosen)].T)
         moments = basis.T @ self.target
         theta = solve_triangular(triangle, moments)

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 def with_correlated_error(model: NarxModel, recordings: Sequence[Recording]) -> NarxModel:
-    """Return a model of least free-run error on recordings with the covariance that its correlated errors leave."""
+    """Return a model of least free-run error on recordings, with the covariance of correlated errors."""
     from scipy.linalg import matmul_toeplitz
 
     slopes = [sensitivities(model, record) for record in recordings]

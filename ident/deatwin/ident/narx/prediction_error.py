@@ -209,7 +209,7 @@ def _led(data: Regression, lead: int, rows: Array) -> Array:
 
 
 def spread(data: Regression, errors: Array, lead: int = 0) -> tuple[Array, ...]:
-    """e of all samples and of `lead` before them, (n_outputs, n) per recording, zero where it was not fitted."""
+    """Return e of all samples and of `lead` before them, (n_outputs, n) per recording, zero where it was not fitted."""
     noise, begin = [], 0
     for record in data.recordings:
         end = begin + record.n_samples - data.first + lead
@@ -236,7 +236,7 @@ def _bands(data: Regression, table: TermTable, theta: Array, noise: Sequence[Arr
 
 
 def _filtered(bands: Sequence[Array], rows: Array) -> Array:
-    """Return f(k) = r(k) - sum_l c_l(k) f(k-l) of rows, recording by recording, shape as that of the rows."""
+    """Return f(k) = r(k) - sum_l c_l(k) f(k-l) of rows, recording by recording; returns the shape of `rows`."""
     found, begin = np.empty_like(rows), 0
     for band in bands:
         end = begin + band.shape[1]

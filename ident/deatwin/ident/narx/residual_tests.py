@@ -143,7 +143,7 @@ class Whiteness:
 
 
 def correlation(delayed: Series, signal: Series, lags: Integers) -> Array:
-    """phi(tau) = sum_k a(k - tau) b(k) / sqrt(sum a^2 sum b^2), not across recordings, (n_lags,)."""
+    """Return sum_k a(k - tau) b(k) / sqrt(sum a^2 sum b^2), (n_lags,), without products across recordings."""
     sums = np.zeros(len(lags))
     for a, b in zip(delayed, signal, strict=True):
         for i, lag in enumerate(lags.tolist()):

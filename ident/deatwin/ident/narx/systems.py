@@ -55,7 +55,7 @@ class BenchmarkSystem:
 
     @cached_property
     def theta(self) -> Array:
-        """Their parameters, shape (n_terms,)."""
+        """Parameters of the true terms, shape (n_terms,)."""
         values = np.array(list(self._known.values()))
         values.setflags(write=False)
         return values

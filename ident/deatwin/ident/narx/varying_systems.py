@@ -111,7 +111,7 @@ def _swing(low: float, high: float) -> Callable[[Array], Array]:
 
 
 def _resonance(phase: Array) -> Array:
-    """Return 2 r cos(w T) of a pole whose frequency goes from 1 to 3 Hz and back."""
+    """Return 2 r cos(w T) of a pole whose frequency moves from 1 to 3 Hz and back."""
     return 2 * _DAMPED * np.cos(2 * np.pi * _swing(1.0, 3.0)(phase) * STEP)
 
 

@@ -26,7 +26,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class System:
-    """Weights of a nonlinear state space, and which of them are free. Masks have the shapes of the weights."""
+    """Weights of a nonlinear state space, and masks of the free ones. Masks have the shapes of the weights."""
 
     basis: Basis
     directions: Array  # shape (n_directions, n_regressors): Weights P
@@ -111,7 +111,7 @@ class System:
         return outputs, gradient, int(reached)
 
     def sensitivities(self, inputs: Array, start: Array) -> tuple[Array, Array]:
-        """Return outputs and their derivatives of a whole run, shaped as those of `run`."""
+        """Return outputs of a whole run and their derivatives, with the shapes that `run` returns."""
         outputs, gradient, _ = self.run(inputs, start, sensitive=True)
         if gradient is None:
             raise ValueError("a sensitive run has a gradient")

@@ -42,7 +42,7 @@ class BandMean:
 
 
 def band_frequencies(order: int, band: Range, input_band: Range) -> Array:
-    """Input frequencies (n,), rad/s, with sums evenly in `band`, Hz; `input_band` of each, Hz."""
+    """Return input frequencies (n,), rad/s, with sums evenly in `band` and each in `input_band`, Hz."""
     sums = band[0] + (band[1] - band[0]) * (np.arange(LINES) + 0.5) / LINES
     tones = input_band[1] * (2 * np.arange(TONES) + 1 - TONES) / TONES
     grid = frequency_grid(sums, *[tones] * (order - 1))

@@ -282,7 +282,7 @@ def _correlation(groups: Array) -> float:
 
 
 def _chance(groups: Array, wider: float) -> float:
-    """Return the probability that chance makes group means differ this much, each ``wider`` than its scatter."""
+    """Return the probability of group means that differ this much by chance, if each is ``wider`` than its scatter."""
     from scipy.stats import f
 
     known = groups[np.isfinite(groups).all(axis=1)]

@@ -291,7 +291,7 @@ def choose_orders(
 def _with_dead_times(
     output_lags: Sequence[Lags], dead_times: Sequence[DeadTime], held_out: Sequence[Recording]
 ) -> list[tuple[Lags, Lags]]:
-    """Return each number of output lags with as many input lags, from lag 1 and from the dead times on."""
+    """Return each number of output lags with as many input lags, once from lag 1 and once from the dead times on."""
     pairs: list[tuple[Lags, Lags]] = []
     room = min(record.n_samples for record in held_out) - 2 * _BLOCKS
     for lags in output_lags:
