@@ -181,8 +181,8 @@ def _free(coefficients: Array, track: Track, start: float) -> Array | None:
 
 LAGS_SECONDS = (0.0, 0.02, 0.06, 0.2, 0.6)
 FILTERS_SECONDS, TENTH = (2.0, 20.0), 0.2
-"""Time constants of the low passes, s, and the longest sampling interval, s, for which they hold. A plant sampled more
-slowly has lags one sample apart and low passes over ten and a hundred samples."""
+"""FILTERS_SECONDS: time constants of the low passes, s. TENTH: longest sampling interval, s, for which they hold; a
+plant sampled more slowly has lags one sample apart and low passes over ten and a hundred samples."""
 POINTS = 250
 
 

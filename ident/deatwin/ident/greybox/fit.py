@@ -28,8 +28,8 @@ from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
 
 REMAINING = 10.0
-"""Multiple of the tolerance: share of the squared residual that a linear model may still remove from a fit that has
-settled. A fit ends when a step removes less than the tolerance itself, and a step may cover only a tenth of the way."""
+"""Multiple of the tolerance that a linear model may still remove from the squared residual of a settled fit, as a
+share. A fit ends when a step removes less than the tolerance itself, and a step may cover only a tenth of the way."""
 WHOLE = 1e-9  # Share of a range that an interval may lack at its ends and still count as the whole range
 SURVEYS = 3  # Most surveys of one fit, each about a better minimum than the one before
 INVOLVED = 1e-8

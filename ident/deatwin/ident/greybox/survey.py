@@ -30,7 +30,8 @@ _GROWTH = 1.6  # Ratio of the distances of successive points
 _BEYOND = 4.0
 """Multiple of the limit at which the way outwards ends: minima behind so high an error are for the starts to find."""
 _EVALUATIONS, _WITHIN = 8, 1e-2
-"""Most simulations of a fit with one parameter held, and the accuracy of its squared error in variances of a sample."""
+"""_EVALUATIONS: most simulations of a fit with one parameter held. _WITHIN: accuracy of its squared error, in variances
+of a sample."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -25,7 +25,7 @@ from deatwin.plant.parameters import Parameter, Scale
 Array = NDArray[np.float64]
 
 FURTHEST = 1e3
-"""Largest ratio of a modulus to the neo-Hookean one, and of that to it: beyond it no test of an elastomer is
+"""Largest factor between a modulus and the neo-Hookean one, either way: beyond it no test of an elastomer is
 explained."""
 STIFFEST_LIMIT = 1e4  # Stretch limit from which on a film is neo-Hookean to 1e-3 below a stretch of 3
 

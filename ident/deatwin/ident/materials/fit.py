@@ -21,8 +21,7 @@ Array = NDArray[np.float64]
 
 LEAST, MOST = 1.0, 1e9  # Range of a branch's shear modulus, Pa, as in rig files
 COARSE = PER_DECADE // 3
-"""Step through the table of relaxation times in a first fit: three times per decade are as close as tests can
-distinguish."""
+"""Step through the table for a first fit: three relaxation times per decade are as close as tests can distinguish."""
 CLOSE, LONGEST = 1e-7, 100
 """CLOSE: relative change of the loss at which a fit ends, too small to affect the choice between models. LONGEST: most
 evaluations of a fit."""

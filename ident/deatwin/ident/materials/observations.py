@@ -29,8 +29,8 @@ PULL = 1e-4  # Relative change of the stretch, to either side, whose difference 
 
 
 CURVED, RATES = 0.1, 2.0
-"""Deviation of a path from a pull at an even rate, as a share of its range, and ratio of the rates of two pulls, from
-which on tests can separate relaxation from elasticity: at a single rate, both bend the curve."""
+"""CURVED: deviation of a path from a pull at an even rate, as a share of its range. RATES: ratio of the rates of two
+pulls. From either on, tests can separate relaxation from elasticity; at a single rate, both bend the curve."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

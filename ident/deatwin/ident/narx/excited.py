@@ -29,9 +29,9 @@ an even input of the same total power. A step, whose power falls with the square
 at the end of its band.
 """
 _REACH_RATIO, _REACH_SHARE = 2.0 ** (1 / 6), 0.1
-"""Reach of a line to either side: a sixth of an octave, because a lightly damped mode would fit into more than the
-third of an octave between two lines, or a tenth of the band, so that the odd harmonics of multisines and square waves
-leave no holes. The state of rest at 0 Hz reaches as far."""
+"""Reach of a line to either side, the larger of two: a sixth of an octave, because a lightly damped mode would fit into
+more than the third of an octave between two lines; and a tenth of the band, so that the odd harmonics of multisines and
+square waves leave no holes. The state of rest at 0 Hz reaches a tenth of the band as well."""
 _LOBE = 2  # Lines from 0 Hz on over which the window smears the remainder of a removed trend; alone they are no band
 
 Band = tuple[float, float]

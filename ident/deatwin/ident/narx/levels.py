@@ -17,7 +17,7 @@ _ROUNDING = 1e-12  # share of the largest value that arithmetic and decimal file
 _SCATTER = 0.01  # share of the range: the usual readback errs by less, and what scatters more may act on the plant
 _APART = 0.1  # share of the range: ten such deviations, a gap that noise on a level does not bridge
 _SHARE = 0.1
-"""Least share of the samples: scatter about a rarer level, as before a start, may be part of the experiment."""
+"""Least share of the samples on a level: scatter about a rarer one, as before a start, may be the experiment."""
 _WHITE = 0.7  # least median step between readings, by their median deviation: 1.4 for white noise, 0 for a held motion
 _SETTLED = 1e-3
 """Share of the range: what a filter leaves of an edge between holds, too little to show a gain of its own."""

@@ -20,7 +20,7 @@ Signals = Sequence[tuple[Array, Array]]
 """Inputs, (n_inputs, n), and output, (n,), of each recording, scaled to a variance of 1."""
 
 _OUTPUT_LAGS = 30
-"""Most lags of the output, and never more than of the inputs, so that short recordings keep samples for both; Akaike's
+"""Most lags of the output; never more than of the inputs, so that short recordings keep samples for both. Akaike's
 criterion chooses how many are needed."""
 _ANSWERS = 10  # Lags of the output from which an input that responds to it is predicted: more make the test weaker
 _FOR_EACH = 5  # Least samples per unknown: with fewer, unknowns take up the residual's variance and spoil all tests

@@ -28,7 +28,7 @@ from deatwin.ident.narx.terms import Term, Variable
 Array = NDArray[Any]
 Complex = NDArray[np.complex128]
 Reading = Callable[[Mapping[int, Jet]], Array | None]
-"""Takes the result from the parts, shape (n_times, n); None if it is zero."""
+"""Function that takes the result from the parts, shape (n_times, n); None if it is zero."""
 
 _BLOCK = 65536  # values in a block of times, to limit memory
 

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 _WANTED = (10, 20)  # wanted number of samples to the first minimum
 _KEPT = 10
-"""Least samples that a period of the output's fastest part keeps: L. Ljung, System Identification, 2nd edition,
-Prentice Hall 1999, section 13.7, advises a sampling frequency of about ten times the bandwidth."""
+"""Least samples that decimation leaves in a period of the output's fastest part: L. Ljung, System Identification, 2nd
+edition, Prentice Hall 1999, section 13.7, advises a sampling frequency of about ten times the bandwidth."""
 _SLIGHT = 1e-4
 """Share of the output's variance that may be lost: 1 % of its standard deviation, less than a model of a recording
 leaves unexplained."""
