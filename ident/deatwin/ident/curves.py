@@ -16,9 +16,9 @@ Array = np.ndarray
 class Line:
     """A straight line through the lower part of a voltage-displacement curve."""
 
-    gain: float  # Its slope, m/V
-    offset: float  # Its displacement at 0 V, m
-    misfit: float  # Largest distance of the curve from it in that part, over the full stroke of the whole curve
+    gain: float  # Slope, m/V
+    offset: float  # Displacement at 0 V, m
+    misfit: float  # Largest distance of the lower part from the line, divided by the stroke of the whole curve
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -16,22 +16,22 @@ from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 
 Array = np.ndarray
-HELD_OUT = 0.3  # Last share of the samples to learn from, by which a model chooses its own settings
-BEFORE = 10  # Samples before the judged ones whose mean says where the residual is then
-DIVERGED = 20.0  # Times the largest residual seen: a correction beyond this has run away
+HELD_OUT = 0.3  # Share of the training samples, at their end, on which a model chooses its own settings
+BEFORE = 10  # Samples before the test samples whose mean is the residual at their start
+DIVERGED = 20.0  # Limit of a simulated residual, in its rms over the training samples, or its first value if larger
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Track:
     """Scaled signals on one clock: training samples first, then test samples."""
 
-    residual: Array  # shape (n,): Measured minus simulated
-    reading: Array  # shape (n,): Simulated
-    rate: Array  # shape (n,): Of the simulated reading
+    residual: Array  # shape (n,): Residual, measured minus simulated
+    reading: Array  # shape (n,): Simulated reading
+    rate: Array  # shape (n,): Rate of the simulated reading
     drive: Array  # shape (n,): Squared command
-    cut: int  # Number of samples to learn from; of the others no residual may be used but to start a run
+    cut: int  # Number of training samples; residuals of the test samples serve only to start a run
     sample_time: float  # s
-    size: float  # One unit of the residual, SI
+    size: float  # SI size of one unit of the residual
 
     def part(self, first: int, last: int) -> Track:
         """Return a range of samples, all of them for training."""
@@ -59,8 +59,8 @@ class Correction:
     """A predicted residual, with which a free run is corrected."""
 
     predicted: Array
-    term: str = ""  # Strongest term of the model, where it has terms
-    failure: str = ""  # Why there is no correction; empty where there is one
+    term: str = ""  # Strongest term of the model, if it has terms
+    failure: str = ""  # Reason why there is no correction; empty if there is one
 
 
 def track_of(plant: Plant, whole: Experiment, records: int) -> Track:
@@ -92,10 +92,11 @@ def track_of(plant: Plant, whole: Experiment, records: int) -> Track:
 # --- sparse dynamics of the residual: pysindy as a discrepancy model -------------------------------------------------
 
 VARIABLES = ("e", "x", "v", "w", "s")
-"""Residual, simulated reading and its rate, squared command, and the direction of motion (smoothed sign of v)."""
+"""Variables of the sparse model: residual, simulated reading and its rate, squared command, and the direction of motion
+(smoothed sign of the rate)."""
 THRESHOLDS = (0.02, 0.1, 0.3)
 MODELS, WEAK_DOMAINS, DOMAIN_SECONDS = 20, 200, 1.0
-REST = 0.05  # Share of the rms rate below which the direction of motion is not sharp
+REST = 0.05  # Speed, as a share of the rms rate, below which the direction of motion is not sharp
 
 
 def sparse_dynamics(track: Track) -> Correction:
@@ -139,7 +140,7 @@ def _coefficients(track: Track, threshold: float) -> Array:
     timepts = np.arange(track.residual.size) * track.sample_time
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        state = np.random.get_state()  # noqa: NPY002  (pysindy draws from the global generator: it is put back)
+        state = np.random.get_state()  # noqa: NPY002  (pysindy draws from the global generator; it is restored)
         np.random.seed(0)  # noqa: NPY002
         try:
             weak = pysindy.WeakPDELibrary(
@@ -162,7 +163,7 @@ def _coefficients(track: Track, threshold: float) -> Array:
 def _free(coefficients: Array, track: Track, start: float) -> Array | None:
     """Simulate the residual's dynamics along the plant's free run; None if they diverge."""
     zero, up, down = (_monomials(track, np.full_like(track.residual, e)) @ coefficients for e in (0.0, 1.0, -1.0))
-    curvature, slope = (up + down) / 2 - zero, (up - down) / 2  # exact: the degree is 2
+    curvature, slope = (up + down) / 2 - zero, (up - down) / 2  # exact, because the degree is 2
     out = np.empty_like(track.residual)
     e, limit = float(start), DIVERGED * max(1.0, float(np.abs(track.residual[:1]).max()))
     for k in range(out.size):
@@ -180,7 +181,8 @@ def _free(coefficients: Array, track: Track, start: float) -> Array | None:
 
 LAGS_SECONDS = (0.0, 0.02, 0.06, 0.2, 0.6)
 FILTERS_SECONDS, TENTH = (2.0, 20.0), 0.2
-"""A plant that is sampled slowly has lags that differ by a sample, and low passes over ten samples and a hundred."""
+"""FILTERS_SECONDS: time constants of the low passes, s. TENTH: longest sampling interval, s, for which they hold; a
+plant sampled more slowly has lags one sample apart and low passes over ten and a hundred samples."""
 POINTS = 250
 
 

@@ -33,9 +33,9 @@ class Shift:
 class GainChange:
     """Relative changes of gain and nonlinearity from one time to another, with their standard errors."""
 
-    gain: float  # Over all commands
+    gain: float  # Relative change of the gain over all commands
     gain_error: float
-    bend: float  # Of the ratio of the slopes at an upper and a lower command
+    bend: float  # Relative change of the ratio of the slopes at an upper and a lower command
     bend_error: float
 
 
@@ -58,8 +58,8 @@ def root_mean_square(values: ArrayLike) -> float:
 def mean_shift(
     commands: ArrayLike, readings: ArrayLike, sample_time: float, early: Window, late: Window, block: float = 5.0
 ) -> Shift:
-    """Shift of the mean between two windows at the same input: a line through the readings over what command and rate
-    explain (`at_same_input`) is compared, since the mean of 100 s of noise wanders of itself."""
+    """Return the shift of the mean between two windows at the same input. Lines of the readings over what command and
+    rate explain (`at_same_input`) are compared, because the mean of 100 s of noise wanders by itself."""
     u, y = np.asarray(commands, dtype=np.float64), np.asarray(readings, dtype=np.float64)
     expected = _expected(u, y, sample_time)
     found, variance = [], 0.0

@@ -34,13 +34,13 @@ class Filtered:
     """State estimates of the filter after each sample."""
 
     model: StateSpace
-    states: Array  # shape (n, n_states): Mean given the measurements up to and with each sample
-    roots: Array  # shape (n, n_states, n_states): Roots S of its covariance S S'
+    states: Array  # shape (n, n_states): Mean given the measurements up to and including each sample
+    roots: Array  # shape (n, n_states, n_states): Roots S of the covariance S S'
     innovations: Array
-    """Measurement minus its prediction from all before it (at the same sample: from the outputs of lower number),
-    shape (n_outputs, n); NaN where the measurement is missing."""
+    """Measurement minus its prediction from all earlier ones (at the same sample, from outputs of lower number), shape
+    (n_outputs, n); NaN where the measurement is missing."""
     innovation_variances: Array  # shape (n_outputs, n), all positive
-    gains: Array  # shape (n_outputs, n, n_states): How the state moves with each innovation
+    gains: Array  # shape (n_outputs, n, n_states): Change of the state per unit of each innovation
 
     @cached_property
     def n_measured(self) -> int:
@@ -82,13 +82,13 @@ class Smoothed:
 
     states: Array  # shape (n, n_states): Means
     covariances: Array  # shape (n, n_states, n_states)
-    gains: Array  # shape (n - 1, n_states, n_states): How the state at a sample moves with that at the next one
-    log_likelihood: float  # That of the filter
+    gains: Array  # shape (n - 1, n_states, n_states): Change of a smoothed state per change of the next one
+    log_likelihood: float  # Log likelihood from the filter
 
     @property
     def std(self) -> Array:
         """Standard deviations, shape (n, n_states)."""
-        variances = np.einsum("kii->ki", self.covariances)  # differences: rounding may leave a zero below zero
+        variances = np.einsum("kii->ki", self.covariances)  # differences, so rounding may turn a zero negative
         return np.asarray(np.sqrt(np.maximum(variances, 0.0)), dtype=np.float64)
 
 

@@ -162,7 +162,7 @@ def _plain_smooth(
     for k in range(n - 2, -1, -1):
         transition, process_root = _step(model, k)
         root, sources = roots[k], 0 if process_root is None else len(process_root)
-        # The root of the joint law of x(k + 1) and x(k), triangularised: (R, B; 0, D).
+        # Root of the joint covariance of x(k + 1) and x(k), triangularised: (R, B; 0, D).
         joint = np.zeros((m + sources, 2 * m))
         joint[:m, :m] = (root if transition is None else transition @ root).T
         joint[:m, m:] = root.T

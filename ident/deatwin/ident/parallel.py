@@ -16,7 +16,7 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.interrupts import ignore_interrupts, interrupts_held
 
 Result = TypeVar("Result")
-PARENT = os.getppid()  # Of a worker process: who wants its results
+PARENT = os.getppid()  # Parent process; of a worker, the one that wants its results
 
 
 def spawn_generators(seed: int, count: int) -> list[np.random.Generator]:
@@ -111,7 +111,7 @@ def jobs_as_they_end(
             results = Parallel(n_jobs=workers, return_as="generator_unordered")(
                 delayed(_in_worker)(number, function, task) for number, task in enumerate(tasks)
             )
-        for result in results:  # noqa: UP028 - who closes this one must not hear of the jobs that were dropped
+        for result in results:  # noqa: UP028 - closing this generator must not warn of the jobs that were dropped
             yield result
     finally:
         if results is not None:
@@ -123,11 +123,11 @@ def jobs_as_they_end(
 def end_workers() -> None:
     """End worker processes that are idle or still starting, because a program would wait for them when it ends."""
     for worker in active_children():
-        if worker.name.startswith("Loky"):  # joblib's; other pools look after their own
+        if worker.name.startswith("Loky"):  # joblib's workers; other pools end their own
             worker.terminate()
     pools = sys.modules.get("joblib.externals.loky.reusable_executor")
-    if pool := getattr(pools, "_executor", None):  # asked for by its name, it would be resized first, which waits
-        pool.shutdown(wait=False)  # whoever goes on gets another one
+    if pool := getattr(pools, "_executor", None):  # its getter would first resize the executor, and wait
+        pool.shutdown(wait=False)  # the next call gets another executor
 
 
 def _in_worker(number: int, function: Callable[..., Result], task: tuple[Any, ...]) -> tuple[int, Result]:

@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-FEWEST_LEVELS = 50  # A signal of fewer values is one of steps: its holds are meant
+FEWEST_LEVELS = 50  # Fewest values of a continuous signal; one with fewer moves in steps, and its holds are intended
 SHORTEST_ROW = 3
 RISE_SAMPLES = 10
-"""A slow plant is sampled slowly, at most so often in its rise (Åström & Wittenmark, Computer-Controlled Systems, 3rd
-ed., section 2.9)."""
-PILED_UP = 3  # A limit holds this many times the readings of any of its five neighbours
+"""Most samples in the rise time of a plant that is sampled slowly because it is slow (Åström & Wittenmark,
+Computer-Controlled Systems, 3rd ed., section 2.9)."""
+PILED_UP = 3  # A limit holds more than this many times the readings of any of its five neighbouring levels
 
 
 def samples_in(seconds: float, sample_time: float) -> int:

@@ -12,7 +12,7 @@ from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
 
-_NOT_NEGATIVE = 1e-10  # eigenvalues of a correlation matrix below minus this are not rounding
+_NOT_NEGATIVE = 1e-10  # eigenvalues of a correlation matrix below minus this are not rounding errors
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -22,13 +22,13 @@ class StateSpace:
     rows: Array  # h_ik, output unit by unit of the state, shape (n_outputs, n, n_states) or (n, n_states)
     noise_variance: Array  # R_i of the noise, uncorrelated between outputs, shape (n_outputs,) or ()
     start: Array  # shape (n_states,): Mean of the state at the first sample, before its measurement
-    start_cov: Array  # shape (n_states, n_states): Its covariance; zero where it is known exactly
+    start_cov: Array  # shape (n_states, n_states): Covariance of that state; zero where it is known exactly
     transition: Array | None = None  # F_k from sample k to k + 1, shape ([n - 1,] n_states, n_states); identity if None
-    added: Array | None = None  # shape (n - 1, n_states): c_k, what known inputs add to the state after sample k
-    process_cov: Array | None = None  # Q_k of what is added after sample k, shape as `transition`; zero if None
+    added: Array | None = None  # shape (n - 1, n_states): c_k, effect of known inputs on the state after sample k
+    process_cov: Array | None = None  # Q_k of the noise added after sample k, shape as `transition`; zero if None
     intervals: Array | None = None  # shape (n - 1,): Factors on Q_k, for a random walk over a gap; 1 if None
     fading: float = 1.0
-    """Forgetting factor in (0, 1], by which the covariance is divided in each step (recursive least squares with
+    """Forgetting factor in (0, 1] by which the covariance is divided in each step (recursive least squares with
     forgetting). Below 1 the likelihood and the smoother have no meaning."""
 
     def __post_init__(self) -> None:

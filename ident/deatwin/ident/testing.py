@@ -17,10 +17,10 @@ import numpy as np
 from deatwin.plant.errors import DeatwinError
 from deatwin.plant.recording import Experiment, Recording
 
-# Predictions that should agree up to rounding, or up to where an iteration stops, may differ by this share of the
-# output; one lag taken from another recording moves them by a hundred times as much.
+# Share of the output by which predictions may differ that should agree up to rounding, or up to the end of an
+# iteration; one lag taken from another recording moves them by a hundred times as much.
 _SAME = 1e-4
-_INTERRUPTS = 4  # places in a fit at which it is interrupted
+_INTERRUPTS = 4  # places at which a fit is interrupted
 
 
 class ContractError(DeatwinError, AssertionError):
@@ -338,4 +338,4 @@ CHECKS: Mapping[str, Callable[[Any, tuple[Recording, ...]], None]] = MappingProx
         )
     }
 )
-"""Each part of the contract by name, taking an identifier and recordings, for tests of one part at a time."""
+"""Parts of the contract by name, for tests of one part at a time; each takes an identifier and recordings."""

@@ -28,7 +28,7 @@ from deatwin.studies.provenance import RunRecord, hashes
 from deatwin.studies.report.origin import Origin
 from deatwin.studies.voice import Progress
 
-CALIBRATED = "the calibrated plant"  # Name of the plant of a diagnosis that named no cause
+CALIBRATED = "the calibrated plant"  # Name of the plant from a diagnosis that named no cause
 POINTS = 9  # Operating points of a range at which margins are judged
 
 
@@ -36,18 +36,18 @@ POINTS = 9  # Operating points of a range at which margins are judged
 class CheckTask:
     """All inputs of a check."""
 
-    model: NarxModel  # Identified
-    plant: CalibratedPlant  # The physics
-    files: Sequence[str | Path]  # Model, plants and recording were read from them
+    model: NarxModel  # Identified model
+    plant: CalibratedPlant  # Physical plant
+    files: Sequence[str | Path]  # Files from which model, plants and recording were read
     command: Sequence[str]
     design: str  # Name of the controller's design
-    closed_loop_time: float | None  # s; by default as lambda tuning chooses it
+    closed_loop_time: float | None  # s; chosen as by lambda tuning if None
     operating_input: float | None
-    operating_range: tuple[float, float] | None  # Over which margins are judged, in the input's unit
-    recording: Recording | None  # The model was identified from it, or better from another
+    operating_range: tuple[float, float] | None  # Range over which margins are judged, in the input's unit
+    recording: Recording | None  # Recording from which the model was identified, or better another one
     rivals: Mapping[str, CalibratedPlant]  # Further plants that the actuator may be
-    jobs: int  # Worker processes (for the record: a check is one piece of work), and seed of everything random
-    seed: int
+    jobs: int  # Worker processes, for the record only, because a check is a single task
+    seed: int  # Seed of all random numbers
 
     def __post_init__(self) -> None:
         if self.operating_range is not None:
@@ -125,7 +125,7 @@ def _diagnosed(folder: Path) -> dict[str, str]:
     if not (folder / "diagnosis.json").is_file():
         raise DataError(f"{folder}: there is no diagnosis.json; give the folder that deatwin diagnose wrote")
     effects = read_document(folder / "diagnosis.json", SCHEMA, lambda content: [c["effect"] for c in content["causes"]])
-    model = folder / "model.json"  # a recording that could not be diagnosed leaves none
+    model = folder / "model.json"  # missing if the recording could not be diagnosed
     best = {"+".join(effects) or CALIBRATED: str(model)} if model.is_file() else {}
     return {**best, **{path.stem: str(path) for path in sorted((folder / RIVALS).glob("*.json"))}}
 

@@ -29,7 +29,7 @@ from deatwin.studies.voice import complain
 
 
 class Commands(Group):
-    """The group of commands; an interrupted command says so, and lists what it kept."""
+    """The group of commands; an interrupted command says so and lists what it kept."""
 
     def invoke(self, ctx: Any) -> Any:
         """Run the named command."""
@@ -80,7 +80,7 @@ Version = Annotated[
 
 
 @app.callback()
-def _program(version: Version = False) -> None:  # what stands before a command; the help is that of `app`
+def _program(version: Version = False) -> None:  # options before a command; the help text is that of `app`
     pass
 
 

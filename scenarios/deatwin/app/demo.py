@@ -50,7 +50,7 @@ zero = "displacement at zero volts"
 """
 NOISE_SECONDS, HOLDS_SECONDS = 90.0, 90.0
 SHARES = {"shear_modulus": 0.06, "permittivity": 0.04, "branch_modulus": 0.1, "branch_time": 0.1, "damping": 0.2}
-"""How far the film's values may lie beside the published ones."""
+"""Largest relative deviations of the film's values from the published ones."""
 
 
 def run(
@@ -63,7 +63,7 @@ def run(
     progress(0.0, "making a recording")
     try:
         truth, experiment = conceal(given.model.plant, _strong(typical, 2.0), np.random.default_rng(seed))
-    except SimulationError:  # twice as much is more than the film bears
+    except SimulationError:  # twice the typical strength is more than the film bears
         truth, experiment = conceal(given.model.plant, _strong(typical, 1.0), np.random.default_rng(seed))
     names = ["noise.csv", "holds.csv"]
     for name, record in zip(names, experiment.recordings, strict=True):
@@ -88,7 +88,7 @@ def _strong(effect: Effect, factor: float) -> Effect:
     strength = effect.described(effect.strength)
     values = {effect.strength: float(np.clip(factor * strength.value, strength.lower, strength.upper))}
     if effect.event:
-        values[effect.event] = NOISE_SECONDS / 2  # among the samples that are fitted
+        values[effect.event] = NOISE_SECONDS / 2  # among the fitted samples
     strong: Effect = replace(effect, **values)
     return strong
 

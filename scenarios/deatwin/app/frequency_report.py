@@ -33,7 +33,7 @@ NEXT = {
     True: "use the responses at this operating point, for example to design a controller (deatwin check).",
     False: "do not rely on the responses where a measure below is missed; a better model or a longer recording helps.",
 }
-"""Advice by whether all measures are reached."""
+"""Advice, by whether all measures are reached."""
 IN_ITS_UNIT = ("real", "imaginary", "gain", "gain_low", "gain_high", "truncation")
 """Columns in the unit of the response."""
 
@@ -126,7 +126,7 @@ def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
         with draw((7.4, 0.8 + 2.2 * found.nofrfs.order)) as figure:
             for axes in found.nofrfs.plot_orders(list(figure.subplots(found.nofrfs.order, 1, sharex=True))):
                 for error in axes.get_lines()[1:]:
-                    error.set_color(COLOURS["measured"][0])  # that of the library is not for the dark
+                    error.set_color(COLOURS["measured"][0])  # the library's own colour does not suit dark mode
                 axes.legend(markerscale=1)
             data, *further = [_table(f"nofrf{response.order}") for response, _ in _fitted(found.nofrfs)]
             caption = (

@@ -25,15 +25,16 @@ from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
 
-POINTS, DECADES = 200, 3  # Frequencies of H_1, and the decades below half the sampling rate that they span
+POINTS, DECADES = 200, 3  # Number of frequencies of H_1, and decades below half the sampling rate that they span
 SIDE, COARSE_SIDE = 41, 21  # Frequencies on each axis of a map, of orders up to three and beyond
-UNKNOWN_BAND = 0.25  # Share of half the sampling rate that is taken where a model does not say what its data excited
+UNKNOWN_BAND = 0.25  # Share of half the sampling rate that is used if a model does not state what its data excited
 DRAWN = 0.95
 UNKNOWN, ROUNDING = 0.1, 1e-9
-"""Share of a NOFRF's gain above which its truncation error is told, and of the output that is rounding."""
+"""UNKNOWN: share of a NOFRF's gain above which its truncation error is reported. ROUNDING: share of the output below
+which a residual is rounding."""
 LOWERED, MARGIN = 4, 0.9
-"""If orders beyond those fitted act, the test signal's amplitude is lowered at most so often, to this share of the
-advised level."""
+"""LOWERED: most amplitudes of the test signal that are tried if orders beyond those fitted act. MARGIN: share of the
+advised level to which the amplitude is lowered."""
 TOO_LARGE = (NofrfStatus.TRUNCATED, NofrfStatus.DIVERGED)
 
 
@@ -44,12 +45,12 @@ class Responses:
     model: NarxModel
     level: float  # Probability of the bands that are written
     band_Hz: tuple[float, float]
-    excited_Hz: float | None  # Below it the training input has 99 % of its power, if the model tells
+    excited_Hz: float | None  # Frequency below which the training input has 99 % of its power; None if not stated
     gfrfs: tuple[FrequencyResponse, ...]
-    ranges_Hz: tuple[Array, ...]  # shape (k, 2): For each order, where its output can have energy
+    ranges_Hz: tuple[Array, ...]  # shape (k, 2): For each order, the ranges in which its output can have energy
     signal: TestSignal | None
-    nofrfs: Nofrf | None  # None for order 1, where G_1 is H_1, and where there are none
-    missing: str  # Why there are none, although they were asked for
+    nofrfs: Nofrf | None  # None for order 1, where G_1 is H_1, and if they could not be computed
+    missing: str  # Reason why the requested NOFRFs could not be computed; empty if there is none
 
     @property
     def first(self) -> FrequencyResponse:
@@ -80,11 +81,11 @@ class Responses:
     def laws(self) -> tuple[Propagated, ...]:
         """Propagated uncertainty of each of ``gfrfs``, with its validity."""
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UncertaintyWarning)  # told among the lines
+            warnings.simplefilter("ignore", UncertaintyWarning)  # reported among the lines
             return tuple(self._law(response) for response in self.gfrfs)
 
     def _law(self, response: FrequencyResponse) -> Propagated:
-        return propagate(self.model, lambda _: response, level=self.level)  # which is computed already
+        return propagate(self.model, lambda _: response, level=self.level)  # already computed
 
     @property
     def lines(self) -> Iterator[str]:
@@ -178,7 +179,7 @@ def respond(
     band = _band(model, band_Hz, excited)
     omega = np.geomspace(highest / 10**DECADES, highest, POINTS)
     first = gfrf(model, 1, omega, operating_input=operating_input)
-    first.band(level)  # a level that cannot be is told before anything long begins
+    first.band(level)  # raises an error for an invalid level before anything slow begins
     maps = (gfrf(model, n, _map(n, band), operating_input=operating_input) for n in range(2, order + 1))
     angular = 2 * np.pi * np.array(band)
     found = Responses(
@@ -285,7 +286,7 @@ def _map(order: int, band: tuple[float, float]) -> Array:
 
 
 def _truncated(found: Nofrf) -> Iterator[str]:
-    """State at how many lines higher orders matter, unless the fit leaves only rounding errors."""
+    """State at how many frequencies higher orders matter, unless the fit leaves only rounding errors."""
     if found.residual[:, -1].max() < ROUNDING:
         return
     for g, error in zip(found.orders[: found.order], found.truncation, strict=False):

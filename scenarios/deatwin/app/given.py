@@ -30,8 +30,8 @@ class GivenPlant:
 
     source: str  # Rig file, ``model.json`` or ``module:function``
     model: CalibratedPlant  # The plant
-    described: RigFile | None  # The rig file, whose command range is checked
-    options: ReadOptions  # How recordings are read; their columns by default have the names of the plant's own signals
+    described: RigFile | None  # The rig file, used for its command range
+    options: ReadOptions  # Options for reading recordings; by default columns have the names of the plant's own signals
 
     @classmethod
     def load(cls, source: str, asked: ReadOptions = NO_OPTIONS) -> GivenPlant:
@@ -112,7 +112,7 @@ def reading_column(rig: Rig) -> tuple[str, float]:
 
 def column_of(name: str, unit: str) -> tuple[str, float]:
     """Return the column header for a signal with an SI unit, and the factor to the column's unit."""
-    if name not in COLUMNS or usual_unit(name) != unit:  # of another kind, or in the rig's own unit
+    if name not in COLUMNS or usual_unit(name) != unit:  # another quantity, or a unit of the rig's own
         return (name if unit in ("", "1") else f"{name}_{unit}"), 1.0
     shown = UNITS[split_unit(COLUMNS[name])[1]]
     return COLUMNS[name], shown.denominator / shown.numerator

@@ -12,12 +12,12 @@ if TYPE_CHECKING:
     from deatwin.plant.recording import Recording
 
 
-FIRST, LAST = 0, 2  # The first and last input lag without a dead time
+FIRST, LAST = 0, 2  # First and last input lag if there is no dead time
 _WITHIN = (
     "in a closed loop, lag 0 would include the controller's reaction within the sample; if each reading is taken at "
     "the end of its row and the controller reacts in the next, give --first-input-lag 0"
 )
-OUTPUT_LAGS = 2  # Lags of the output, unless others are asked for
+OUTPUT_LAGS = 2  # Number of output lags, unless others are requested
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +26,7 @@ class InputLags:
 
     lags: tuple[int, ...]  # Samples, ascending
     dead_times: tuple[DeadTime, ...]
-    sentences: tuple[str, ...]  # For the user
+    sentences: tuple[str, ...]  # Sentences for the user
 
     @property
     def document(self) -> list[dict[str, Any]]:
@@ -55,7 +55,7 @@ def choose_input_lags(recordings: Sequence[Recording], first: int | None, last: 
     late = [one for one in told if one.interval is not None and one.interval[0] > 1]
     if first is None and last is None:
         if not late:
-            # A lag at which no input acts yet could only enter the model by chance, or as the controller's answer.
+            # A lag before the dead time could enter the model only by chance, or as the controller's response.
             loop = any(one.status is DeadTimeStatus.LOOP for one in dead_times)
             none_at_once = all(one.status is DeadTimeStatus.FOUND and one.interval != (0, 1) for one in dead_times)
             lags = tuple(lag for lag in usual if lag or not (none_at_once or loop))
@@ -119,8 +119,9 @@ def bounded(
     *,
     may_choose: bool,
 ) -> tuple[NarxIdentifier, tuple[str, ...]]:
-    """Return an identifier whose model runs free over its data, and what this took in sentences. A lag with an unstable
-    negative pole, which no continuous plant has, imitates later inputs after a sharp low pass, and is left out."""
+    """Return an identifier whose model runs free over its data, and sentences on what this required. A lag with an
+    unstable negative pole, which no continuous plant has, imitates later inputs after a sharp low pass, and is left
+    out."""
     import numpy as np
 
     from deatwin.ident.narx.unstable import poles_at

@@ -12,10 +12,10 @@ if TYPE_CHECKING:
     from deatwin.plant.recording import Recording
 
 _SECTIONS = 10  # Parts of the held-out data whose squared errors are compared
-_LEVEL = 0.05  # Chance that a free-run fit without any gain seems to be better
+_LEVEL = 0.05  # Probability that a free-run fit without any gain appears better
 _WORTH_SAYING = 0.01
-"""Gain in the output's standard deviations, and share of its squares that one reading holds: as with an excess of the
-one-step error, 1 % changes no decision."""
+"""Least gain that is reported, in the output's standard deviations, and least share of the output's squares in a single
+reading: as for an excess of the one-step error, 1 % changes no decision."""
 
 
 def outlying(training: Sequence[Recording]) -> list[str]:

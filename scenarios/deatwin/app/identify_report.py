@@ -34,8 +34,8 @@ NEXT = {
     True: "use the model within the range and frequencies of these inputs.",
     False: "see below which measure the model misses; try other lags, another --degree or another --method.",
 }
-"""Advice by whether all measures are reached."""
-MOST = 6  # Recordings that have a figure of their own
+"""Advice, by whether all measures are reached."""
+MOST = 6  # Most recordings that have a figure of their own
 ROW = 0.3  # Height of a term's row, in inches
 
 
@@ -45,7 +45,7 @@ class Tested:
 
     validation: Validation | None = None
     why_not: str = ""
-    unstable: Unstable | None = None  # Where there are too few samples for a validation
+    unstable: Unstable | None = None  # Set if there are too few samples for a validation
 
     @property
     def pole(self) -> Unstable | None:
@@ -58,15 +58,15 @@ class Identified:
     """A model with the data on which it was judged."""
 
     model: NarxModel | NonlinearStateSpace
-    told: str  # Its kind, size and method, in words
-    unseen: Sequence[Recording]  # The part of each recording that was not fitted
+    told: str  # Kind, size and method of the model, in words
+    unseen: Sequence[Recording]  # Held-out part of each recording
     tested: Tested
     complete: bool = True  # False if the search for terms was interrupted
-    notes: Sequence[str] = ()  # About the fit
-    clocks: Sequence[str] = ()  # About the sampling of the recordings
-    linear: Sequence[float] = ()  # Free-run error of a linear model on each held-out part, SI; empty without one
+    notes: Sequence[str] = ()  # Notes on the fit
+    clocks: Sequence[str] = ()  # Notes on the sampling of the recordings
+    linear: Sequence[float] = ()  # Free-run error of a linear model on each held-out part, SI; empty if there is none
     linear_as: str = "with the same lags"  # What that model has in common with this one
-    best_linear: BestLinearApproximation | None = None  # Of periodic recordings
+    best_linear: BestLinearApproximation | None = None  # Set for periodic recordings
 
     @property
     def scale(self) -> float:

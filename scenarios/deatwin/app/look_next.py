@@ -14,7 +14,7 @@ from deatwin.ident.look.inputs import InputShape
 from deatwin.ident.look.link import LinkStatus
 from deatwin.plant.files.understood import Understood
 
-LEAST = 20  # Samples of which `deatwin identify` fits 14 and keeps 6: fewer leave nothing to judge a model by
+LEAST = 20  # Least samples: `deatwin identify` fits 14 of them and holds out 6; fewer leave nothing to judge a model by
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,7 +22,7 @@ class Seen:
     """A file with its description."""
 
     file: Understood
-    look: Look | None = None  # None where the file could not be read
+    look: Look | None = None  # None if the file could not be read
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +30,7 @@ class Next:
     """One recommendation."""
 
     sentence: str
-    command: str = ""  # Empty where a better recording comes first
+    command: str = ""  # Empty if a better recording is needed first
 
 
 def next_step(seen: Sequence[Seen], rig: str | None = None) -> Next:
@@ -54,7 +54,7 @@ def next_step(seen: Sequence[Seen], rig: str | None = None) -> Next:
     words, choice = [*(file.path for file, _ in alike), *first.options], look.sampling
     if choice is not None and advised(records, choice):
         words += ["--decimate", "auto"]
-    if degree_remarks(look.best_linear, 2):  # the degree unless one is given
+    if degree_remarks(look.best_linear, 2):  # 2 is the degree unless one is given
         words += ["--degree", "3"]
     return Next(
         sentence=f"identify a model from the data alone{left_out}",

@@ -91,7 +91,7 @@ Seed = Annotated[int, typer.Option(min=0, help="Seed of all random numbers.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors and, with --json, the result.")]
 
-_BETWEEN = "\x1f"  # the unit separator: no file name holds it
+_BETWEEN = "\x1f"  # the unit separator, which no file name contains
 
 
 def complete_effects(incomplete: str) -> list[str]:
@@ -103,7 +103,7 @@ def complete_effects(incomplete: str) -> list[str]:
 def fold_experiments(arguments: list[str]) -> list[str]:
     """Gather the files behind each ``--experiment`` into its one value."""
     folded: list[str] = []
-    files: list[str] | None = None  # of the experiment that is being gathered
+    files: list[str] | None = None  # files of the experiment that is being gathered
     for argument in arguments:
         if not argument.startswith("-"):
             (folded if files is None else files).append(argument)

@@ -32,7 +32,7 @@ def _drawings(found: ExperimentPlan, folder: ResultFolder) -> Iterator[Drawing]:
     with draw((7.4, 1.2 + 0.24 * len(shown))) as figure:
         axes = found.plot(figure.add_subplot())
         for line, colour in zip(axes.get_lines(), ("after", "before", "measured"), strict=True):
-            line.set_color(COLOURS[colour][0])  # those of the library are not for the dark
+            line.set_color(COLOURS[colour][0])  # the library's own colours do not suit dark mode
         axes.legend(markerscale=1)
         folder.text("figures/visible.svg", standalone(figure))
         caption = (

@@ -17,23 +17,23 @@ if TYPE_CHECKING:
     from deatwin.ident.narx import NarxModel
 
 LEAST = 100
-"""Samples that are left of each recording at least where decimation is offered: of fewer, a model of some terms has no
-held-out part that could judge it."""
+"""Least samples of each recording after a decimation that is offered: with fewer, a model of some terms has no held-out
+part that could judge it."""
 _FAR = 10
-"""Factor of decimation from which it is advised: the sampling time suits a model at 10 to 20 samples to the time scale of
-the output, and a few times as many do it no harm."""
+"""Factor from which decimation is advised: 10 to 20 samples per time scale of the output suit a model, and a few times
+as many do no harm."""
 _CLEARLY = 2.0
-"""Times that a free run must be off by more than another to be clearly worse: at half of it, chance might do."""
-_SLIGHT = 0.01  # Difference of two free runs in the output's standard deviations that changes no decision
-_ENDS = 20  # New samples that the filter of `decimate` takes from both ends, about
+"""Ratio of two free-run errors from which one is clearly worse; half of it may be chance."""
+_SLIGHT = 0.01  # Difference of two free runs, in the output's standard deviations, that changes no decision
+_ENDS = 20  # New samples, about, that the filter of `decimate` takes from both ends
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Thinned:
     """Recordings for identification."""
 
-    records: list[Recording]  # Decimated, or as they came
-    notes: list[str]  # On decimation that was done, or would help
+    records: list[Recording]  # Decimated recordings, or the original ones
+    notes: list[str]  # Notes on decimation that was done, or would help
 
 
 def thinned(records: list[Recording], wanted: str | None, reading: ReadingTime, *, held_out: float) -> Thinned:
@@ -78,7 +78,7 @@ def lost(model: NarxModel, unseen: Sequence[Recording], whole: Sequence[Recordin
     lags = choose_input_lags(training, None, None).lags
     try:
         linear = Frols(output_lags=OUTPUT_LAGS, input_lags=lags, degree=1).fit(training).model_
-    except ModelError:  # as of an input that is constant over the beginning
+    except ModelError:  # for example, the input is constant over the beginning
         return []
     before, diverges = _free_run(linear, ends)
     after, diverged = _free_run(model, unseen)

@@ -11,7 +11,7 @@ from typer.core import TyperCommand, TyperGroup, TyperOption
 
 
 class Command(TyperCommand):
-    """A command whose help shows no type for flags, which take no value, and for arguments with their own word."""
+    """A command whose help shows no type for flags, which take no value, or for arguments with a word of their own."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse the words of a command; a repeated single-valued option is an error."""

@@ -39,14 +39,14 @@ def exit_status(work: Callable[[], None]) -> int:
     except KeyboardInterrupt:
         complain("interrupted")
         return INTERRUPTED
-    except OSError as error:  # what the machine refuses, as a full disk
+    except OSError as error:  # an error of the operating system, such as a full disk
         complain(f"{error.filename or 'the system'}: {error.strerror or error}")
         return WRONG_INPUT
     except Exception as error:
-        from deatwin.plant.errors import DeatwinError  # which comes with numpy: help does without
+        from deatwin.plant.errors import DeatwinError  # imports numpy, which help does not need
 
         if not isinstance(error, DeatwinError):
-            raise  # a fault of deatwin's own: the traceback is what its authors need
+            raise  # an error in deatwin itself: its authors need the traceback
         complain(str(error))
         return WRONG_INPUT
     return DONE

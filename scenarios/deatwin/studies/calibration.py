@@ -16,7 +16,7 @@ BINS = 10  # Bins of stated probabilities, from 0 to 1
 class Calibration:
     """One bin of stated probabilities."""
 
-    stated: float  # Mean of the probabilities in it
+    stated: float  # Mean of the probabilities in the bin
     came_true: Rate
 
 
@@ -27,7 +27,7 @@ def median_interval(values: Sequence[float]) -> tuple[float, float]:
     ordered = np.sort(np.asarray(values, dtype=float))
     if not ordered.size:
         return float("nan"), float("nan")
-    # The r-th value from either end lies outside the median with the probability of fewer than r successes.
+    # The probability that the r-th value from either end lies beyond the median is that of fewer than r successes.
     out = max(int(binom.ppf(0.5 * (1 - LEVEL), ordered.size, 0.5)) - 1, 0)
     return float(ordered[out]), float(ordered[-1 - out])
 

@@ -19,7 +19,7 @@ from deatwin.studies.report.origin import Origin
 from deatwin.studies.report.page import write_report
 from deatwin.studies.voice import Progress
 
-RIVALS = "rivals"  # Folder of the plants that a diagnosis cannot tell from its answer, where there are any
+RIVALS = "rivals"  # Folder of the plants that a diagnosis cannot distinguish from its answer, if there are any
 WRITTEN = ("diagnosis.json", "model.json", INPUT_FILE, "report.html", "run.json")  # Files that every diagnosis writes
 
 
@@ -27,11 +27,11 @@ WRITTEN = ("diagnosis.json", "model.json", INPUT_FILE, "report.html", "run.json"
 class DiagnosisTask:
     """All inputs of a diagnosis."""
 
-    plant: Plant  # Nominal or amended
-    experiments: Sequence[Experiment]  # Each from rest
-    files: Sequence[str | Path]  # Plant and recordings were read from them
+    plant: Plant  # Nominal or amended plant
+    experiments: Sequence[Experiment]  # Experiments, each from rest
+    files: Sequence[str | Path]  # Files from which plant and recordings were read
     command: Sequence[str]
-    effects: Sequence[Effect] | None = None  # Considered; the catalogue by default
+    effects: Sequence[Effect] | None = None  # Effects to be considered; the catalogue by default
     jobs: int = 1  # Worker processes
     seed: int = 0
 

@@ -57,7 +57,7 @@ class ResultFolder:
             return
         for name in former if isinstance(former, list) else []:
             if re.fullmatch(pattern, str(name)) and name not in self.written:
-                with suppress(OSError, ValueError):  # no name of a file: this version has not written it
+                with suppress(OSError, ValueError):  # not a file name, so this version has not written it
                     (self.path / name).unlink(missing_ok=True)
 
     @property
@@ -68,7 +68,7 @@ class ResultFolder:
     def _remove_empty(self) -> None:
         """Remove empty folders that were created here, innermost first."""
         for path in reversed(self._made):
-            with suppress(OSError):  # it holds something, or is gone
+            with suppress(OSError):  # the folder is not empty, or is gone
                 path.rmdir()
 
     def _make(self, path: Path) -> None:

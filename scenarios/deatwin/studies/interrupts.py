@@ -11,7 +11,7 @@ from types import FrameType
 from typing import Any
 
 ORDINARY: dict[signal.Signals, Any] = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
-"""Signals that end a program of Python, and what handles them there."""
+"""Signals that end a Python program, and Python's own handlers of them."""
 
 
 class _Remembering:
@@ -33,7 +33,7 @@ def forward_signals(*signals: signal.Signals) -> Iterator[None]:
     handler, hook = _Remembering(), sys.unraisablehook
 
     def unraisable(told: Any) -> None:
-        if told.exc_type is not KeyboardInterrupt:  # one that a callback swallows is remembered
+        if told.exc_type is not KeyboardInterrupt:  # one that a callback swallows is remembered by the handler
             hook(told)
 
     if taken:
@@ -43,7 +43,7 @@ def forward_signals(*signals: signal.Signals) -> Iterator[None]:
     try:
         yield
     except Exception:
-        from deatwin.plant.interrupts import obeying  # which comes with numpy: help does without
+        from deatwin.plant.interrupts import obeying  # imports numpy, which help does not need
 
         with obeying():
             raise

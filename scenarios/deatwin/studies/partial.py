@@ -11,7 +11,7 @@ from deatwin.plant.amplitudes import amount, amplitude_unit
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.voice import Progress
 
-if TYPE_CHECKING:  # the live view looks for what was kept, and makes none
+if TYPE_CHECKING:  # the live view only looks for kept steps, and makes none
     from deatwin.ident.mismatch import Step
     from deatwin.plant.model import Plant
     from deatwin.studies.provenance import RunRecord
@@ -68,7 +68,7 @@ class FinishedSteps:
 
     def tell(self, share: float, doing: str) -> None:
         """Store the progress, and pass it on."""
-        self._progress(share, doing)  # which raises where an interrupt was not heard before
+        self._progress(share, doing)  # raises an interrupt that was not handled before
         self.share, self.doing = share, doing
 
     def take(self, step: Step) -> None:

@@ -27,8 +27,8 @@ class Setting:
     command: Sequence[str]
     jobs: int
     seed: int
-    progress: Progress  # Takes the share that is done and what is being done
-    size: str | None = None  # One of the sizes of the story; None for its usual one
+    progress: Progress  # Called with the completed share and the current work
+    size: str | None = None  # One of the story's sizes; None for its usual one
 
     def record(self, inputs: Sequence[dict[str, str]] = ()) -> RunRecord:
         """Start the record of the run."""
@@ -42,11 +42,11 @@ class Story:
     """An entry of the list of stories."""
 
     name: str
-    line: str  # Its subject
-    minutes: float  # About how long it takes on two cores
-    module: str  # Has a function ``run(setting)`` that returns plain data with a ``sentence``
+    line: str  # Subject of the story
+    minutes: float  # Approximate time on two cores
+    module: str  # Module with a function ``run(setting)`` that returns plain data with a ``sentence``
     sizes: tuple[str, ...] = ()
-    times: tuple[float, ...] = ()  # About how many minutes each size takes on two cores
+    times: tuple[float, ...] = ()  # Approximate minutes of each size on two cores
     resumes: bool = False
 
     @property

@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-_GROWTH = 1.25  # An estimate is at most so many times the one before: a reader who plans by it is not sent back
+_GROWTH = 1.25  # Largest ratio of an estimate to the one before, so that a reader who plans by it is not set back
 _KNOWN = 0.05  # Share of the work after which its pace is known
-_KEPT = 5.0  # An estimate grows at most once in so many seconds: on a terminal it would grow with each look
+_KEPT = 5.0  # Least time between two increases of an estimate, s: on a terminal, each look would increase it
 
 
 class TimeLeft:
@@ -16,8 +16,8 @@ class TimeLeft:
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
         self._share = 0.0
-        self._first: tuple[float, float] | None = None  # work that an earlier run did took no time of this one
-        self._told: tuple[float, float] | None = None  # when, and the seconds that were told
+        self._first: tuple[float, float] | None = None  # work done by an earlier run took none of this run's time
+        self._told: tuple[float, float] | None = None  # time and value of the last estimate, s
 
     def tell(self, share: float) -> None:
         """Update with the completed share."""
@@ -45,7 +45,7 @@ class TimeLeft:
     @property
     def text(self) -> str:
         """The estimate in words; empty when nothing remains."""
-        if self._share > 1.0 - 1e-9:  # sums of shares round
+        if self._share > 1.0 - 1e-9:  # sums of shares are rounded
             return ""
         seconds = self.seconds
         return "some minutes left" if seconds is None else f"about {duration_in_words(seconds)} left"

@@ -15,14 +15,14 @@ from typing import Any
 from deatwin.studies.timeleft import TimeLeft
 
 Progress = Callable[[float, str], None]
-EVERY = 30.0  # Off a terminal a line of progress comes so often, s
+EVERY = 30.0  # Interval of progress lines without a terminal, s
 
 
 @dataclass(frozen=True, kw_only=True)
 class Voice:
     """How much a command prints, and in which form."""
 
-    as_json: bool = False  # The result goes to stdout as JSON and nothing else does
+    as_json: bool = False  # True if only the result goes to stdout, as JSON
     quiet: bool = False
 
     def __post_init__(self) -> None:
@@ -42,7 +42,7 @@ class Voice:
     @contextmanager
     def progress(self, title: str) -> Iterator[Progress]:
         """Show a bar on stderr with the remaining time; without a terminal, a plain line from time to time."""
-        from deatwin.plant.interrupts import obey  # which comes with numpy: help does without
+        from deatwin.plant.interrupts import obey  # imports numpy, which help does not need
 
         with self._shown(title) as show:
 
@@ -96,7 +96,7 @@ class PlainProgress:
         """One line, without control characters."""
         doing = "".join(c if c.isprintable() else " " for c in self._doing)
         parts = [" ".join(doing.split()), f"{100 * self._share:.0f} % done"]
-        if not doing.endswith(" left"):  # a study knows better how long its cases take, and says so
+        if not doing.endswith(" left"):  # a study knows better how long its cases take, and states it
             parts.append(self._left.text)
         return ", ".join(filter(None, parts))
 
@@ -104,7 +104,7 @@ class PlainProgress:
 def print_lines(progress: PlainProgress, wait: Callable[[float], bool]) -> None:
     """Print a line of progress on stderr repeatedly. `wait` waits a number of seconds."""
     while not wait(EVERY):
-        with suppress(OSError, ValueError):  # whoever listened is gone: the work goes on
+        with suppress(OSError, ValueError):  # nobody listens any more, but the work continues
             print(progress.line, file=sys.stderr, flush=True)
 
 

@@ -24,7 +24,7 @@ def blocks_of(
         return (len(angles),), ((block, form(angles[block], rows)) for block in lines)
     shape = tuple(axis.size for axis in axes)
     lengths = list(shape)
-    while prod(lengths) > size:  # the blocks' shape is near a cube's, whose faces are small
+    while prod(lengths) > size:  # halving the longest side keeps blocks nearly cubic, with small faces
         longest = int(np.argmax(lengths))
         lengths[longest] = -(-lengths[longest] // 2)
     boxes = product(*(_cut(n, length) for n, length in zip(shape, lengths, strict=True)))

@@ -29,10 +29,10 @@ class ClosedForm:
     """A system whose frequency responses have closed forms."""
 
     name: str
-    shown: str  # Its equation as a person writes it
+    shown: str  # Its equation in readable form
     equation: Mapping[str, float]  # Parameter of each term
     responses: Mapping[int, Response]
-    highest: int | None  # The highest order of its output; None where there is none
+    highest: int | None  # Highest order of its output; None if there is none
 
     @cached_property
     def model(self) -> NarxModel:
@@ -137,4 +137,4 @@ DUFFING = ClosedForm(
     highest=None,
 )
 SYSTEMS = (LINEAR, HAMMERSTEIN, QUADRATIC, DUFFING)
-"""A linear one, one of finite order, and two without a highest order: an overdamped and a resonant one."""
+"""A linear system, one of finite order, and two of infinite order: one overdamped and one resonant."""

@@ -112,7 +112,7 @@ def _real_equilibria(model: NarxModel, inputs: Array) -> Array:
     if model.table.functions:
         return _crossings(model, inputs)
     is_output = np.array([v.kind == "y" for v in model.table.variables], dtype=bool)
-    degrees = model.table.exponents[:, is_output].sum(axis=1)  # in the output, which is the polynomial's unknown
+    degrees = model.table.exponents[:, is_output].sum(axis=1)  # degrees in the output, the unknown of the polynomial
     with np.errstate(over="ignore", invalid="ignore"):
         weights = model.theta * model.table.at(np.where(is_output, 1.0, levels(model, inputs, 0.0)))
     require_finite(weights)
@@ -120,7 +120,8 @@ def _real_equilibria(model: NarxModel, inputs: Array) -> Array:
     sizes = np.bincount(degrees, weights=np.abs(weights), minlength=2)
     coefficients[1] -= 1.0
     sizes[1] += 1.0
-    # Coefficients in units of the data do not depend on the choice of units; those that cancel to rounding are zero.
+    # Scaled to units of the data, so that the choice of units has no influence; coefficients that cancel to rounding
+    # become zero.
     scale = 1.0 if model.operating is None else _output_size(model)
     powers = scale ** np.arange(coefficients.size)
     scaled, sizes = coefficients * powers, sizes * powers

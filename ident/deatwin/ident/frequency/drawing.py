@@ -105,7 +105,7 @@ def _plot_gain(response: FrequencyResponse, axes: Axes) -> Axes:
 def _shade(response: FrequencyResponse, drawn: NDArray[np.bool_], axes: Axes, colour: Any) -> None:
     """Draw the band of the gain, hatched where it cannot be trusted."""
     band = response.band()
-    bottom = 0.3 * response.gain[drawn].min(initial=np.inf)  # a lower limit of zero has no place on a log axis
+    bottom = 0.3 * response.gain[drawn].min(initial=np.inf)  # a logarithmic axis has no zero
     low, doubtful = np.maximum(band.low, bottom), drawn & ~band.linear_law
     if response.symbol == "Y":
         where = response.frequency_Hz[drawn]

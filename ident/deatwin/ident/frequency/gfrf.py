@@ -22,9 +22,9 @@ from deatwin.plant.errors import ModelError, nearest
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-_BLOCK = 1 << 14  # frequencies: the arrays of a block then fit into the processor's cache
-_HELD = 1 << 23  # complex numbers, 128 MB: limit of the products that a block keeps
-HIGHEST_ORDER = 8  # 3^n products of parts; higher orders take too long
+_BLOCK = 1 << 14  # frequencies in a block, whose arrays then fit into the processor's cache
+_HELD = 1 << 23  # complex numbers that the products of a block may hold, 128 MB
+HIGHEST_ORDER = 8  # Order n has 3^n products of parts; higher orders take too long
 
 
 def gfrf(

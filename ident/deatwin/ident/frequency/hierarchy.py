@@ -36,7 +36,7 @@ class Parts(Protocol):
 
     @property
     def order(self) -> Sequence[int]:
-        """Return the parts, each after those of which it may be composed."""
+        """Return the parts, each after those that may compose it."""
 
     def splits(self, part: int) -> Iterable[tuple[int, int]]:
         """Return all ways to compose a part of two others."""
@@ -124,7 +124,7 @@ class _Solver:
 
 
 def products_of(terms: Iterable[Term]) -> int:
-    """Return how many products of factors are kept for each part: those of the terms and their sub-products."""
+    """Return how many products of factors are kept for each part: the products of the terms, and their sub-products."""
     return len(_chains(terms)[1])
 
 

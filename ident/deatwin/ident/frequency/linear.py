@@ -96,7 +96,7 @@ def linear_part(model: NarxModel, operating_input: ArrayLike, output: float) -> 
     inputs = operating_input_of(model, operating_input)
     arguments = levels(model, inputs, output)
     moves, first = motion(model, arguments), _slopes(model, arguments)
-    # A slope depends on a parameter directly, and through the equilibrium by its own slope along the output.
+    # A slope depends on a parameter directly, and indirectly because the equilibrium moves with the parameter.
     by_theta = first + np.outer(_bends(model, arguments) @ model.theta, moves)
     lagged, gathering = _gathering(model)
     slopes, by_theta = gathering @ first @ model.theta, gathering @ by_theta
@@ -148,7 +148,7 @@ def _gathering(model: NarxModel) -> tuple[tuple[tuple[str, int, int], ...], Arra
     lagged = tuple(dict.fromkeys(key for keys in held for key in keys))
     matrix = np.zeros((len(lagged), len(held)))
     for j, keys in enumerate(held):
-        for key, sign in zip(keys, (1.0, -1.0), strict=False):  # of a difference, the second
+        for key, sign in zip(keys, (1.0, -1.0), strict=False):  # the second signal of a difference has a minus sign
             matrix[lagged.index(key), j] += sign
     return lagged, matrix
 
@@ -192,7 +192,7 @@ def require_finite(coefficients: Array) -> None:
 
 def motion(model: NarxModel, arguments: Array) -> Array:
     """Return dy/dtheta = terms / (1 - sum a) of the equilibrium, (n_terms,). Shapes: `arguments` (n_variables,)."""
-    # The stiffness of slow poles p, prod (1 - p), is small by nature. At a fold it is zero only to the square root of
+    # The stiffness prod (1 - p) is naturally small for slow poles p. At a fold it is zero only to the square root of
     # rounding.
     a = feedback(model, arguments)[1]
     terms, stiffness = model.table.at(_applied(model, arguments)[0]), 1.0 - float(a.sum())
@@ -213,9 +213,9 @@ def _along_output(model: NarxModel, values: Array) -> tuple[NDArray[np.int64], f
     """Return the degree of each term in the output, and the size of the second derivative of f(y)."""
     is_output = np.array([v.kind == "y" for v in model.table.variables], dtype=bool)
     degrees = model.table.exponents[:, is_output].sum(axis=1)
-    if model.table.functions:  # as bent as a parabola; how much is not known
+    if model.table.functions:  # as curved as a parabola, by an unknown amount
         return 2 * degrees, 0.0
-    output = values[is_output][:1].sum()  # all are the same
+    output = values[is_output][:1].sum()  # all outputs are equal at equilibrium
     weights = model.theta * model.table.at(np.where(is_output, 1.0, values))
     bends = degrees * (degrees - 1) * output ** np.maximum(degrees - 2, 0)
     return degrees, abs(float(weights @ bends))

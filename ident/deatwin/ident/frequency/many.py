@@ -26,21 +26,21 @@ from deatwin.ident.narx.terms import Term
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-_BLOCK = 16384  # values of a block of draws, which stay in the processor's cache
-_MOST = 2048  # frequencies of a block
-_STEPS = 4  # of the parameters, from the model's own to the draw
+_BLOCK = 16384  # values in a block of draws, which fits into the processor's cache
+_MOST = 2048  # frequencies in a block
+_STEPS = 4  # steps from the model's own parameters to those of a draw
 _NEWTON = 12
-_BETWEEN = 9  # points at which extrema between two outputs are looked for
-_SETTLED = 1e-9  # of the equation, relative to its terms
+_BETWEEN = 9  # points between two outputs at which the slope is checked for an extremum
+_SETTLED = 1e-9  # largest residual of the equilibrium equation, relative to its terms
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Evaluated(Frozen):
     """A frequency response, computed for many parameter vectors."""
 
-    values: Complex  # shape (n_draws, n): NaN where there is no equilibrium
-    exists: NDArray[np.bool_]  # shape (n_draws,): Whether there is one
-    stable: NDArray[np.bool_]  # shape (n_draws,): Whether it is stable
+    values: Complex  # shape (n_draws, n): Response of each draw; NaN if there is no equilibrium
+    exists: NDArray[np.bool_]  # shape (n_draws,): True if there is an equilibrium
+    stable: NDArray[np.bool_]  # shape (n_draws,): True if it is stable
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,9 +48,9 @@ class _Many:
     """Models of deviations from equilibrium, for those draws that have an equilibrium."""
 
     terms: Sequence[Term]
-    theta: Array  # shape (n_terms, n_kept): Their parameters
-    exists: NDArray[np.bool_]  # shape (n_draws,): Which draws have an equilibrium
-    stable: NDArray[np.bool_]  # shape (n_draws,): Which have a stable one
+    theta: Array  # shape (n_terms, n_kept): Parameters of the models
+    exists: NDArray[np.bool_]  # shape (n_draws,): True for draws that have an equilibrium
+    stable: NDArray[np.bool_]  # shape (n_draws,): True for draws that have a stable one
 
 
 def gfrf_of_many(
@@ -135,13 +135,14 @@ def _feedback_polynomial(expansion: dict[Term, Array], count: int) -> Array:
 
 def follow_equilibrium(model: NarxModel, point: Equilibrium, thetas: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Follow the equilibrium to other parameters by Newton's method. Shapes: `thetas` (n_draws, n_terms)."""
-    # A root beyond an extremum of y - f(y) belongs to another branch: the model's own has ended in a fold.
+    # If y - f(y) has an extremum between two roots, the model's own branch has ended in a fold, and the new root
+    # belongs to another branch.
     is_output = np.array([v.kind == "y" for v in model.table.variables], dtype=bool)
     degrees = model.table.exponents[:, is_output].sum(axis=1)
     weights = model.table.at(np.where(is_output, 1.0, levels(model, point.operating_input, 0.0)))
     powers = np.arange(int(degrees.max(initial=0)) + 1)
-    collect = (degrees == powers[:, None]) * weights  # of f as a polynomial in the output, coefficient by term
-    origin = model.output_origin[0]  # from which outputs are counted here
+    collect = (degrees == powers[:, None]) * weights  # coefficients of f, a polynomial in the output, by term
+    origin = model.output_origin[0]  # origin of the outputs that are used here
     outputs, follows = np.full(len(thetas), point.output - origin), np.ones(len(thetas), dtype=np.bool_)
     start, way = collect @ model.theta, (thetas - model.theta) @ collect.T
     with np.errstate(all="ignore"):
@@ -160,7 +161,7 @@ def follow_equilibrium(model: NarxModel, point: Equilibrium, thetas: Array) -> t
 
 def _extremum_between(coefficients: Array, powers: NDArray[np.int64], first: Array, last: Array) -> NDArray[np.bool_]:
     """Return whether y - f(y) has an extremum between two outputs."""
-    if powers.size < 3:  # it is linear
+    if powers.size < 3:  # linear in the output
         return np.zeros(first.size, dtype=np.bool_)
     shares = np.linspace(0.0, 1.0, _BETWEEN)
     falls = np.array([_equation(coefficients, powers, first + s * (last - first))[1] < 0 for s in shares])

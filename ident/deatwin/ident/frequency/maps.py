@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_FEWEST_ON_A_LINE = 3  # a grid has at least as many frequencies on each axis
+_FEWEST_ON_A_LINE = 3  # least number of frequencies on each axis of a grid
 _MOST_PANELS = 6
 
 
@@ -208,7 +208,7 @@ def _decibels(response: FrequencyResponse) -> Array:
     """Return the gain in dB relative to 1 unit; NaN where there is no value."""
     decibels = np.full(response.gain.shape, np.nan)
     np.log10(response.gain, out=decibels, where=drawn_points(response))
-    return np.round(20 * decibels, 9)  # what is constant has no contours
+    return np.round(20 * decibels, 9)  # rounded, so that a constant gain has no contours
 
 
 def _levels(decibels: Array) -> Array:
@@ -217,7 +217,7 @@ def _levels(decibels: Array) -> Array:
 
     known = decibels[np.isfinite(decibels)]
     low, high = (known.min(), known.max()) if known.size else (0.0, 0.0)
-    margin = max(0.0, 0.5 - (high - low))  # a response that is constant has colours too
+    margin = max(0.0, 0.5 - (high - low))  # a constant response also needs a range of colours
     return np.asarray(MaxNLocator(18).tick_values(low - margin, high + margin), dtype=np.float64)
 
 

@@ -16,7 +16,7 @@ from deatwin.plant.errors import ModelError
 
 Array = NDArray[Any]
 
-_ROUNDING = 64 * np.finfo(float).eps  # what is left of a sum of that many roundings that is zero
+_ROUNDING = 64 * np.finfo(float).eps  # relative size of what rounding leaves of a sum that is zero
 
 
 class Tones:
@@ -91,8 +91,8 @@ class Tones:
 
 
 class TonesInOrder(Tones):
-    """Runs of neighbouring tones only, in the order of the factors. All tones give H_n by Peyton Jones and Billings'
-    eq. 18: not symmetric, but of the same mean over all permutations."""
+    """Runs of neighbouring tones only, in the order of the factors. The run of all tones gives H_n by Peyton Jones and
+    Billings' eq. 18, which is not symmetric but has the same mean over all permutations."""
 
     @property
     def repeats(self) -> int:
@@ -148,7 +148,7 @@ class Orders:
 class CrossOrders(Orders):
     """Parts of the output with given powers of each input. Shapes: `excitation` (n_inputs, n); `powers` (n_inputs,)."""
 
-    # A part's number has a digit for each input, its power, to a base that no sum of two parts carries over.
+    # A part's number has one digit per input, its power. The base is so large that adding two parts never carries.
 
     def __init__(self, excitation: Array, powers: Sequence[int]) -> None:
         super().__init__(excitation, 1)

@@ -24,7 +24,7 @@ class Removal:
     section: Recording
     run: Array
     shifted_run: Array
-    deleted_run: Array  # Free run with only the constant left out
+    deleted_run: Array  # Free run with the constant term deleted, all others unchanged
 
     @property
     def error(self) -> float:

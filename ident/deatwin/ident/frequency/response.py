@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-LINEAR_LAW = 4.0  # Gains below this many standard deviations (of the longer axis of the ellipse) are not normal
+LINEAR_LAW = 4.0
+"""Gains below this many standard deviations (of the ellipse's longer axis) are not normally distributed."""
 
 
 class FrequencyStatus(Enum):
@@ -84,8 +85,8 @@ class Band(Frozen):
 class Pointwise(Frozen):
     """A function of frequency points that can be evaluated at a selection of them."""
 
-    function: Callable[..., Any]  # Takes the points first
-    points: Array  # shape (n, ...): Where
+    function: Callable[..., Any]  # Function that takes the points as its first argument
+    points: Array  # shape (n, ...): Points at which it is evaluated
 
     def __call__(self, *arguments: Any) -> Any:
         """Evaluate the function at its points."""

@@ -23,7 +23,7 @@ from deatwin.plant.errors import ModelError
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-_EXCITED = 1e-12  # lines below this share of the largest hold the rounding of whoever made the signal
+_EXCITED = 1e-12  # share of the largest line below which a line is a rounding error in the signal as given
 
 
 def output_spectrum(
@@ -160,7 +160,7 @@ class _Steady:
         return self._solve(by_theta=True)
 
     def _solve(self, *, by_theta: bool) -> dict[int, Jet]:
-        with np.errstate(over="ignore", invalid="ignore"):  # told where the parts are summed
+        with np.errstate(over="ignore", invalid="ignore"):  # overflow is reported where the parts are summed
             return solve_parts(self.about.model.terms, self.about.model.theta, self.parts, by_theta=by_theta)
 
     def response(self, wanted: Sequence[int], number: int) -> FrequencyResponse:

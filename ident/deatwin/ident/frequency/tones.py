@@ -22,7 +22,7 @@ def tone_response(
     step = plant.rig.sample_time
     n = round(1 / frequency_Hz[0] / step)
     lines = np.round(np.array(frequency_Hz) * n * step).astype(int)
-    phases = np.arange(lines.size)[:, None] ** 2  # so that the peaks of the tones do not meet
+    phases = np.arange(lines.size)[:, None] ** 2  # keeps the peaks of the tones apart
     period = np.cos(2 * np.pi * np.outer(lines, np.arange(n)) / n + phases).sum(axis=0)
     period *= size / np.abs(period).max()
 

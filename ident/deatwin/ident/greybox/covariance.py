@@ -5,25 +5,27 @@ from __future__ import annotations
 import numpy as np
 
 NOTHING = 1e-100
-"""Length of a Jacobian's column below which its parameter does nothing: a variance is the square of its reciprocal,
-which must be a number."""
-RANK = 1e-12  # Squares of singular values below this share of the largest one count as zero
+"""Length of a Jacobian's column below which its parameter has no effect. A variance is the squared reciprocal of the
+length and must not overflow."""
+RANK = 1e-12  # Share of the largest squared singular value below which a squared singular value counts as zero
 
 
 def covariance(residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
     """Covariance of least squares under residuals that are correlated in time."""
-    # Newey-West at zero frequency, over lags up to the root of the record: model errors are slow, and white-noise
-    # formulas too narrow. As the estimate is noisy and low, no variance is taken below that of white noise.
+    # Newey-West at zero frequency, with lags up to the square root of the record: model errors are slow, so formulas
+    # for white noise give intervals that are too narrow. The estimate is noisy and too low, so no variance may fall
+    # below that for white noise.
     scaled, scale = _unit_columns(jacobian)
     bread = np.linalg.pinv(scaled.T @ scaled, rcond=RANK)
     scores = scaled * residuals[:, None]
-    # Weights that fall linearly with the lag are those of overlapping windows: the sum over all lags is one product.
+    # Weights that fall linearly with the lag are equivalent to overlapping windows, so that one product gives the sum
+    # over all lags.
     window = int(np.sqrt(residuals.size)) + 1
     total = np.vstack([np.zeros(scale.size), np.cumsum(scores, axis=0)])
     ends = np.arange(1, residuals.size + window)
     sums = total[np.minimum(ends, residuals.size)] - total[np.maximum(ends - window, 0)]
     freedom = max(residuals.size - scale.size, 1)
-    # A product of a matrix with itself: no rounding error makes an eigenvalue negative, however alike the parameters.
+    # A matrix times its own transpose: rounding cannot make an eigenvalue negative, however similar the parameters are.
     half = sums @ bread * np.sqrt(residuals.size / freedom / window)
     robust = half.T @ half
     white = float(residuals @ residuals) / freedom * np.diag(bread)

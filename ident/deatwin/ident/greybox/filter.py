@@ -32,11 +32,11 @@ from deatwin.plant.model import Plant
 
 Array = NDArray[np.float64]
 
-STEPS = 1500  # Steps of the filter in which amplitude and memory are found: samples are joined until there are no more
-MEMORIES = 5  # Memories that are tried, from one step to three times the record
+STEPS = 1500  # Most filter steps while amplitude and memory are estimated; samples are joined to keep to it
+MEMORIES = 5  # Number of memories that are tried, from one step to three times the record
 SHARES = (0.1, 0.5, 2.0)
-"""Amplitudes that are tried, by the rms that they make in the reading against that of the residual."""
-REFINEMENTS = 25  # Likelihoods for the refinement of amplitude and memory
+"""Amplitudes that are tried, as the rms of their effect on the reading divided by the rms residual."""
+REFINEMENTS = 25  # Likelihood evaluations for the refinement of amplitude and memory
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,23 +44,23 @@ class Opened:
     """A plant with an unknown input at one place, and the resulting likelihood of the recordings."""
 
     opening: Opening | None  # Place that is opened, if any
-    amplitude: float  # Standard deviation of what enters once it has forgotten its start, SI
-    memory: float  # Its correlation time, s
+    amplitude: float  # Stationary standard deviation of the unknown input, SI
+    memory: float  # Correlation time of the unknown input, s
     log_likelihood: float
-    terms: Array  # shape (n,): What each step of the filter adds to it, one part after another
+    terms: Array  # shape (n,): Contribution of each filter step to the log likelihood, one part after another
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Latent:
     """Smoothed estimate of a plant's unknown input, given all readings."""
 
-    opening: Opening  # Place at which it enters
+    opening: Opening  # Place at which the unknown input enters
     timepts: Array  # shape (n,): Clock times at the ends of the samples, one part after another, s
-    mean: Array  # shape (n,): Of what enters during each sample, SI (a number where it is a factor)
+    mean: Array  # shape (n,): Mean of the unknown input during each sample, SI (a pure number if it is a factor)
     deviation: Array
     states: Mapping[str, Array]
-    counted: NDArray[np.bool_]  # shape (n,): Where a reading counts
-    origin: NDArray[np.int_]  # shape (n,): Number of the part
+    counted: NDArray[np.bool_]  # shape (n,): True where a reading counts
+    origin: NDArray[np.int_]  # shape (n,): Position of the part that a sample belongs to
     amplitude: float
     memory: float
     log_likelihood: float
@@ -80,7 +80,7 @@ def filter_likelihood(
         filtered = _filtered(linear, floor, opening, amplitude, memory)
         variance, innovation = filtered.innovation_variances[0], filtered.innovations[0]
         square = -0.5 * (np.log(2 * np.pi * variance) + innovation**2 / variance)
-        # The innovation of a mean of readings was scaled by the root of their number.
+        # Undo the scaling of innovations: that of a mean of readings was multiplied by the square root of their number.
         terms.append(np.where(linear.counted, square + 0.5 * np.log(np.maximum(linear.counts, 1)), 0.0))
     values = np.concatenate(terms)
     return Opened(opening=opening, amplitude=amplitude, memory=memory, log_likelihood=float(values.sum()), terms=values)
@@ -104,10 +104,11 @@ def open_place(linears: Sequence[Linear], floor: Floor, opening: Opening | None)
         for share in SHARES
     ]
     if not tried:
-        return best  # the reading does not see this place
+        return best  # the reading does not depend on this place
     first = max(tried, key=lambda o: o.log_likelihood)
 
-    # Readings tell the intensity a²/T well and the memory badly: along these axes the likelihood is no narrow ridge.
+    # Readings determine the intensity a²/T well and the memory badly: along these axes the likelihood has no narrow
+    # ridge.
     def process(axes: Array) -> tuple[float, float]:
         return float(np.exp(axes[0] + axes[1] / 2)), float(np.exp(axes[1]))
 
@@ -177,7 +178,7 @@ def _few_steps(linears: Sequence[Linear]) -> tuple[Linear, ...]:
 
 
 def _gains(linears: Sequence[Linear], opening: Opening, memories: Array) -> Array:
-    """Return the rms of the readings divided by that of an unknown input that is a sine of one radian per memory."""
+    """Return the rms of the readings divided by the rms of an unknown input, a sine of one radian per memory."""
     squares, count = np.zeros(memories.size), 0
     for linear in linears:
         elapsed = linear.timepts - linear.timepts[0]
@@ -222,7 +223,7 @@ def _filtered(linear: Linear, floor: Floor, opening: Opening | None, amplitude: 
 
 
 def _wander(transition: Array, state: int, amplitude: float, memory: float, interval: float) -> float:
-    """Let a state forget a part of its past; return the variance that is added in a step."""
+    """Make a state forget a part of its past in each step; return the variance that a step adds."""
     if not memory > 0:
         raise ModelError(f"a memory of {memory:g} s: it must be positive")
     kept = exp(-interval / memory)

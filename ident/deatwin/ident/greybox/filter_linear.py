@@ -26,9 +26,10 @@ from deatwin.plant.rest import rest_state
 
 Array = NDArray[np.float64]
 
-ALIKE = 1 - 1e-9  # Cosine of the answers to two openings above which they are one
+ALIKE = 1 - 1e-9  # Cosine of the responses to two openings above which they count as one
 SPREAD = 0.3
-"""Deviation of a calibrated parameter from the truth, as a share, where a missing effect has bent the calibration."""
+"""Standard deviation of a calibrated parameter from the truth, as a share of its value, if a missing effect has biased
+the calibration."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,15 +39,15 @@ class Linear:
     plant: Plant  # Linearised plant
     state_names: tuple[str, ...]  # Names of the states x, in order
     openings: tuple[Opening, ...]
-    timepts: Array  # shape (n,): Clock times at the end of each sample from the start procedure on, s
+    timepts: Array  # shape (n,): Clock times of the ends of samples, beginning with the start procedure, s
     residual: Array  # shape (n,): Measured minus simulated at the end of each sample, SI; NaN where no reading counts
-    transition: Array  # shape (n, n_x, n_x): F_k, from the start of a sample to its end
+    transition: Array  # shape (n, n_x, n_x): F_k, derivative of the states at the end of a sample by those at its start
     by_parameter: Array
-    rows: Array  # shape (n, n_x): C_k, of the reading at the end of a sample by the states at its start
-    rows_by_parameter: Array  # shape (n, n_p): D_k
-    start_by_parameter: Array  # shape (n_x, n_p): Derivative of the state of rest
-    entering: Array  # shape (n, n_x, n_openings): G_k, by what enters for this sample only, in SI
-    rows_entering: Array  # shape (n, n_openings): L_k
+    rows: Array  # shape (n, n_x): C_k, derivative of the reading at the end of a sample by the states at its start
+    rows_by_parameter: Array  # shape (n, n_p): D_k, derivative of that reading by the parameters
+    start_by_parameter: Array  # shape (n_x, n_p): Derivative of the state of rest by the parameters
+    entering: Array  # shape (n, n_x, n_openings): G_k, derivative of the states by an input in this sample only
+    rows_entering: Array  # shape (n, n_openings): L_k, derivative of the reading by that input
     states: Mapping[str, Array]
     counts: Array  # shape (n,): Readings of which `residual` is the mean: 1 or 0, more where samples were joined
     interval: float  # Interval between samples, s
@@ -59,7 +60,7 @@ class Linear:
     @cached_property
     def prior(self) -> Array:
         """Variances of the constant parameters' coordinates, shape (n_p,)."""
-        # A parameter that may be zero has the width of its range as deviation; another, a share of its value.
+        # The standard deviation is the width of the range for a parameter that may be zero, else a share of the value.
         free = [self.plant.parameters[name] for name in self.plant.parameters.free]
         return np.array([_spread(parameter) ** 2 for parameter in free])
 
@@ -76,7 +77,7 @@ class Linear:
         feed = _blocks(_padded(np.hstack([self.rows_by_parameter, self.rows_entering]), pad), size)
         counts = _blocks(_padded(self.counts, pad), size)
         errors = _blocks(_padded(np.nan_to_num(self.residual), pad), size)
-        # Derivatives of the states within a block, and of the mean of its readings, by what stood at its start.
+        # Derivatives of the states within a block, and of the mean of its readings, by the values at its start.
         inside = np.zeros((len(step), n_x, n_x + drive.shape[3]))
         inside[:, :, :n_x] = np.eye(n_x)
         total = np.zeros((len(step), inside.shape[2]))
@@ -158,9 +159,9 @@ def _linearised(plant: Plant, part: Part, openings: tuple[Opening, ...], step: L
     n = int(at.max()) + 1
     run = plant.simulator.run(**plant.given(timeline, n))
     if not run.status.ok:
-        plant.simulate(part.experiment).require()  # which says why
+        plant.simulate(part.experiment).require()  # raises an error with the reason
     equations = step.equations
-    # Plants of one structure share the step, not its values; what may enter is zero.
+    # Plants of one structure share the step but not its values; the unknown inputs are zero.
     values = np.concatenate([plant.free_values, np.zeros(len(equations.parameters.free) - plant.free_values.size)])
     rest = rest_state(equations, rig.start.rest_command, values)
     times = timeline.start + timeline.sample_time * np.arange(n)
@@ -168,7 +169,7 @@ def _linearised(plant: Plant, part: Part, openings: tuple[Opening, ...], step: L
     x, z, slopes, reading_slopes = step.along(rest, inputs, timeline.start, timeline.sample_time, values)
 
     residual = np.full(n, np.nan)
-    later = at >= 0  # a reading of the state of rest itself has no sample
+    later = at >= 0  # a reading of the state of rest itself belongs to no sample
     residual[at[later]] = part.measured[later] - run.outputs[at[later] + 1]
     columns = _Columns.of(plant, equations, openings)
     slope = np.array([p.scale.slope(p.value) for p in (plant.parameters[name] for name in plant.parameters.free)])

@@ -18,13 +18,13 @@ from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter, ParameterSet
 from deatwin.plant.rigs.base import written
 
-STATE = "state"  # The place of a state's own equation, where the rig declares no better one
+STATE = "state"  # Place of a state's own equation, if the rig declares no better one
 COMMAND = (Place.DRIVE.value, "command")
 READING = (Place.SENSOR.value, "reading")
 STIFFNESS, PERMITTIVITY = "stiffness", "permittivity"
-"""Properties of a film that may drift: factors on the energy of its network and on its permittivity."""
+"""Properties of a film that may drift: a factor on the energy of its network, and one on its permittivity."""
 LAST = (Place.SENSOR.value, Place.PARAMETER.value, STATE)
-"""Places that stand behind those that the rig declares between drive and sensor, in this order."""
+"""Places, in this order, that follow those that the rig declares between drive and sensor."""
 
 
 @dataclass(frozen=True, kw_only=True)

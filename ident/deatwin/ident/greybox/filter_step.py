@@ -38,7 +38,7 @@ class _Key:
 
     def __init__(self, plant: Plant, openings: tuple[Opening, ...]) -> None:
         self.plant, self.openings = plant, openings
-        # Plants of the same structure share their equations.
+        # Plants of the same structure have the same equations, and share a compiled step.
         self._key = (plant.equations, openings)
 
     def __hash__(self) -> int:
@@ -59,8 +59,9 @@ def _step(key: _Key) -> LinearStep:
 
 
 class LinearStep:
-    """One sample, with derivatives by start, held quantities and parameters. The first two stand among the parameters
-    as ghosts of no equation: their carried derivatives are unit vectors, the parameters' zero."""
+    """One sample, with its derivatives by start, held quantities and parameters. Start and held quantities are
+    auxiliary parameters (ghosts) that occur in no equation; derivatives carried into a step are unit vectors for them,
+    and zero for the parameters."""
 
     def __init__(self, plant: Plant, openings: Sequence[Opening]) -> None:
         ghosts = [*map(start_ghost, plant.equations.states), *map(held_ghost, plant.equations.held)]

@@ -28,12 +28,13 @@ from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
 
 REMAINING = 10.0
-"""Times the tolerance: what share of the squared residual a linear model may still take off at a fit that has settled.
-A fit ends where a step takes off less than the tolerance itself, and a step may take a tenth of the way."""
-WHOLE = 1e-9  # Share of a range that an interval may lack at its ends and still be all of it
-SURVEYS = 3  # Minima, each better than the one before, about which is looked
+"""Multiple of the tolerance that a linear model may still remove from the squared residual of a settled fit, as a
+share. A fit ends when a step removes less than the tolerance itself, and a step may cover only a tenth of the way."""
+WHOLE = 1e-9  # Share of a range that an interval may lack at its ends and still count as the whole range
+SURVEYS = 3  # Most surveys of one fit, each about a better minimum than the one before
 INVOLVED = 1e-8
-"""Share of a parameter's square in such directions, far above rounding, from which it may go anywhere along them."""
+"""Share of a parameter's square in undetermined directions above which the parameter itself is undetermined, because it
+may move freely along them; far above rounding."""
 
 
 def _fitted(fit: Calibration) -> list[Parameter]:
@@ -150,7 +151,7 @@ class Calibration(Described):
         widths = np.ptp(np.reshape([p.ends for p in _fitted(self)], (-1, 2)), axis=1)
         changes = self.jacobian * np.where(np.isfinite(widths), widths, 1.0)
         lengths = np.linalg.norm(changes, axis=0)
-        # The range of an arbitrary zero is metres: beside it all others would seem to do nothing.
+        # The range of an arbitrary zero is metres; compared with it, all other parameters would seem to have no effect.
         usual = float(np.median(lengths[lengths > 0.0])) if lengths.any() else 1.0
         changes = changes / np.maximum(lengths / usual, 1.0)
         squares, axes = np.linalg.eigh(changes.T @ changes)
@@ -188,7 +189,7 @@ class Calibration(Described):
         ends = (
             scale.to_value(min(max(centre + side * half, parameter.ends[0]), parameter.ends[1])) for side in (-1, 1)
         )
-        low, high = sorted(min(max(end, parameter.lower), parameter.upper) for end in ends)  # against rounding
+        low, high = sorted(min(max(end, parameter.lower), parameter.upper) for end in ends)  # clipped against rounding
         return (min(low, self.reach[k][0]), max(high, self.reach[k][1])) if self.reach else (low, high)
 
     def is_determined(self, name: str) -> bool:
@@ -370,7 +371,7 @@ def _ended(fit: Calibration, problem: Problem, search: Search, tolerance: float 
     moves = [s and name not in fit.at_bound for name, s in zip(fit.names, problem.smooth(), strict=True)]
     gain = 0.0
     if any(moves) and not _is_exact(fit, problem):
-        # If a parameter hardly matters, its bound does not hide a better fit.
+        # Only a gain within the bounds counts: if a parameter hardly matters, its bound does not hide a better fit.
         slopes, ends = fit.jacobian[:, moves], [(end - search.best.coordinates)[moves] for end in problem.bounds()]
         gain = fit.rms**2 - linearised_rms(fit.residuals, slopes) ** 2 - bounded_fit(fit.residuals, slopes, *ends)[0]
     if gain > REMAINING * settled_at(tolerance, fit.residuals.size) * fit.rms**2:

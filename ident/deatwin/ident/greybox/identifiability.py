@@ -30,8 +30,8 @@ Array = NDArray[np.float64]
 
 LEVEL = 0.95
 LIMIT = 2 * float(gammaincinv(0.5, LEVEL))  # Quantile at this level of the chi-squared law with one degree of freedom
-CLOSE = 0.02  # Share of the limit by which the deviance may miss it at an end of the interval
-MOST_POINTS = 6  # Refits on each side
+CLOSE = 0.02  # Tolerance of the deviance at an end of the interval, relative to the limit
+MOST_POINTS = 6  # Most refits on each side
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -87,7 +87,7 @@ class Profile(Described):
             Axes to draw on; new ones by default.
         """
         ax = axes_or_new(ax)
-        # Its signed root is nearly straight between the values that were tried.
+        # The signed root of the deviance is nearly straight between the values that were tried.
         root = np.sign(self.values - self.parameter.value) * np.sqrt(self.deviances)
         fine = np.linspace(self.values[0], self.values[-1], 200)
         ax.plot(fine, np.interp(fine, self.values, root) ** 2, color="C0")

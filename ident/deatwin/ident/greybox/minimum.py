@@ -13,23 +13,25 @@ from deatwin.ident.greybox.tangent import linearised_rms
 
 EVALUATIONS = 30
 NEAR, MOST = 0.01, 1e-4
-"""Squared standard errors that a fit has settled within, of its minimum: a tenth of one makes no interval miss, as the
-mean square of its error grows by 1 %. In a record of some samples, the largest relative change of the squared residual."""
+"""NEAR: squared distance from its minimum, in squared standard errors, at which a fit has settled; a tenth of a
+standard error spoils no interval, because the mean square error grows by only 1 %. MOST: largest relative change of the
+squared residual that counts as settled, for records of few samples."""
 LOOKS = 2
-"""Points, each better than all before, from which the linearised minimum is looked at before a fit is given up: from
-far away the first may err, and a trial point that is taken back may be farther still."""
-SAME = 1e-6  # Distance of two points in coordinates, of which one is about the logarithm of a value
+"""Points, each better than all before, whose linear models must predict too high a minimum before a fit is given up.
+One does not suffice: far from the minimum its prediction may be wrong, and a rejected trial point may be farther away
+still."""
+SAME = 1e-6  # Distance of two points that count as one, in coordinates, which are about logarithms of the values
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Minimum:
     """Minimum of a sum of squares."""
 
-    coordinates: np.ndarray  # shape (n,): Of the fitted parameters, each in its `Scale`
-    residuals: np.ndarray  # shape (m,): There, SI
-    jacobian: np.ndarray  # shape (m, n): Derivative of the readings there, SI
+    coordinates: np.ndarray  # shape (n,): Fitted parameters, each in its `Scale`
+    residuals: np.ndarray  # shape (m,): Residuals at the minimum, SI
+    jacobian: np.ndarray  # shape (m, n): Derivative of the readings at the minimum, SI
     status: FitStatus  # Settled, out of evaluations, or given up
-    evaluations: int  # Simulations made
+    evaluations: int  # Number of simulations
 
 
 class Interrupted(KeyboardInterrupt):
@@ -44,8 +46,8 @@ def minimise(
     problem: Problem, *, evaluations: int = EVALUATIONS, tolerance: float | None = None, hopeless: float = np.inf
 ) -> Minimum | None:
     """Minimise the squared residuals of a problem, as `calibrate` does, which says more of the result."""
-    # Only smooth coordinates move: a step of an event past a sample breaks the promise of its derivative, and the trust
-    # region would shrink to nothing.
+    # Only smooth coordinates move: when an event passes a sample, its derivative no longer predicts the readings, and
+    # the trust region would shrink to nothing.
     cost = _Memory(problem, hopeless)
     start, (lower, upper) = cost.part(problem.start()), (cost.part(ends) for ends in problem.bounds())
     first = cost(start)
@@ -64,7 +66,7 @@ def minimise(
             x_scale="jac",
             method="trf",
             ftol=ftol,
-            xtol=min(1e-6, 1e-3 * np.sqrt(ftol)),  # the error rises with the square of the step
+            xtol=min(1e-6, 1e-3 * np.sqrt(ftol)),  # because the error rises with the square of the step
             gtol=1e-12,
             max_nfev=evaluations,
         )
@@ -81,7 +83,7 @@ def minimise(
 
 def settled_at(tolerance: float | None, samples: int) -> float:
     """Return the relative change of the squared residual at which a fit has settled: as requested, or from `NEAR`."""
-    # At a distance of d standard errors the squared residual is d**2 variances of one sample above its least.
+    # At a distance of d standard errors, the squared residual exceeds its minimum by d**2 variances of one sample.
     return min(NEAR / samples, MOST) if tolerance is None else tolerance
 
 
@@ -145,9 +147,9 @@ class _Memory:
         if not np.isfinite(self.hopeless):
             return
         if linearised_rms(residuals, jacobian[:, self._smooth]) <= self.hopeless:
-            self.hopeless = np.inf  # it stays worth its simulations
+            self.hopeless = np.inf  # the fit remains worth its simulations
             return
-        # A start on a bound is moved off it by a hair: that is no other point.
+        # A start on a bound is moved inside by a tiny margin, which does not make it another point.
         if not any(np.allclose(x, seen, rtol=0.0, atol=SAME) for seen in self._looks):
             self._looks.append(x.copy())
         if len(self._looks) == LOOKS:
@@ -157,7 +159,7 @@ class _Memory:
         found = self(x)
         if found is not None:
             return found[0]
-        # A trial point at which the plant pulls in: so bad that the solver takes a shorter step.
+        # The plant fails at this trial point, as by pull-in: residuals so large make the solver take a shorter step.
         if self._before is None:
             raise RuntimeError("a fit was asked for residuals before a point that can be simulated")
         return 1e3 * (np.abs(self._before) + 1e-3)
@@ -165,5 +167,5 @@ class _Memory:
     def jacobian(self, x: np.ndarray) -> np.ndarray:
         found = self(x)
         if found is None:
-            raise _NowhereToGo  # the start, moved inside its bounds: any other point would have been too bad
+            raise _NowhereToGo  # only the start, moved inside its bounds, fails here; residuals exclude others
         return -found[1][:, self._smooth]

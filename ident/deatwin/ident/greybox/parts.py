@@ -142,7 +142,8 @@ class Part:
 
 
 LEAST_COUNTED = 0.9
-"""Share of an experiment whose readings count, however slowly the start is forgotten: a short recording needs them."""
+"""Least share of an experiment whose readings count, however slowly the start is forgotten: a short recording cannot
+spare more."""
 
 
 def settled(experiment: Experiment, rig: Rig) -> tuple[np.ndarray, ...]:
@@ -158,7 +159,7 @@ def row_of(rig: Rig, reading: str) -> int:
 
 
 def whole_parts(experiments: Sequence[Experiment], rig: Rig) -> tuple[Part, ...]:
-    """All samples of experiments that count: of the first reading, then of each further one, weighted by its noise."""
+    """Return all samples that count: of the first reading, then of each further one, weighted by its noise."""
     found = [Part(experiment=experiment, masks=settled(experiment, rig)) for experiment in experiments]
     for reading in rig.further:
         if not rig.noise > 0.0:
@@ -217,7 +218,7 @@ def simulated(plant: Plant, parts: Sequence[Part]) -> np.ndarray | None:
     for part in parts:
         timeline = plant.timeline(part.experiment)
         if part.history not in known:
-            # `plant.simulate` also looks for events, as long again
+            # `plant.simulate` would also look for events, which takes as long again
             known[part.history] = plant.runner.run(**plant.given(timeline))
         run = known[part.history]
         if not run.status.ok:

@@ -19,10 +19,10 @@ class Problem:
     """Residuals of a plant on the counted samples, as a function of the fitted coordinates."""
 
     plant: Plant  # Plant with starting values
-    parts: tuple[Part, ...]  # Samples to fit
-    names: tuple[str, ...]  # Parameters to be fitted; the other free ones stay
-    watch: Watch = field(default_factory=unwatched)  # Is told of each simulation
-    response: Response | None = None  # Residuals and derivative at the start, if they are known
+    parts: tuple[Part, ...]  # Samples to be fitted
+    names: tuple[str, ...]  # Parameters to be fitted; other free ones keep their values
+    watch: Watch = field(default_factory=unwatched)  # Called at each simulation
+    response: Response | None = None  # Residuals and derivative at the start, if already known
 
     def start(self) -> np.ndarray:
         """Coordinates of the plant's present values, shape (n,)."""

@@ -19,34 +19,34 @@ from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.status import FitStatus
 from deatwin.plant.calibrated import TWO_SIDED_95
 
-STARTS = 8  # Most points: where only one in three leads to the least minimum, all but one search in 25 find it
+STARTS = 8  # Most starting points: if only one in three leads to the lowest minimum, 24 of 25 searches find it
 _LIMIT = TWO_SIDED_95**2
-"""Quantile at 95 % of the chi-squared law with one degree of freedom: two errors that differ by less, in the variance
-of a sample, could both be those of the truth."""
-EXACT = 1e-6  # Share of the readings' own spread below which an error is rounding and integration
-_FIRST, _SMALLEST = 1 / 32, 4  # The first opening's share of the record, and its least samples for each parameter
-_ROUGH = 10  # Evaluations on an opening, whose minimum is only a start for the next
-_REACH = (0.5, 0.25, 0.125)  # Distances of the starts from the given values, in turn, as shares of a parameter's range
+"""95 % quantile of the chi-squared law with one degree of freedom. Two squared errors that differ by less, in variances
+of a sample, could both belong to the true parameters."""
+EXACT = 1e-6  # Share of the readings' standard deviation below which an error is rounding and integration
+_FIRST, _SMALLEST = 1 / 32, 4  # Share of the record in the first opening, and least samples for each parameter
+_ROUGH = 10  # Evaluations of the fit to an opening, whose minimum only serves as a start for the next one
+_REACH = (0.5, 0.25, 0.125)  # Distances of successive starts from the given values, as shares of a parameter's range
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Search:
     """The best of several fits from different starting points."""
 
-    best: Minimum  # Its evaluations include those of all starts
-    tried: int  # Number of points
+    best: Minimum  # Its number of evaluations includes those of all starts
+    tried: int  # Number of starting points
     agreed: int  # Number of starts that ended with the error of the best
     equals: tuple[np.ndarray, ...] = ()
 
 
 def least(problem: Problem, starts: int, evaluations: int, tolerance: float | None, hopeless: float) -> Search | None:
-    """Fit from the given values, then, as far as needed, through growing openings and from other points."""
+    """Fit from the given values and then, as far as needed, through growing openings and from other points."""
     options: dict[str, Any] = {"evaluations": evaluations, "tolerance": tolerance, "hopeless": hopeless}
     problem.watch.begin("fit from the given values")
     first = minimise(problem, **options)
     if first is None or not problem.smooth().any() or first.status is FitStatus.GIVEN_UP:
         return None if first is None else Search(best=first, tried=1, agreed=1)
-    # The two fits from the given values are one point: that they agree says nothing of other minima.
+    # Both fits from the given values count as one start: their agreement says nothing about other minima.
     best, agreed, found, spent, limit = first, [first], [first], first.evaluations, np.inf
     spread = float(np.std(np.concatenate([part.measured for part in problem.parts])))
     for number, start in enumerate(_starts(problem, starts) if starts > 1 else ()):
@@ -92,14 +92,14 @@ def largest_alike(residuals: np.ndarray, jacobian: np.ndarray) -> float:
     """Return the largest rms error that does not differ from that of a fit. Shapes: `residuals` (m,); `jacobian` (m,
     n).
     """
-    # Residuals that are correlated in time count as fewer samples: the variances tell how many.
+    # Residuals that are correlated in time count as fewer samples; the ratio of the variances shows how many.
     white, robust = white_variances(residuals, jacobian), np.diag(covariance(residuals, jacobian))
     fewer = float(np.max(np.divide(robust, white, out=np.ones_like(white), where=white > 0.0)))
     return float(np.sqrt((1.0 + _LIMIT * fewer / residuals.size) * np.mean(residuals**2)))
 
 
 def _same(best: Minimum, spread: float) -> float:
-    """Return the largest error that equals that of the best fit, up to rounding."""
+    """Return the largest error that equals the best fit's, up to rounding."""
     return max(largest_alike(best.residuals, best.jacobian), EXACT * spread)
 
 
@@ -126,7 +126,7 @@ def _starts(problem: Problem, count: int) -> Iterator[Problem]:
 
     centre, (lower, upper), smooth = problem.start(), problem.bounds(), problem.smooth()
     width = np.where(np.isfinite(upper - lower), upper - lower, 1.0)
-    points = qmc.Halton(d=centre.size, scramble=False).random(count)[1:]  # the first is a corner of all ranges
+    points = qmc.Halton(d=centre.size, scramble=False).random(count)[1:]  # the first point is a corner of all ranges
     yield problem
     for k, point in enumerate(points):
         moved = centre + (2.0 * point - 1.0) * _REACH[k % len(_REACH)] * width * smooth

@@ -16,16 +16,16 @@ from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment
 
-TOLERANCE = 1e-5  # Relative, of refits: 0.005 % of a residual that is nearly all structure
+TOLERANCE = 1e-5  # Relative tolerance of refits: 0.005 % of a residual that is almost entirely structural
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StructuralScale:
     """Ratio of the structural residual of added physics to the noise."""
 
-    experiment: Experiment  # The commands that count
-    clean: np.ndarray  # shape (n,): Noise-free readings without mechanisms, m
-    form: Calibration  # The base plant refitted to them
+    experiment: Experiment  # Experiment whose commands are used
+    clean: np.ndarray  # shape (n,): Noise-free readings without the added physics, m
+    form: Calibration  # The base plant refitted to `clean`
     noise: float  # Rms of the sensor's noise, m
 
     @classmethod
@@ -41,7 +41,7 @@ class StructuralScale:
         return min(self._left(readings)) / self.noise
 
     def ratio(self, readings: Sequence[np.ndarray]) -> float:
-        """Return the rms left by a full refit, beyond that of a clean film, divided by the noise."""
+        """Return the rms that a full refit leaves beyond that of a clean film, divided by the noise."""
         same, shifted = self._left(readings)
         plant = self.form.plant if same <= shifted else _read_otherwise(self.form.plant)
         refitted = descend(plant, [_part(self.experiment, readings)], tolerance=TOLERANCE)

@@ -18,35 +18,37 @@ from deatwin.ident.greybox.minimum import Minimum, minimise
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.status import FitStatus
 
-_TWICE = 2.0  # Distance of the first look, in half widths of the interval
+_TWICE = 2.0  # Distance of the first point to be examined, in half widths of the interval
 _LEAST = 0.5
-"""Share of the predicted rise, fourfold that at the interval's end, below which the interval is too short: the error
-at its end may then be as low as half of the limit."""
+"""Share of the predicted rise below which the interval is too short. At twice the interval the prediction is four times
+that at its end; if only half of it occurs, the error at the end may be as low as half of the limit."""
 _SLACK = 1.25
-"""Times the predicted distance that others may go: an interval that is a quarter off is none that is wrong."""
-_CLEARLY = 0.1  # Squared standard errors by which another minimum is lower, and not the same one, better known
-_GROWTH = 1.6  # Each further point lies so many times farther away than the one before
+"""Multiple of the predicted distance that other parameters may move: an interval that is off by a quarter is not
+wrong."""
+_CLEARLY = 0.1  # Squared standard errors by which another minimum is lower, and not the same one, better located
+_GROWTH = 1.6  # Ratio of the distances of successive points
 _BEYOND = 4.0
-"""Times the limit: where the error has risen so far, another minimum behind is one that the starts have to find."""
+"""Multiple of the limit at which the way outwards ends: minima behind so high an error are for the starts to find."""
 _EVALUATIONS, _WITHIN = 8, 1e-2
-"""Simulations of a fit with one parameter held, and the variances of a sample within which its error is known."""
+"""_EVALUATIONS: most simulations of a fit with one parameter held. _WITHIN: accuracy of its squared error, in variances
+of a sample."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Survey:
     """Ranges of the parameters within which the error is below its limit, found along the worst known parameter."""
 
-    lower: np.ndarray  # shape (n,): Least coordinates
-    upper: np.ndarray  # shape (n,): Greatest coordinates
-    better: np.ndarray | None  # shape (n,): Coordinates of an error that is clearly less, if one was seen
+    lower: np.ndarray  # shape (n,): Smallest coordinates
+    upper: np.ndarray  # shape (n,): Largest coordinates
+    better: np.ndarray | None  # shape (n,): Coordinates of a clearly smaller error, if one was seen
 
 
 def held(
     problem: Problem, centre: np.ndarray, spread: np.ndarray, k: int, at: float, *, evaluations: int, tolerance: float
 ) -> Minimum | None:
     """Fit all parameters but one, which is fixed, from the values that the covariance (n, n) predicts; `centre` (n,)."""
-    # Of parameters with the same effect one moved alone would leave the valley of good fits, and perhaps all plants
-    # that can be simulated.
+    # If parameters have the same effect, moving one alone would leave the valley of good fits, and perhaps the range in
+    # which the plant can be simulated.
     along = np.nan_to_num(spread[:, k] / spread[k, k], posinf=0.0, neginf=0.0)
     moved = centre + problem.smooth() * along * (at - centre[k])
     moved[k] = at
@@ -69,7 +71,7 @@ def survey(problem: Problem, best: Minimum, known: np.ndarray, deviations: float
     if not known[k] or not own[k] > 0.0:
         return None, 0
     square, samples = float(best.residuals @ best.residuals), best.residuals.size
-    unit = square / samples * float(own[k] ** 2 / white[k])  # the rise at one standard error
+    unit = square / samples * float(own[k] ** 2 / white[k])  # rise of the squared residual at one standard error
     seen, spent = [(0.0, best.coordinates)], 0
 
     def rise(at: float) -> float:
@@ -88,7 +90,7 @@ def survey(problem: Problem, best: Minimum, known: np.ndarray, deviations: float
     near = all((np.abs(x - best.coordinates) <= _SLACK * _TWICE * deviations * own).all() for _, x in seen)
     if risen and near:
         return None, spent
-    # Where the error is no parabola, its limit is that of all parameters at once.
+    # Where the error is not a parabola, the limit for all parameters at once applies.
     limit = 2.0 * float(gammaincinv(0.5 * own.size, 0.95))
     for way, _, found in looks:
         while found < _BEYOND * limit and (at := next(way, None)) is not None:
@@ -97,7 +99,7 @@ def survey(problem: Problem, best: Minimum, known: np.ndarray, deviations: float
     better = where if least < -_CLEARLY else None
     inside = [x for found, x in seen if found - least <= limit]
     first, last = min(x[k] for x in inside), max(x[k] for x in inside)
-    # The limit is crossed somewhere before the next point.
+    # The limit is crossed somewhere before the next point outwards, so that point is included.
     next_ones = [max((x for _, x in seen if x[k] < first), key=lambda x: x[k], default=where)]
     next_ones += [min((x for _, x in seen if x[k] > last), key=lambda x: x[k], default=where)]
     points = np.array(inside + next_ones)

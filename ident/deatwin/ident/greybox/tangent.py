@@ -31,7 +31,7 @@ def bounded_fit(
     """
     sizes = np.linalg.norm(jacobian, axis=0)
     scales = np.where(sizes > 0.0, sizes, 1.0)
-    basis, small = np.linalg.qr(jacobian / scales)  # the rest of the residuals nothing can take
+    basis, small = np.linalg.qr(jacobian / scales)  # parameters cannot change the rest of the residuals
     found = lsq_linear(small, basis.T @ residuals, (lower * scales, upper * scales), method="bvls")
     anywhere = float(np.mean(residuals**2)) - linearised_rms(residuals, jacobian) ** 2
     taken = float(np.sum((basis.T @ residuals) ** 2) - 2.0 * found.cost) / residuals.size

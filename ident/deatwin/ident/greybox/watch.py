@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 from deatwin.plant.interrupts import obey
 
-Progress = Callable[[float, str], None]  # Takes the share that is done, 0 to 1, and what is being done
-_STAGE = 1 / 3  # Share of the work that was left which a further fit takes: a search usually costs about three fits
-_USUAL = 8  # Simulations after which half of a fit is said to be done; most settle in ten to fifteen
+Progress = Callable[[float, str], None]  # Called with the completed share, 0 to 1, and the current work
+_STAGE = 1 / 3  # Share of the remaining work that a further fit takes: a search usually consists of about three fits
+_USUAL = 8  # Simulations after which a fit is reported as half done; most settle in ten to fifteen
 
 
 class Watch:

@@ -9,7 +9,8 @@ import numpy as np
 from deatwin.plant.parameters import Parameter
 
 ALIKE = 0.95
-"""Correlation above which an interval is more than three times as long as it were if the other parameter was known."""
+"""Correlation above which an interval is more than three times as long as it would be if the other parameter were
+known."""
 
 
 def described(parameter: Parameter, interval: tuple[float, float] | None, others: Sequence[float], bound: str) -> str:

@@ -24,9 +24,9 @@ from deatwin.plant.rigs.rigmaterial import read_material
 
 Array = NDArray[np.float64]
 
-ROUNDS = 2  # Rounds of fit and errors: further ones change the errors by less than they are known
-HOPELESS = 20.0  # Logarithm of the odds against an energy from which on it is left out
-UNEXPLAINED = 0.5  # Share of the tests from which on a material explains nothing: it would be better to have none
+ROUNDS = 2  # Rounds of fit and error estimate; further rounds change the errors by less than their uncertainty
+HOPELESS = 20.0  # Log odds against an energy with all branches beyond which fewer branches are not tried
+UNEXPLAINED = 0.5  # Unexplained share of the tests from which on no material is returned: it would be worse than none
 _LOOK = "look at the columns, their signs and units, and at the specimen's dimensions"
 LEVEL = 0.95  # Probability of the intervals
 
@@ -104,7 +104,7 @@ def _choose(data: Observations, own: EnergyStart | str | None) -> _Chosen:
     count = noise.count(data)
     rich_ones = [richest(data, start, white) for start in starts]
     least = min(one.criterion(count) for one in rich_ones)
-    # Branches cannot make up for odds of e^20: an energy that is so far behind is tried with all branches only.
+    # Fewer branches cannot make up for odds of e^20, so an energy that far behind is tried with all branches only.
     near = [one for one in rich_ones if one.criterion(count) < least + 2.0 * HOPELESS]
     fits = [one for rich in near for one in fewer_and_fewer(data, rich, white)]
     allowed = [one for one in fits if one.coordinates.size < count and is_stable(one.start, one.elastic, data.largest)]
@@ -152,8 +152,8 @@ def _choices(fits: Sequence[Fit], best: Fit, count: float) -> Iterator[Choice]:
 
 
 def _intervals(data: Observations, chosen: _Chosen) -> tuple[tuple[Quantity, ...], Array]:
-    """Parameters with intervals, and the covariance of their coordinates; the specimens' scatter has as many degrees of
-    freedom as their number gives (Welch and Satterthwaite)."""
+    """Return parameters with intervals, and the covariance of their coordinates. The scatter of specimens has the
+    degrees of freedom that their number gives (Welch and Satterthwaite)."""
     best, noise = chosen.fit, chosen.noise
     covariance = _covariance(noise.whitener(data, best.modelled)(best.slopes), best.prior)
     alone = Noise(absolute=noise.absolute, relative=noise.relative, scatter=0.0, repeats=noise.repeats)

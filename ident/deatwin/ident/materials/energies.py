@@ -25,8 +25,9 @@ from deatwin.plant.parameters import Parameter, Scale
 Array = NDArray[np.float64]
 
 FURTHEST = 1e3
-"""Ratio by which a modulus may differ from the neo-Hookean one: beyond it no test of one elastomer is explained."""
-STIFFEST_LIMIT = 1e4  # Limit of stretch from which on a film is neo-Hookean to 1e-3 below a stretch of 3
+"""Largest factor between a modulus and the neo-Hookean one, either way: beyond it no test of an elastomer is
+explained."""
+STIFFEST_LIMIT = 1e4  # Stretch limit from which on a film is neo-Hookean to 1e-3 below a stretch of 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +36,7 @@ class EnergyStart:
 
     energy: Callable[..., Any]
     parameters: tuple[Parameter, ...]
-    called: str = ""  # Name in a rig file; that of the law by default
+    called: str = ""  # Name in a rig file; by default that of the law
 
     def __post_init__(self) -> None:
         if not self.called:
@@ -92,7 +93,8 @@ def known_energies(modulus: float, largest: float) -> Iterator[EnergyStart]:
         return Parameter(name=name, value=value, unit="Pa", lower=low, upper=high)
 
     def power(name: str, value: float) -> Parameter:
-        # Below 0.5 the term is hardly told from a logarithm; beyond 20 it acts in the last per cent of a test only.
+        # Below 0.5 the term can hardly be distinguished from a logarithm; above 20 it acts only in the last per cent of
+        # a test.
         low, high = (0.5, 20.0) if value > 0 else (-20.0, -0.5)
         return Parameter(name=name, value=value, unit="1", lower=low, upper=high)
 
@@ -111,7 +113,8 @@ def known_energies(modulus: float, largest: float) -> Iterator[EnergyStart]:
             for k, a in enumerate(powers, start=1)
         ]
         yield EnergyStart(energy=ogden, parameters=tuple(p for term in terms for p in term))
-    # A hundredth above what was reached: there the stress is a hundred times that without a limit.
+    # Limits begin one per cent above the largest value in the tests, where the stress is a hundred times that without a
+    # limit.
     yield EnergyStart(
         energy=gent,
         parameters=(stiff("shear_modulus", modulus), limit("stretch_limit", max(4 * reach, 10.0), 1.01 * reach)),

@@ -19,12 +19,13 @@ from deatwin.plant.prefixes import with_unit
 
 Array = NDArray[np.float64]
 
-LEAST, MOST = 1.0, 1e9  # Shear modulus of a branch, Pa, as rig files take it
+LEAST, MOST = 1.0, 1e9  # Range of a branch's shear modulus, Pa, as in rig files
 COARSE = PER_DECADE // 3
-"""Relaxation times of the table that are tried first: one in three per decade is as close as tests tell apart."""
+"""Step through the table for a first fit: three relaxation times per decade are as close as tests can distinguish."""
 CLOSE, LONGEST = 1e-7, 100
-"""End of a fit: relative change of its loss, which no choice between models sees, and evaluations."""
-BRANCHES = 8  # Most branches: more than published spectra of elastomers have within the times of one machine
+"""CLOSE: relative change of the loss at which a fit ends, too small to affect the choice between models. LONGEST: most
+evaluations of a fit."""
+BRANCHES = 8  # Most branches: more than published spectra of elastomers have within the time range of one machine
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,11 +50,11 @@ class Fit:
     """The best fit of one energy with a given number of branches."""
 
     start: EnergyStart
-    coordinates: Array  # Of the energy, logarithms of the branches' moduli, Pa, and of their times, s
-    modelled: Array  # (n,), Pa
-    slopes: Array  # (n, k)
-    prior: Array  # (k,): precision of each coordinate before any test
-    loss: float  # Sum of the whitened residuals' squares, and of the prior's
+    coordinates: Array  # Parameters of the energy, then logarithms of the branches' moduli, Pa, and of their times, s
+    modelled: Array  # (n,): modelled stress or modulus, Pa
+    slopes: Array  # (n, k): its derivatives by the coordinates
+    prior: Array  # (k,): prior precision of each coordinate
+    loss: float  # Sum of squares of the whitened residuals and of the prior's residuals
 
     @property
     def n_branches(self) -> int:
@@ -82,7 +83,7 @@ def fit(data: Observations, start: EnergyStart, elastic: Array, branches: Array,
     times = data.relaxation or (1.0, 1.0)
     expected, deviations = _prior(start, number, times)
 
-    @lru_cache(maxsize=1)  # the search asks for the slopes where it has just asked for the stress
+    @lru_cache(maxsize=1)  # the solver asks for the slopes right after the stress
     def at(key: bytes) -> tuple[Array, Array]:
         x = np.frombuffer(key)
         stress, slopes = data.elastic(start, x[:count])
@@ -145,7 +146,7 @@ def richest(data: Observations, start: EnergyStart, white: Whitener) -> Fit:
     if not data.grid.size:
         return fit(data, start, elastic, branches, white)
     parts, times = data.table[:, ::COARSE], data.grid[::COARSE]
-    for _ in range(2):  # energy and branches in turn: each is quick, and together they only start the fit
+    for _ in range(2):  # energy and branches in turn: quick, and good enough to start the joint fit
         stress, _ = data.elastic(start, elastic)
         moduli, _ = nnls(white(parts), white(data.measured - stress))
         branches = _merged_neighbours(moduli, times)

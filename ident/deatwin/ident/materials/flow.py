@@ -22,13 +22,13 @@ STRETCHES: Mapping[str, Callable[[Array], Array]] = MappingProxyType(
         "pure shear": np.ones_like,
     }
 )
-"""Stretch across the pull, by deformation; the film is free in its third direction in all of them."""
-_GAMMA = 0.4358665215084590  # root of x^3/6 - 3 x^2/2 + 3 x - 1: Alexander's three stages are stiffly accurate
+"""Stretch perpendicular to the pull, by deformation; in each, the film is free in the third direction."""
+_GAMMA = 0.4358665215084590  # root of x^3/6 - 3 x^2/2 + 3 x - 1, which makes Alexander's three stages stiffly accurate
 _FIRST, _SECOND = -(6 * _GAMMA**2 - 16 * _GAMMA + 1) / 4, (6 * _GAMMA**2 - 20 * _GAMMA + 5) / 4
 _STAGES = ((), ((1 - _GAMMA) / 2,), (_FIRST, _SECOND))
 _PARTS = 4
-"""Parts of a step: a jump to a stretch of 4 is then followed to 2e-4 where a sample is 0.4 relaxation times long."""
-_NEWTON = 6  # Iterations of each stage: the flow is convex, so that they come from one side, and six end below 1e-9
+"""Parts of a step: a jump to a stretch of 4 is then followed to 2e-4 if a sample lasts 0.4 relaxation times."""
+_NEWTON = 6  # Iterations of each stage: the flow is convex, so they converge from one side, to below 1e-9 after six
 
 
 def elastic_stress(energy: Callable[..., Any], stretches: Array, values: Array) -> tuple[Array, Array]:
@@ -52,7 +52,7 @@ def branch_stress(times: Array, stretches: Array, relaxation: Array) -> Array:
     """
     paths = np.log(stretches)
     steps = np.diff(times, prepend=0.0)
-    # From time 0 on the way to the first sample is even; a sample at time 0 itself was reached at once.
+    # The path from time 0 to the first sample is even; a first sample at time 0 was reached at once.
     start = paths[:, 0] if times[0] == 0.0 else np.zeros(2)
     moves = np.diff(paths, axis=1, prepend=start[:, None])
     march = _march(times.size)
@@ -98,7 +98,7 @@ def _flow(strain: Any) -> tuple[Any, Any]:
     across = 1 / (squares[0] * squares[1])
     stresses = squares - across
     flow = ca.vertcat(stresses[0] - stresses[1] / 2, stresses[1] - stresses[0] / 2) / 3
-    first, second, third = 2 * squares[0], 2 * squares[1], across  # derivatives, halved for the third
+    first, second, third = 2 * squares[0], 2 * squares[1], across  # derivatives; half of it for the third
     slope = ca.vertcat(
         ca.horzcat(first + third, third - second / 2),
         ca.horzcat(third - first / 2, second + third),

@@ -13,18 +13,18 @@ from deatwin.ident.materials.observations import Observations
 
 Array = NDArray[np.float64]
 
-FIRST_GUESS = 0.02  # Relative error from which the estimate starts: what a careful test has
-SMALLEST = 1e-6  # Least error, relative to the largest sample: no machine is better
+FIRST_GUESS = 0.02  # Relative error from which the estimate starts, that of a careful test
+SMALLEST = 1e-6  # Least error, relative to the largest sample; no machine is more accurate
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Noise:
     """Sizes of the errors."""
 
-    absolute: tuple[float, ...]  # Pa, of stresses and of moduli
+    absolute: tuple[float, ...]  # Absolute errors of stresses and of moduli, Pa
     relative: tuple[float, ...]
-    scatter: float  # Relative deviation of the specimens from each other
-    repeats: tuple[float, ...]  # Of each test: samples that say as much as an independent one
+    scatter: float  # Relative standard deviation between specimens
+    repeats: tuple[float, ...]  # For each test, the number of samples that count as one independent sample
 
     @classmethod
     def guess(cls, data: Observations) -> Noise:
@@ -61,8 +61,8 @@ class Whitener:
     r"""Inverse root of the covariance :math:`D^2 + s^2 m m^T` of each specimen's errors."""
 
     data: Observations
-    own: Array  # (n,)
-    common: Array  # (n,), in units of `own`
+    own: Array  # (n,): standard deviation of each sample's own error, Pa
+    common: Array  # (n,): standard deviation of the error common to a specimen, in units of `own`
 
     def __call__(self, values: Array) -> Array:
         """Whiten values of shape (n,) or (n, k)."""
@@ -88,7 +88,7 @@ def estimate_noise(data: Observations, residual: Array, modelled: Array, slopes:
     """Estimate the errors by restricted maximum likelihood. Shapes: (n,), (n,), (n, k)."""
     sizes = [float(np.max(np.abs(data.measured[group]))) for group in data.groups]
     scattered = len(data.specimens) > 1
-    alone = (1.0,) * len(data.blocks)  # the size of errors does not depend on how they hang together
+    alone = (1.0,) * len(data.blocks)  # the size of the errors does not depend on their correlation
 
     def noise(logs: Array, repeats: tuple[float, ...]) -> Noise:
         found = np.exp(np.clip(logs, np.log(SMALLEST), 0.0))
@@ -129,7 +129,7 @@ def _repeats(data: Observations, white: Array) -> tuple[float, ...]:
 def _correlated(residual: Array) -> float:
     """Return one plus twice the sum of the correlations before the first insignificant one. Shapes: (n,)."""
     size, energy = residual.size, float(residual @ residual)
-    if energy == 0.0 or size < 8:  # too few to tell a correlation from chance
+    if energy == 0.0 or size < 8:  # too few samples to distinguish a correlation from chance
         return 1.0
     total = 1.0
     for lag in range(1, size // 2):

@@ -20,10 +20,11 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-ODDS = 3.0  # Logarithm of 20: what is less probable by less than that stays possible
+ODDS = 3.0  # Logarithm of 20: log odds up to which a less probable choice remains possible
 APART = 0.05
-"""Relative difference of two energies' stresses from which on it is said: as large as what models of elastomers leave."""
-WIDE = 3.0  # Ratio of an interval's ends from which on the tests hardly tell a value
+"""Relative difference of two energies' stresses above which it is reported: as large as the errors that models of
+elastomers leave."""
+WIDE = 3.0  # Ratio of an interval's ends above which the tests hardly determine a value
 
 
 def notes_of(
@@ -124,7 +125,8 @@ def _on_softening(data: Observations, fitted: Fit, noise: Noise) -> Iterator[str
     own = own - basis @ (basis.T @ own)
     size = float(own @ own)
     share = float(own @ residual) / size if size > 1e-9 else 0.0
-    # A parameter more must gain half the logarithm of the count, as everywhere by Schwarz' criterion, and odds of 20.
+    # A further parameter must gain half the logarithm of the count, as everywhere by Schwarz' criterion, and odds of
+    # 20.
     if share > 0.0 and 0.5 * share**2 * size > 0.5 * np.log(noise.count(data)) + ODDS:
         yield (
             f"below the largest stretch so far the stress is lower by up to {100 * min(share, 1.0):.0f} % than the branches "

@@ -18,19 +18,19 @@ from deatwin.plant.laws.energies import first_invariant
 
 Array = NDArray[np.float64]
 
-PER_DECADE = 12  # Relaxation times of the table, between which a spline is exact to 1e-5
+PER_DECADE = 12  # Relaxation times per decade of the table; a spline between them is exact to 1e-5
 BEYOND = 3.0
-"""Ratio by which a relaxation time may lie outside of the times that the tests show: further out it is a dashpot or
-a spring to them."""
-SEGMENT, MOST = 12, 2000  # Samples that are kept of each straight piece of a path at least, and of all pieces at most
-KEPT = 200  # Samples that are kept of a test with few pieces: more would mostly repeat each other
-STRAIGHT = 0.01  # Share of a path's range to which a piece of it counts as straight
-PULL = 1e-4  # Relative stretch of the difference that gives the modulus at a stretch
+"""Multiple of the longest time in the tests up to which a relaxation time may lie: a slower branch is a spring to
+them."""
+SEGMENT, MOST = 12, 2000  # Least samples kept of each straight piece of a path, and most samples kept of all pieces
+KEPT = 200  # Samples kept of a test with few pieces: more would mostly repeat each other
+STRAIGHT = 0.01  # Share of a path's range by which a piece may deviate from a straight line and still count as straight
+PULL = 1e-4  # Relative change of the stretch, to either side, whose difference gives the modulus at a stretch
 
 
 CURVED, RATES = 0.1, 2.0
-"""Share of its range by which a path leaves a pull at an even rate, and ratio of the rates of two pulls, from which on
-tests tell a relaxation from the elasticity: at one rate alone either bends the curve."""
+"""CURVED: deviation of a path from a pull at an even rate, as a share of its range. RATES: ratio of the rates of two
+pulls. From either on, tests can separate relaxation from elasticity; at a single rate, both bend the curve."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,9 +38,9 @@ class Block:
     """The samples of one test."""
 
     test: MaterialTest
-    measured: Array  # (n,), Pa
-    stretches: Array  # (2, m): of each sample, or of the two pulls of a dma test
-    times: Array | None  # (n,)
+    measured: Array  # (n,): stresses or moduli, Pa
+    stretches: Array  # (2, m): stretches of each sample, or of the two pulls of a dma test
+    times: Array | None  # (n,), s
 
     def elastic(self, start: EnergyStart, coordinates: Array) -> tuple[Array, Array]:
         """Return stresses of the equilibrium network and their derivatives. Shapes: returns (n,), (n, k)."""

@@ -32,7 +32,7 @@ class Choice:
 
     energy: str
     branches: int
-    behind: float  # Logarithm of the odds of the most probable one to it
+    behind: float  # Log odds of the most probable choice over this one
     fit: Fit
 
 

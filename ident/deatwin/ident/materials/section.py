@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from deatwin.ident.materials.fit import Fit, Quantity
 
 KEYS = ("name", "energy", "parameters", "permittivity", "breakdown", "density_kg_m3")
-"""Keys that may be stated; branches are for the tests to tell."""
+"""Keys that may be stated; branches are determined by the tests."""
 _BRANCH = {"modulus_Pa": (1.0, 1e9), "time_s": (1e-4, 1e7)}
 
 
@@ -72,7 +72,7 @@ def section_of(about: Mapping[str, Any], fitted: Fit, quantities: Sequence[Quant
 
 def _ranged(value: float, low: float, high: float) -> dict[str, float]:
     value, low, high = (float(f"{number:.7g}") for number in (value, low, high))
-    if low == high:  # a parameter at the end of what is possible
+    if low == high:  # a parameter at an end of its range
         return {"value": value, "low": min(low, low * (1 - 1e-6)), "high": max(high, high * (1 + 1e-6))}
     return {"value": value, "low": low, "high": high}
 

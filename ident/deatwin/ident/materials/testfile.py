@@ -44,7 +44,8 @@ UNITS: Mapping[str, str] = MappingProxyType(
 STRETCHES, STRESSES = ("stretch", "strain", "true_strain", "displacement"), ("stress", "true_stress", "force")
 _PLAIN = ("1", "-", "–", "mm/mm", "m/m")
 LARGEST = 20.0
-"""Largest stretch of a test: elastomers break far below it, and a strain in per cent that is taken for fractions is above."""
+"""Largest stretch of a test: elastomers break far below it, and a strain in per cent mistaken for fractions lies
+above."""
 _DYNAMIC = ("frequency", "storage", "loss")
 
 
@@ -133,7 +134,7 @@ def read_material_tests(path: str | Path) -> MaterialTests:
 
 
 def _mistakes(data: Mapping[str, Any]) -> Iterator[str]:
-    """Yield all mistakes of the file, without those of its section [material]."""
+    """Yield all mistakes of the file, except those of its section [material]."""
     for name in data:
         if name not in _SECTIONS:
             hint = nearest(name[:100], _SECTIONS) or f"; known are {', '.join(_SECTIONS)}"
@@ -245,7 +246,7 @@ def _pull(columns: Mapping[str, Array], one: Mapping[str, Any], sizes: Mapping[s
         stretch = columns["stretch"] if "stretch" in columns else 1.0 + columns["strain"]
     if "force" in columns:
         return stretch, columns["force"] / (sizes["width"] * sizes["thickness"])
-    # A film keeps its volume: in each of the deformations the area that a force pulls at shrinks with the stretch.
+    # A film keeps its volume: in each of the deformations, the area across the force shrinks with the stretch.
     return stretch, columns["stress"] if "stress" in columns else columns["true_stress"] / stretch
 
 
@@ -295,7 +296,7 @@ def _require_unit(table: Table, column: int, name: str, place: str) -> None:
     known, wanted = table.units[column], UNITS[name]
     said = "" if _is_plain(table, column) else table.own_unit(column)
     usual = {"m": "mm", "Pa": "MPa", "1": "%"}.get(wanted, wanted)
-    # A strain of 50 may be per cent; a stretch is hardly ever given so.
+    # A strain of 50 may be in per cent; a stretch is hardly ever given that way.
     if not said and (wanted != "1" or (name in ("strain", "true_strain") and not _is_plain(table, column))):
         plain = ', or "=1" for fractions' if wanted == "1" else ""
         raise DataError(

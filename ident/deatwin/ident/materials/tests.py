@@ -14,8 +14,8 @@ from deatwin.plant.errors import DataError, nearest
 Array = NDArray[np.float64]
 
 KINDS = ("tension", "relaxation", "cycles", "equibiaxial", "pure shear", "dma")
-"""Kinds of tests. The first three pull a strip; what they are called does not change how they are understood."""
-FEWEST = 4  # Samples of a test: fewer say less than its noise takes
+"""Kinds of tests. The first three pull a strip; their names do not affect how they are evaluated."""
+FEWEST = 4  # Fewest samples of a test: fewer carry less information than its noise takes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -121,7 +121,7 @@ class MaterialTest:
         if self.times is None:
             return None
         times = np.asarray(self.times)
-        # A tenth, for a machine may take samples more often where it turns round.
+        # The 10 % quantile, because a machine may sample faster where it reverses.
         return float(np.quantile(np.diff(times), 0.1)), float(times[-1])
 
 

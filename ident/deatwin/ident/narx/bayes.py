@@ -17,21 +17,21 @@ from deatwin.plant.errors import ModelError
 Array = NDArray[np.float64]
 
 FLAT = 1e-6
-"""E[alpha] so small that the first update is least squares, for regressors of root mean square 1. (From a large one
-the updates have to climb out of the state without any term, where combinations of nearly collinear terms are held back
-while parameters hardly move.) A Cholesky factor of singular statistics needs as much: their largest eigenvalue, samples
-times terms, is below 1e8, and its rounding then below this."""
-_LEAF = 64  # rows up to which LAPACK inverts a triangle as fast as products of blocks do
+"""E[alpha] so small that the first update is least squares, for regressors of root mean square 1. (From a large value
+the updates would have to leave the state without any term, where combinations of nearly collinear terms are suppressed
+while the parameters hardly move.) The Cholesky factor of singular statistics needs this much: their largest eigenvalue,
+at most samples times terms, is below 1e8, and its rounding error then below this value."""
+_LEAF = 64  # most rows of a triangle that LAPACK inverts as fast as products of blocks do
 
 
 @dataclass(frozen=True, kw_only=True)
 class Priors:
     """Gamma priors: tau ~ Gam(a0, b0) of the noise precision, alpha_m ~ Gam(c0, d0) of each relevance."""
 
-    a0: float = 1e-2  # Shape and rate of the noise precision
-    b0: float = 1e-4
-    c0: float = 1e-2  # Shape and rate of each term's precision, relative to that of the noise
-    d0: float = 1e-4
+    a0: float = 1e-2  # Shape of the prior of the noise precision
+    b0: float = 1e-4  # Rate of that prior
+    c0: float = 1e-2  # Shape of the prior of each term's precision, relative to that of the noise
+    d0: float = 1e-4  # Rate of that prior
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -81,8 +81,8 @@ class Posterior:
 
     mean: Array  # shape (n_terms,): Mean of theta
     root: Array  # shape (n_terms, n_terms): Lower triangular W with V = W'W
-    a: float  # Shape and rate of the noise precision
-    b: float
+    a: float  # Shape of the posterior of the noise precision
+    b: float  # Rate of that posterior
     residual: float  # Sum of squares ||y - Phi mean||^2
 
     @property
@@ -108,7 +108,7 @@ class Posterior:
 
 def posterior(data: Statistics, alpha: Array, priors: Priors) -> Posterior:
     """Return the posterior for fixed relevances, which is exactly normal-gamma. Shapes: `alpha` (n_terms,)."""
-    precision = np.array(data.gram.T, order="F")  # it is symmetric: the transpose copies along memory
+    precision = np.array(data.gram.T, order="F")  # symmetric, so that the transpose copies along memory
     precision[np.diag_indices(alpha.size)] += alpha
     root, info = lapack.dpotrf(precision, lower=1, overwrite_a=1)
     if info != 0:
@@ -147,14 +147,14 @@ class RelevanceFit:
     posterior: Posterior
     alpha: Array  # shape (n_terms,): E[alpha]; its inverse is the relevance of a term
     bounds: tuple[float, ...]  # Lower bound on ln p(y) after each update; it never falls
-    settled: bool  # Whether parameters and noise had settled at the end
+    settled: bool  # True if parameters and noise had converged at the end
 
 
 def fit_relevance(
     data: Statistics, priors: Priors, alpha: Array, *, tolerance: float, max_iterations: int
 ) -> RelevanceFit:
-    """Iterate q(theta, tau) and q(alpha), from `alpha` (n_terms,), until parameters and noise converge: for nearly
-    collinear terms the bound rises by a millionth an update, and by hundreds of nats in all."""
+    """Iterate q(theta, tau) and q(alpha), from `alpha` (n_terms,), until parameters and noise converge. The bound is no
+    criterion: for nearly collinear terms it rises by a millionth per update, and by hundreds of nats in all."""
     shape = priors.c0 + 0.5
     bounds: list[float] = []
     before: Posterior | None = None
@@ -175,7 +175,7 @@ def fit_relevance(
 def _settled(data: Statistics, alpha: Array, before: Posterior, now: Posterior, tolerance: float) -> bool:
     """Return whether the update to relevances alpha moved parameters and noise by less than the tolerance."""
     moved = now.mean - before.mean
-    distance = now.a / now.b * float(moved @ data.gram @ moved + alpha @ moved**2)  # squared, in standard deviations
+    distance = now.a / now.b * float(moved @ data.gram @ moved + alpha @ moved**2)  # squared, in deviations
     return distance <= tolerance**2 * moved.size and abs(now.b - before.b) <= tolerance * now.b
 
 

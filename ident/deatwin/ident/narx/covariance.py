@@ -14,11 +14,12 @@ from deatwin.plant.errors import ModelError
 Array = NDArray[np.float64]
 
 _UNEQUAL = 1e-3
-"""How far C_ij and C_ji may differ, as a share of both deviations. The inverse of a matrix of condition kappa comes
-out unequal by about eps kappa: up to kappa = 1e12 it is taken, and made symmetric."""
+"""Largest difference of C_ij and C_ji, as a share of both standard deviations. The inverse of a matrix of condition
+kappa is asymmetric by about eps kappa; up to kappa = 1e12 it is accepted and made symmetric."""
 _INDEFINITE = 2**-26
-"""Negative eigenvalues down to this share of the largest are rounding: the square root of eps. A product J C J' loses
-eps kappa; what lost more than half of its digits to cancellation is better formed from roots (`transformed`)."""
+"""Negative eigenvalues down to this share of the largest, the square root of eps, are rounding. A product J C J' loses
+eps kappa; a covariance that would lose more than half of its digits to cancellation is better formed from roots
+(`transformed`)."""
 
 
 def covariance_of(values: ArrayLike, names: Sequence[object], complaint: str = "theta_cov is no covariance") -> Array:
@@ -64,7 +65,7 @@ def _worst(sizes: Array) -> tuple[int, int]:
 
 def _require_semidefinite(scaled: Array, complaint: str) -> None:
     lifted = scaled + _INDEFINITE * np.eye(len(scaled))
-    if lapack.dpotrf(lifted)[1] == 0:  # exists if no eigenvalue is below; a tenth of the time of the eigenvalues
+    if lapack.dpotrf(lifted)[1] == 0:  # exists if no eigenvalue is below; in a tenth of the eigenvalues' time
         return
     eigenvalues = np.linalg.eigvalsh(scaled)
     if not eigenvalues[0] >= -_INDEFINITE * eigenvalues[-1]:

@@ -30,13 +30,14 @@ CRITERIA: Mapping[str, Callable[[float, float, int, int, int], float]] = Mapping
         "press": lambda s, v, n, k, p: n * log(v) if v < inf else inf,
     }
 )
-"""Criteria that a selection path alone decides, all on the scale of n ln(mean square); the least is best."""
+"""Criteria that depend on the selection path alone, all on the scale of n ln(mean square); the smallest value is
+best."""
 
 
 def criterion_values(name: str, steps: Sequence[SelectionStep], target: Array, candidates: int) -> Array:
     """Return the value of a criterion after each selection step. Shapes: `target` (n_samples,); returns (n_steps,)."""
     n = target.size
-    # A residual at rounding level carries no information: let it not buy further terms.
+    # A residual at rounding level carries no information and must not justify further terms.
     floor = float(np.finfo(float).eps ** 2 * (target @ target)) / n
     return np.array(
         [

@@ -21,10 +21,10 @@ class Drive:
     """Inputs of a free run, and the outputs from which it starts."""
 
     inputs: Array  # shape (n_inputs, n): Inputs
-    outputs: Array  # shape (n_outputs, n): Outputs, of which the samples before ``first`` count
-    measured: Array  # shape (n_outputs, n): What is known of the outputs; not a number elsewhere
+    outputs: Array  # shape (n_outputs, n): Outputs; only the samples before ``first`` are used
+    measured: Array  # shape (n_outputs, n): Known outputs; NaN elsewhere
     timepts: Array  # shape (n,): Times of the samples in s
-    first: int  # The first sample to compute
+    first: int  # First sample to be computed
 
     @classmethod
     def of(

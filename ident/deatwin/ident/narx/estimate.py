@@ -14,7 +14,7 @@ from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
 
-_DEPENDENT = 1e-14  # sine of the angle between a regressor and those before it that rounding alone can make
+_DEPENDENT = 1e-14  # sine of the angle between a regressor and earlier ones that rounding alone can produce
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -22,9 +22,9 @@ class Estimate:
     """Parameters of a linear regression and their uncertainty."""
 
     theta: Array  # shape (n_terms,): Parameters
-    theta_cov: Array  # shape (n_terms, n_terms): Their covariance
-    noise_variance: float  # Variance of what the regressors leave of the output
-    dof: float = inf  # Degrees of freedom of a Student-t law of theta with that covariance; infinite for a normal one
+    theta_cov: Array  # shape (n_terms, n_terms): Covariance of the parameters
+    noise_variance: float  # Variance of the residual
+    dof: float = inf  # Degrees of freedom of theta's Student-t law with that covariance; infinite for a normal law
 
 
 class Estimator(Protocol):
@@ -44,12 +44,12 @@ class LeastSquares:
         if n <= n_terms:
             raise ModelError(f"{n} samples do not determine {n_terms} parameters and the noise")
         norms = np.linalg.norm(rows, axis=1)
-        sizes = np.exp2(np.round(np.log2(np.where(norms > 0, norms, 1.0))))  # powers of two: division rounds nothing
+        sizes = np.exp2(np.round(np.log2(np.where(norms > 0, norms, 1.0))))  # powers of two: division does not round
         q, r = np.linalg.qr((rows / sizes[:, None]).T)
         if np.abs(np.diag(r)).min() < _DEPENDENT:
             raise ModelError("the regressors depend on each other on these samples: leave some out, or take Ridge()")
         theta = solve_triangular(r, q.T @ target) / sizes
-        theta += solve_triangular(r, q.T @ (target - theta @ rows)) / sizes  # one refinement
+        theta += solve_triangular(r, q.T @ (target - theta @ rows)) / sizes  # one step of iterative refinement
         residual = target - theta @ rows
         variance = float(residual @ residual) / (n - n_terms)
         root = solve_triangular(r, np.eye(n_terms)) / sizes[:, None]
@@ -63,12 +63,12 @@ least_squares = LeastSquares()  # Least squares, ready to be called
 class Centred:
     """A regression without its constant regressor, whose parameter follows from the others."""
 
-    rows: Array
-    target: Array  # shape (n_samples,): The output, likewise
+    rows: Array  # shape (n_others, n_samples): Other regressors without their means, if there is a constant
+    target: Array  # shape (n_samples,): Output without its mean, if there is a constant
     constant: int | None  # Position of the constant regressor
-    level: float  # Its value
-    means: Array  # shape (n_others,): Of the other regressors
-    mean: float
+    level: float  # Value of the constant regressor
+    means: Array  # shape (n_others,): Means of the other regressors
+    mean: float  # Mean of the output
 
     @classmethod
     def of(cls, rows: Array, target: Array) -> Centred:

@@ -54,7 +54,7 @@ class TotalLeastSquares:
             raise ModelError("the total least squares problem has no solution: the regressors depend on each other")
         theta = -vt[-1, :-1] / vt[-1, -1]
         variance = float((1 + theta @ theta) * s[-1] ** 2 / (centred.freedom - n_terms))
-        # P'P - s_min^2 from the decomposition of P: its singular values are not below s_min.
+        # P'P - s_min^2 from the singular values of P, which are not below s_min.
         _, t, wt = np.linalg.svd(centred.rows.T, full_matrices=False)
         root = wt.T / np.sqrt(np.maximum(t**2 - s[-1] ** 2, np.finfo(float).tiny))
         return centred.complete(theta, np.sqrt(variance) * root, variance)

@@ -26,9 +26,11 @@ from deatwin.ident.narx.bayes import Statistics
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-# A candidate of which the chosen terms leave less than this share of its squares is a combination of them.
+# Share of a candidate's squares below which the part orthogonal to the chosen terms is zero: the candidate is a
+# combination of them.
 _DEPENDENT = 1e-10
-# A residual at rounding level carries no information: let it not buy further terms.
+# Least share of the squares that counts as residual: a residual at rounding level carries no information and must not
+# justify further terms.
 _LEAST_SHARE = 1e-14
 
 
@@ -50,10 +52,10 @@ def log_prior(n_terms: int, n_candidates: int) -> float:
 class Move:
     """One change of a structure."""
 
-    chosen: Indices  # shape (n_terms,): The structure after it, as increasing positions among the candidates
-    removed: int | None  # What it changed: one of them, or both for an exchange; None and None for the start
-    added: int | None
-    log_odds: float  # ln p(structure | y) after it, less that of the structure without any term, in nats
+    chosen: Indices  # shape (n_terms,): Structure after the change, as increasing positions among the candidates
+    removed: int | None  # Removed term; None for an addition and at the start
+    added: int | None  # Added term; None for a removal and at the start
+    log_odds: float  # ln p(structure | y) after the change, minus that of the structure without any term, nats
 
 
 def log_odds(data: Statistics, chosen: Indices) -> float:
@@ -72,7 +74,7 @@ def climb(data: Statistics, start: Indices) -> Iterator[Move]:
     yield move
     while move.log_odds > -np.inf:
         best = _best_neighbour(data, move.chosen)
-        # A gain at rounding level is none: it could send the search in circles.
+        # A gain at rounding level does not count: it could send the search in circles.
         if best.log_odds <= move.log_odds + 1e-9 * abs(move.log_odds):
             return
         move = best
@@ -116,11 +118,11 @@ class _Fit:
 
     theta: Array  # shape (n_terms,): Parameters
     inverse: Array  # shape (n_terms,): Diagonal of (Phi'Phi)^-1
-    left: float  # Sum of squares that is left
-    shares: Array  # shape (n_terms, n_candidates): Each candidate as a combination of the terms
-    beyond: Array  # shape (n_candidates,): Sum of squares of what that combination leaves of it
-    moment: Array  # shape (n_candidates,): Product of the same with y
-    squares: Array  # shape (n_candidates,): Sum of squares of the candidate itself
+    left: float  # Residual sum of squares
+    shares: Array  # shape (n_terms, n_candidates): Coefficients of each candidate's projection onto the terms
+    beyond: Array  # shape (n_candidates,): Sum of squares of each candidate's part orthogonal to the terms
+    moment: Array  # shape (n_candidates,): Product of that part with y
+    squares: Array  # shape (n_candidates,): Sum of squares of each candidate
 
     @classmethod
     def of(cls, data: Statistics, chosen: Indices) -> _Fit:
@@ -152,8 +154,8 @@ class _Fit:
         return self._gains(self.moment, self.beyond)
 
     def gains_without(self) -> Array:
-        """Gains by each candidate once a term is removed, (n_terms, n_candidates): a candidate regains its share of the
-        term's own component, whose square is 1 / inverse and product with y theta / inverse."""
+        """Return the gain of each candidate once a term is removed, (n_terms, n_candidates). A candidate regains its
+        share of the term's own component, whose square is 1 / inverse and whose product with y is theta / inverse."""
         back = self.shares / self.inverse[:, None]
         return self._gains(self.moment + back * self.theta[:, None], self.beyond + back * self.shares)
 

@@ -12,10 +12,10 @@ from deatwin.ident.narx.terms import TermTable
 from deatwin.plant.recording import Recording
 
 _WORTH_SAYING = 0.01
-"""Excess from which a note is due: a prior that is right costs a share of about n_terms / n_samples or less, and an
-error that is larger by 1 % changes no decision."""
+"""Relative excess from which a note is given: a suitable prior costs a share of about n_terms / n_samples or less, and
+an error that is larger by 1 % changes no decision."""
 _RESOLVED = float(np.sqrt(np.finfo(float).eps))
-"""Errors below this share of the output are zero to what works with squares of the signals."""
+"""Share of the output below which errors are zero for methods that work with squares of the signals."""
 
 
 def excess_notes(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str, ...]:
@@ -63,7 +63,7 @@ def noisy_products(model: NarxModel, recordings: Sequence[Recording]) -> tuple[s
 
 def _note(name: str, error: float, least: float) -> str:
     """State how much larger an error is than that of least squares, both in standard deviations of the output."""
-    if least <= _RESOLVED:  # a ratio to rounding says nothing
+    if least <= _RESOLVED:  # a ratio to rounding errors says nothing
         excess = f"{error:.2g} of its standard deviation, where least squares on the same terms leaves only rounding"
     elif error < 2.0 * least:
         excess = f"{100 * (error / least - 1.0):.3g} % above that of least squares on the same terms"

@@ -15,22 +15,24 @@ from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.recording import Recording, label
 
 BAND_KEY, HOLES_KEY = "excited_band_Hz", "excited_holes_Hz"
-"""Keys of a model's provenance: up to which frequency its recording excited, and, if any, the holes below, Hz."""
+"""Keys of a model's provenance: the highest frequency that its recording excited and, if any, the holes below it,
+Hz."""
 _FEWEST = 64
-_EXCITED_SHARE = 0.99  # of the input's power lies below the highest excited frequency
+_EXCITED_SHARE = 0.99  # share of the input's power below the highest excited frequency
 _FAINT = 1e-3
-"""Of the power that each line would have if all were alike: a line with less excites nothing.
+"""Power, relative to that of each line of an even spectrum, below which a line excites nothing.
 
-The relative error of a gain is sqrt((1 - c) / (2 c n)), c the coherence, n the lines that are averaged (Bendat and
-Piersol, Random Data, chapter 9). Where noise is small beside what a line excites, c / (1 - c) is as the line's power,
-so that the error goes as one over its root: with a thousandth it is 30 times that of an even input of the same power. A
-step, whose power falls by the square of the frequency, has still a hundredth at the end of its band.
+The relative error of a gain is sqrt((1 - c) / (2 c n)), with the coherence c and n averaged lines (Bendat and Piersol,
+Random Data, chapter 9). If noise is small compared with the response to a line, c / (1 - c) is proportional to the
+line's power, and the error to the reciprocal of its square root: with a thousandth of the power, it is 30 times that of
+an even input of the same total power. A step, whose power falls with the square of the frequency, still has a hundredth
+at the end of its band.
 """
 _REACH_RATIO, _REACH_SHARE = 2.0 ** (1 / 6), 0.1
-"""A line speaks for a sixth of an octave to either side, since a lightly damped mode would fit into more than the third
-between two lines, or for a tenth of the band, so that the odd harmonics of multisines and square waves leave no
-holes. So does the rest at 0 Hz."""
-_LOBE = 2  # Lines from 0 Hz on to which the window smears what the removal of the trend leaves: alone they are no band
+"""Reach of a line to either side, the larger of two: a sixth of an octave, because a lightly damped mode would fit into
+more than the third of an octave between two lines; and a tenth of the band, so that the odd harmonics of multisines and
+square waves leave no holes. The state of rest at 0 Hz reaches a tenth of the band as well."""
+_LOBE = 2  # Lines from 0 Hz on over which the window smears the remainder of a removed trend; alone they are no band
 
 Band = tuple[float, float]
 
@@ -203,7 +205,7 @@ def excitation(recording: Recording) -> Excitation:
     heard = np.flatnonzero(power[: last + 1] >= _FAINT * power[: last + 1].mean())
     lows = np.minimum(heard / _REACH_RATIO, heard - _REACH_SHARE * last)
     highs = np.minimum(np.maximum(heard * _REACH_RATIO, heard + _REACH_SHARE * last), last)
-    first = np.append(True, lows[1:] > highs[:-1])  # of its band
+    first = np.append(True, lows[1:] > highs[:-1])  # True for the first line of a band
     if first.sum() > 1 and heard[np.append(first[1:], True)][0] <= _LOBE:
         keep = np.cumsum(first) > 1
         lows, highs, first = lows[keep], highs[keep], first[keep]
@@ -220,7 +222,7 @@ def _power(recording: Recording) -> NDArray[np.float64]:
         raise DataError(f"{label(recording)}: the input is constant: it excites nothing")
     if command.size < _FEWEST:
         raise DataError(f"{label(recording)}: {command.size} samples tell no spectrum of the input; {_FEWEST} would")
-    # A trend, and ends that do not meet, would look like power at all frequencies.
+    # A trend, or ends that do not meet, would look like power at all frequencies.
     timepts = np.linspace(-1.0, 1.0, command.size)
     trend = np.polynomial.Polynomial.fit(timepts, command, 1)(timepts)
     left = command - trend

@@ -14,7 +14,7 @@ from deatwin.ident.narx.response import NarxResponse
 
 Array = NDArray[np.float64]
 _WRITTEN = ("mean_square", "nrmse")
-_TWO_SIDED = 1.96  # quantile of the normal law for intervals of 95 %
+_TWO_SIDED = 1.96  # 97.5 % quantile of the normal law, for two-sided intervals of 95 %
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,7 +68,7 @@ def gain_error(responses: Sequence[NarxResponse]) -> tuple[float, float] | None:
     swings = [run - run.mean() for run in runs]
     power = sum(float(swing @ swing) for swing in swings)
     scale = sum(float(np.sum(reading**2)) for reading in readings)
-    if power <= np.finfo(np.float64).eps * scale:  # the model does not move: it has no gain
+    if power <= np.finfo(np.float64).eps * scale:  # the model's output does not move, so it has no gain
         return None
     errors = [reading - run for reading, run in zip(readings, runs, strict=True)]
     slope = sum(float(swing @ error) for swing, error in zip(swings, errors, strict=True)) / power

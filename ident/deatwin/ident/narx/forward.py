@@ -10,24 +10,25 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# A candidate is taken as dependent on the chosen ones where its squared norm has been reduced by this factor: what is
-# left, 1e-10 of it, still has six digits.
+# A candidate depends on the chosen ones if its squared norm has fallen by this factor: the remainder, 1e-10 of its
+# norm, still has six digits.
 _DEPENDENT = 1e-20
-# Squared norms and products are updated, not recomputed, until a candidate has lost this share of its squared norm, or
-# the output of its own; then they are computed afresh, so that cancellation never costs more than two digits.
+# Squared norms and products are updated, not recomputed, until the squared norm of a candidate, or of the output, has
+# fallen to this share; they are then recomputed, so that cancellation never costs more than two digits.
 _REFRESH = 1e-2
-# Gains that differ by less than rounding leaves after cancellation are equal: of these the first candidate is taken.
+# Ratio above which gains are equal, because they differ only by rounding after cancellation; the first such candidate
+# is taken.
 _EQUAL = 1.0 - 1e-12
-_ROWS = 64  # orthogonalised at once: of 10,000 samples they are 5 MB
+_ROWS = 64  # rows orthogonalised at once: 5 MB for 10,000 samples
 
 
 @dataclass(frozen=True, kw_only=True)
 class SelectionStep:
     """One choice of a forward selection."""
 
-    candidate: int  # Row that was chosen
-    err: float  # Its error reduction ratio, the share of y'y that it explains
-    residual: float  # Sum of squares of what is left, square of the output's unit
+    candidate: int  # Position of the chosen row
+    err: float  # Error reduction ratio: the share of y'y that the candidate explains
+    residual: float  # Residual sum of squares, square of the output's unit
     press: float
 
 

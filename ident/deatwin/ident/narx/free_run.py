@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Factors = tuple[tuple[int, int], ...]  # Product of signals: for each factor the row of the signal and its lag
 
-_BLOCK = 256  # as in the kernel
+_BLOCK = 256  # samples of a block, as in the kernel
 
 
 def free_run(
@@ -50,7 +50,7 @@ def innovations(
     table: TermTable, theta: Array, inputs: Array, outputs: Array, equations: Sequence[int] | None = None
 ) -> Array:
     """Return e(k) = y(k) - sum_m theta_m term_m(k), (n_outputs, n), from measured signals and past e, zero in the first
-    lags; where the noise model is not invertible it grows and finally holds its last value."""
+    lags. If the noise model is not invertible, e grows and finally holds its last value."""
     march = March.of(
         table.terms,
         {"u": inputs, "y": outputs},
@@ -67,13 +67,13 @@ class March:
     """Terms over one recording, arranged for a recursion over its samples."""
 
     known: Array  # shape (n_known, n): Signals that are known beforehand
-    start: Array  # shape (n_marched, n): The signals to compute, of which the samples before ``first`` are used
-    first: int  # The first sample to compute
+    start: Array  # shape (n_marched, n): Signals to compute; only the samples before ``first`` are used
+    first: int  # First sample to be computed
     derived: tuple[tuple[int, Shape], ...]  # Functions of marched signals, the last rows of ``start``, with their rows
-    parts: tuple[Factors, ...]  # The known factors of each term
-    monomials: tuple[Factors, ...]  # The products of marched signals that occur
-    monomial: Integers  # shape (n_terms,): The monomial of each term
-    equations: Integers  # shape (n_terms,): The marched signal that each term belongs to
+    parts: tuple[Factors, ...]  # Known factors of each term
+    monomials: tuple[Factors, ...]  # Products of marched signals that occur in the terms
+    monomial: Integers  # shape (n_terms,): Position of each term's monomial
+    equations: Integers  # shape (n_terms,): Marched signal to whose equation each term belongs
 
     @classmethod
     def of(
@@ -289,13 +289,13 @@ class _Terms(ctypes.Structure):
 
 @lru_cache(maxsize=4)
 def _kernel(_program: str | None) -> ctypes.CDLL | None:
-    """The compiled kernel, or None where there is no compiler."""
+    """Return the compiled kernel, or None if there is no compiler."""
     library = compile_source(switch_source() + Path(__file__).with_suffix(".c").read_text(encoding="utf-8"))
     if library is None:
         return None
     try:
         kernel = ctypes.CDLL(str(library))
-    except OSError:  # a cache from which nothing may be executed
+    except OSError:  # a cache folder that does not permit execution
         return None
     pointer, integer, number = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
     model = (pointer, pointer)  # terms, parameters

@@ -115,7 +115,7 @@ class Frols(CandidateSearch):
         training.require_samples_for(self.max_terms)
         rows, target = training.matrix()
         steps = self._select(rows, target, progress)
-        del rows  # it was the selection's working memory
+        del rows  # free the working memory of the selection
         if not steps:
             raise ModelError("every candidate is zero throughout: there is nothing to choose from")
         path = [step.candidate for step in steps]

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# Of the progress: the search; the rest is the refinement on all recordings.
+# Share of the progress for the search; the rest is for the refinement on all recordings.
 _SEARCH = 0.9
 
 
@@ -142,7 +142,7 @@ class Grow(CandidateSearch):
         )
 
     def _resting(self, data: list[Regression], model: NarxModel) -> list[Regression]:
-        return data  # its linear start has a constant in any case
+        return data  # the linear start has a constant in any case
 
     def _notes(self, recordings: tuple[Recording, ...]) -> tuple[str, ...]:
         """Return only the note on late inputs; a one-step error above that of least squares is intended here."""
@@ -185,7 +185,7 @@ class Grow(CandidateSearch):
         """
         axes = axes_or_new(ax)
         counts = np.array([len(step.terms) for step in self.path_])
-        last = int(np.argmax(counts)) + 1  # of the growth
+        last = int(np.argmax(counts)) + 1  # last position of the growth
         for errors, color, label in ((self.errors_, "C0", "training"), (self.held_out_errors_, "C1", "held out")):
             shown = np.where(np.isfinite(errors), errors, np.nan)
             axes.semilogy(counts[:last], shown[:last], "o:", color=color, markersize=3, label=f"{label}, growing")

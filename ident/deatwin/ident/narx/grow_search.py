@@ -20,11 +20,11 @@ from deatwin.plant.recording import Recording
 
 Array = NDArray[np.float64]
 
-_ORDER = 2  # of the linear model at the start: one resonance, or two time constants
-# Growth goes beyond the terms allowed by half, so that pruning can exchange what was added too early: a choice of
-# effort, which costs half as much time again.
+_ORDER = 2  # order of the linear model at the start: one resonance, or two time constants
+# Growth exceeds the allowed number of terms by half, so that pruning can exchange terms that were added too early: a
+# choice of effort, which costs half as much time again.
 _BEYOND = 1.5
-_ROUNDING = 1e-12  # of the output: between smaller errors, of exact recordings, fewer terms decide
+_ROUNDING = 1e-12  # share of the output below which errors, of exact recordings, are equal, so that fewer terms decide
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,12 +25,14 @@ from deatwin.plant.errors import ModelError
 Array = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
-# Of the portmanteau test for white errors: more lags lose power, for the first ones hold most of what noise on readings
-# or a missing term leaves (Hyndman, Athanasopoulos, "Forecasting", 3rd ed. (2021), section 5.4: ten, or n/5).
+# Lags of the portmanteau test for white errors: more lags would lose power, because the first ones hold most of what
+# noise on readings or a missing term leaves (Hyndman, Athanasopoulos, "Forecasting", 3rd ed. (2021), section 5.4: ten,
+# or n/5).
 _LAGS = 10
-_LEVEL = 0.01  # of that test, as of the others of `Semp`: true models that are grown for chance are as rare
-_ROUNDING = 1e-12  # of the output: what is left of an exact recording is no noise
-# The held-out errors of a section are not told where so little of a direction of the parameters is left without it.
+_LEVEL = 0.01  # level of that test, as of the others of `Semp`: as rarely is a true model grown by chance
+_ROUNDING = 1e-12  # share of the output below which a residual, of an exact recording, is rounding and not noise
+# Least share of each direction of the parameters that must remain without a section, for its held-out errors to be
+# defined.
 _UNDETERMINED = 1e-9
 
 
@@ -51,7 +53,7 @@ def grown(
     """Refine a model and add terms by the free-run error as long as the free run over held-out sections improves."""
     try:
         path = extend(model, data.recordings, data.table.terms, max_terms=max_terms, progress=progress)
-    except ModelError:  # the free run of the model given diverges: there is nothing to refine
+    except ModelError:  # the free run of the given model diverges, so there is nothing to refine
         return ()
     given = np.array([float(e @ e) for e in _by_sections(run_errors(model, data), sections)])
     errors = np.array([given, *(held_out_errors(one, data, sections) for one in path)])
@@ -60,8 +62,8 @@ def grown(
 
 
 def _beyond_chance(model: NarxModel, larger: NarxModel, data: Regression) -> bool:
-    """Return True if a larger model improves on more than the best of equally many false candidates would, by the
-    extended Bayesian criterion over n by the correlation time of its errors."""
+    """Return True if a larger model improves more than the best of equally many false candidates would, by the extended
+    Bayesian criterion with n divided by the correlation time of its errors."""
     old, new = run_errors(model, data), run_errors(larger, data)
     n = max(1, int(sum(e.size / max(correlation_samples(e[None]), 1.0) for e in new)))
     squares = [float(np.mean(np.concatenate(errors) ** 2)) for errors in (old, new)]
@@ -73,9 +75,8 @@ def _beyond_chance(model: NarxModel, larger: NarxModel, data: Regression) -> boo
 
 
 def smallest_adequate(errors: Array, level: float) -> int:
-    """Return the first model of a path from which on no model is significantly worse than the best; (n_models,
-    n_sections).
-    """
+    """Return the position of the first model of a path from which on no model is significantly worse than the best.
+    Shapes: `errors` (n_models, n_sections)."""
     best = int(np.argmin(errors.sum(axis=1)))
     if not np.isfinite(errors[best].sum()):
         return 0
@@ -95,8 +96,9 @@ def worse(errors: Array, than: Array, level: float) -> Booleans:
 
 
 def held_out_errors(model: NarxModel, data: Regression, sections: Sequence[int]) -> Array:
-    """Squared free-run errors of sections, (n_sections,), parameters refined on the others: with sensitivities S = Q R,
-    q of a section, its errors are to first order (I - q q')^-1 e, as leave-one-out errors are."""
+    """Return squared free-run errors of sections, (n_sections,), with parameters refined on the others. With
+    sensitivities S = Q R and the rows q of a section, its errors are (I - q q')^-1 e to first order, like leave-one-out
+    errors."""
     later = data.first - model.table.max_lag
     each = [sensitivities(model, record)[later:] for record in data.recordings]
     inverse = gram_inverse_root(np.concatenate(each))

@@ -14,7 +14,7 @@ from deatwin.plant.errors import ModelError
 Array = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
-_BLOCK = 4096  # runs marched at once: their regressors stay in the processor's cache
+_BLOCK = 4096  # runs simulated at once, whose regressors stay in the processor's cache
 
 
 def require_steps(steps: int, first: int, n_samples: int) -> None:
@@ -68,7 +68,7 @@ def _runs(
                 return signals[v.kind][v.index, first + step - lag : last + step - lag]
             return past[-lag][v.index] if v.kind == "y" else np.zeros(last - first)
 
-        with np.errstate(over="ignore", invalid="ignore"):  # found in the next line
+        with np.errstate(over="ignore", invalid="ignore"):  # detected in the next line
             values = weights @ table.over(table.of_signals(lagged), last - first)
         lost |= ~np.all(np.abs(values) < limit, axis=0)
         state = np.where(lost, state, values)

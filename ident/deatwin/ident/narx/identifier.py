@@ -21,7 +21,7 @@ from deatwin.ident.narx.terms import Lags, Rule
 from deatwin.plant.errors import ModelError, nearest
 from deatwin.plant.recording import Recording
 
-Progress = Callable[[float, str], None]  # Takes the share that is done, 0 to 1, and what is being done
+Progress = Callable[[float, str], None]  # Called with the completed share, 0 to 1, and the current work
 
 
 class FitStatus(Enum):
@@ -115,7 +115,7 @@ class Identifier:
         return float(np.mean(1.0 - np.mean(errors**2, axis=1) / around))
 
     def __sklearn_tags__(self) -> Any:
-        """Return what scikit-learn asks of an estimator: it needs no target, for recordings hold the outputs."""
+        """Return scikit-learn's tags of an estimator: it needs no target, because recordings contain the outputs."""
         from sklearn.utils import InputTags, RegressorTags, Tags, TargetTags
 
         return Tags(

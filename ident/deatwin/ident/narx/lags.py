@@ -11,7 +11,7 @@ from deatwin.plant.errors import ModelError, nearest
 
 ChannelLags = int | Sequence[int]  # A number n for the lags 1..n, or the lags themselves, in samples
 Lags = ChannelLags | Sequence[ChannelLags] | Mapping[str, ChannelLags]
-"""For all channels of a kind, or for each: in order, or by name."""
+"""Lags of all channels of a kind, or of each channel, in order or by name."""
 
 _KINDS = {"u": "input", "y": "output"}
 

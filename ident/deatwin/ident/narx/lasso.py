@@ -29,15 +29,15 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_KNOTS = 10  # of the path, times max_terms: terms also leave it, so that it has more knots than terms
-_SAMPLES = 4096  # standardised at once
+_KNOTS = 10  # knots of the path, times max_terms: terms also leave the path, so it has more knots than terms
+_SAMPLES = 4096  # samples standardised at once
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LassoPath(Described):
     """Knots of the LASSO's path, at which terms enter or leave."""
 
-    terms: tuple[Term, ...]  # The candidates that take part; the constant does not, for it is not penalised
+    terms: tuple[Term, ...]  # Candidates that take part; the constant does not, because it is not penalised
     penalties: Array = field(metadata=coordinate("knot", name="penalty"))
     coefficients: Array = field(
         metadata=variable("term", "knot", name="coefficient", about="for standardised regressors and output")
@@ -45,7 +45,7 @@ class LassoPath(Described):
     errors: Array = field(
         metadata=variable("knot", name="error", about="RMS of the free run over held-out samples, in the output's unit")
     )
-    chosen: int = field(metadata=attribute())  # The knot of the model
+    chosen: int = field(metadata=attribute())  # Position of the model's knot
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
         "term": coordinate("term", of=lambda found: [str(term) for term in found.terms]),
@@ -181,7 +181,8 @@ def lasso_path(rows: Array, target: Array, *, centred: bool, max_knots: int) -> 
         gram += standard @ standard.T
         moment += standard @ (target[part] - mean) / size
     with warnings.catch_warnings():
-        # A path that ends early for collinear regressors is shorter, not wrong: its structures are refitted and judged.
+        # A path that ends early because of collinear regressors is shorter, not wrong: its structures are refitted and
+        # judged.
         warnings.simplefilter("ignore", ConvergenceWarning)
         penalties, _, coefficients = lars_path_gram(moment, gram, n_samples=n, max_iter=max_knots, method="lasso")
     return taking_part, penalties, coefficients

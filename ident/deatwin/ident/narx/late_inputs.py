@@ -25,10 +25,12 @@ Array = NDArray[np.float64]
 LAST_INPUT_LAGS = "last input lags"
 """Key of a model's provenance: the last lag of each input among the candidates, -1 for none."""
 _SEEN = 3.9
-"""Standard deviations from which a correlation is there: chance is 1 in 10,000, with a hundred lags 1 in 100 that one is."""
-_BEYOND = 100  # Lags after the model's last that are looked at, and at most a quarter of a recording
+"""Standard deviations from which a correlation counts: by chance, 1 in 10,000 does, and 1 in 100 for any of a hundred
+lags."""
+_BEYOND = 100  # Lags beyond the model's last that are examined, up to a quarter of a recording
 _FEW = 3000
-"""Samples that are put to the estimation, to keep it below a second; a dead time is told to a sample long before."""
+"""Most samples for the estimate of a dead time, which then takes less than a second; far fewer determine it to one
+sample."""
 _WHITENING = 10  # Lags of the autoregression that whitens a signal
 
 
@@ -37,7 +39,7 @@ def late_inputs(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str,
     from deatwin.ident.narx.preprocess.dead_time import DeadTimeStatus
 
     longest = max(record.n_samples for record in recordings)
-    recordings = [record for record in recordings if record.n_samples > longest // 4]  # as far as lags are looked at
+    recordings = [record for record in recordings if record.n_samples > longest // 4]  # enough for the examined lags
     said = []
     told = (DeadTimeStatus.FOUND, DeadTimeStatus.LOOP)
     predicted = [model.predict(record) for record in recordings]
@@ -69,7 +71,7 @@ def late_inputs(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str,
     return tuple(said)
 
 
-@lru_cache(maxsize=1)  # several fits to the same recordings ask again
+@lru_cache(maxsize=1)  # several fits use the same recordings
 def _dead_times(recordings: tuple[Recording, ...], row: int) -> tuple[DeadTime, ...]:
     """Return dead times from the first samples of recordings."""
     from deatwin.ident.narx.preprocess.dead_time import estimate_dead_time
@@ -113,8 +115,9 @@ def _after(record: Recording, residuals: Array) -> Array:
 
 
 def _scores(inputs: Sequence[Array], outputs: Sequence[Array], most: int) -> Array:
-    """Correlations of the output with an earlier input, (most + 1,), in deviations: that of independent signals or, if
-    larger, White's (1980, doi:10.2307/1912934), of samples at which a held input jumps."""
+    """Return correlations of the output with an earlier input, (most + 1,), in standard deviations: those of
+    independent signals or, if larger, White's (1980, doi:10.2307/1912934), which allow for samples at which a held
+    input jumps."""
     power = float(np.mean(np.concatenate(outputs) ** 2))
     found = np.zeros(most + 1)
     for lag in range(most + 1):

@@ -12,17 +12,19 @@ from deatwin.plant.recording import Recording
 
 Array = NDArray[np.float64]
 
-_GLANCE = 256  # samples that show at once that a signal has many levels
-_ROUNDING = 1e-12  # of the largest value: what arithmetic and decimal files make of one level
-_SCATTER = 0.01  # of the range: a readback of the usual class errs by less; what scatters more may act on the plant
-_APART = 0.1  # of the range: ten such deviations, which no noise on a level bridges
-_SHARE = 0.1  # of the samples: beside a rarer level, as before a start, what looks like scatter is the experiment
-_WHITE = 0.7  # median step between readings, of their median deviation: 1.4 of white noise, 0 of a held motion
-_SETTLED = 1e-3  # of the range: what a filter leaves of an edge between holds, and too little to show a gain of its own
+_GLANCE = 256  # samples that suffice to show at once that a signal has many levels
+_ROUNDING = 1e-12  # share of the largest value that arithmetic and decimal files may add to a level
+_SCATTER = 0.01  # share of the range: the usual readback errs by less, and what scatters more may act on the plant
+_APART = 0.1  # share of the range: ten such deviations, a gap that noise on a level does not bridge
+_SHARE = 0.1
+"""Least share of the samples on a level: scatter about a rarer one, as before a start, may be the experiment."""
+_WHITE = 0.7  # least median step between readings, by their median deviation: 1.4 for white noise, 0 for a held motion
+_SETTLED = 1e-3
+"""Share of the range: what a filter leaves of an edge between holds, too little to show a gain of its own."""
 
 
 def few_levels(values: Array, most: int) -> Array:
-    """Return the levels of a signal, if it has few, exactly or but for noise and edges. Shapes: returns (n_levels,)."""
+    """Return the levels (n_levels,) of a signal, up to noise and edges; empty if there are more than `most`."""
     flat = np.ravel(values)
     for part in (flat[:_GLANCE], flat):
         distinct = np.unique(part)
@@ -59,7 +61,7 @@ def without_repeated_powers(terms: Sequence[Term], recordings: Sequence[Recordin
     relations: dict[int, Array] = {}
     for row in range(len(recordings[0].inputs)):
         levels = few_levels(np.concatenate([record.inputs[row] for record in recordings]), degree)
-        if levels.size > 1:  # a constant input is left to the user
+        if levels.size > 1:  # a constant input is left as the user gave it
             relations[row] = np.asarray(np.poly(levels), dtype=np.float64)
     there = set(terms)
     return tuple(term for term in terms if not any(_repeats(term, v, p, relations, there) for v, p in term.factors))

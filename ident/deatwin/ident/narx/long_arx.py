@@ -20,17 +20,18 @@ Signals = Sequence[tuple[Array, Array]]
 """Inputs, (n_inputs, n), and output, (n,), of each recording, scaled to a variance of 1."""
 
 _OUTPUT_LAGS = 30
-"""Most lags of the output, and never more than of the inputs, so that short recordings keep samples for both; Akaike's
-criterion takes what is needed of them."""
-_ANSWERS = 10  # Lags of the output from which an input that answers to it is foretold: more make the test less sharp
-_FOR_EACH = 5  # Samples for each unknown: fewer leave the residual's variance, and so all tests, to the unknowns
+"""Most lags of the output; never more than of the inputs, so that short recordings keep samples for both. Akaike's
+criterion chooses how many are needed."""
+_ANSWERS = 10  # Lags of the output from which an input that responds to it is predicted: more make the test weaker
+_FOR_EACH = 5  # Least samples per unknown: with fewer, unknowns take up the residual's variance and spoil all tests
 _RESOLVED = 1e-9
-"""Share of the output below which a residual is rounding: readings have at most nine digits that mean anything."""
+"""Share of the output below which a residual is rounding: readings have at most nine significant digits."""
 
-_ALL_LAGS = 1e-4  # Chance below which all lags of an input together act
+_ALL_LAGS = 1e-4  # p-value below which all lags of an input together act
 _ALIKE = 1e4
-"""Variance of a coefficient, for that under a white input, from which lags are alike: a hundred times its standard error.
-Held, slow and binary inputs have twenty to eighty, band-limited ones and a few sines a million and more."""
+"""Variance of a coefficient, relative to that under a white input, from which lags are too similar: a hundred times its
+standard error. Held, slow and binary inputs have twenty to eighty, band-limited ones and a few sines a million and
+more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,15 +41,15 @@ class LongArx:
     signals: Signals
     shortest: tuple[int, ...]  # Smallest lag of each input
     longest: int  # Largest lag of all
-    n_output_lags: int  # Lags 1 to this of the output
-    a: Array  # shape (n_output_lags + 1,): A, from q^0 on
-    b: Array  # shape (n_inputs, longest + 1): B of each input, from lag 0 on; zero before its shortest lag
+    n_output_lags: int  # Number of lags of the output, from lag 1 on
+    a: Array  # shape (n_output_lags + 1,): Coefficients of A, from q^0 on
+    b: Array  # shape (n_inputs, longest + 1): Coefficients of each B, from lag 0 on; zero before the shortest lag
     b_std: Array  # shape (n_inputs, longest + 1): Standard deviation of each coefficient
     variance: float
     n_samples: int  # Number of residuals
 
     def lags(self, which: int) -> range:
-        """Lags of an input, the largest first, so that each test asks what a shorter lag adds to the longer ones."""
+        """Lags of an input, the largest first, so that each test shows what a shorter lag adds to the longer ones."""
         return range(self.longest, self.shortest[which] - 1, -1)
 
     @property
@@ -113,16 +114,16 @@ class LongArx:
 
 
 def answer_chance(signals: Signals, which: int, longest: int) -> float:
-    """Return the chance that an input which does not answer to the output seems to answer to it this much.
+    """Return the p-value of the hypothesis that an input does not respond to the output.
 
-    Given the past of all inputs, the output's past must not foretell an input that is independent of it (Granger,
+    Given the past of all inputs, the output's past must not predict an input that is independent of it (Granger,
     Econometrica 37 (1969) 424-438, doi:10.2307/1912791). The converse does not hold: an input that is measured with
-    noise, or follows a cause that is not recorded, is foretold by an output that sees more of it. A held input is
-    tested where it may change, since a ringing output tells how long it has been held. Of an input that repeats itself
-    only the differences between periods are tested, since a few lags of the output foretell what repeats. Those may
-    come of noise alone, so that an answer within the sample shows in the present output only: that must agree neither
-    with an input that acts within the sample, as what repeats says, nor with one that does not, as where it is noise of
-    its reading.
+    noise, or follows a cause that is not recorded, is predicted by an output that shows more of it. A held input is
+    tested only where it may change, because a ringing output reveals how long it has been held. Of an input that
+    repeats itself, only the differences between periods are tested, because a few lags of the output predict what
+    repeats. These differences may be noise alone, and a response within the sample then shows in the present output
+    only. It must be compatible neither with an input that acts within the sample, as estimated from what repeats, nor
+    with one that does not, as if the differences were noise of its reading.
     """
     n_inputs = signals[0][0].shape[0]
     apart = [periods_apart(inputs[which], inputs, output, longest) for inputs, output in signals]
@@ -132,7 +133,7 @@ def answer_chance(signals: Signals, which: int, longest: int) -> float:
         return 1.0
     hold = _hold(signals, which)
     past = [_inputs(signals, i, range(longest, 0, -1)) for i in range(n_inputs)]
-    past[which] = past[which][:, ::-hold]  # one sample of each hold, the last one first
+    past[which] = past[which][:, ::-hold]  # one sample of each hold, the latest first
     output, present = _outputs(signals, longest)
     target = np.concatenate([inputs[which, longest:] for inputs, _ in signals])
     tested = [output[:, :_ANSWERS]]
@@ -172,10 +173,10 @@ def _on_clock(values: Array, hold: int) -> NDArray[np.bool_]:
 class _Scores:
     """Last columns of a regression, orthogonalised against the earlier ones, and their products with the target."""
 
-    total: Array  # shape (n,): Their products with the target
-    products: Array  # shape (n_samples, n): Their products with the residual, sample by sample
+    total: Array  # shape (n,): Products of the columns with the target
+    products: Array  # shape (n_samples, n): Products of the columns with the residual, sample by sample
     variance: float
-    freedom: int  # Samples less unknowns
+    freedom: int  # Number of samples minus unknowns
 
     @classmethod
     def of(cls, rows: Array, target: Array, n_last: int) -> _Scores:
@@ -188,10 +189,10 @@ class _Scores:
         return cls(last.T @ target, last * error[:, None] * np.sqrt(target.size / freedom), variance, freedom)
 
     def p_value(self, part: slice = slice(None)) -> float:
-        """Chance of scores at least as large if these columns explain nothing: the larger of two tests' chances.
+        """Return the larger p-value of two tests of the hypothesis that these columns explain nothing.
 
-        Least squares' holds where one sample decides, as in one step; Newey and West's (Econometrica 55 (1987) 703-708,
-        doi:10.2307/1913610) where the residual changes with the input.
+        The test by least squares holds if one sample decides, as in a single step; Newey and West's (Econometrica 55
+        (1987) 703-708, doi:10.2307/1913610) holds if the residual changes with the input.
         """
         from scipy.special import fdtrc
 
@@ -203,7 +204,7 @@ class _Scores:
             one = products[lag:].T @ products[:-lag]
             spread = spread + (1.0 - lag / width) * (one + one.T)
         plain = fdtrc(size, self.freedom, float(total @ total) / (size * self.variance))
-        # Bartlett's window leaves so many degrees of freedom; Hotelling's law for their estimated covariance.
+        # Degrees of freedom that Bartlett's window leaves, for Hotelling's law with the covariance estimated by it.
         freedom = 1.5 * n / width - size + 1
         square = float(total @ np.linalg.solve(spread + 1e-12 * self.variance * np.eye(size), total))
         return float(max(plain, fdtrc(size, freedom, square * freedom / (size * (freedom + size - 1)))))
@@ -226,7 +227,7 @@ def _order(columns: Array, fixed: int) -> int:
     """Return the number of output lags by Akaike's criterion, from the residuals in the triangular factor."""
     triangle = np.asarray(np.linalg.qr(columns, mode="r"), dtype=np.float64)
     last = triangle[:, -1] ** 2
-    squares = np.cumsum(last[::-1])[::-1][fixed:-1]  # with 0, 1, ... lags of the output
+    squares = np.cumsum(last[::-1])[::-1][fixed:-1]  # residuals' squares with 0, 1, ... lags of the output
     n = columns.shape[0]
     squares = np.maximum(squares, n * _RESOLVED**2)
     return int(np.argmin(n * np.log(squares) + 2.0 * np.arange(squares.size)))

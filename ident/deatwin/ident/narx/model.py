@@ -118,7 +118,7 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
         for name in ("theta", "theta_cov", "input_origin", "output_origin"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
         object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
-        if self.n_outputs == 1 and set(self.equations) <= {0}:  # also where terms were replaced
+        if self.n_outputs == 1 and set(self.equations) <= {0}:  # also after terms were replaced
             object.__setattr__(self, "equations", (0,) * len(self.terms))
         if self.n_outputs > 1:
             object.__setattr__(self, "noise_variance", read_only(self.noise_variance))
@@ -367,7 +367,7 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
             self.equations,
         )
         outputs = np.concatenate([drive.outputs[:, :start], run + self.output_origin[:, None]], axis=1)
-        outputs[:, : drive.first] = drive.outputs[:, : drive.first]  # to the last bit
+        outputs[:, : drive.first] = drive.outputs[:, : drive.first]  # exact to the last bit
         if failed is None:
             return response_over(drive, outputs, drive.first, self.output_units)
         when = float(drive.timepts[start + failed])

@@ -12,7 +12,7 @@ from deatwin.plant.errors import ModelError, nearest
 _NAMED = re.compile(r"\s*\*?\s*([^\W\d][^()*^|]*?)\s*\(\s*k\s*(?:-\s*\d+\s*)?\)")
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _WORD = re.compile(r"[^\W\d]\w*")
-# Names that recordings and models give to signals of which no name was told.
+# Names that recordings and models give to signals if the user gave none.
 _UNTOLD = re.compile(r"(input|output)(_?\d+)?|command|displacement")
 
 
@@ -20,7 +20,7 @@ _UNTOLD = re.compile(r"(input|output)(_?\d+)?|command|displacement")
 class SignalNames:
     """Names of the signals in a term."""
 
-    inputs: tuple[str, ...] = ()  # Names of the channels; none where only the names by position are understood
+    inputs: tuple[str, ...] = ()  # Names of the channels; empty if only names by position are understood
     outputs: tuple[str, ...] = ()
 
     @cached_property
@@ -40,7 +40,7 @@ class SignalNames:
         return re.compile(rf"\s*\*?\s*(?:({name})|([yue])(\d*))\(\s*k\s*(?:-\s*(\d+)\s*)?\)(?:\s*\^\s*(\d+))?\s*")
 
     function = re.compile(r"\s*\*?\s*(?:\||([^\W\d]\w*)\s*\((?!\s*k\s*[-)]))")
-    """The opening of a function, with its name; none for |...|."""
+    """Opening of a function, with its name; none for |...|."""
     minus = re.compile(r"\s*-")
 
     @staticmethod

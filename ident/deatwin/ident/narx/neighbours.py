@@ -14,7 +14,7 @@ from deatwin.ident.narx.regression import Regression
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-# A candidate whose squared norm falls by this factor when the chosen terms are taken out depends on them.
+# A candidate depends on the chosen terms if removing them reduces its squared norm by this factor.
 _DEPENDENT = 1e-12
 
 
@@ -23,11 +23,11 @@ class Neighbours:
     """Models that differ from a chosen one by a single term."""
 
     candidate: Integers
-    chosen: Integers  # shape (n_models, n_terms): The terms of each
-    theta: Array  # shape (n_models, n_terms): Their least-squares parameters
-    squares: Array  # shape (n_models,): Their sums of squared one-step errors, square of the scaled output
+    chosen: Integers  # shape (n_models, n_terms): Terms of each model
+    theta: Array  # shape (n_models, n_terms): Least-squares parameters
+    squares: Array  # shape (n_models,): Sums of squared one-step errors, square of the scaled output
     f_ratio: Array
-    freedom: int  # Number of samples less terms of the larger model
+    freedom: int  # Number of samples minus terms of the larger model
 
     def only(self, kept: NDArray[np.bool_]) -> Neighbours:
         """Return the models selected by a mask `kept` (n_models,)."""
@@ -47,7 +47,7 @@ class CompressedRegression:
 
     rows: Array  # shape (n_terms, n_rows): Regressors, at most n_terms + 1 numbers each
     target: Array  # shape (n_rows,): Output
-    n_samples: int  # Number of samples before
+    n_samples: int  # Number of samples before the compression
 
     @classmethod
     def of(cls, data: Regression) -> CompressedRegression:
@@ -93,7 +93,7 @@ class CompressedRegression:
         )
 
     def smaller(self, chosen: Sequence[int]) -> Neighbours:
-        """Return the models without one chosen term: with G = (R'R)^-1, i goes by theta - G_i theta_i / G_ii."""
+        """Return the models without one chosen term: with G = (R'R)^-1, removing i gives theta - G_i theta_i / G_ii."""
         basis, triangle = np.linalg.qr(self.rows[list(chosen)].T)
         moments = basis.T @ self.target
         theta = solve_triangular(triangle, moments)

@@ -15,12 +15,12 @@ Array = NDArray[np.float64]
 
 
 def about_data(data: Regression) -> Regression:
-    """Return a regression about origins chosen from the data: the mean of a signal where it exceeds its swing, else
+    """Return a regression about origins chosen from the data: the mean of a signal if it exceeds its swing, else
     zero.
 
-    About a nearer zero powers lose at most a bit or two per factor; about a far one, as of kelvin, regressors would be
-    nearly constant. Neither choice depends on the unit. A signal with a function of it keeps its zero, about which that
-    is meant.
+    About a zero that is nearer, powers lose at most a bit or two per factor; about a distant one, as with kelvin,
+    regressors would be nearly constant. Neither choice depends on the unit. A signal with a function of it keeps its
+    zero, to which the function refers.
     """
     kept = {(v.kind, v.index) for v in data.table.functions}
     return replace(

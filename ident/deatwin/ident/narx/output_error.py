@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 def with_correlated_error(model: NarxModel, recordings: Sequence[Recording]) -> NarxModel:
-    """Return a model of least free-run error on recordings with the covariance that its correlated errors leave."""
+    """Return a model of least free-run error on recordings, with the covariance of correlated errors."""
     from scipy.linalg import matmul_toeplitz
 
     slopes = [sensitivities(model, record) for record in recordings]
@@ -62,7 +62,7 @@ def autocovariance(errors: Sequence[Array]) -> Array:
     if order == 0:
         return found
     found[: order + 1] = sample[: order + 1]
-    # From there on g(k) = sum_i a_i g(k-i), a filter without input that starts from the lags before.
+    # Beyond these lags g(k) = sum_i a_i g(k-i): a filter without input that starts from them.
     whole = np.concatenate([[1.0], -chosen])
     state = np.array([chosen[i:] @ sample[order:i:-1][: order - i] for i in range(order)])
     found[order + 1 :] = lfilter([1.0], whole, np.zeros(longest - order - 1), zi=state)[0]

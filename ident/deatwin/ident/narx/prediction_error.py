@@ -17,13 +17,13 @@ from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
 
-# Newton's method for errors that enter their own recursion nonlinearly doubles its digits in each round; where a dozen
-# do not suffice, the recursion is about to diverge.
+# Newton's method, for errors that enter their own recursion nonlinearly, doubles the correct digits in each round; if a
+# dozen rounds do not suffice, the recursion is about to diverge.
 _ROUNDS = 12
-_ROUNDING = 1e-13  # of the errors, as a share of the output: a few hundred units in the last place
-# A sum of squares is known to so small a share of it; a step that changes it by less is neither better nor worse.
+_ROUNDING = 1e-13  # accuracy of the errors, as a share of the output: a few hundred units in the last place
+# Relative accuracy of a sum of squares: a step that changes it by less is neither better nor worse.
 _SQUARE_ROUNDING = 1e-14
-_MOST_DAMPED = 1e10  # beyond it a step is shorter than rounding
+_MOST_DAMPED = 1e10  # damping beyond which a step is shorter than rounding
 _HALVINGS = 30
 
 
@@ -49,7 +49,7 @@ class NoiseFit:
     estimate: Estimate
     noise: tuple[Array, ...]
     changes: tuple[float, ...]
-    status: NoiseStatus  # Whether e settled
+    status: NoiseStatus  # States whether e settled
 
 
 def prediction_error_fit(
@@ -110,7 +110,7 @@ class _PredictionErrors:
 
     process: Regression
     table: TermTable  # The noise terms
-    rows: Array  # shape (n_terms + n_starts, n_samples): Process terms, then the samples of the start, one each
+    rows: Array  # shape (n_terms + n_starts, n_samples): Process terms, then one row for each sample of the start
     target: Array  # shape (n_samples,): Output
 
     @classmethod
@@ -209,7 +209,7 @@ def _led(data: Regression, lead: int, rows: Array) -> Array:
 
 
 def spread(data: Regression, errors: Array, lead: int = 0) -> tuple[Array, ...]:
-    """e of all samples and of `lead` before them, (n_outputs, n) per recording, zero where it was not fitted."""
+    """Return e of all samples and of `lead` before them, (n_outputs, n) per recording, zero where it was not fitted."""
     noise, begin = [], 0
     for record in data.recordings:
         end = begin + record.n_samples - data.first + lead
@@ -236,7 +236,7 @@ def _bands(data: Regression, table: TermTable, theta: Array, noise: Sequence[Arr
 
 
 def _filtered(bands: Sequence[Array], rows: Array) -> Array:
-    """Return f(k) = r(k) - sum_l c_l(k) f(k-l) of rows, recording by recording, shape as that of the rows."""
+    """Return f(k) = r(k) - sum_l c_l(k) f(k-l) of rows, recording by recording; returns the shape of `rows`."""
     found, begin = np.empty_like(rows), 0
     for band in bands:
         end = begin + band.shape[1]
@@ -251,7 +251,7 @@ def _forgets(band: Array) -> bool:
     lag, n = band.shape[0] - 1, band.shape[1]
     if n <= 2 * lag:
         return True
-    passed_on = np.zeros((lag, n - lag))  # of unit disturbances in the leading samples
+    passed_on = np.zeros((lag, n - lag))  # response to unit disturbances in the leading samples
     for start in range(lag):
         for k in range(lag, lag + start + 1):
             passed_on[start, k - lag] = -band[k - start, start]

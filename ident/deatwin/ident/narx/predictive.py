@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_CHUNK = 4096  # samples whose quantiles are taken at once
+_CHUNK = 4096  # samples whose quantiles are computed at once
 
 
 class BandStatus(Enum):
@@ -210,7 +210,7 @@ def free_run_band(
         than 2 draws, or all of them diverge.
     """
     tail = (1 - level) / 2
-    quantile(level, math.inf)  # refuses what is no level
+    quantile(level, math.inf)  # raises an error for an invalid level
     if n_draws < 2:
         raise ModelError(f"n_draws = {n_draws}; a band needs at least 2 runs")
     runs = _runs(model, recording, rng, n_draws, None if output_noise is None else _readings(model, output_noise))
@@ -220,7 +220,8 @@ def free_run_band(
     ends = np.empty((3, *stack.shape[1:]))
     for start in range(0, stack.shape[2], _CHUNK):
         part = slice(start, start + _CHUNK)
-        # A new measurement is one more draw: it lies below the k-th of n with probability k / (n + 1), as here only.
+        # A new measurement is like one more draw: it lies below the k-th of n with probability k / (n + 1), as in this
+        # definition of the quantiles only.
         ends[..., part] = np.quantile(stack[..., part], [tail, 0.5, 1 - tail], axis=0, method="weibull")
     lower, middle, upper = ends
     return _band(model, recording, middle, lower, upper, level, draws=n_draws, diverged=n_draws - len(runs))
@@ -243,7 +244,7 @@ def _runs(
     """Return noisy free runs (n_outputs, n) of draws, without those that diverge; `readings` (n_outputs, 1) noise on
     outputs.
     """
-    first = model.simulate(recording).first  # and checks that the recording suits
+    first = model.simulate(recording).first  # also checks that the recording suits
     limit = model.divergence_limit(recording.outputs)
     inputs, outputs = model.about_origin(recording.inputs, recording.outputs)
     draws = ThetaPosterior(model=model).sample(rng, n_draws)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_NAMED = 10  # paths with a label of their own, as many as there are colours
+_NAMED = 10  # most paths with a label of their own, as many as there are colours
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

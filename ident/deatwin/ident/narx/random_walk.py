@@ -17,13 +17,13 @@ from deatwin.ident.narx.trajectory import ThetaTrajectory
 from deatwin.ident.state_space import StateSpace
 from deatwin.plant.errors import ModelError, nearest
 
-_PRIOR_SAMPLES = 1e-4  # the start is worth so much of one sample
-# Drift is measured by the variance that a term's contribution gains in a sample, over that of the noise, times the
-# square of the number of samples; a local level with a value of 1 would be averaged over the whole record.
-_COARSE = (1e1, 1e3, 1e5, 1e7, 1e9)  # tried first, for all parameters together
-_NONE = 1e-2  # none that could ever be seen
-_MOST = 1e6  # without the square of the number of samples: the noise is nothing beside the drift
-_USUAL_STEPS = 40  # evaluations that a search takes, for the progress
+_PRIOR_SAMPLES = 1e-4  # weight of the prior of the start, in samples
+# Drift is measured by the variance that a term's contribution gains per sample, relative to that of the noise, times
+# the square of the number of samples; with a value of 1, a local level would be averaged over the whole record.
+_COARSE = (1e1, 1e3, 1e5, 1e7, 1e9)  # values that are tried first, for all parameters together
+_NONE = 1e-2  # drift that could never be seen
+_MOST = 1e6  # largest drift, without the square of the number of samples: the noise is negligible beside it
+_USUAL_STEPS = 40  # usual number of evaluations of a search, for its progress
 
 
 @dataclass(kw_only=True, eq=False, repr=False)

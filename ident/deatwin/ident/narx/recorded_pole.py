@@ -14,23 +14,24 @@ from deatwin.plant.recording import Recording
 Array = NDArray[np.float64]
 
 _LAGS = 50
-"""Most lags; Akaike's criterion takes what is needed of them. Sensor noise on a fast-sampled plant needs forty."""
-_FOR_EACH = 5  # Samples for each unknown: fewer leave the residual's variance to the unknowns
-_MOST_SAMPLES = 20_000  # More make nothing surer, and the regression takes a second
+"""Most lags; Akaike's criterion chooses how many are needed. Sensor noise on a fast-sampled plant needs forty."""
+_FOR_EACH = 5  # Least samples per unknown: with fewer, the unknowns take up the residual's variance
+_MOST_SAMPLES = 20_000  # Most samples that are used: more add no certainty, and the regression takes a second
 _RESOLVED = 1e-9
-"""Share of an output below which a residual is rounding: readings have at most nine digits that mean anything."""
-_WIDE = 1.96  # Standard deviations to either side of which 95 % of a normal law lie
+"""Share of an output below which a residual is rounding: readings have at most nine significant digits."""
+_WIDE = 1.96  # Standard deviations on either side within which 95 % of a normal law lie
 _FASTEST = 2.0
-"""Growth within a sample that no sensible loop holds: it answers a sample late at best, and the largest magnitude of its
-sensitivity is at least that growth (Seron, Braslavsky & Goodwin, "Fundamental Limitations in Filtering and Control",
-Springer 1997, section 3.3); above 2 it has hardly a margin."""
-_RARELY_LESS = 0.063  # Standard deviations within which 5 % of a normal law lie
+"""Growth per sample that no sensible loop holds. A loop responds one sample late at best, and the largest magnitude of
+its sensitivity is at least that growth (Seron, Braslavsky & Goodwin, "Fundamental Limitations in Filtering and
+Control", Springer 1997, section 3.3); above 2 it has hardly any margin."""
+_RARELY_LESS = 0.063  # Standard deviations on either side within which 5 % of a normal law lie
 
 
 @dataclass(frozen=True, kw_only=True)
 class RecordedPole:
-    """Largest pole of a long ARX model and its magnitude's deviation. Outside the unit circle it is the plant's, also
-    in a loop whose controller sees no disturbance before the output shows it (Ljung, 1999, section 13.4)."""
+    """Largest pole of a long ARX model, with the standard deviation of its magnitude. Outside the unit circle it is the
+    plant's, even in a loop, if the controller sees no disturbance before the output shows it (Ljung, 1999, section
+    13.4)."""
 
     pole: complex
     deviation: float
@@ -43,8 +44,8 @@ class RecordedPole:
 
 
 def recorded_pole(recordings: Sequence[Recording], first_lag: int = 1) -> RecordedPole | None:
-    """Return the largest pole of recordings, inputs acting from a lag on; None if they are too short, or it cannot be
-    the plant's, as after a low pass of the readings, which looks ahead."""
+    """Return the largest pole of recordings whose inputs act from `first_lag` on; None if they are too short, or if it
+    cannot be the plant's, as after a low pass of the readings, which looks ahead."""
     signals = _scaled(recordings)
     n_inputs, n_outputs = len(signals[0][0]), len(signals[0][1])
     n_samples, width = sum(outputs.shape[1] for _, outputs in signals), n_inputs + n_outputs
@@ -63,7 +64,7 @@ def recorded_pole(recordings: Sequence[Recording], first_lag: int = 1) -> Record
         n * np.linalg.slogdet(squares / n)[1] + 2.0 * n_outputs * width * lags for lags, squares in enumerate(left)
     ]
     lags = int(np.argmin(costs))
-    if lags == 0:  # no dynamics at all
+    if lags == 0:  # the outputs have no dynamics
         return RecordedPole(pole=0.0, deviation=0.0)
     size = head + lags * width
     inverse = np.linalg.pinv(triangle[:size, :size], rcond=1e-10)
@@ -97,15 +98,16 @@ def _columns(inputs: Array, outputs: Array, most: int, first_lag: int) -> Array:
 
 
 def _would_have_grown(found: RecordedPole, drive: Array, signals: Sequence[tuple[Array, Array]]) -> bool:
-    """Return whether no loop holds the pole's mode, or it would in 19 of 20 cases have left the outputs' span while
-    inputs stood still. `drive` (n_outputs,) is in deviations a sample; a plant resting on a stop passes for stable."""
+    """Return whether no loop holds the pole's mode, or whether in 19 of 20 cases the mode would have left the outputs'
+    span while inputs stood still. `drive` (n_outputs,) is in standard deviations per sample; a plant resting on a stop
+    counts as stable."""
     rate = float(np.log(max(found.interval[0], 1.0)))
     if rate == 0.0 or rate > np.log(_FASTEST):
         return rate > 0.0
     for inputs, outputs in signals:
         moved = np.flatnonzero(np.any(np.diff(inputs, axis=1) != 0.0, axis=0)) + 1
         lasted = max(end - begin for begin, end in pairwise([0, *moved.tolist(), outputs.shape[1]]))
-        growth = lasted * rate - 0.5 * np.log(np.expm1(2.0 * rate))  # of the root of the sum of the squares
+        growth = lasted * rate - 0.5 * np.log(np.expm1(2.0 * rate))  # of the root of the sum of squares
         span = np.ptp(outputs, axis=1)
         if np.any(np.log(np.maximum(_RARELY_LESS * drive, np.finfo(float).tiny)) + growth > np.log(span + _RESOLVED)):
             return True
@@ -113,8 +115,8 @@ def _would_have_grown(found: RecordedPole, drive: Array, signals: Sequence[tuple
 
 
 def _largest(theta: Array, covariance: Array, noise: Array) -> tuple[RecordedPole, Array]:
-    """Return the companion matrix' largest eigenvalue with its deviation, and its mode's drive by output. Shapes:
-    `theta` (lags * n_outputs, n_outputs); `covariance` (X'X)^-1 of its rows; `noise` (n_outputs, n_outputs)."""
+    """Return the companion matrix' largest eigenvalue with its standard deviation, and the drive of its mode by output.
+    Shapes: `theta` (lags * n_outputs, n_outputs); `covariance` (X'X)^-1 of its rows; `noise` (n_outputs, n_outputs)."""
     from scipy.linalg import eig
 
     n_outputs = theta.shape[1]

@@ -22,9 +22,9 @@ from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Experiment, Recording
 
 Terms = Sequence[Term | str] | Mapping[str, Sequence[Term | str]]
-Structure = NarxModel | Terms  # A fixed structure: that of a model, or terms as `Fixed` takes them
+Structure = NarxModel | Terms  # Fixed structure: that of a model, or terms as `Fixed` takes them
 
-_INDEPENDENT = 1e-7  # least singular value, relative to the largest, of regressors that can start the recursion
+_INDEPENDENT = 1e-7  # least singular value, relative to the largest, of regressors from which the recursion can start
 
 
 class VaryingParameters(NarxIdentifier):
@@ -46,7 +46,7 @@ class VaryingParameters(NarxIdentifier):
         Fixed(terms=self.terms)._check()
 
     def _notes(self, recordings: tuple[Recording, ...]) -> tuple[str, ...]:
-        """Return no notes: the model is that of one time, but least squares would use all times."""
+        """Return no notes: the model belongs to one time, but least squares would use all times."""
         return ()
 
     def _resting(self, data: list[Regression], model: NarxModel) -> list[Regression]:

@@ -20,9 +20,9 @@ from deatwin.plant.recording import Recording
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
-# A candidate whose response has lost this share of its square to those of the terms follows from them.
+# A candidate depends on the terms if its response beyond theirs retains less than this share of its square.
 _DEPENDENT = 1e-10
-# A search that gains less than this share of the sum of squares in a step has arrived; most do in ten steps.
+# A search has converged when a step reduces the sum of squares by less than this share; most do in ten steps.
 _TOLERANCE, _STEPS = 1e-8, 50
 
 
@@ -189,10 +189,10 @@ def prunings(model: NarxModel, recordings: tuple[Recording, ...], *, n_terms: in
 def _without_a_term(model: NarxModel, recordings: tuple[Recording, ...]) -> NarxModel | None:
     """Return the refined model without its least useful dispensable term; None if all are needed."""
     cov = model.theta_cov
-    variances = np.where(np.diag(cov) > 0.0, np.diag(cov), np.inf)  # it is 0 where the run does not know the parameter
+    variances = np.where(np.diag(cov) > 0.0, np.diag(cov), np.inf)  # 0 if the run does not depend on the parameter
     for out in np.argsort(model.theta**2 / variances):
         kept = np.delete(np.arange(model.theta.size), out)
-        theta = model.theta - cov[:, out] / variances[out] * model.theta[out]  # the best with that parameter at zero
+        theta = model.theta - cov[:, out] / variances[out] * model.theta[out]  # best parameters with that one at zero
         smaller = replace(
             model,
             terms=tuple(model.terms[i] for i in kept),
@@ -216,7 +216,7 @@ def _gains(model: NarxModel, recordings: tuple[Recording, ...], table: TermTable
         error = (recording.outputs[0] - run)[both.max_lag :]
         gram += responses.T @ responses
         moment += responses.T @ error
-    sizes = np.sqrt(np.diag(gram))  # the units of the signals must not decide what is dependent
+    sizes = np.sqrt(np.diag(gram))  # so that the units of the signals do not decide what is dependent
     sizes[sizes == 0.0] = 1.0
     gram, moment = gram / sizes[:, None] / sizes, moment / sizes
     onto = np.linalg.lstsq(gram[:n, :n], gram[:n, n:], rcond=None)[0]
@@ -320,8 +320,8 @@ class _Search:
         self.best, self.least, self.steps = model.theta, np.inf, 0
 
     def run(self, tolerance: float) -> None:
-        """Search for the least error by Gauss-Newton steps in a trust region. Powers of two, which round nothing, bring
-        outputs and sensitivities to about 1, so that its end does not depend on units."""
+        """Search for the least error by Gauss-Newton steps in a trust region. Outputs and sensitivities are scaled to
+        about 1 by powers of two, which do not round, so that the result does not depend on units."""
         from scipy.optimize import least_squares
 
         start = self.jacobian(self.model.theta)

@@ -22,7 +22,7 @@ from deatwin.plant.recording import Experiment, Recording, label
 Array = NDArray[np.float64]
 Recordings = Recording | Experiment | Iterable[Recording | Experiment]
 
-_BLOCK = 4096  # samples evaluated at once: a block of 1000 terms is 32 MB
+_BLOCK = 4096  # samples evaluated at once: 32 MB for a block of 1000 terms
 
 
 def require_alike(recordings: Sequence[Recording]) -> None:
@@ -42,7 +42,7 @@ def require_alike(recordings: Sequence[Recording]) -> None:
                 (*record.input_units, *record.output_units),
                 strict=True,
             )
-            # A unit that nobody stated contradicts none.
+            # A unit that was not stated contradicts none.
             apart = [f"{name} in {a} and in {b}" for name, a, b in units if a != b and not {a, b} & {"", "1"}]
             if not apart:
                 continue
@@ -55,12 +55,12 @@ def require_alike(recordings: Sequence[Recording]) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Regression:
-    """Regression y = Phi theta + e of candidates on signals less their origins, each over the power of two just above
-    its largest size: no regressor exceeds 1, and the conversion back is exact."""
+    """Regression y = Phi theta + e of candidates. Origins are subtracted from the signals, which are then divided by
+    the power of two just above their largest size: no regressor exceeds 1, and the conversion back is exact."""
 
     table: TermTable  # Candidate terms
     recordings: tuple[Recording, ...]  # Training data
-    first: int  # The sample at which each recording starts to be fitted, so that all its lags are its own
+    first: int  # First fitted sample of each recording, so that all its lags lie in the recording
     output: int = 0  # Row of the output whose equation this is
     input_origin: Array | None = None
     output_origin: Array | None = None

@@ -16,8 +16,8 @@ STATUS_KEY, FAILED_KEY, BIAS_KEY = "residual_tests", "residual_tests_failed", "f
 SCARCITY_KEY, FIT_KEY = "samples_per_parameter", "free_run_fit_percent"  # Keys of a model's provenance
 _UNTESTED = "untested"
 _ENOUGH = 5.0
-"""Training samples for each effective parameter: of fewer, by Akaike's final prediction error (n + p)/(n - p), the
-squared error on new data is expected to be more than half as large again as on the training data."""
+"""Training samples for each effective parameter. With fewer, by Akaike's final prediction error (n + p)/(n - p), the
+expected squared error on new data is more than half as large again as on the training data."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -213,8 +213,9 @@ def assess_reliance(model: NarxModel, recordings: Sequence[Recording]) -> Relian
 
 
 def samples_per_parameter(model: NarxModel) -> float | None:
-    """Return training samples by effective parameters, None if unknown: one of the best k of M terms may count for 2
-    ln(M/k), being chosen (Foster, George, Ann. Statist. 22 (1994) 1947-1975, doi:10.1214/aos/1176325766)."""
+    """Return training samples per effective parameter, None if unknown. One of the best k of M terms may count as 2
+    ln(M/k) parameters, because it was chosen (Foster, George, Ann. Statist. 22 (1994) 1947-1975,
+    doi:10.1214/aos/1176325766)."""
     samples, candidates = (_number(model.provenance, key) for key in ("samples", "candidates"))
     if samples is None or not model.terms:
         return None

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _ALIKE = 0.02
-"""Share of twice the variance by which a signal differs from itself a period later, at most: as much as noise of a
-seventh of its deviation makes."""
+"""Largest mean squared difference of a signal from itself a period later, as a share of twice the variance: noise of a
+seventh of the signal's standard deviation causes as much."""
 _FINER = 8
-"""Shifts in a sample: half of one is a tenth of a radian, 0.6 % of twice the variance, even of a tone of 4 samples."""
+"""Shifts per sample: half of one is a tenth of a radian even of a tone of 4 samples, and costs 0.6 % of twice the
+variance."""
 
 
 def period_of(values: Array) -> float | None:
@@ -38,8 +39,9 @@ def whole_multiple(period: float, longest: int, drift: float = 0.5) -> int:
 
 
 def _repeats(values: Array) -> tuple[float, int] | None:
-    """Return a number of samples and the whole periods in it; None without repetition. A signal is compared with itself
-    at all shifts, then over twice as many periods up to half of it, which slow growth does not pass."""
+    """Return a number of samples and the number of whole periods in it; None without repetition. A signal is compared
+    with itself at all shifts, then over twice as many periods each time, up to half of it; slow growth fails the
+    latter."""
     n, left = values.size, values - values.mean()
     size = 1 << (2 * n - 1).bit_length()
     power = np.abs(np.fft.rfft(left, size)) ** 2
@@ -48,7 +50,7 @@ def _repeats(values: Array) -> tuple[float, int] | None:
     squares = np.concatenate([[0.0], np.cumsum(left**2)])
     sums = np.interp(n - shifts, np.arange(n + 1), squares) + squares[n]
     sums -= np.interp(shifts, np.arange(n + 1), squares)
-    apart = (sums - 2.0 * products) / np.maximum(sums, np.finfo(float).tiny)  # 0: alike, 1: as two signals
+    apart = (sums - 2.0 * products) / np.maximum(sums, np.finfo(float).tiny)  # 0 for equal, 1 for unrelated signals
     half = n // 2 * _FINER
     other = np.flatnonzero(apart[: half + 1] > 0.5)
     alike = other[0] + np.flatnonzero(apart[other[0] : half + 1] <= _ALIKE) if other.size else other
@@ -64,16 +66,17 @@ def _repeats(values: Array) -> tuple[float, int] | None:
     if apart[last] > 2.0 * _ALIKE:
         return None
     whole = round(last / _FINER) * _FINER
-    # Between samples only where the signals are clearly more alike there than at a sample.
+    # A shift between samples is taken only if the signals are clearly more alike there than at a whole sample.
     return (last if whole >= apart.size or abs(apart[last]) < 0.5 * apart[whole] else whole) / _FINER, times
 
 
 def periods_apart(values: Array, inputs: Array, output: Array, lags: int) -> list[tuple[Array, Array]]:
-    """Separate a record into what repeats itself, first, and differences between its blocks of whole periods.
+    """Separate a record into its repeating part, first, and differences between its blocks of whole periods.
 
-    Helmert's orthonormal matrix gives the mean, and each block less the mean of those before it, in which stationary
-    noise keeps its law and is independent. Blocks leave most samples with `lags` before them. A record without
-    repetition, or with one within the lags, stays whole. Shapes: `values` (n,), `inputs` (n_inputs, n), `output` (n,).
+    Helmert's orthonormal matrix gives the mean, and each block minus the mean of the blocks before it; stationary noise
+    keeps its law and is independent in these. The length of the blocks leaves most samples with `lags` before them. A
+    record without repetition, or with a period within the lags, stays whole. Shapes: `values` (n,), `inputs` (n_inputs,
+    n), `output` (n,).
     """
     period = whole_period_of(values) or 0
     if period <= lags:

@@ -17,12 +17,12 @@ from deatwin.plant.recording import Recording
 Array = NDArray[np.float64]
 
 RMS_KEY, TIME_KEY = "free_run_residual_rms", "free_run_residual_time_s"
-"""Keys of a model's provenance under which its residual is found, in the output's unit and in s."""
+"""Keys of a model's provenance for its residual's rms, in the output's unit, and correlation time, s."""
 DIVERGED = {"free_run": "diverged"}
-"""What the provenance of a model says whose free run did not reach the end where it was identified."""
-_SHORT = 0.1  # of a recording: longer lags have too few pairs for their covariance to be known
-_CHANCE = 1e-3  # that noise alone passes for a residual that rings
-_START = 0.05  # of a recording: there the free run still knows the measured start
+"""Entry in the provenance of a model whose free run diverged on the recording from which it was identified."""
+_SHORT = 0.1  # share of a recording: longer lags have too few pairs for a reliable covariance
+_CHANCE = 1e-3  # probability that noise alone passes for an oscillating residual
+_START = 0.05  # share of a recording, at its start, where the free run still depends on the measured start
 
 
 class DivergedError(ModelError):
@@ -155,7 +155,7 @@ def free_run_residual(model: NarxModel, recording: Recording) -> Residual:
     error = error - error.mean()
     size = 1 << (2 * error.size - 1).bit_length()
     covariance = np.fft.irfft(np.abs(np.fft.rfft(error, size)) ** 2)[: error.size] / error.size
-    # White noise of the sensor is in the covariance at lag 0 only.
+    # White sensor noise is in the covariance at lag 0 only.
     first = _first_lag(covariance)
     coloured = max(float(abs(covariance[first]) if first > 1 else covariance[1]), 0.0)
     curve = covariance[1:] if first == 1 else _envelope(covariance)
@@ -169,8 +169,8 @@ def _first_lag(covariance: Array) -> int:
     from scipy.stats import norm
 
     sizes = np.abs(_short(covariance))
-    # Bartlett: covariances of white noise have the deviation c(0) / sqrt(n), their difference sqrt(2) times that;
-    # beside the first lag the largest of many is looked at.
+    # Bartlett: covariances of white noise have the standard deviation c(0) / sqrt(n), and their difference sqrt(2)
+    # times that; the largest of many lags is compared with the first.
     error = covariance[0] * np.sqrt(2.0 / covariance.size) * norm.isf(_CHANCE / sizes.size)
     largest = int(np.argmax(sizes))
     return largest + 1 if sizes[largest] > max(covariance[1], 0.0) + error else 1

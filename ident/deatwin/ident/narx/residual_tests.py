@@ -38,12 +38,12 @@ TESTS: Mapping[str, str] = MappingProxyType(
         "ee'": r"\phi_{ee'}(\tau)",
     }
 )
-"""Name of each test and how it is written; the last is between the residuals of two outputs."""
+"""Names of the tests and their formulas; the last is between the residuals of two outputs."""
 
-_ROUNDING = 1e-20  # relative power of the square of a two-level input, less its mean
-_SYMMETRIC = 1e-2  # a skewness below it changes no p-value
-_LEAST_TAIL = 1e-300  # so that the normal quantile of a tail stays finite
-_QUANTILE = 1.959963984540054  # of the normal law, 97.5 %
+_ROUNDING = 1e-20  # relative power below which the centred square of an input is zero, as for two levels
+_SYMMETRIC = 1e-2  # skewness below which no p-value changes
+_LEAST_TAIL = 1e-300  # least probability of a tail, so that its normal quantile stays finite
+_QUANTILE = 1.959963984540054  # 97.5 % quantile of the normal law
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -136,14 +136,14 @@ class Whiteness:
 
     output: int  # Row of the output
     statistic: float
-    dof: int  # Number of lags: degrees of freedom of the chi-square law that the statistic follows for white noise
-    p_value: float  # Chance of a larger statistic for white noise
+    dof: int  # Number of lags: degrees of freedom of the statistic's chi-square law for white noise
+    p_value: float  # Probability of a larger statistic for white noise
     share_outside: float  # Share of the lags outside of ±1.96 / sqrt(N)
-    usual_outside: tuple[float, float]  # The share for white noise lies in between in 95 % of all cases (binomial)
+    usual_outside: tuple[float, float]  # 95 % interval of that share for white noise (binomial)
 
 
 def correlation(delayed: Series, signal: Series, lags: Integers) -> Array:
-    """phi(tau) = sum_k a(k - tau) b(k) / sqrt(sum a^2 sum b^2), not across recordings, (n_lags,)."""
+    """Return sum_k a(k - tau) b(k) / sqrt(sum a^2 sum b^2), (n_lags,), without products across recordings."""
     sums = np.zeros(len(lags))
     for a, b in zip(delayed, signal, strict=True):
         for i, lag in enumerate(lags.tolist()):
@@ -155,12 +155,14 @@ def correlation(delayed: Series, signal: Series, lags: Integers) -> Array:
 def correlation_tests(
     residuals: Sequence[Array], inputs: Sequence[Array], *, max_lag: int, level: float
 ) -> tuple[CorrelationTest, ...]:
-    """Test residuals (n_outputs, n_r) of records by correlations with inputs (n_inputs, n_r) (Billings and Voon [1]_).
+    """Test residuals (n_outputs, n_r) of records by correlations with inputs (n_inputs, n_r) (Billings and Voon
+    [1]_).
 
-    With residual e, input u less its mean, and ' for less the mean: phi_ee at lags from 1; phi_ue, phi_(u2)'e and
-    phi_(u2)'e2 at lags of both signs; phi_e(eu), of e(k) and e(k-1-tau) u(k-1-tau), at lags 0 to ``max_lag - 1``. The
-    mean of e stays, since a mean is a fault. By the covariance between lags (Bartlett's formula [3]_) the tests with u
-    test dependence on the input only. Correlations of two skewed signals, as u^2 and e^2, are taken as gamma variables.
+    With residual e, input u without its mean, and ' for a signal without its mean: phi_ee at lags from 1; phi_ue,
+    phi_(u2)'e and phi_(u2)'e2 at lags of both signs; phi_e(eu), of e(k) and e(k-1-tau) u(k-1-tau), at lags 0 to
+    ``max_lag - 1``. The mean of e is kept, because a mean is a fault. With the covariance between lags (Bartlett's
+    formula [3]_), the tests with u test dependence on the input only. Correlations of two skewed signals, such as u^2
+    and e^2, are treated as gamma variables.
     """
     both, later = np.arange(-max_lag, max_lag + 1), np.arange(1, max_lag + 1)
     n_outputs, n_inputs = residuals[0].shape[0], inputs[0].shape[0]
@@ -208,7 +210,7 @@ def _tested(
 ) -> CorrelationTest:
     """Test the correlation of a, delayed by the shifts, with b."""
     values = correlation(a, b, shifts)
-    spread = np.eye(1, shifts.size)[0]  # the law at the lags: independent, as e is white
+    spread = np.eye(1, shifts.size)[0]  # correlations at the lags are independent, because e is white
     if name in ("ue", "(u2)'e", "(u2)'e2"):
         spread = _bartlett(a, b, shifts.size, int(shifts[-1]))
     scores = _normal_scores(_standardised(values, b, shifts) / np.sqrt(spread[0]), _skewness(a) * _skewness(b))
@@ -249,8 +251,8 @@ def _skewness(series: Series) -> float:
 
 
 def _normal_scores(scores: Array, skewness: float) -> Array:
-    """Return normal quantiles of skewed scores by a gamma law (Pearson type III): after hundreds of samples the far
-    tail of products of skewed signals is still several times the normal one."""
+    """Return normal quantiles of skewed scores by a gamma law (Pearson type III), because even after hundreds of
+    samples the far tail of products of skewed signals is several times the normal one."""
     from scipy.special import gammainc, gammaincc, ndtri
 
     if abs(skewness) < _SYMMETRIC:
@@ -262,8 +264,9 @@ def _normal_scores(scores: Array, skewness: float) -> Array:
 
 
 def _p_value(scores: Array, spread: Array) -> float:
-    """Return the probability of such normal scores of Toeplitz correlation ``spread``: twice the lesser of their
-    squares' (Satterthwaite's chi-square) and of the largest one's (Sidak [4]_, exact for independent lags)."""
+    """Return the p-value of normal scores with Toeplitz correlation ``spread``: twice the smaller of the p-values of
+    their sum of squares (Satterthwaite's chi-square) and of the largest one (Sidak [4]_, exact for independent
+    lags)."""
     from scipy.special import chdtrc, ndtr
 
     count = scores.size

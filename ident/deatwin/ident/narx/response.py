@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-DIVERGED = 1e3  # A free run has diverged when it leaves this many times the outputs of the training data
-# A model without training data has no scale of its own, so that only what cannot be meant is called divergence.
+DIVERGED = 1e3  # Multiple of the outputs of the training data beyond which a free run has diverged
+# A model without training data has no scale of its own, so that only outputs that cannot be intended count as diverged.
 _DIVERGED_UNTRAINED = 1e9
 
 

@@ -22,18 +22,18 @@ from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
 
-BLOCKS = 64  # Into which a record is cut: those of five minutes are five seconds long
-_ALONE = 1e-9  # share of what is known of a parameter that has to remain without a block
-_FEWEST = 8  # cosines of the scatter
+BLOCKS = 64  # Blocks into which a record is cut: those of a record of five minutes are five seconds long
+_ALONE = 1e-9  # least share of the information on a parameter that must remain without a block
+_FEWEST = 8  # least number of cosines for the scatter
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cosines:
-    """Cosine coefficients of short series, for the covariance of mean and drift: those of an uncorrelated stationary
-    series are uncorrelated, with n times the covariance of its mean."""
+    """Cosine coefficients of short series, for the covariance of mean and drift. Coefficients of an uncorrelated
+    stationary series are uncorrelated, with n times the covariance of its mean."""
 
     coefficients: Array
-    n_slow: int  # The first of them, which belong to a drift and do not count as scatter
+    n_slow: int  # Number of first coefficients, which belong to a drift and do not count as scatter
 
     @classmethod
     def of(cls, series: ArrayLike, n_slow: int = 0) -> Cosines:
@@ -98,8 +98,8 @@ def _shapes(half_periods: NDArray[np.int_], shares: Array, n: int) -> Array:
 def pseudovalues(
     model: NarxModel, recordings: Recordings, *, n_blocks: int = BLOCKS, instruments: Recordings | None = None
 ) -> Array:
-    """Return each block's own deviation of parameters, (n_blocks, n_terms), of regressors P and residuals e: n_blocks -
-    1 times (P P' - P_k P_k')^-1 P_k e_k. `instruments` give Z for the first P of each product."""
+    """Return the deviation of the parameters due to each block, (n_blocks, n_terms), from regressors P and residuals e:
+    n_blocks - 1 times (P P' - P_k P_k')^-1 P_k e_k. `instruments` give Z for the first P of each product."""
     model.require_one_output("the jackknife")
     if not isinstance(n_blocks, int | np.integer) or n_blocks < 2:
         raise ModelError(f"n_blocks = {n_blocks!r}; it must be an integer of at least 2")
@@ -112,7 +112,7 @@ def pseudovalues(
     if n < 2 * n_blocks or n <= n_terms:
         raise ModelError(f"{n} samples are too few for {n_blocks} blocks and {n_terms} parameters")
     residual = target - (model.theta / data.term_scales) @ rows
-    # In orthonormal regressors no digits are lost to a Gram matrix.
+    # Orthonormal regressors, so that no digits are lost to a Gram matrix.
     (q, r), z = np.linalg.qr(rows.T), np.linalg.qr(others.T)[0]
     found = np.empty((n_blocks, n_terms))
     edges = np.linspace(0, n, n_blocks + 1).round().astype(int)

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# A free run that goes astray in one section alone passes every test over the sections. Whatever they say, the final
-# model's mean squared error is at most so many times the least of the path: a choice, far beyond what chance does.
+# A free run that fails in a single section passes every test over the sections. Whatever they say, the final model's
+# mean squared error is therefore at most this multiple of the smallest of the path: a choice, far beyond chance.
 _CLEARLY_WORSE = 2.0
 
 

@@ -19,10 +19,10 @@ from deatwin.ident.narx.terms import Term
 Array = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
 
-# Ten to thirty sections are enough to know the variance of a mean, and long enough to be independent of each other
+# Ten to thirty sections suffice to know the variance of a mean, and are long enough to be independent of each other
 # (Schmeiser, Oper. Res. 30 (1982) 556-568, doi:10.1287/opre.30.3.556).
 _SECTIONS = 20
-_STEPS = 4  # times max_terms: a search that still turns terms over then goes nowhere
+_STEPS = 4  # most steps, times max_terms: a search that still changes terms then makes no progress
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +87,7 @@ class SempSearch:
         self.sections = np.maximum(1, np.rint(wanted * lengths / lengths.sum())).astype(int)
         self.path: list[SempStep] = []
         self.chosen: list[int] = []
-        self.squares = self.power  # of the one-step errors
+        self.squares = self.power  # sum of squared one-step errors
         self.errors = np.array([self.power])
         self.exchanges = 0
         self.restarted = False

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
 
 _STEP = float(np.cbrt(np.finfo(float).eps))
-"""Step of a central difference, as a share of the argument: there, rounding and truncation are alike."""
+"""Step of a central difference, as a share of the argument, at which rounding and truncation errors are about equal."""
 
 
 @dataclass(frozen=True)
@@ -30,12 +30,12 @@ class _Kind:
     """A function of a signal x and up to two numbers."""
 
     parameters: tuple[str, ...]
-    degree: int  # To which power of the unit of x it belongs if its numbers scale with x; 0 for a pure number
+    degree: int  # Power of the unit of x in the function's unit if its numbers scale with x; 0 for a pure number
     value: Callable[..., Array]
     slope: Callable[..., Array]
-    kinks: Callable[..., tuple[float, ...]]  # Arguments without a derivative
-    source: str = ""  # The value in C, of x, p and q; empty if Python alone knows it
-    slope_source: str = ""  # Its derivative, likewise
+    kinks: Callable[..., tuple[float, ...]]  # Arguments at which there is no derivative
+    source: str = ""  # Value as a C expression of x, p and q; empty if it exists in Python only
+    slope_source: str = ""  # Derivative as a C expression, likewise
 
 
 def _above(x: Array, knot: float) -> Array:
@@ -96,7 +96,7 @@ _KINDS: dict[str, _Kind] = {
         "(1 - tanh(x / p) * tanh(x / p)) / p",
     ),
 }
-SOURCES = tuple(_KINDS)  # Names of the functions that are built in, by their numbers in C
+SOURCES = tuple(_KINDS)  # Names of the built-in functions, in the order of their numbers in C
 
 
 def register_function(name: str, function: Function, slope: Function | None = None) -> None:
@@ -142,7 +142,7 @@ class Shape:
 
     name: str
     parameters: tuple[float, ...] = ()
-    difference: int = 0  # Samples: it is a function of x(k) - x(k-difference); 0 for one of x(k)
+    difference: int = 0  # Samples d of x(k) - x(k-d), if that is the function's argument; 0 if it is x(k)
     gain: float = 1.0  # Size of the unit in which the signal is given; the parameters stay as they are
 
     @classmethod
@@ -165,7 +165,7 @@ class Shape:
 
     @property
     def _kind(self) -> _Kind:
-        if self.name not in _KINDS:  # in another process
+        if self.name not in _KINDS:  # registered in another process only
             raise ModelError(f"the function {self.name!r} is not known here: call register_function first")
         return _KINDS[self.name]
 

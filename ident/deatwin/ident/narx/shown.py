@@ -16,15 +16,15 @@ if TYPE_CHECKING:
 
 
 Array = NDArray[np.float64]
-_PLAIN = (1e-4, 1e6)  # Numbers of six digits are written without an exponent from the first to below the second
+_PLAIN = (1e-4, 1e6)  # Range of sizes that six digits show without an exponent: from the first to below the second
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ShownUnits:
     """Units in which the parameters of a model are shown."""
 
-    factors: Array  # shape (n_terms,): Each parameter is to be multiplied by its own
-    legend: str  # As ``y in mm, u in kV``; empty where the parameters are those of the signals in SI
+    factors: Array  # shape (n_terms,): Factor on each parameter
+    legend: str  # Such as ``y in mm, u in kV``; empty if the parameters are those of signals in SI
 
 
 def shown_units(model: NarxModel) -> ShownUnits:
@@ -32,7 +32,7 @@ def shown_units(model: NarxModel) -> ShownUnits:
     plain = ShownUnits(factors=np.ones(len(model.terms)), legend="")
     trained = model.operating
     exponents = _exponents(model.theta)
-    if trained is None or not exponents or model.table.functions:  # whose numbers are in the signals' own units
+    if trained is None or not exponents or model.table.functions:  # functions have numbers in the signals' own units
         return plain
     outputs = _sizes(
         trained.output_min - model.output_origin, trained.output_max - model.output_origin, model.output_units

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 class BayesianEstimate(Estimate):
     """A posterior with its evidence."""
 
-    log_evidence: float  # ln p(y), the marginal likelihood in nats, of the outputs as they were given
+    log_evidence: float  # ln p(y), the marginal likelihood of the outputs as given, nats
     precision: float
 
 
@@ -147,7 +147,7 @@ class _Spectrum:
 
     def __init__(self, powers: Array, along: Array, target: Array, samples: int) -> None:
         self.powers, self.along, self.samples = powers, along, samples
-        # Never below rounding level, so that noise-free data have a logarithm.
+        # At least rounding level, so that noise-free data have a logarithm.
         floor = float(np.finfo(float).eps ** 2 * (target @ target))
         self.outside = max(float(target @ target - along @ along), floor)
 

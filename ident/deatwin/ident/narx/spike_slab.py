@@ -38,7 +38,7 @@ class SpikeSlab:
 
     data: Statistics
     priors: Priors = field(default_factory=Priors)
-    information: float = 0.01  # Of the slab, in samples
+    information: float = 0.01  # Information in the slab, in samples
 
     @property
     def n_terms(self) -> int:
@@ -105,7 +105,7 @@ class Structures:
     """Sampled structures."""
 
     inclusion: Array
-    weights: Mapping[Terms, float]  # Share of the chain at each set of terms
+    weights: Mapping[Terms, float]  # Share of the chain's samples at each set of terms
 
     @property
     def median(self) -> Terms:

@@ -60,6 +60,6 @@ def _gains(rows: Array, target: Array, chosen: Indices) -> tuple[float, Array]:
     left = target - q @ (q.T @ target)
     beyond = rows - (rows @ q) @ q.T
     squares = np.einsum("ij,ij->i", beyond, beyond)
-    new = squares > 1e-12 * np.einsum("ij,ij->i", rows, rows)  # the chosen ones have nothing beyond themselves
+    new = squares > 1e-12 * np.einsum("ij,ij->i", rows, rows)  # the chosen terms have no part beyond themselves
     gains = np.where(new, (beyond @ left) ** 2 / np.where(new, squares, 1.0), 0.0)
     return float(left @ left), np.asarray(gains, dtype=np.float64)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _CLEAN_UPS = ("none", "evidence")
-_PRUNING = 0.9  # share of the progress that is pruning where a clean-up follows
+_PRUNING = 0.9  # share of the progress for pruning if a clean-up follows
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,10 +143,11 @@ class SvbNarx(CandidateSearch):
         resting = super()._resting(data, model)
         if resting is data:
             return data
-        # The prior holds the parameters back, by little, but so that exact data would keep a constant.
+        # The prior shrinks the parameters only slightly, but enough for exact data to keep a constant; least squares
+        # avoids it.
         try:
             return super()._resting(data, Fixed(terms=model).fit(data[0].recordings).model_)
-        except ModelError:  # least squares has too few samples
+        except ModelError:  # too few samples for least squares
             return resting
 
     def _learn(self, data: Regression, progress: Progress) -> NarxModel:
@@ -166,8 +167,8 @@ class SvbNarx(CandidateSearch):
             moves = self._climbed(statistics, self.path_[best:], progress)
             chosen = moves[-1].chosen if moves else chosen
         self.moves_ = tuple(_in_terms(move, data.table.terms) for move in moves)
-        # The bound may have several maxima. The lasting fit is the better of that which began without any term and that
-        # which began at least squares, from where nearly collinear terms find their shares.
+        # The bound may have several maxima. The final fit is the better of two: one started without any term, one at
+        # least squares, from where nearly collinear terms find their shares.
         starts = (self.c0 / self.d0, FLAT)
         fit = max((self._fit(statistics.only(chosen), start) for start in starts), key=lambda one: one.bounds[-1])
         self.settled_ = fit.settled
@@ -193,7 +194,7 @@ class SvbNarx(CandidateSearch):
             for step in self._steps(data, statistics):
                 steps.append(step)
                 left = step.indices.size
-                # A fit costs the cube of its terms.
+                # The cost of a fit grows with the cube of its terms.
                 progress(part * (1 - (left / candidates) ** 3), f"{left} terms, lower bound {step.lower_bound:.6g}")
         except KeyboardInterrupt:
             if not steps:
@@ -218,7 +219,7 @@ class SvbNarx(CandidateSearch):
             if indices.size == 1:
                 return
             keep = scale > threshold
-            if not keep.any():  # all equally relevant: still one must go
+            if not keep.any():  # if all are equally relevant, one must still be removed
                 keep[1:] = True
             indices = indices[keep]
 
@@ -246,7 +247,7 @@ class SvbNarx(CandidateSearch):
                     if not best or move.log_odds > best[-1].log_odds:
                         best = moves
                     made += 1
-                    share = 1 - (1 - _PRUNING) / (made + 1)  # nobody knows how many moves there will be
+                    share = 1 - (1 - _PRUNING) / (made + 1)  # the number of moves is not known beforehand
                     progress(share, f"clean-up: {move.chosen.size} terms, log-odds {move.log_odds:.6g}")
         except KeyboardInterrupt:
             self.status_ = FitStatus.INTERRUPTED

@@ -17,7 +17,7 @@ from deatwin.plant.recording import Recording
 
 Array = NDArray[np.float64]
 
-_MOST_REDRAWS = 100  # a system that needs more of them for one recording has no stable runs worth a name
+_MOST_REDRAWS = 100  # most redraws of a recording: a system that needs more has no stable runs worth the name
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -25,22 +25,22 @@ class Draw:
     """A recording of a system."""
 
     recording: Recording
-    redraws: int  # How many runs diverged before this one and were thrown away, with their input and noise
+    redraws: int  # Number of earlier runs that diverged and were discarded with their input and noise
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BenchmarkSystem:
     """A NARX or NARMAX system with its input and noise, and the candidates among which it is to be found."""
 
-    name: str  # Short, as "S3"
-    equation: Mapping[str, float]  # Parameter of each term, noise terms e(k-l) included; e(k) itself is always added
+    name: str  # Short name, such as "S3"
+    equation: Mapping[str, float]  # Parameter of each term, including noise terms e(k-l); e(k) itself is always added
     draw_input: Callable[[np.random.Generator, int], Array]
     noise_std: float  # Standard deviation of the white normal e(k)
     n_samples: int = 500  # Usual length of a recording
     output_lags: int = 4
     input_lags: int = 4
     degree: int = 3
-    source: str = ""  # Where the system comes from, and what is chosen here
+    source: str = ""  # Origin of the system, and the choices made here
     sample_time: float = 1.0  # s
 
     @cached_property
@@ -55,7 +55,7 @@ class BenchmarkSystem:
 
     @cached_property
     def theta(self) -> Array:
-        """Their parameters, shape (n_terms,)."""
+        """Parameters of the true terms, shape (n_terms,)."""
         values = np.array(list(self._known.values()))
         values.setflags(write=False)
         return values
@@ -188,4 +188,4 @@ SYSTEMS: Mapping[str, BenchmarkSystem] = MappingProxyType(
         )
     }
 )
-"""By name."""
+"""Benchmark systems by name."""

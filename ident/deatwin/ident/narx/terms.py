@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 Rule = Callable[["Term"], bool]
 
-MOST_TERMS = 20_000  # Candidates beyond which the Gram matrix alone would need gigabytes
+MOST_TERMS = 20_000  # Most candidates; for more, the Gram matrix alone would need gigabytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +171,7 @@ def generate_terms(
     products = (
         Term.product(chosen) for n in range(degree + 1) for chosen in combinations_with_replacement(variables, n)
     )
-    # |x|^2 is x^2 and sign(x)^2 is 1; other functions have no use for powers that one more of them had not.
+    # |x|^2 is x^2 and sign(x)^2 is 1; powers of other functions offer nothing that a further function would not.
     once = (term for term in products if all(power == 1 for v, power in term.factors if v.shape is not None))
     terms = tuple(term for term in once if rule is None or rule(term))
     if not terms:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 SCHEMA = "deatwin/theta/1"
 
-_QUANTILE = 1.959963984540054  # of the normal law, 97.5 %
+_QUANTILE = 1.959963984540054  # 97.5 % quantile of the normal law
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

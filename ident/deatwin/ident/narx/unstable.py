@@ -16,11 +16,11 @@ from deatwin.plant.recording import Recording
 
 Array = NDArray[np.float64]
 
-_STEP = 1e-4  # of the output's range: of polynomials of low degree, half of the digits are left
-_ROUNDING = 1e-7  # to which a double pole at 1 is known: half of the digits, and a few of a companion matrix
-_SURE = 2.0  # standard deviations by which a pole lies outside, 98 % on that side
-_WORTH_SAYING = 0.01  # share of the rate of growth by which poles differ
-_SURER = 3.1  # the same where nothing else speaks for it: one false word in a thousand
+_STEP = 1e-4  # step as a share of the output's range, which keeps half of the digits for polynomials of low degree
+_ROUNDING = 1e-7  # accuracy of a double pole at 1: half of the digits, less a few for the companion matrix
+_SURE = 2.0  # standard deviations by which a pole must lie outside: 98 % on that side
+_WORTH_SAYING = 0.01  # difference of two poles that is reported, as a share of the rate of growth
+_SURER = 3.1  # standard deviations if nothing else speaks for an unstable pole: one false alarm in a thousand
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -152,8 +152,8 @@ def _sized(pole: complex, interval: tuple[float, float]) -> str:
 def unstable_model(
     model: NarxModel, recordings: Sequence[Recording], recorded: Recorded, *, diverged: bool
 ) -> Unstable | None:
-    """Return a model's unstable pole at the recordings' mean, or None if in doubt: a limit cycle is bounded too, so its
-    free run must have diverged, or the recordings surely have an unstable pole."""
+    """Return a model's unstable pole at the recordings' mean, or None if in doubt. A limit cycle is bounded too, so the
+    free run must have diverged, or the recordings must certainly have an unstable pole."""
     poles = poles_at(model, recordings)
     if (
         not poles.size
@@ -169,7 +169,7 @@ def unstable_model(
     room = min(record.n_samples for record in recordings) - model.table.max_lag
     steps = int(np.clip(growing, 2, max(2, room // 2)))
     ahead = Fit.of([model.predict(record, steps=steps) for record in recordings])
-    if not np.all(np.isfinite(ahead.mean_square)):  # lost within one growth by e: no pole accounts for that
+    if not np.all(np.isfinite(ahead.mean_square)):  # lost within one growth by e, which no pole explains
         return None
     return Unstable(
         pole=complex(poles[0]),

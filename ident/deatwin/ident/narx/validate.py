@@ -40,9 +40,9 @@ Array = NDArray[np.float64]
 SCHEMA = "deatwin/validation/1"
 
 _WITH_INPUT = ("ue", "(u2)'e", "(u2)'e2")
-_LEAST_SAMPLES = 4  # for each lag that is tested
-_ROUNDING = 1e-13  # residuals below this share of the largest output are rounding errors of the arithmetic
-_DIGITS = 1e-8  # and below this share of the output's deviation those of a file's nine digits: no sensor has 160 dB
+_LEAST_SAMPLES = 4  # samples for each lag that is tested
+_ROUNDING = 1e-13  # share of the largest output below which residuals are rounding errors of the arithmetic
+_DIGITS = 1e-8  # share of the output's deviation that a file's nine digits may round: no sensor has 160 dB
 
 
 class ValidationStatus(Enum):

@@ -15,10 +15,10 @@ from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
 
-_KINDS = "yue"  # the order in which factors are written
+_KINDS = "yue"  # kinds of signals in the order in which factors are written
 
 MOST_CHANNELS, MOST_LAG, MOST_POWER = 1000, 100_000, 100
-"""Numbers in a written term beyond which it is a mistake, and a model of it would need gigabytes."""
+"""Largest numbers in a written term: a larger one is a mistake, and its model would need gigabytes."""
 
 
 @total_ordering

@@ -16,7 +16,7 @@ from deatwin.plant.recording import Recording
 
 Array = NDArray[np.float64]
 STEP = 0.05  # Sampling time of the benchmark systems, s
-DURATION = 300.0  # Length of their recordings, s; the parameters go there and back once in it
+DURATION = 300.0  # Length of their recordings, s, in which the parameters go there and back once
 NOISE = 0.01  # Standard deviation of the equation's noise, in the unit of the output
 
 
@@ -111,7 +111,7 @@ def _swing(low: float, high: float) -> Callable[[Array], Array]:
 
 
 def _resonance(phase: Array) -> Array:
-    """Return 2 r cos(w T) of a pole whose frequency goes from 1 to 3 Hz and back."""
+    """Return 2 r cos(w T) of a pole whose frequency moves from 1 to 3 Hz and back."""
     return 2 * _DAMPED * np.cos(2 * np.pi * _swing(1.0, 3.0)(phase) * STEP)
 
 
@@ -125,7 +125,7 @@ RESONANCE = KnownSystem(
     amplitude=0.3,
     band=6.0,
 )
-"""Linear: y = a(t) y(k-1) - 0.85 y(k-2) + b(t) u(k-1) + e, whose resonance goes from 1 to 3 Hz and back."""
+"""Linear system y = a(t) y(k-1) - 0.85 y(k-2) + b(t) u(k-1) + e, whose resonance moves from 1 to 3 Hz and back."""
 
 MOVING_DC = KnownSystem(
     name="moving DC",
@@ -140,7 +140,7 @@ MOVING_DC = KnownSystem(
     amplitude=0.2,
     band=3.0,
 )
-"""Quadratic: y = c(t) + 0.7 y(k-1) + 0.5 u(k-1) - 0.15 y(k-1)² + e. Only the constant changes: its equilibrium goes
-from 0 to 1.1 and back, and with it every order."""
+"""Quadratic system y = c(t) + 0.7 y(k-1) + 0.5 u(k-1) - 0.15 y(k-1)² + e. Only the constant changes, and with it the
+equilibrium, from 0 to 1.1 and back, and the response of every order."""
 
 SYSTEMS = (RESONANCE, MOVING_DC)

@@ -22,15 +22,16 @@ Array = NDArray[np.float64]
 Structure = tuple[Term, ...]
 Recordings = Sequence[Recording]
 BLOCK = 20.0
-"""Length of a block of the record, s: some twenty times as long as a reading is correlated, and a hundredth of what the
-slowest histories take."""
-CYCLE = 4  # Blocks of which one is for choosing and one for judging
+"""Length of a block of the record, s: some twenty correlation times of a reading, and a hundredth of the time of the
+slowest histories."""
+CYCLE = 4  # Blocks in a cycle, of which one is for choosing and one for judging
 CHOOSING, JUDGING = 2, 0
 SHARES = (0.003, 0.01, 0.03, 0.1, 0.3)
-"""Shares of the reading's deviation by which the contribution of each term may wander over the whole record."""
+"""Shares of the reading's standard deviation by which the contribution of each term may wander over the whole
+record."""
 CONSTANT, REFINED, VARYING, LIKELIEST = "constant", "constant, least free-run error", "varying", "varying, likeliest"
-PAST = 5  # Blocks that are seen before the first forecast
-KEPT_EVERY = 1.0  # Times of a trajectory that is kept, s
+PAST = 5  # Blocks before the first forecast
+KEPT_EVERY = 1.0  # Interval at which a trajectory is kept, s
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,14 +39,14 @@ class Track:
     """Parameters of an actuator along time, and free-run errors divided by the standard deviation of the reading."""
 
     name: str
-    recording: Recording  # Whole, thinned
-    share: float  # One of `SHARES`
-    seen: Mapping[str, float]  # Errors on the record that was fitted, by way
-    unseen: Mapping[str, float]  # Errors on the blocks for judging, with parameters of all others
-    ahead: Mapping[str, float]  # Errors of `CONSTANT` and `VARYING` on each block, parameters of what came before it
-    trajectory: ThetaTrajectory  # Fitted to the whole record, every second
-    held: ThetaTrajectory  # Fitted without the blocks for judging
-    held_constant: NarxModel  # Least squares without the blocks for judging
+    recording: Recording  # Whole recording, thinned
+    share: float  # Chosen one of `SHARES`
+    seen: Mapping[str, float]  # Errors on the fitted record, by method
+    unseen: Mapping[str, float]  # Errors on the blocks for judging, with parameters from all others
+    ahead: Mapping[str, float]  # Errors of `CONSTANT` and `VARYING` on each block, with parameters from earlier ones
+    trajectory: ThetaTrajectory  # Trajectory fitted to the whole record, kept every second
+    held: ThetaTrajectory  # Trajectory fitted without the blocks for judging
+    held_constant: NarxModel  # Model by least squares without the blocks for judging
     judged: tuple[Recording, ...]  # The blocks for judging
 
 

@@ -17,7 +17,7 @@ from deatwin.plant.errors import ModelError
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-_HIGHEST = 1023  # Largest power: beyond it 2 overflows
+_HIGHEST = 1023  # Largest power; beyond it, powers of 2 overflow
 _POWER = re.compile(r"([xus])(\d*)(?:\^(\d+))?")
 _FUNCTION = re.compile(r"(\w+)\(([xus]\d*)((?:,[^(),]+)*)\)")
 
@@ -26,7 +26,7 @@ _FUNCTION = re.compile(r"(\w+)\(([xus]\d*)((?:,[^(),]+)*)\)")
 class Factor:
     """A power or a function of one variable."""
 
-    variable: int  # Among states, inputs and directions, in this order
+    variable: int  # Index among states, inputs and directions, in this order
     power: int = 1
     shape: Shape | None = None
 

@@ -19,7 +19,7 @@ from deatwin.plant.recording import Recording
 
 Array = NDArray[np.float64]
 Roots = NDArray[np.complex128]
-_TRIAL = 10  # Steps by which one parting of poles and zeros shows whether it is better than another
+_TRIAL = 10  # Steps of a search after which divisions of poles and zeros are compared
 
 
 class Structure(StrEnum):

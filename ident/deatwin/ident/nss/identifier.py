@@ -21,9 +21,10 @@ from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.recording import Recording
 
 Array = NDArray[np.float64]
-_LINEAR_STEPS = 25  # Of the linear start, whose end is not needed to the last digit
+_LINEAR_STEPS = 25  # Steps of the linear start, which need not converge to the last digit
 _PATIENCE = 20
-"""Steps without a lower held-out error that end a search: on its way to a better valley it rises for some."""
+"""Steps without a lower held-out error after which a search ends: on the way to a better valley it may rise for
+some."""
 
 
 class StateSpaceIdentifier(Identifier):
@@ -94,7 +95,7 @@ class StateSpaceIdentifier(Identifier):
         require_alike(chosen)
         self._require()
         told = progress or silent
-        with threadpool_limits(1):  # tall and narrow matrices: more threads only wait for each other
+        with threadpool_limits(1):  # tall and narrow matrices, for which more threads only wait for each other
             sides, records = _scaled(chosen, self.held_out, self._needed(chosen[0]))
             told(0.0, "a linear state space")
             found = linear_start(
@@ -196,7 +197,7 @@ def _on_all(found: Found, start: Point, whole: Sequence[Record], max_steps: int)
     if not found.overfitted:
         return search(found.point.system, found.point.starts, whole, steps=max_steps)
     again = search(start.system, start.starts, whole, steps=found.steps) if found.steps else found
-    # Not where the other samples lead the search astray: the held-out ones then know a better end.
+    # Only if the other samples do not lead the search astray; otherwise the held-out samples found a better end.
     better = again.point.cost < judged(found.point.system, found.point.starts, whole).cost
     return again if better else replace(found, interrupted=again.interrupted)
 
@@ -206,7 +207,7 @@ def _errors(point: Point, records: Sequence[Record]) -> tuple[Array, Array]:
     parts: tuple[list[Array], list[Array]] = ([], [])
     for record, start in zip(records, point.starts, strict=True):
         left = (record.outputs.T - point.system.run(record.inputs, start)[0]) ** 2
-        left[np.isnan(left)] = np.inf  # after the end of a run that diverged
+        left[np.isnan(left)] = np.inf  # NaN after the end of a diverged run
         parts[0].append(left[: record.fitted])
         parts[1].append(left[record.fitted :])
     fitted, rest = (np.concatenate(part) for part in parts)

@@ -18,8 +18,8 @@ Array = NDArray[np.float64]
 Lines = tuple[NDArray[np.complex128], Array, Array]
 
 _ROWS = (1.5, 3.0, 6.0)
-"""Block rows by state: few tell fast poles, many tell slow ones; the one with the least free-run error is kept."""
-_LONGEST = 20_000  # Samples of a record that the subspace method reads; all of them are fitted afterwards
+"""Block rows per state: few suit fast poles, many suit slow ones; those with the smallest free-run error are kept."""
+_LONGEST = 20_000  # Samples of a record that the subspace method uses; all samples are fitted afterwards
 
 
 def linear_start(
@@ -55,7 +55,7 @@ def _linear(a: Array, c: Array, m: int, feedthrough: bool) -> System:
 
 def _freed(system: System, feedthrough: bool) -> System:
     transition, output = np.ones_like(system.free_transition), np.ones_like(system.free_output)
-    transition[:, 0] = False  # a constant of the output is the same
+    transition[:, 0] = False  # a constant of the output has the same effect
     output[:, 1 + system.basis.states :] = feedthrough
     return replace(system, free_transition=transition, free_output=output)
 
@@ -95,7 +95,7 @@ def in_own_coordinates(point: Point, records: Sequence[Record]) -> Point:
     spread = np.asarray(np.linalg.qr(seen.T / np.sqrt(seen.shape[1]), mode="r")).T
     spread = spread * np.sign(np.where(np.diag(spread) == 0.0, 1.0, np.diag(spread)))
     turn = np.linalg.lstsq(spread, turn, rcond=1e-10)[0]
-    # Back to the states that occur: fewer than n directions of them where the order is higher than that of the data.
+    # Back to the states that occur: they span fewer than n directions if the order is higher than that of the data.
     left, sizes, _ = np.linalg.svd(states, full_matrices=False)
     occurring = left[:, sizes > 1e-10 * sizes[0]]
     back = occurring @ np.linalg.pinv(turn @ occurring)
@@ -104,7 +104,7 @@ def in_own_coordinates(point: Point, records: Sequence[Record]) -> Point:
     for weights in (transition, output):
         weights[:, 1 : 1 + n] = weights[:, 1 : 1 + n] @ back
     turned = judged(replace(system, transition=transition, output=output), point.starts @ turn.T, records)
-    # A state that is hardly seen loses its digits in the turn; where that costs more than half of those of the outputs,
+    # Transforming a state that hardly affects the outputs loses digits; if the outputs lost more than half of theirs,
     # the coordinates stay.
     rounding = np.finfo(float).eps * sum(record.fitted for record in records) * len(output)
     return turned if turned.cost <= (1.0 + 1e-6) * point.cost + rounding else point

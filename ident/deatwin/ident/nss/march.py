@@ -26,12 +26,12 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class System:
-    """Weights of a nonlinear state space, and which of them are free. Masks have the shapes of the weights."""
+    """Weights of a nonlinear state space, and masks of the free ones. Masks have the shapes of the weights."""
 
     basis: Basis
-    directions: Array  # shape (n_directions, n_regressors): P
-    transition: Array  # shape (n_states, n_regressors): W
-    output: Array  # shape (n_outputs, n_regressors): V
+    directions: Array  # shape (n_directions, n_regressors): Weights P
+    transition: Array  # shape (n_states, n_regressors): Weights W
+    output: Array  # shape (n_outputs, n_regressors): Weights V
     free_directions: Mask
     free_transition: Mask
     free_output: Mask
@@ -111,7 +111,7 @@ class System:
         return outputs, gradient, int(reached)
 
     def sensitivities(self, inputs: Array, start: Array) -> tuple[Array, Array]:
-        """Return outputs and their derivatives of a whole run, shaped as those of `run`."""
+        """Return outputs of a whole run and their derivatives, with the shapes that `run` returns."""
         outputs, gradient, _ = self.run(inputs, start, sensitive=True)
         if gradient is None:
             raise ValueError("a sensitive run has a gradient")
@@ -144,7 +144,7 @@ def _plain(
         return outputs, gradient, reached
     phi, slopes = basis.values(z, system.directions), basis.slopes(z)
     early = system.directions * (basis.levels < np.arange(1, 1 + basis.directions)[:, None])
-    # Directions move with what is added to each of them, those before included.
+    # A direction moves with what is added to it and to the earlier directions that it uses.
     chain = np.linalg.inv(np.eye(basis.directions) - early @ slopes[:, :, lin:])
     total = slopes[:, :, : basis.states] + slopes[:, :, lin:] @ chain @ early @ slopes[:, :, : basis.states]
     moving = slopes[:, :, lin:] @ chain

@@ -27,7 +27,8 @@ from deatwin.plant.recording import Recording
 
 Array = NDArray[np.float64]
 _WARMUP_PER_STATE = 10
-"""Samples per state from which the first state is estimated, as for a linear model: its noise falls with their square root."""
+"""Samples per state from which the first state is estimated, as for a linear model: its noise falls with the square
+root of their number."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from deatwin.ident.nss.march import System
 
 Array = NDArray[np.float64]
-_STEPS = 50  # Of Gauss and Newton; few samples need few
+_STEPS = 50  # Most Gauss-Newton steps; few samples need few
 _WIDTH = 3.0
-"""Standard deviation of a first state beforehand: states have unit size on the training data, and a new record may
-begin at their edge."""
+"""Prior standard deviation of a first state: states have unit size on the training data, and a new record may begin at
+their edge."""
 _EXACT = 1e-6
-"""Noise, in scaled outputs, below which readings count as exact: rounding and the width beforehand then do not compete."""
+"""Noise, in scaled outputs, below which readings count as exact, so that rounding does not compete with the prior."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

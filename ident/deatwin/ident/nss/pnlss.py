@@ -129,7 +129,7 @@ class Pnlss(StateSpaceIdentifier):
         free["output"][:, 1 + basis.states : first] = self.feedthrough
         rng, points = np.random.default_rng(self.seed), []
         for _ in range(self.starts if basis.directions else 1):
-            # Directions of unit size, over states and inputs of unit size: functions bend where the data are.
+            # Directions of unit size over states and inputs of unit size, so that functions bend where the data are.
             drawn = rng.standard_normal((basis.directions, first))
             weights["directions"] = np.zeros((basis.directions, basis.size))
             weights["directions"][:, :first] = drawn / np.linalg.norm(drawn, axis=1, keepdims=True)

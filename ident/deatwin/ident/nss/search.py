@@ -12,11 +12,11 @@ from deatwin.ident.nss.march import System
 
 Array = NDArray[np.float64]
 
-DIVERGED = 30.0  # Standard deviations of an output beyond which a run is given up: no trained output is as large
+DIVERGED = 30.0  # Standard deviations of an output beyond which a run is given up: no trained output is that large
 _NULL = 1e-9
-"""Share of the largest singular value below which a direction of the weights moves no output: that of a change of
-coordinates of the state, to rounding."""
-_TRIES = 16  # Dampings, each four times the last, before a step is given up: they span nine decades
+"""Share of the largest singular value below which a direction of the weights moves no output: up to rounding, it only
+changes the coordinates of the state."""
+_TRIES = 16  # Most dampings, each four times the last, before a step is given up: they span nine decades
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,8 +48,8 @@ class Found:
     """Result of a search."""
 
     point: Point
-    steps: int  # That led to the point
-    overfitted: bool = False  # True if the held-out error fell no more while the other one did
+    steps: int  # Number of steps that led to the point
+    overfitted: bool = False  # True if the held-out error stopped falling while the training error fell
     interrupted: bool = False
 
 
@@ -98,10 +98,10 @@ def search(
     patience: int = 10,
     progress: Callable[[int, Point], None] | None = None,
 ) -> Found:
-    """Lower the free run's squared error by damped steps (Levenberg, Marquardt) in directions that move an output.
+    """Reduce the free run's squared error by damped steps (Levenberg, Marquardt) in directions that move an output.
 
-    Keeps the least held-out error, if any is held out. The search ends when the cost falls by less than `tolerance` of
-    itself twice in a row, or after `patience` steps without a lower held-out error.
+    Keeps the smallest held-out error, if any samples are held out. The search ends when the cost falls by less than
+    `tolerance` of itself twice in a row, or after `patience` steps without a lower held-out error.
     """
     point = best = judged(system, starts, records)
     holds_out = any(record.fitted < record.outputs.shape[1] for record in records)
@@ -162,7 +162,7 @@ def covariance(point: Point, records: Sequence[Record]) -> tuple[Array, Array]:
         squares += ((outputs - record.outputs[:, : record.fitted].T) ** 2).sum(axis=0)
     noise = squares / max(samples - rank / p, 1.0)
     roots = (right[seen] / scale / values[seen, None])[:, : point.system.theta.size] * np.sqrt(noise.mean())
-    # Deviations whose squares are no longer told from 0 to all digits: an exact fit has them.
+    # Deviations whose squares underflow, as those of an exact fit, are set to zero.
     roots[:, np.linalg.norm(roots, axis=0) < np.sqrt(np.finfo(float).tiny / np.finfo(float).eps)] = 0.0
     return roots.T @ roots, noise
 

@@ -11,8 +11,8 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 _MIRROR = 0.999
-"""Largest magnitude of a pole: what noise makes of an integrator is begun inside the circle, where the run stays
-bounded over a thousand samples."""
+"""Largest magnitude of a pole: what noise makes of an integrator starts inside the circle, where the run stays bounded
+over a thousand samples."""
 
 
 def from_lines(response: Complex, angles: Array, deviations: Array, n_states: int, rows: int) -> tuple[Array, Array]:

@@ -41,11 +41,11 @@ class Group:
 class _Kind:
     """Format of the findings on one quantity."""
 
-    group: str  # Heading; ``{}`` stands for the source
+    group: str  # Heading, in which ``{}`` stands for the source
     form: str = ".3g"  # Format of a number, and its unit with the space before it
     unit: str = ""
     scale: float = 1.0
-    limit: str = ""  # Field of the specification; empty where none belongs to it
+    limit: str = ""  # Field of the specification; empty if there is none
 
     def value(self, value: float | None) -> str:
         """Write the value of a finding."""

@@ -17,8 +17,8 @@ from deatwin.control.stability.bands import MarginBand, band_margins
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-_POINTS = 400  # of each half of the grid, logarithmic and even: a resonance is narrow
-_LOWEST = 0.05  # of the closed loop's bandwidth
+_POINTS = 400  # points of each half of the grid, one logarithmic and one even, to resolve a narrow resonance
+_LOWEST = 0.05  # lowest frequency, as a share of the closed loop's bandwidth
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -26,8 +26,8 @@ class Loops:
     """Loop gains at the controller's operating point."""
 
     frequency_Hz: Array  # shape (n,): Hz
-    values: dict[str, Complex]  # shape (n,): Of the model and of each plant that has a state of rest there
-    band: MarginBand | None  # Of the model's loop, from its covariance; None if the loop is unstable
+    values: dict[str, Complex]  # shape (n,): Loop gains of the model and of each plant that has a state of rest there
+    band: MarginBand | None  # Margins of the model's loop, from the model's covariance; None if the loop is unstable
 
     @classmethod
     def of(cls, view: View, controller: Controller) -> Loops:

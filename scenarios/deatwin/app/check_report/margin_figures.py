@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_REACH = 2.2  # of the picture about the origin of the Nyquist plane
+_REACH = 2.2  # half width of the drawn part of the Nyquist plane
 _ELLIPSES = 24
-_LONG = 26  # letters of a label, of which only two stand beside each other
-_FAR = 15.0  # times a limit: from there on an axis is logarithmic
+_LONG = 26  # letters of a label beyond which only two labels fit beside each other
+_FAR = 15.0  # multiple of a limit from which on an axis is logarithmic
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,9 +38,9 @@ class _Measure:
 
     field: str
     label: str
-    limit: Limit  # From the specification
+    limit: Limit  # Limit from the specification
     scale: float = 1.0
-    ceiling: float = np.inf  # Beyond which a margin is drawn at the edge
+    ceiling: float = np.inf  # Value from which on a margin is drawn at the edge
 
     def values(self, rows: list[MarginRow]) -> tuple[Array, Array]:
         """Return a source's own margins and their low quantiles, each of shape (n,)."""

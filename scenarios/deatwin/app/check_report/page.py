@@ -67,7 +67,7 @@ def write_check_report(folder: ResultFolder, view: View, origin: Origin) -> None
 def _verdict(check: Check) -> tuple[str, list[str]]:
     """Return the check's sentence with the decisive finding, and the other findings of the same severity."""
     head = check.sentence.removeprefix(f"{check.verdict.value}: ")
-    head = f"{head.partition(f'{check.reason}.')[0]}{check.reason}."  # the caveats stand below it
+    head = f"{head.partition(f'{check.reason}.')[0]}{check.reason}."  # the caveats are shown below it
     more = [f.text for f in check.findings if f.verdict is check.verdict and f is not check.worst_case]
     if check.verdict is Verdict.PASS or not more:
         return _capital(head), []

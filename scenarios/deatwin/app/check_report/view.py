@@ -17,7 +17,7 @@ from deatwin.plant.model import Plant
 from deatwin.studies.report.panels import Hue
 
 Array = NDArray[np.float64]
-_DRAWN = 1000  # points of a line: a picture shows no more
+_DRAWN = 1000  # most points of a line: a picture can show no more
 
 
 @dataclass(frozen=True, kw_only=True)

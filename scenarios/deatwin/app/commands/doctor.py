@@ -25,7 +25,7 @@ class Part:
 
     package: str
     use: str
-    versions: str = ""  # That suffice, as pyproject.toml states them; empty if any does
+    versions: str = ""  # Versions that suffice, as in pyproject.toml; empty if any does
 
     @property
     def command(self) -> str:
@@ -55,7 +55,8 @@ SLOWER = (
     ("free runs of NARX models", 250, "bench_semp.py"),
     ("Kalman filters and smoothers", 6, "bench_kalman.py"),
 )
-"""Tasks, how many times as long they take without a compiler, and the script of tests/benchmarks that measured it."""
+"""Tasks, the factor by which they are slower without a compiler, and the script of tests/benchmarks that measured
+it."""
 
 Warm = Annotated[
     bool, typer.Option("--warm", help="Compile the usual plants now, so that the first diagnosis is quick.")
@@ -105,7 +106,7 @@ def _cache() -> dict[str, Any]:
         return {"cache": None, "cache_fault": f"{error.filename}: {error.strerror}"}
     sizes = []
     for entry in folder.rglob("*"):
-        with suppress(FileNotFoundError):  # another process compiles, and cleans up behind itself
+        with suppress(FileNotFoundError):  # another process may be compiling and cleaning up
             sizes.append(entry.stat().st_size)
     return {"cache": str(folder), "cache_files": len(sizes), "cache_bytes": sum(sizes)}
 

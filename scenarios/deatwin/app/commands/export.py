@@ -83,7 +83,7 @@ def export(model: Source, to: To, out: OutFile, name: Name = None, as_json: Json
 def _require_ending(out: Path, to: Form) -> None:
     from deatwin.plant.errors import DataError
 
-    if to is Form.C and out.suffix != ".c":  # behind .C compilers expect C++
+    if to is Form.C and out.suffix != ".c":  # compilers take .C for C++
         raise DataError(f"{out}: the name of a C source ends in .c; compilers require it")
     if to is not Form.C and out.suffix.lower() != ".fmu":
         raise DataError(f"{out}: the name of an FMU ends in .fmu; programs that read FMUs require it")

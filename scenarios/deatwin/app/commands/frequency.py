@@ -11,7 +11,7 @@ from deatwin.app.options import Json, OutFolder, Quiet, positive
 from deatwin.studies.voice import Voice
 
 FORMER = r"figures/(frequency|gfrf[2-8]|nofrf[1-8]?|test_signal)\.(csv|svg)"
-"""Files that a run writes or not, as its model and order have it."""
+"""Files that a run may write or not, depending on its model and order."""
 
 
 ModelFile = Annotated[Path, typer.Argument(metavar="NARX.json", help="An identified model.")]

@@ -184,7 +184,7 @@ def _rig_file(seen: Sequence[Seen], kind: str) -> str:
     from deatwin.plant.rigs.rigkeys import AGAINST
     from deatwin.plant.rigs.rigtemplate import AT_MOST, rig_template
 
-    highest_command = 100.0  # V: no signal generator and no output of a data-acquisition card gives more
+    highest_command = 100.0  # V: no signal generator and no data-acquisition card outputs more
     noises: dict[str, float] = {}
     known: dict[str, tuple[float | str, str]] = {}
     first = next((one.look for one in seen if one.look is not None), None)

@@ -128,7 +128,7 @@ def _with_effects(model: CalibratedPlant, names: list[str]) -> CalibratedPlant:
     plant = model.plant
     own = {
         effect.name: effect for effect in everywhere(plant.rig.effects())
-    }  # at the sizes of this rig, and its own ones
+    }  # effects at the sizes of this rig, including its own
     for name in names:
         effect = own.get(name) or effect_named(name)
         if name in plant.effect_names:

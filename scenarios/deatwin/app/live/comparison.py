@@ -9,7 +9,7 @@ from deatwin.app.live.drawing import DRAWING
 from deatwin.app.live.verdicts import Verdict
 
 SIZE = (2.7, 1.2)
-MOST = 6  # Verdicts that are compared at once
+MOST = 6  # Most verdicts that are compared at once
 
 
 @dataclass(frozen=True, kw_only=True)

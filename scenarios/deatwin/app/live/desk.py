@@ -15,7 +15,7 @@ from deatwin.plant.errors import DataError
 RECORDINGS = (".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm", ".xlsx", ".mat", ".tdms", ".nc")
 RESULT = "diagnosis.json"
 MODEL = "model.json"
-WRITTEN = {"figures", "rivals", "next_input.csv"}  # Files of results that are no recordings
+WRITTEN = {"figures", "rivals", "next_input.csv"}  # Files of results that are not recordings
 DEEPEST = 3
 MOST_FILES = 2000
 LONGEST_NAME = 100
@@ -38,7 +38,7 @@ def inside(root: Path, name: str) -> Path:
     home = root.resolve()
     try:
         path = (home / name).resolve()
-    except (OSError, RuntimeError, ValueError):  # a loop of links, a null character
+    except (OSError, RuntimeError, ValueError):  # for example, a loop of links or a null character
         raise DataError(f"{name!r}: no name of a file in {root}") from None
     if not path.is_relative_to(home):
         raise DataError(f"{name}: lies outside of {root}; only what is in this folder can be used")
@@ -46,7 +46,7 @@ def inside(root: Path, name: str) -> Path:
 
 
 def safe_name(name: str) -> str:
-    """A name that a browser sent, as the name of a file in one folder."""
+    """Turn a name that a browser sent into the name of a file in one folder."""
     last = re.split(r"[/\\]", unicodedata.normalize("NFC", name))[-1]
     kept = _FORBIDDEN.sub("_", last).strip().lstrip(".- ").rstrip(". ")
     if not kept or not kept.isprintable():
@@ -62,10 +62,10 @@ def safe_name(name: str) -> str:
 class Desk:
     """Names of the files in a folder, relative to it, with ``/`` between folders, sorted."""
 
-    recordings: tuple[str, ...]  # Files in a recording's format, but for those that a diagnosis wrote
+    recordings: tuple[str, ...]  # Files in a recording's format, except those that a diagnosis wrote
     rigs: tuple[str, ...]  # Rig files and calibrated models
     results: tuple[str, ...]  # Folders that hold a diagnosis; ``.`` is the folder itself
-    whole: bool = True  # False where the folder holds more than is listed
+    whole: bool = True  # False if the folder contains more than is listed
 
     @classmethod
     def look(cls, root: Path) -> Desk:

@@ -21,11 +21,11 @@ class Glance:
 
     name: str
     columns: tuple[Column, ...]
-    lines: tuple[str, ...]  # What is in it, one fact a line
-    picture: str  # SVG in the report's colours; empty where nothing could be read
-    refused: str  # Why it cannot be read as it was asked for; empty if it can
+    lines: tuple[str, ...]  # Content of the file, one fact per line
+    picture: str  # SVG in the report's colours; empty if nothing could be read
+    refused: str  # Reason why it cannot be read as requested; empty if it can
     further: ReadOptions  # Options with which it can be read
-    needs_sample_time: bool  # True if only that is missing
+    needs_sample_time: bool  # True if only the sample time is missing
 
     def html(self) -> str:
         """Return the columns, the facts and the picture, for a page that defines the report's colours."""
@@ -40,7 +40,7 @@ def glance(root: Path, name: str, asked: ReadOptions, rig: str = "") -> Glance:
     fault = file.refused
     try:
         lines, picture = _looked(name, file) if file.recordings else ((), "")
-    except DeatwinError as error:  # such as a record of three samples
+    except DeatwinError as error:  # for example, a record of three samples
         lines, picture, fault = (), "", fault or str(error)
     return Glance(
         name=name,

@@ -15,7 +15,7 @@ from urllib.parse import parse_qs
 
 LOOPBACK = "127.0.0.1"
 HOSTS = (LOOPBACK, "localhost")
-ENVELOPE = 100_000  # Bytes that a form takes around the file in it
+ENVELOPE = 100_000  # Most bytes of a form beside the file in it
 
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
@@ -30,7 +30,7 @@ class Guard:
         self.app = app
         self.key = key
         self.most_bytes = most_bytes + ENVELOPE
-        self.cookie = f"deatwin-{port}"  # cookies do not tell ports apart
+        self.cookie = f"deatwin-{port}"  # browsers send cookies to all ports of a host
         self.hosts = {host if port == 80 else f"{host}:{port}" for host in HOSTS}
         self.origins = {f"http://{host}" for host in self.hosts}
         self.policy = _policy(self.hosts)

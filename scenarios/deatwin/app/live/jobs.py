@@ -25,7 +25,7 @@ from deatwin.studies.partial import holds_only_partial
 WORKER = (sys.executable, "-m", "deatwin.app.live.worker")
 """Command that runs a job; the arguments of ``deatwin`` follow."""
 MOST_RUNNING = 2
-GRACE = 5.0  # Seconds that a process has for stopping by itself
+GRACE = 5.0  # Seconds that a process has to stop by itself
 LONGEST_LINE = 100_000
 LAST_LINES = 50
 
@@ -44,7 +44,7 @@ class Order:
     """Request for a job."""
 
     rig: str  # Rig file or ``model.json`` in the folder
-    out: str  # Name of a new folder for the results, or of one that holds only what an interrupted diagnosis left
+    out: str  # Name of a new folder for the results, or of one with only the files of an interrupted diagnosis
     reading: ReadOptions = NO_OPTIONS
     seed: int = 0
 
@@ -70,7 +70,7 @@ class Order:
 class Diagnosing(Order):
     """Request for a diagnosis."""
 
-    recordings: Sequence[str]  # Files in the folder: one experiment
+    recordings: Sequence[str]  # Files in the folder, which together are one experiment
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -89,7 +89,7 @@ class Diagnosing(Order):
 class Planning(Order):
     """Request for a plan, which shows which missing physics an input would reveal."""
 
-    commands: str = ""  # File in the folder with the input; empty to be advised one
+    commands: str = ""  # File in the folder with the input; empty if one is to be suggested
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -111,9 +111,9 @@ class Job:
         self.order = order
         self.share = 0.0
         self.steps: list[tuple[str, float]] = []
-        """Steps so far, and the seconds from the start at which each began."""
+        """Steps so far, each with its beginning in seconds from the start."""
         self.sentence = ""
-        """The verdict, or what went wrong."""
+        """Verdict, or reason of the failure."""
         self.state = State.RUNNING
         self._root = root
         self._started = time.monotonic()
@@ -129,7 +129,7 @@ class Job:
             text=True,
             encoding="utf-8",
             errors="replace",
-            env={**os.environ, "PYTHONSAFEPATH": "1", "PYTHONIOENCODING": "utf-8"},  # imports nothing from the folder
+            env={**os.environ, "PYTHONSAFEPATH": "1", "PYTHONIOENCODING": "utf-8"},  # no imports from the folder
             **_apart(),
         )
         self._watch = threading.Thread(target=self._follow, daemon=True)
@@ -166,7 +166,7 @@ class Job:
         self.wait(GRACE)
 
     def _end_if_running(self) -> None:
-        if self.state is State.RUNNING:  # until then its number is not given to another process
+        if self.state is State.RUNNING:  # until it has ended, its number is given to no other process
             _end(self._process)
 
     def _follow(self) -> None:
@@ -197,7 +197,7 @@ class Job:
         except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
             return
         self.share = min(max(share, self.share), 1.0)
-        step = step.partition(" (")[0]  # in brackets stands what of it is done
+        step = step.partition(" (")[0]  # brackets contain how much of it is done
         if step and share < 1.0 and (not self.steps or self.steps[-1][0] != step):
             self.steps.append((step, self.seconds))
         if "sentence" in facts:

@@ -25,7 +25,7 @@ from deatwin.app.live.verdicts import Verdict
 from deatwin.plant.errors import DeatwinError
 from deatwin.plant.readoptions import ReadOptions
 
-REFRESH = 0.5  # Seconds between two looks at the jobs
+REFRESH = 0.5  # Seconds between two updates of the jobs
 INVITATION = """
 <div class="invite">
   <label class="relative-position">Drop recordings or a rig file (TOML) here, up to %s MB
@@ -33,8 +33,8 @@ INVITATION = """
   <q-btn flat dense no-caps color="primary" label="Choose files" @click="props.pickFiles" />
 </div>
 """
-"""In place of Quasar's own header, whose button has no name for those who cannot see it."""
-SHOWN = 3  # Results that are compared when the page opens
+"""Replaces Quasar's own header, whose button has no name for users who cannot see it."""
+SHOWN = 3  # Most results that are compared when the page opens
 
 
 def application(board: Board, *, most_bytes: int, send_file: Callable[[str], Any]) -> FastAPI:
@@ -173,7 +173,7 @@ class View:
         if str(name).lower().endswith(".toml"):
             self.rig.set_value(name)
         else:
-            self.recordings.set_value([*self.recordings.value, name])  # and so it is shown
+            self.recordings.set_value([*self.recordings.value, name])  # which also shows it
 
     def asked(self) -> ReadOptions:
         """Return the reading options entered in the fields."""

@@ -26,9 +26,9 @@ SERVED = {
     ".svg": "image/svg+xml",
     ".nc": "application/x-netcdf",
 }
-"""Files of results that are sent, and their media types."""
+"""Endings of the result files that are served, and their media types."""
 SANDBOX = "sandbox allow-scripts allow-downloads allow-popups"
-"""A report is a page of a file: it runs without the rights of the live view, whoever wrote it."""
+"""Policy for reports, which may come from anyone and therefore run without the rights of the live view."""
 PATIENCE = 2  # Seconds that open connections have when the server stops
 
 
@@ -69,7 +69,7 @@ def serve(
         _stop_cleanly(server)
         try:
             server.run(sockets=[listener])
-        except KeyboardInterrupt:  # the usual way to stop: the server has ended its connections before
+        except KeyboardInterrupt:  # the usual way to stop; the server has already closed its connections
             pass
         finally:
             board.close()
@@ -90,14 +90,14 @@ def _stop_cleanly(server: Any) -> None:
     if threading.current_thread() is not threading.main_thread():
         return
 
-    def leave(number: int, _: object) -> None:  # uvicorn raises the signal anew when it has stopped
+    def leave(number: int, _: object) -> None:  # uvicorn raises the signal again when it has stopped
         sys.exit(128 + number)
 
     def stop(*_: object) -> None:
         server.should_exit = True
 
     signal.signal(signal.SIGTERM, leave)
-    if hasattr(signal, "SIGHUP"):  # not on Windows
+    if hasattr(signal, "SIGHUP"):  # absent on Windows
         signal.signal(signal.SIGHUP, stop)
 
 

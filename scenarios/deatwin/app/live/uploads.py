@@ -58,9 +58,9 @@ def _keep(root: Path, name: str, content: bytes, read: Callable[[Path], None]) -
         (beside / name).write_bytes(content)
         try:
             read(beside / name)
-        except DeatwinError as error:  # in the words of the command line, run in the folder
+        except DeatwinError as error:  # worded as on the command line, run in the folder
             raise type(error)(str(error).replace(f"{beside}{os.sep}", "")) from None
-        with open(root / name, "xb"):  # takes the name, so that none is replaced that appeared meanwhile
+        with open(root / name, "xb"):  # reserves the name, so that a file that appeared meanwhile is not replaced
             pass
         os.replace(beside / name, root / name)
     except FileExistsError:

@@ -32,7 +32,7 @@ TONES = {
 class Left:
     """An effect that the plant lacked, in words."""
 
-    effect: str  # Name
+    effect: str  # Name of the effect
     probability: float
     parameters: tuple[tuple[str, str, str], ...]  # Name, value with unit, and 95 % interval with unit of each
 
@@ -41,19 +41,19 @@ class Left:
 class Verdict:
     """The verdict in a folder of results."""
 
-    name: str  # The folder, relative to that of the live view
-    fault: str = ""  # Why it cannot be read; empty where it can
+    name: str  # Folder, relative to that of the live view
+    fault: str = ""  # Reason why it cannot be read; empty if it can
     verdict: str = ""
     tone: str = "bad"
     sentence: str = ""
     unit: str = ""
     noise: float | None = None
     causes: tuple[Left, ...] = ()  # Effects that the plant lacked
-    possible: tuple[str, ...] = ()  # The effects of the set that the recordings cannot tell apart
+    possible: tuple[str, ...] = ()  # Effects that the recordings cannot distinguish
     fitted: tuple[float | None, float | None] = (None, None)
     unseen: tuple[float | None, float | None] = (None, None)
     inputs: Mapping[str, str] = field(default_factory=dict)
-    seconds: float | None = None  # Time that the run took
+    seconds: float | None = None  # Duration of the run
     report: bool = False  # True if there is a page to open
 
     @classmethod

@@ -26,7 +26,7 @@ from deatwin.studies.stories import Setting
 from deatwin.studies.voice import Progress
 
 Array = NDArray[np.float64]
-BLACK_BOXES = (LINEAR, REFINED, GROWN)  # Black boxes that stand beside the plant; NARX models are the last two
+BLACK_BOXES = (LINEAR, REFINED, GROWN)  # Black boxes that are compared with the plant; the last two are NARX models
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,9 +34,9 @@ class HeldOut:
     """A held-out recording, on which nothing is fitted or chosen."""
 
     name: str
-    experiment: Experiment  # Begins at rest, or leads in
-    first: int = 0  # Sample of its last record from which on it counts; those before lead in
-    black_box: DataSet | None = None  # For black boxes: their training data, and this recording to judge them
+    experiment: Experiment  # Begins at rest, or with samples that lead in
+    first: int = 0  # First sample of its last record that counts; earlier ones lead in
+    black_box: DataSet | None = None  # Data for black boxes: their training data, and this recording as a test
     follows: bool = False  # True if the readings follow the input
 
     def readings(self, plant: Plant) -> Array:
@@ -64,11 +64,11 @@ class HeldOut:
 class Law:
     """The missing physics as a function of the state that it depends on."""
 
-    state: str  # Labels with units
-    force: str
+    state: str  # Label of the state, with unit
+    force: str  # Label of the force, with unit
     measured: tuple[Array, Array]  # State and force, shapes (n,)
-    modelled: tuple[Array, Array]  # Those of the amended plant, shapes (m,)
-    caption: str  # On the origin of the measured force
+    modelled: tuple[Array, Array]  # State and force of the amended plant, shapes (m,)
+    caption: str  # Origin of the measured force
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,14 +77,14 @@ class Case:
 
     name: str
     title: str
-    documented: tuple[str, ...]  # Effects that would be right answers
-    plant: Plant  # Without them
+    documented: tuple[str, ...]  # Effects that count as right answers
+    plant: Plant  # Plant without these effects
     fitted: tuple[Experiment, ...]
-    held_out: tuple[HeldOut, ...]  # The official test recording first, where there is one
-    unit: str  # Of the errors shown
+    held_out: tuple[HeldOut, ...]  # The official test recording first, if there is one
+    unit: str  # Unit in which errors are shown
     scale: float  # Size of that unit, SI
-    files: tuple[Path, ...]  # Read from
-    notes: tuple[str, ...]  # On the recordings and the plant
+    files: tuple[Path, ...]  # Files from which the recordings were read
+    notes: tuple[str, ...]  # Notes on the recordings and the plant
     law: Callable[[Plant], Law]  # Takes the amended plant, returns the `Law`
     loop: str = "open loop"
 
@@ -94,9 +94,9 @@ class Trial:
     """Free runs of all models over a held-out recording."""
 
     held_out: HeldOut
-    base: Array  # shape (n,): readings of the calibrated base plant, SI
-    amended: Array  # shape (n,): readings of the amended plant, SI
-    black_boxes: tuple[Outcome, ...]  # Black boxes that learned from the same samples
+    base: Array  # shape (n,): Readings of the calibrated base plant, SI
+    amended: Array  # shape (n,): Readings of the amended plant, SI
+    black_boxes: tuple[Outcome, ...]  # Results of black boxes trained on the same samples
 
     @property
     def base_error(self) -> float:

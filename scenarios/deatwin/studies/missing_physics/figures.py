@@ -13,8 +13,8 @@ from deatwin.studies.report.panels import Hue
 from deatwin.studies.report.svg import draw, legend_above
 
 Array = NDArray[np.float64]
-ZOOM = 300  # Samples that are drawn one by one
-DRAWN = 4000  # Points of a long line: the extremes of each piece of it
+ZOOM = 300  # Samples in the magnified part, which are drawn one by one
+DRAWN = 4000  # Most points of a long line, drawn as the extremes of its pieces
 
 
 def held_out(case: Case, trial: Trial) -> Drawing:

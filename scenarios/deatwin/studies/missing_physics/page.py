@@ -23,7 +23,7 @@ from deatwin.studies.report.story import Note, StoryPage, finish
 from deatwin.studies.stories import Setting
 
 FOLDERS = {"cascaded-tanks": "cascaded_tanks", "bouc-wen": "boucwen_benchmark_h5"}
-"""Folders of recordings whose name is not the story's."""
+"""Folders of recordings for stories of another name."""
 
 
 def tell(setting: Setting, case: Case) -> dict[str, Any]:

@@ -62,7 +62,7 @@ METHODS: Mapping[str, Callable[[DataSet], Model]] = MappingProxyType(
         FRO: _fro,
         "LASSO": lambda data: _narx(data, Lasso, max_terms=data.candidates.max_terms),
         SEMP: lambda data: _narx(data, Semp, max_terms=data.candidates.max_terms),
-        "SVB": lambda data: _narx(data, SvbNarx, clean_up="none"),  # the published algorithm
+        "SVB": lambda data: _narx(data, SvbNarx, clean_up="none"),  # as published, without a clean-up
         REFINED: lambda data: refine(_fro(data), data.train),
         GROWN: lambda data: _narx(data, Grow, max_terms=data.candidates.max_terms, parts=data.parts),
     }
@@ -73,17 +73,17 @@ METHODS: Mapping[str, Callable[[DataSet], Model]] = MappingProxyType(
 class Outcome:
     """Result of a method on a data set; errors are root mean squares in the output's unit, NaN without a model."""
 
-    data: str  # Name of the set
+    data: str  # Name of the data set
     method: str
-    seconds: float  # Time to learn
-    outputs: Array = field(default_factory=lambda: np.zeros(0))  # shape (n,): free run over the test recording
+    seconds: float  # Time for learning, s
+    outputs: Array = field(default_factory=lambda: np.zeros(0))  # shape (n,): Free run over the test recording
     terms: int = 0  # Number of parameters
-    one_step: float = np.nan  # Error over the test recording
-    free_run: float = np.nan  # Error over the test recording
-    training: float = np.nan  # Error of the free run over the training recording
-    failure: str = ""  # Why there is no sound free run
+    one_step: float = np.nan  # One-step error over the test recording
+    free_run: float = np.nan  # Free-run error over the test recording
+    training: float = np.nan  # Free-run error over the training recording
+    failure: str = ""  # Reason why there is no sound free run
     model: Model | None = None
-    first_state: Array | None = None  # shape (n_states,): that of a state space at the first training sample
+    first_state: Array | None = None  # shape (n_states,): State of a state space at the first training sample
 
     @property
     def plain(self) -> dict[str, Any]:

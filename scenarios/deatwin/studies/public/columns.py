@@ -19,7 +19,7 @@ from deatwin.plant.safe_read import clipped
 
 Array = NDArray[np.float64]
 
-LARGEST = 100_000_000  # Bytes of such a file; the largest that is published has some 5 million
+LARGEST = 100_000_000  # Most bytes of such a file; the largest published one has some 5 million
 
 NUMERIC = frozenset(
     {"double", "single", "logical", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))}

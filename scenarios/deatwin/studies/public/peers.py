@@ -24,7 +24,7 @@ class SysIdentPy:
 
     lags: int
     degree: int
-    terms: int  # Largest number
+    terms: int  # Largest number of terms
     tolerance: float | None = None  # Sum of the error reduction ratios that ends the search
     model_: NarxModel = field(init=False)
 
@@ -43,7 +43,7 @@ class SysIdentPy:
             estimator=estimation.LeastSquares(),
         )
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # of regressors that depend on each other: the error tells
+            warnings.simplefilter("ignore", UserWarning)  # about dependent regressors; the model's error shows them
             peer.fit(X=recordings.inputs[0][:, None].copy(), y=recordings.outputs[0][:, None].copy())
         self.model_ = _model(recordings, map(_product, peer.final_model), peer.theta.ravel())
         return self

@@ -18,12 +18,13 @@ Array = NDArray[np.float64]
 
 SILVERBOX_RATE = 1e7 / 2**14  # Hz
 ARROW_HEAD, MULTISINE = slice(0, 40_000), slice(40_650, 127_400)
-"""The usual parts; between and after them the input rests or is another one."""
+"""Samples of the usual parts; between and after them the input rests or is another signal."""
 EMPS_DECIMATION = (10, 2)
-"""1 kHz becomes 50 Hz: a stroke takes seconds, and friction changes its sign within tens of milliseconds."""
+"""Factors of the decimation from 1 kHz to 50 Hz: a stroke takes seconds, and friction changes its sign within tens of
+milliseconds."""
 
 EMPS_EDGE = 20  # Samples left out at either end
-EMPS_LEAST = 1000  # Samples that the filters need
+EMPS_LEAST = 1000  # Least samples, as the filters need
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,8 +35,8 @@ class Candidates:
     input_lags: tuple[int, ...]  # Input lags
     degree: int  # Largest degree
     max_terms: int  # Largest number of terms
-    rule: Rule | None = None  # That keeps a candidate
-    functions: tuple[str, ...] = ()  # Of lagged signals, beside these
+    rule: Rule | None = None  # Rule that decides which candidates are kept
+    functions: tuple[str, ...] = ()  # Functions of lagged signals that are candidates as well
 
     @property
     def arguments(self) -> dict[str, object]:
@@ -63,17 +64,17 @@ class Learner(Protocol):
 class DataSet:
     """A public data set."""
 
-    name: str  # In files and on the page
+    name: str  # Name in files and on the page
     title: str
-    train: Recording  # To learn from
+    train: Recording  # Training recording
     test: Recording
     candidates: Candidates
-    unit: str  # Unit in which errors are shown, and its size in that of the output
-    scale: float
-    files: tuple[Path, ...] = ()  # Read from
-    note: str = ""  # On its preparation
-    parts: int = 1  # Into so many a long training recording is cut where structures are grown
-    further: Mapping[str, Learner] = field(default_factory=dict)  # Estimators made for it, by name
+    unit: str  # Unit in which errors are shown
+    scale: float  # Size of that unit, in the unit of the output
+    files: tuple[Path, ...] = ()  # Files from which it was read
+    note: str = ""  # Note on its preparation
+    parts: int = 1  # Parts into which a long training recording is cut to grow structures
+    further: Mapping[str, Learner] = field(default_factory=dict)  # Estimators made for this data set, by name
 
 
 def buck(folder: Path) -> DataSet:
@@ -162,12 +163,12 @@ def _emps(path: Path) -> Recording:
 
     data = matlab_vectors(path, ("vir", "qm"), single=("gtau",))
     require_samples(path, data["qm"].size, EMPS_LEAST)
-    force = data["vir"] * data["gtau"][0]  # the motor's, as recorded: it holds the pulses already
+    force = data["vir"] * data["gtau"][0]  # motor force as recorded, which already includes the pulses
     position, step = data["qm"], 1e-3
     for factor in EMPS_DECIMATION:
         force, position = (decimate(signal, factor, ftype="fir") for signal in (force, position))
         step *= factor
-    within = slice(EMPS_EDGE, -EMPS_EDGE)  # the filters know nothing beyond the ends
+    within = slice(EMPS_EDGE, -EMPS_EDGE)  # the filters have no samples beyond the ends
     return _recording(force[within], np.gradient(position, step)[within], step, ("N", "m/s"), path)
 
 

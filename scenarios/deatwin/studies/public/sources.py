@@ -48,7 +48,7 @@ SOURCES: Mapping[str, Source] = MappingProxyType(
             published="Schoukens, Mattsson, Wigren & Noël, Workshop on Nonlinear System Identification Benchmarks 2016; "
             "nonlinearbenchmark.org",
         ),
-        # The package has the test signals of this benchmark only; those to learn from come out of a MATLAB program.
+        # The package contains only the test signals of this benchmark; a MATLAB program generates those for training.
         "boucwen_benchmark_h5": Source(
             title="Bouc-Wen benchmark (simulated)",
             published="Noël & Schoukens, Workshop on Nonlinear System Identification Benchmarks 2016; as HDF5 in "
@@ -83,9 +83,9 @@ def downloaded(name: str) -> Path:
     except ModuleNotFoundError:
         raise DataError(f"{wanted}, or pip install {PACKAGE}, which downloads them") from None
     try:
-        with redirect_stdout(io.StringIO()):  # it prints what it does, and results may be asked for there
+        with redirect_stdout(io.StringIO()):  # the package prints messages, and stdout may be reserved for results
             files = load(data_file_locations=True)
-    except Exception as error:  # of the network, the archive or the package: it lets all through
+    except Exception as error:  # of the network, the archive or the package, which passes on all of them
         raise DataError(
             f"{PACKAGE} could not download the recordings {name} ({error}); give their folder by --data or "
             f"{DATA_VARIABLE}"

@@ -23,7 +23,7 @@ class Drawing:
     title: str
     caption: str
     svg: str  # The picture
-    data: str = ""  # Name of the CSV file with its data; empty without one
+    data: str = ""  # Name of the CSV file with its data; empty if there is none
     further: tuple[str, ...] = ()  # Names of further such files
     columns: Mapping[str, ArrayLike] | str | None = None  # Content of `data`: columns, or the text of the file
 

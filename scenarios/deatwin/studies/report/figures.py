@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
-PER_DECADE = 20  # Points of a smoothed spectrum
+PER_DECADE = 20  # Points per decade of a smoothed spectrum
 ZOOM_SHARE, ZOOM_SAMPLES = 1 / 30, 250
 
 
@@ -111,7 +111,7 @@ def _residual(view: _View, further: str = "") -> Drawing:
         handles = panels[0].get_legend_handles_labels()
         if handles[0]:
             legend = figure.legend(*handles, loc="outside upper left", ncols=2)
-            for patch in legend.get_patches():  # as pale as on the axes, they could not be seen on a dark page
+            for patch in legend.get_patches():  # patches as pale as on the axes could not be seen on a dark page
                 patch.set_alpha(0.5)
         name, which = f"residual_{further}" if further else "residual", further.replace("_", " ") or "reading"
         title = f"Residual of the {which} over time" if further else "Residual over time"
@@ -130,7 +130,7 @@ def _shade(axes: Axes, view: _View) -> None:
             end = track.axis[last - 1] + track.sample_time
             axes.axvspan(track.axis[first], end, color=MEASURED, alpha=0.14, linewidth=0, label=label)
             label = "_held out"
-    if view.tracks[-1].experiment > 1:  # the windows do not say of which experiment they are
+    if view.tracks[-1].experiment > 1:  # the windows do not state their experiment
         return
     label = "where the mismatch lies"
     for window in () if view.located is None else view.located.time:

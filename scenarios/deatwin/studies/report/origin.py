@@ -10,7 +10,8 @@ from pathlib import PurePath
 from deatwin.studies.provenance import RunRecord
 
 LEFT_OUT = {"--out": 1, "--report": 1, "--jobs": 1, "--json": 0, "--quiet": 0}
-"""Options that change where results go and what is said, not the results; and how many words follow each."""
+"""Options that change where results go and what is printed, but not the results, with the number of words that follow
+each."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,7 +20,7 @@ class Origin:
 
     inputs: Sequence[Mapping[str, str]]  # ``file`` and ``sha256`` of each input
     seed: int
-    command: Sequence[str] = ()  # The command line; empty where there was none
+    command: Sequence[str] = ()  # The command line; empty if there was none
 
     @classmethod
     def of(cls, record: RunRecord) -> Origin:

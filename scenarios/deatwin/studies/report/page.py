@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from deatwin.ident.mismatch import Diagnosis, LocationSummary
 
 
-LEAST_SHARE = 0.05  # A window of time with a smaller share of the mismatch is not listed
+LEAST_SHARE = 0.05  # Share of the mismatch below which a window of time is not listed
 MOST_LINES = 6
 
 

@@ -26,7 +26,7 @@ class Hue:
 
 
 STYLES = tuple((colour, line) for line in ("-", "--") for colour in (Hue.AFTER, Hue.BEFORE, Hue.MARK))
-"""Colour and line of each of six curves."""
+"""Colour and line style of each of six curves."""
 SUBSCRIPTS = "₀₁₂₃₄₅₆₇₈"
 
 
@@ -69,7 +69,7 @@ def share_bar(figure: Figure, mesh: Any, panels: Sequence[Axes], label: str) -> 
 def ink_on(mesh: Any, value: float) -> str:
     """Return black or white, whichever is more visible on a cell of a map."""
     linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in mesh.to_rgba(value)[:3]]
-    luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]  # WCAG 2
+    luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]  # as defined by WCAG 2
     return "#000001" if (luminance + 0.05) ** 2 > 1.05 * 0.05 else "#fffffe"
 
 

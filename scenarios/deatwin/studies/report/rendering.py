@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 
 LARGEST = 4_500_000
-"""Bytes of a page. Data that would make it larger stay in their files beside it, the largest of them first."""
-REST = 300_000  # Bytes of a page beside its figures and their data, at most
+"""Most bytes of a page. Data that would make it larger stay in their files beside it, the largest of them first."""
+REST = 300_000  # Most bytes of a page without its figures and their data
 _UNIT = re.compile(r"(?<=\d) (?:%|°|dB|[pnµumkMG]?(?:Hz|Pa|ohm|rad|[msVANFgWKJ])(?:/[a-zµ]+)?(?: rms)?)(?!\w)")
 _OPTION = re.compile(r"(?<!\S)--[a-z][a-z-]+")
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 STEPS = ("checked", "detection", "region", "place", "lines", "free_form", "advice", "verification")
 WIDTH = 6.4
-ROW = 0.3  # Height of a row of a figure that has one for each part, in inches
+ROW = 0.3  # Height of a row in figures with a row for each part, in inches
 
 
 def step_drawings(diagnosis: Diagnosis) -> tuple[dict[str, Drawing | None], dict[str, str]]:

@@ -39,7 +39,7 @@ class Note:
 
     title: str
     paragraphs: Sequence[str]  # Plain text
-    code: str = ""  # Shown as it is, line by line; empty for none
+    code: str = ""  # Shown verbatim, line by line; empty if there is none
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +67,7 @@ class StoryPage:
     notes: Sequence[Note]
     figures: Sequence[Drawing]
     tables: Sequence[Table] = ()
-    next: str = ""  # What the reader may do with the result
+    next: str = ""  # What the reader can do with the result
 
     @property
     def passed(self) -> bool:

@@ -24,13 +24,14 @@ COLOURS = {
     "fifth": ("#010a07", "#7c3aed", "#c4a7ff"),
     "sixth": ("#010a08", "#0f766e", "#5eead4"),
 }
-"""Role to the colour that matplotlib is given, and what stands for it in light and in dark."""
+"""Colours by role: the one given to matplotlib, and what replaces it in light and in dark mode."""
 
 _GREY = re.compile(r"(stroke: )?#([0-9a-f]{2})\2\2\b")
 _FAINTEST, _GUIDE = 50, 20
-"""Per cent of ink in a grey line that is to be seen; a line with no more than the second is a guide and stays faint."""
+"""_FAINTEST: least per cent of ink in a grey line that must be visible. _GUIDE: per cent of ink up to which a line is a
+guide and stays faint."""
 _SETTINGS: dict[Any, Any] = {
-    "svg.fonttype": "none",  # text stays text: small, selectable, in the page's own font
+    "svg.fonttype": "none",  # keeps text as text: small, selectable, in the page's own font
     "svg.hashsalt": "deatwin",
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans", "Arial", "Helvetica"],
@@ -115,7 +116,7 @@ def legend_above(figure: Figure, axes: Axes, columns: int) -> None:
 
 def _source(figure: Figure) -> str:
     buffer = io.StringIO()
-    with warnings.catch_warnings():  # text stays text: whoever shows it has the glyphs
+    with warnings.catch_warnings():  # text stays text, and the viewer's fonts have the glyphs
         warnings.filterwarnings("ignore", "Glyph .* missing from font", UserWarning)
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     text = buffer.getvalue()

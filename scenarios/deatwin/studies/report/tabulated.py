@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 
 
 HEADER = ("panel", "title", "horizontal", "vertical", "series", "kind", "x", "y", "value")
-_SAME = 1e-9  # of a position and the tick that names it
+_SAME = 1e-9  # largest distance of a position from the tick that names it
 
 Rows = Iterator[tuple[str, str, Any]]
 
 
 def drawn_table(figure: Figure) -> str:
     """Return the points of everything drawn in a figure."""
-    figure.draw_without_rendering()  # so that ticks have their texts
+    figure.draw_without_rendering()  # gives the ticks their texts
     panels = [axes for axes in figure.axes if axes.get_label() != "<colorbar>"]
     return csv_text(HEADER, (row for number, axes in enumerate(panels, start=1) for row in _rows(number, axes)))
 

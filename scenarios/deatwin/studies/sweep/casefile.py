@@ -27,7 +27,7 @@ RECORD = "record"
 MAGIC = b"CDF\x01"
 UNKNOWN = b"0" * 64
 STATED = re.compile(rb"sha256\0\0\0\0\0\x02\0\0\0\x40([0-9a-f]{64})")
-"""The attribute in the bytes of a file: name, type, length, value."""
+"""The hash attribute in the bytes of a file: name, type, length, value."""
 INT32 = np.iinfo(np.int32)
 HOLD = "it must hold the result of a case: delete it, and the case is run again"
 Array = NDArray[Any]
@@ -121,7 +121,7 @@ def _array(value: Any) -> Array | None:
         array = np.array(value)
         if array.dtype.kind == "O" and all(v is None or isinstance(v, (bool, int, float)) for v in array.flat):
             array = array.astype(np.float64)  # None in an array is NaN
-    except (ValueError, OverflowError):  # rows of several lengths; a number that no float can hold
+    except (ValueError, OverflowError):  # rows of unequal lengths, or a number too large for a float
         return None
     return _narrowed(array) if array.size and array.dtype.kind in "biuf" else None
 
@@ -185,5 +185,5 @@ def _add(file: Any, name: str, values: Array, dimensions: tuple[str, ...]) -> An
     variable = file.createVariable(name, values.dtype.str[1:] if values.dtype.kind != "S" else "S1", dimensions)
     variable[...] = values
     if values.dtype.kind == "S":
-        variable._Encoding = "utf-8"  # xarray makes texts of it
+        variable._Encoding = "utf-8"  # xarray then decodes it as text
     return variable

@@ -20,7 +20,7 @@ def exclusive_lock(folder: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        with suppress(PermissionError):  # Windows does not remove what is open: there it stays
+        with suppress(PermissionError):  # Windows cannot remove an open file; it stays there
             path.unlink(missing_ok=True)
         os.close(held)
         with suppress(OSError):
@@ -33,7 +33,7 @@ def _held(path: Path) -> int:
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
             file = os.open(path, os.O_RDWR | os.O_CREAT)
-        except FileNotFoundError:  # a run that has just ended took its folder away
+        except FileNotFoundError:  # a run that has just ended removed the folder
             continue
         try:
             _lock(file)
@@ -45,7 +45,7 @@ def _held(path: Path) -> int:
         with suppress(FileNotFoundError):
             if os.fstat(file).st_ino == path.stat().st_ino:
                 return file
-        os.close(file)  # the run that held it has removed it meanwhile
+        os.close(file)  # the run that held the lock has removed the file
 
 
 def _lock(file: int) -> None:

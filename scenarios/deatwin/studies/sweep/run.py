@@ -21,11 +21,11 @@ Case = TypeVar("Case")
 Tell = Callable[[float, str], None]
 
 PARENT = os.getppid()  # Process that wants a worker's results
-WATCH = 0.5  # A worker looks so often whether its master still lives, s
-MOST_DEATHS = 4  # A case that was being run so many times when its worker died is given up
-TOGETHER = 2  # After so many deaths a case runs alone, so that no other dies with it
+WATCH = 0.5  # Interval at which a worker checks that its master still lives, s
+MOST_DEATHS = 4  # Deaths of its worker after which a case is given up
+TOGETHER = 2  # Deaths after which a case runs alone, so that no other case dies with it
 DEATHS = frozenset({"BrokenProcessPool", "BrokenExecutor", "KilledWorker"})
-"""Errors of loky and of dask that say that a worker died, by name: dask need not be there."""
+"""Names of errors of loky and dask that report the death of a worker; names, because dask may not be installed."""
 
 
 def run_sweep(
@@ -136,7 +136,7 @@ def _one(work: Callable[[Case], Mapping[str, Any]], store: CaseStore, name: str,
     from threadpoolctl import threadpool_limits
 
     _end_with_master()
-    if not store.has(name):  # dask runs again what was lost with a worker, and what had been written there as well
+    if not store.has(name):  # dask repeats cases that were lost with a worker, including those already written
         with store.running(name), threadpool_limits(1), forward_signals():
             result = work(case)
             obey()

@@ -22,8 +22,8 @@ from deatwin.studies.sweep.seal import SweepSeal
 
 SEAL_FILE = "seal.json"
 RUNNING = "running"
-SIDE_BY_SIDE = 2000  # Up to so many cases lie in one folder; more are spread
-GRACE = 1.0  # Workers of a run that was killed end within this time, s
+SIDE_BY_SIDE = 2000  # Most cases in a single folder; more are spread over subfolders
+GRACE = 1.0  # Time within which the workers of a killed run end, s
 SHARDS = tuple(f"{number:02x}" for number in range(256))
 NAME = re.compile(r"[A-Za-z0-9_+-][A-Za-z0-9_.+-]{0,199}")
 
@@ -65,7 +65,7 @@ class CaseStore:
             if self.names():
                 raise DataError(f"{self.folder} holds cases but no {SEAL_FILE}, so their conditions are unknown")
             if expected > SIDE_BY_SIDE and not self.spread:
-                for shard in reversed(SHARDS):  # the first comes last: it tells that all are there
+                for shard in reversed(SHARDS):  # the first is made last: it shows that all exist
                     (self.cases / shard).mkdir(exist_ok=True)
                 self.spread = True
             write_text_atomic(path, json.dumps(seal.to_dict(), indent=1) + "\n")

@@ -23,7 +23,7 @@ Case = Mapping[str, Any]
 Work = Callable[[Case, np.random.Generator], Mapping[str, Any]]
 PACKAGES = ("deatwin.plant", "deatwin.ident", "deatwin.control")
 VERSIONS = ("deatwin", "numpy", "scipy", "casadi")
-DIGITS = 16  # Length of a case's name: two of ten million cases share one with a chance of 3e-6, which is an error
+DIGITS = 16  # Length of a case's name: of ten million cases two share one with probability 3e-6, which is an error
 
 
 def grid(**axes: Iterable[Any]) -> list[dict[str, Any]]:
@@ -118,7 +118,7 @@ class _Recorded:
             with obeying():
                 found = self.work(dict(case), rng)
             return {"case": case, "result": {name: _plain(name, value) for name, value in found.items()}}
-        except Exception as error:  # whatever it is, the other cases go on
+        except Exception as error:  # whatever it is, the other cases continue
             return {"case": case, "error": f"{type(error).__name__}: {' '.join(str(error).split())}"}
 
 

@@ -23,26 +23,26 @@ Array = NDArray[np.float64]
 Range = tuple[float, float]
 
 LINES = 8  # Frequencies in a band, enough for the curvature of a response with few poles
-TONES = 16  # Frequencies of each further tone, over both signs
-_HIGHEST = 5  # half a million combinations
+TONES = 16  # Values of each further input frequency, over both signs
+_HIGHEST = 5  # highest order that is compared: half a million combinations of frequencies
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BandMean:
     """H_n, averaged over the combinations of input frequencies whose sum lies in a band."""
 
-    order: int  # n
-    from_Hz: float  # The band of the sum
-    to_Hz: float
+    order: int  # Order n of the response
+    from_Hz: float  # Lower edge of the band of the sum
+    to_Hz: float  # Upper edge of that band
     value: Array  # shape (2,): Real and imaginary part of the mean, in ``unit``
-    gradient: Array  # shape (2, n_terms): Its derivative by the parameters of the model
+    gradient: Array  # shape (2, n_terms): Derivative of the value by the parameters of the model
     scatter: Scatter
     gain: float  # Root mean square of the gain over the combinations, in ``unit``
     unit: str
 
 
 def band_frequencies(order: int, band: Range, input_band: Range) -> Array:
-    """Input frequencies (n,), rad/s, with sums evenly in `band`, Hz; `input_band` of each, Hz."""
+    """Return input frequencies (n,), rad/s, with sums evenly in `band` and each in `input_band`, Hz."""
     sums = band[0] + (band[1] - band[0]) * (np.arange(LINES) + 0.5) / LINES
     tones = input_band[1] * (2 * np.arange(TONES) + 1 - TONES) / TONES
     grid = frequency_grid(sums, *[tones] * (order - 1))
@@ -96,7 +96,7 @@ def _mean(model: NarxModel, order: int, band: Range, omega: Array, operating_inp
     response = gfrf(model, order, omega, operating_input=operating_input)
     mean, slope = response.values.mean(), response.gradient.mean(axis=0)
     gradient = np.stack([slope.real, slope.imag])
-    # A t law with that covariance has a smaller scale.
+    # The squared scale of a t law is smaller than its covariance.
     share = 1.0 if np.isinf(model.theta_dof) else (model.theta_dof - 2) / model.theta_dof
     return BandMean(
         order=order,

@@ -14,28 +14,29 @@ from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
 
-_FLAT = 1e-12  # share of the larger variance below which a direction has none
-_DIRECTIONS = 180  # of a margin's edge
+_FLAT = 1e-12  # share of the largest variance below which a direction has no scatter
+_DIRECTIONS = 180  # points on the edge of a margin
 
 
 class Scatter(NamedTuple):
     """Uncertainty of a vector of means."""
 
     scale: Array  # shape (..., q, q): Squared scale of its t law
-    dof: float  # Degrees of freedom of that law; infinite for a normal one
+    dof: float  # Degrees of freedom of that law; infinite for a normal law
 
 
 @dataclass(frozen=True, kw_only=True)
 class Equality:
     """Test of the hypothesis that two vectors of means are equal."""
 
-    statistic: float  # Squared distance in units of its scatter; of a drift, the ratio of variances
+    statistic: float  # Squared distance in units of its scatter; for a drift, the ratio of variances
     dof: tuple[float, float]
     p_value: float  # Probability of a larger statistic
 
 
 def equality(difference: ArrayLike, scatters: Sequence[Scatter], margin: float = 0.0) -> Equality:
-    """Test whether a difference (2,) of independent means is at most a margin; of several, whether one of them is.
+    """Test whether a difference (2,) of independent means is at most a margin; for several differences, whether any of
+    them is.
 
     The largest p-value of all hypotheses counts (intersection-union test: Berger, Technometrics 24 (1982) 295-300).
     Source: Krishnamoorthy, Yu, "Modified Nel and Van der Merwe test for the multivariate Behrens-Fisher problem", Stat.

@@ -20,9 +20,9 @@ Means = tuple[BandMean, ...]
 class Contrast:
     """Measured and true difference of two actuators in one order and band, relative to the gain."""
 
-    measured: float  # Along the direction of the true difference
-    true: float
-    error: float  # Standard error of the measured one
+    measured: float  # Measured difference, along the direction of the true one
+    true: float  # Magnitude of the true difference
+    error: float  # Standard error of the measured difference
     inside: bool  # True if the complex true difference lies in the 95 % region of the measured one
 
 

@@ -35,8 +35,8 @@ from deatwin.plant.errors import ModelError
 Array = NDArray[np.float64]
 
 SLOW = 8
-"""Cosines of a drift, of half a period to four periods in the record: a cycle that comes twice in it, at any phase, has
-most of its power in them."""
+"""Number of slow cosines that describe a drift, from half a period to four periods per record. A cycle that occurs
+twice in the record has most of its power in them, whatever its phase."""
 TIMES = np.linspace(0.0, 1.0, 41)
 """Times at which drifting records are compared, as shares of a record: ten per period of the fastest cosine."""
 
@@ -48,7 +48,7 @@ class _Track:
     mean: BandMean
     cosines: Cosines
     drift: Drift
-    moves: bool = False  # whether the record drifts, in whatever order and band
+    moves: bool = False  # True if the record drifts in any order and band
 
     @property
     def motion(self) -> tuple[Array, Array]:

@@ -27,10 +27,10 @@ from deatwin.plant.errors import ModelError
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-_MORE = 4  # orders beyond that asked for, which may be fitted
-_HIGHEST = 20  # with two more the condition of Chebyshev levels comes to the following limit
-_CONDITION = 1e8  # beyond it half of the digits are lost
-TRUNCATION = 0.01  # share of an order of the output, root mean squares over its lines
+_MORE = 4  # orders beyond the requested one that may be fitted
+_HIGHEST = 20  # most orders that can be fitted: with two more, Chebyshev levels reach the condition number below
+_CONDITION = 1e8  # condition number beyond which half of the digits are lost
+TRUNCATION = 0.01  # accepted truncation error of an order of the output, as a share of its rms over the lines
 
 
 def nofrf(
@@ -194,10 +194,10 @@ def _wanted_orders(order: int, highest: int | None) -> range:
 class _Runs:
     """Spectra of the output at those levels at which it stays finite."""
 
-    levels: Array  # shape (n_levels,): Factors of the excitation
-    spectra: Complex  # shape (n_levels, n_lines): Of the output's deviations
-    lost: Array  # Factors at which the model diverges
-    settled: bool  # True if all other levels repeat
+    levels: Array  # shape (n_levels,): Factors of the excitation at which the output stays finite
+    spectra: Complex  # shape (n_levels, n_lines): Spectra of the output's deviations
+    lost: Array  # Factors of the excitation at which the model diverges
+    settled: bool  # True if the output becomes periodic at all of `levels`
 
     @property
     def kept_share(self) -> float:
@@ -305,7 +305,7 @@ def _quotients(evaluate: Callable[[Array], Evaluated], powers: Complex, thetas: 
 
 
 def _said(found: Nofrf) -> str:
-    """Return the advice with what it refers to."""
+    """Return the advice, with the levels or orders that it concerns."""
     if found.status is NofrfStatus.DIVERGED:
         return f"{found.status.value} ({_written(found.lost_levels)} times the excitation)"
     if found.status is NofrfStatus.TRUNCATED:

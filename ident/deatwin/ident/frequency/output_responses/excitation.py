@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_LINES = 20  # up to the end of the band, when the period is not given
-_MOST_SAMPLES = 10_000_000  # 80 MB
-_EDGE = 1e-9  # relative: lines that close to an end of the band are in it
+_LINES = 20  # lines up to the end of the band if no period is given
+_MOST_SAMPLES = 10_000_000  # most samples of a period, 80 MB
+_EDGE = 1e-9  # relative distance from an end of the band within which a line is in the band
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

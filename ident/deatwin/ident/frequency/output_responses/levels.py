@@ -16,10 +16,10 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Flags = NDArray[np.bool_]
 
-_BETTER = 2.0  # fewer orders are taken unless more of them make the error this many times smaller
-_ROUNDING = 1e-12  # share of the spectra that is rounding
-_SPREAD = 1e12  # largest level, and one by the smallest: powers of others leave double precision
-_NOTHING = 1e-10  # errors below this share of all orders are no truncation, as those of an order that is zero
+_BETTER = 2.0  # ratio by which further orders must reduce the error to be taken
+_ROUNDING = 1e-12  # share of the spectra that is rounding error
+_SPREAD = 1e12  # largest level, and reciprocal of the smallest: powers of others leave double precision
+_NOTHING = 1e-10  # share of all orders below which an error is not truncation: an order that is zero has such an error
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -28,15 +28,15 @@ class LevelFit:
 
     levels: Array  # shape (n_levels,): Factors of the excitation
     orders: Complex
-    condition: float  # Condition number of the powers of the levels, columns scaled to length one
+    condition: float  # Condition number of the powers of the levels, with columns scaled to unit length
     residual: Array
     left_out: Array
     changes: Array
 
     def advisable_level(self, order: int, share: float) -> float:
         """Return the factor on the levels that makes the truncation error a given share of the orders up to one."""
-        # Truncation begins with order N + 1 and affects Y_n by a share that grows with the level to the power N + 1 -
-        # n. Pairs of both signs separate even from odd orders: then the first order of n's parity counts.
+        # Truncation begins with order N + 1; its share of Y_n grows with the level to the power N + 1 - n. Levels in
+        # pairs of both signs separate even from odd orders, so that the first omitted order of n's parity counts.
         paired = np.allclose(np.sort(self.levels), np.sort(-self.levels), rtol=1e-9, atol=0.0)
         rounding = _NOTHING * np.linalg.norm(self.orders)
         factors = [1.0]
@@ -74,7 +74,7 @@ def checked_levels(levels: ArrayLike) -> Array:
 
 def fit_orders(levels: Array, spectra: Complex, in_range: Sequence[Flags], tried: range) -> LevelFit:
     """Fit Y(a) = a Y_1 + a^2 Y_2 + ... at each line over levels; `spectra` (n_levels, n_lines)."""
-    # The smallest number of orders is taken whose leave-one-out error is at most twice the smallest.
+    # Take the smallest number of orders whose leave-one-out error is at most twice the smallest.
     reached = np.array(in_range[: levels.size])
     left_out = _left_out(levels, spectra, reached, min(tried[-1], levels.size))
     errors = left_out[tried[0] - 1 :]
@@ -107,7 +107,7 @@ def separated(powers: Array, spectra: Complex, in_range: Flags) -> tuple[Complex
         q, r = np.linalg.qr((powers / lengths)[:, present])
         projected = q.T @ spectra[:, lines]
         orders[np.ix_(present, lines)] = np.linalg.lstsq(r, projected, rcond=None)[0] / lengths[present, None]
-        # without a level its residual grows by one over 1 - its leverage
+        # Leaving out a level increases its residual by the factor 1 / (1 - leverage).
         freedom = np.maximum(1.0 - np.sum(q**2, axis=1), np.finfo(float).eps)
         left_out[:, lines] = (spectra[:, lines] - q @ projected) / freedom[:, None]
     return orders, left_out

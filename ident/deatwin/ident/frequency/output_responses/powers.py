@@ -27,7 +27,7 @@ Complex = NDArray[np.complex128]
 Flags = NDArray[np.bool_]
 
 AMPLIFICATION = 5.0
-"""Largest sum of the magnitudes of the weights, which sum to one, that suits: beyond it G_n is erratic."""
+"""Largest acceptable sum of the magnitudes of the weights, which sum to one: beyond it G_n is erratic."""
 
 _CANCELLED = 1e-12  # powers below this share of the largest are rounding
 _SMALLEST = float(np.finfo(np.float64).tiny) / _CANCELLED

@@ -13,7 +13,7 @@ from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
 
-_ROUNDING = 1e-9  # relative to half the sampling rate, or to the highest sum: intervals that meet
+_ROUNDING = 1e-9  # gap that still counts as contact, relative to half the sampling rate or to the highest sum
 
 
 def output_frequencies(band: ArrayLike, order: int, *, sample_time: float | None = None) -> Array:

@@ -234,7 +234,7 @@ class Nofrf(Described, Frozen):
         if len(axes) != self.order:
             raise ModelError(f"{self.order} orders need as many axes; got {len(axes)}")
         for number, axis in enumerate(axes, start=1):
-            self._draw(number, axis).set_xscale("linear")  # one scale for all: even orders begin at zero
+            self._draw(number, axis).set_xscale("linear")  # one scale for all panels, because even orders begin at zero
         for axis in axes[:-1]:
             axis.set_xlabel("")
         return tuple(axes)

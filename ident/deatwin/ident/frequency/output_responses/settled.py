@@ -93,7 +93,7 @@ def evaluate(
 ) -> Evaluated:
     """Compare the first orders of NOFRFs by least squares with the exact ones, and their sum with a simulation."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", NofrfWarning)  # it is in the status of what was fitted
+        warnings.simplefilter("ignore", NofrfWarning)  # the status of the fit states it
         direct = [nofrf_exact(model, signal.values, n + 1, operating_input=operating_input) for n in range(orders)]
     moved = model if operating_input is None else deviations(model, operating_input).model
     return Evaluated(fitted=fitted, direct=tuple(direct), simulated=settled(moved, signal.values))

@@ -21,7 +21,7 @@ from deatwin.ident.frequency.spectrum import cross_order, one_period, spectrum_o
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.errors import ModelError
 
-_MORE = 2  # Orders beyond that asked for that are fitted; as many again tell what those that were not fitted do
+_MORE = 2  # Orders fitted beyond the requested one; a fit with as many again shows the effect of those left out
 
 
 def nofrf_of_inputs(

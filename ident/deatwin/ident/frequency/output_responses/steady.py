@@ -13,18 +13,18 @@ from deatwin.ident.narx.response import divergence_limit
 
 Array = NDArray[np.float64]
 
-_RUN = 4096  # samples of one run at least: a call costs as much as hundreds of samples
-_PATIENCE = 1_000_000  # samples, or 100 periods where these are more
-_SMALL = 1e-11  # a change of the output by less, which falls no more, is rounding
+_RUN = 4096  # least samples of one run: a call costs as much as hundreds of samples
+_PATIENCE = 1_000_000  # most samples of a simulation, or 100 periods if these are longer
+_SMALL = 1e-11  # relative change of the output below which a change that no longer decreases is rounding
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SteadyState:
     """The last period of a simulation from rest."""
 
-    values: Array  # shape (n_samples,): The output over one period, in the output's unit
-    settled: bool  # True if it repeats from period to period up to rounding
-    diverged: bool  # True if the march left all bounds; the values are then its last ones
+    values: Array  # shape (n_samples,): Output over one period, in its unit
+    settled: bool  # True if the output repeats from period to period, up to rounding
+    diverged: bool  # True if the output left all bounds; the values are then its last ones
 
 
 def steady_state(model: NarxModel, excitation: Array) -> SteadyState:

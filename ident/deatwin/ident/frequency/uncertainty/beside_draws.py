@@ -23,10 +23,11 @@ Complex = NDArray[np.complex128]
 DRAWS = 20_000  # Draws of the parameters
 SIMULTANEOUS = 0.99  # Probability that all elements at all frequencies lie in the Monte Carlo band
 STRICT = 0.1
-"""Nonlinearity up to which the covariance is off by its square, 1 %, which so many draws do not tell from none."""
-CHUNKS = 40  # Sets of `DRAWS` draws each, against which the error of the law is measured
-CALLS = 7  # Calls of propagation, of which the shortest counts
-_FLAT = 1e-9  # of the larger variance
+"""Nonlinearity up to which propagation must agree with the draws: the covariance is then off by the square of this,
+1 %, which that many draws cannot distinguish from zero."""
+CHUNKS = 40  # Sets of `DRAWS` draws each, with which the error of the linear law is measured
+CALLS = 7  # Calls of propagation, of which the fastest counts
+_FLAT = 1e-9  # share of the larger variance below which an axis is degenerate
 _DIGITS = "₀₁₂₃₄₅₆₇₈"
 
 
@@ -37,7 +38,7 @@ class Spread:
     case: str
     propagated: Propagated
     sampled: Sampled
-    curve: Complex  # shape (n_curve,): the response at more frequencies, to be drawn as a line
+    curve: Complex  # shape (n_curve,): Response at more frequencies, to be drawn as a line
 
     @property
     def symbol(self) -> str:
@@ -63,7 +64,7 @@ class Spread:
     @property
     def largest(self) -> float:
         """Largest difference between the two covariances, divided by its Monte Carlo error."""
-        error = np.array([[2.0, 1.0], [1.0, 2.0]]) / len(self.sampled.draws)  # of a Wishart matrix about the unit
+        error = np.array([[2.0, 1.0], [1.0, 2.0]]) / len(self.sampled.draws)  # of a Wishart matrix of unit mean
         departure = np.abs(self.whitened - np.eye(2)) / np.sqrt(error)
         return float(np.max(departure[self.strict], initial=0.0))
 
@@ -112,7 +113,7 @@ def spread_of(
 ) -> Spread:
     """Propagate the uncertainty, and draw. Shapes: `curve` (n_curve,)."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UncertaintyWarning)  # the page says it, where it is looked for
+        warnings.simplefilter("ignore", UncertaintyWarning)  # the page reports the status
         propagated = propagate(model, quantity)
     sampled = sample(model, quantity, rng, DRAWS)
     fine = np.empty(0, dtype=np.complex128) if curve is None else curve
@@ -123,8 +124,8 @@ def spread_of(
 class Sweep:
     """Propagated and drawn uncertainties for larger and smaller deviations of the parameters."""
 
-    held: Array  # shape (n,): share of the draws in the 95 % region, furthest from 95 %
-    holds: NDArray[np.bool_]  # shape (n,): whether propagation says that its law holds at all frequencies
+    held: Array  # shape (n,): share of the draws in the 95 % region, at the frequency where it is farthest from 95 %
+    holds: NDArray[np.bool_]  # shape (n,): True if propagation states that its law holds at all frequencies
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,8 +133,8 @@ class Speed:
     """Cost of propagation for one response, and of equally accurate draws."""
 
     label: str
-    propagated: float  # Processor time of propagation, and of 20,000 draws all at once, s
-    drawn: float
+    propagated: float  # Processor time of propagation, s
+    drawn: float  # Processor time of 20,000 draws, computed together, s
     equal: float  # Number of draws as accurate as propagation
 
     @property
@@ -187,7 +188,7 @@ def speed_of(name: str, model: NarxModel, quantity: Quantity, rng: np.random.Gen
     pooled: Array = drawn.mean(axis=0)
     error = departure(pooled, propagated)
     drawn_error = float(np.mean([departure(pooled, one) for one in drawn]))
-    least = drawn_error / np.sqrt(CHUNKS)  # the departure of all draws together
+    least = drawn_error / np.sqrt(CHUNKS)  # departure of all draws pooled
     equal = DRAWS * (drawn_error / np.sqrt(max(error**2 - least**2, least**2))) ** 2
     return Speed(
         label=f"{symbol_of(quantity(model))} of {name}",

@@ -20,8 +20,8 @@ from deatwin.ident.narx.posterior import quantile
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-_DEGENERATE = 1e-13  # of variances: below this an ellipse is a line, but for rounding
-_NOTHING = 1e-24  # of the largest variance over frequency: below this there is no response, but for rounding
+_DEGENERATE = 1e-13  # share of the larger variance below which an ellipse is a line, up to rounding
+_NOTHING = 1e-24  # share of the largest variance over frequency below which the response is zero, up to rounding
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,7 +29,7 @@ class Ellipses(Frozen):
     """Principal axes of covariances; axes that consist only of rounding errors are set to 0."""
 
     variances: Array
-    axes: Array  # shape (n, 2, 2): In columns
+    axes: Array  # shape (n, 2, 2): Principal axes, in columns
 
     @classmethod
     def of(cls, covariance: Array) -> Ellipses:
@@ -59,10 +59,10 @@ class Ellipses(Frozen):
 class Polar(Frozen):
     """Gain and phase with variances by linear propagation."""
 
-    covariance: Array  # shape (n, 2, 2): Of gain (in the values' unit) and phase (rad); infinite where the gain is 0
+    covariance: Array  # shape (n, 2, 2): Of gain, in the values' unit, and phase, rad; infinite where the gain is 0
     gain_bend: Array
     phase_bend: Array
-    relative_deviation: Array  # shape (n,): Standard deviation along the longer axis of the ellipse, by the gain
+    relative_deviation: Array  # shape (n,): Standard deviation along the ellipse's longer axis, divided by the gain
 
     @property
     def gain_index(self) -> Array:
@@ -91,7 +91,7 @@ def polar(values: Complex, covariance: Array) -> Polar:
         phase_bend = np.sqrt(radial * across + 2.0 * both**2) / (gain * np.sqrt(across))
         turned = along * scale[:, :, None] * scale[:, None, :]
         relative = np.sqrt(ellipses.variances.max(axis=-1)) / gain
-    # Nothing across the value bends neither, whatever the gain.
+    # If the response does not vary across the value, gain and phase are linear, whatever the gain.
     return Polar(
         covariance=turned,
         gain_bend=np.where(across > 0, gain_bend, 0.0),
@@ -108,8 +108,8 @@ def interval_radius(level: float, dof: float) -> float:
 
 def region_radius(level: float, dof: float, rank: NDArray[np.int64]) -> Array:
     """Mahalanobis radius of the region of a probability, (n,). Shapes: `rank` (n,)."""
-    # In two dimensions its square is -2 ln(1 - level) for a normal law, (dof - 2)((1 - level)^(-2/dof) - 1) for
-    # Student's t; with rank 1 the region is a segment.
+    # In two dimensions the squared radius is -2 ln(1 - level) for a normal law, and (dof - 2)((1 - level)^(-2/dof) - 1)
+    # for Student's t; with rank 1 the region is a segment.
     line = interval_radius(level, dof)
     return np.where(rank == 1, line, math.sqrt(_squared_radius(level, dof)))
 

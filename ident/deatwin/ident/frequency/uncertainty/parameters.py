@@ -23,12 +23,12 @@ Array = NDArray[np.float64]
 
 _MOST_BYTES = 1 << 31
 JOINT = "the covariance of all parts; take fewer frequencies (at_points)"
-"""Description for the error of `require_memory`."""
+"""Array, and remedy, that the error of `require_memory` names for a joint covariance."""
 
 Model = NarxModel | LinearModel  # Models with parameters, their covariance, and a frequency response
 
 Quantity = Callable[[Any], FrequencyResponse]
-"""Computes a frequency response of a model, as ``partial(gfrf, order=2, omega=omega)``."""
+"""Function that computes a frequency response of a model, such as ``partial(gfrf, order=2, omega=omega)``."""
 
 
 def with_theta(model: Model, theta: Array) -> Model:
@@ -87,7 +87,7 @@ def evaluate(model: Model, quantity: Quantity, response: FrequencyResponse, thet
     for i, theta in enumerate(thetas):
         try:
             found = quantity(with_theta(model, theta))
-        except ModelError:  # the quantity was computed for the model itself: it is these parameters
+        except ModelError:  # the quantity exists for the model itself, so these parameters are the reason
             continue
         if found.values.shape == response.values.shape:
             values[i], exists[i], stable[i] = found.values, True, found.status.ok

@@ -32,14 +32,15 @@ from deatwin.plant.datasets import Metadata, attribute, variable
 Array = NDArray[np.float64]
 
 LIMIT = 0.25
-"""Nonlinearity up to which the linear law is taken to hold. Where the departure is of second order, the covariance is
-then wrong by 0.25², or 6 %, and a deviation by 3 %; at worst, one along the tangent, by 56 % and 25 %."""
+"""Nonlinearity up to which the linear law is accepted. If the departure is of second order, the covariance is then
+wrong by 0.25², or 6 %, and a standard deviation by 3 %; at worst, for a departure along the tangent, by 56 % and
+25 %."""
 
-_PAIRS = 32  # a root mean square of as many is known to about 1/sqrt(2 * 32), an eighth; less where tails are long
-_ROUNDING = 64 * np.finfo(float).eps  # of value and parameters: what departs by less is not bent
-_OUTLINE = 361  # points of an ellipse, whose extremes are then right to 4e-5 of its longer axis
-_HELD = 1 << 22  # complex numbers that probes may hold at once, 64 MB
-_PROBES = 20190501  # seed of the probes: the same model always gives the same index
+_PAIRS = 32  # pairs of probes: their root mean square is known to about 1/sqrt(2 * 32), an eighth; less with long tails
+_ROUNDING = 64 * np.finfo(float).eps  # share of value and parameters below which a departure is rounding
+_OUTLINE = 361  # points of an ellipse, which give its extremes to 4e-5 of its longer axis
+_HELD = 1 << 22  # complex numbers that the probes may hold at once, 64 MB
+_PROBES = 20190501  # seed of the probes, so that the same model always gives the same index
 
 
 class UncertaintyWarning(UserWarning):
@@ -168,7 +169,7 @@ class Propagated(Uncertain):
         )
 
     def joint_covariance(self) -> Array:
-        # Its rank is at most the number of parameters.
+        # The rank is at most the number of parameters.
         require_memory(4 * self.values.size**2, JOINT)
         gradient = np.concatenate([self.response.gradient.real, self.response.gradient.imag])
         return read_only(gradient @ self.response.theta_cov @ gradient.T)

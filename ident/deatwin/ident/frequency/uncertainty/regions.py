@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
-_MOST_ELLIPSES = 24  # more of them cover each other
+_MOST_ELLIPSES = 24  # most ellipses that are drawn; more would cover each other
 _MOST_POINTS = 300
 
 
@@ -38,9 +38,9 @@ _MOST_POINTS = 300
 class Uncertain(Described, Frozen, ABC):
     """Frequency response with its uncertainty."""
 
-    response: FrequencyResponse = field(metadata=nested())  # At the model's own parameters
+    response: FrequencyResponse = field(metadata=nested())  # Response at the model's own parameters
     level: float = field(metadata=attribute())  # Default probability of regions and bands
-    dof: float = field(metadata=attribute())  # Of the parameters' Student-t law; infinite for a normal law
+    dof: float = field(metadata=attribute())  # Degrees of freedom of the parameters' t law; infinite for a normal law
 
     linearised: ClassVar[bool]
 

@@ -140,7 +140,8 @@ class Sampled(Uncertain):
 
     def _band(self, values: Array, level: float | None) -> Band:
         level = self.level if level is None else probability(level)
-        # The true value is one more draw: it lies below the k-th of n with probability k / (n + 1), as here only.
+        # The true value is like one more draw: it lies below the k-th of n with probability k / (n + 1), as in this
+        # definition of the quantiles only.
         low, high = np.quantile(values, [(1 - level) / 2, (1 + level) / 2], axis=0, method="weibull")
         nowhere = np.zeros(low.shape, dtype=np.bool_)
         return Band(level=level, low=read_only(low), high=read_only(high), linear_law=nowhere)

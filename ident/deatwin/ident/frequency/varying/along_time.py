@@ -31,7 +31,7 @@ from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
 
-_MOST_TIMES = 200  # of a map, unless the times are given
+_MOST_TIMES = 200  # most times of a map, unless the times are given
 
 
 def tv_gfrf(
@@ -205,7 +205,7 @@ def _of_order(
 
 def _nofrf(excitation: ArrayLike, order: int, model: NarxModel) -> FrequencyResponse:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", NofrfWarning)  # said once, for all times
+        warnings.simplefilter("ignore", NofrfWarning)  # reported once, for all times
         return nofrf_exact(model, excitation, order)
 
 

@@ -22,12 +22,13 @@ from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
 
-_CLEAR = 0.25  # an equilibrium is that of before if all others are four times as far away
+_CLEAR = 0.25  # An equilibrium continues the branch if all others are at least four times as far away from the last one
 
 
 def followed(trajectory: ThetaTrajectory, timepts: Array, inputs: Array) -> Iterator[NarxModel | None]:
     """Yield the model at each time about the equilibrium near the data. Shapes: `timepts`, `inputs` (n_times,)."""
-    # The nearest equilibrium continues the branch; if others are about as near, times between are tried too.
+    # The nearest equilibrium continues the branch; if others are about as near, intermediate times are followed as
+    # well.
     last: _Frozen | None = None
     for time, level in zip(timepts.tolist(), inputs.tolist(), strict=True):
         found = _step(trajectory, last, time, level)
@@ -71,7 +72,8 @@ def hold_equilibrium(
     constant, terms = Term(()), trajectory.terms
     place = terms.index(constant) if constant in terms else len(terms)
     others = np.where(np.arange(len(terms)) == place, 0.0, regressors)
-    # theta_new = change theta + level: the constant is what the others leave of the equilibrium, at any parameters.
+    # theta_new = change theta + level: at any parameters, the constant supplies what the other terms lack of the
+    # equilibrium.
     change = np.eye(max(len(terms), place + 1), len(terms))
     change[place] = -others
     theta = change @ trajectory.theta

@@ -18,7 +18,7 @@ class Map:
     """A response over time and frequency."""
 
     timepts: Array  # shape (n_times,): s
-    frequencies: Array  # shape (n,): Of the first tone, Hz
+    frequencies: Array  # shape (n,): Frequencies of the first tone, Hz
     values: NDArray[np.complex128]  # shape (n_times, n): in the response's unit
     equilibria: Array  # shape (n_times,): in the output's unit
     equilibrium_std: Array

@@ -28,9 +28,9 @@ from deatwin.ident.narx.terms import Term, Variable
 Array = NDArray[Any]
 Complex = NDArray[np.complex128]
 Reading = Callable[[Mapping[int, Jet]], Array | None]
-"""Takes from the parts what is wanted, shape (n_times, n); None where it is zero."""
+"""Function that takes the result from the parts, shape (n_times, n); None if it is zero."""
 
-_BLOCK = 65536  # values of a block of times bound the memory
+_BLOCK = 65536  # values in a block of times, to limit memory
 
 
 class MovingParts:
@@ -68,7 +68,7 @@ def correction(models: Sequence[NarxModel | None], timepts: Array, parts: Parts,
     added = np.full((timepts.size, size), np.nan, dtype=np.complex128)
     step = max(_BLOCK // size, 1)
     for first in range(0, timepts.size if timepts.size > 1 else 0, step):
-        low, high = max(first - 1, 0), min(first + step + 1, timepts.size)  # a rate takes both neighbours
+        low, high = max(first - 1, 0), min(first + step + 1, timepts.size)  # a rate of change needs both neighbours
         block = _added(models[low:high], timepts[low:high], parts, read)
         if block is not None:
             added[first : first + step] = block[first - low : first - low + step]
@@ -87,7 +87,7 @@ def _added(models: Sequence[NarxModel | None], timepts: Array, parts: Parts, rea
         for about in found
     ]
     samples = timepts / known[0].model.sample_time
-    with np.errstate(invalid="ignore"):  # of times that are missing
+    with np.errstate(invalid="ignore"):  # missing times are NaN
         frozen = solve_parts(terms, theta, parts, by_theta=False)
         rates = {part: np.gradient(jet.value, samples, axis=0) for part, jet in frozen.items()}
         moved = _moved(terms, theta, *np.gradient(np.array(points), samples, axis=0).T)

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_NARROW = 10.0  # gains within this have linear colours
-_RANGE = 1e4  # gains below the largest by more than this have one colour
+_NARROW = 10.0  # largest ratio of gains for which colours are linear in the gain
+_RANGE = 1e4  # largest ratio of gains on the colour scale; smaller gains share one colour
 
 
 def colours(gain: Array) -> tuple[float, Normalize]:

@@ -50,7 +50,7 @@ class VaryingStatus(Enum):
         return self is VaryingStatus.OK
 
 
-_DECADES = 20.0  # from the lowest to the highest frequency: the axis is logarithmic
+_DECADES = 20.0  # ratio of the highest to the lowest frequency above which the axis is logarithmic
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

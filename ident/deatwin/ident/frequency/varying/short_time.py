@@ -24,10 +24,10 @@ from deatwin.ident.narx import NarxModel, Recording, ThetaTrajectory
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 HIGHEST = 5  # N: the degree of the fleet's models, which have no higher order
-PERIODS = 10  # Time after which a free run counts as steady
+PERIODS = 10  # Periods after which a free run counts as steady
 BANDS = ((0.1, 0.5), (0.5, 1.0), (1.0, 2.0), (2.0, 3.0))
-"""Bands in which powers are compared, Hz: from the third line of a window of 20 s on, the mean being left out; up to 1 Hz there
-is input, above only what the nonlinearity makes."""
+"""Bands, Hz, in which powers are compared. They begin at the third line of a window of 20 s, because the mean is
+removed. Up to 1 Hz there is input; above, only what the nonlinearity generates."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,7 +36,7 @@ class ShortTime:
 
     timepts: Array  # shape (n_windows,): Middle of each window, s
     frequencies: Array  # shape (n,): Hz
-    recorded: Complex  # shape (n_windows, n): Amplitudes
+    recorded: Complex  # shape (n_windows, n): Amplitudes of the recorded output
     predicted: Mapping[str, Complex]  # shape (n_windows, n): Amplitudes of each prediction
 
     def power_ratio_dB(self, name: str, band: tuple[float, float]) -> Array:
@@ -90,7 +90,7 @@ def predicted(source: NarxModel | ThetaTrajectory, period: Array, time: float, o
     if isinstance(source, NarxModel):
         spectrum = output_spectrum(source, period, HIGHEST, operating_input=operating_input).values
     else:
-        # G_n U_n is Y_n: G_n of a random record is erratic where its powers cancel, the product is not.
+        # G_n U_n is Y_n: for a random record G_n is erratic where its powers cancel, but the product is not.
         response = tv_output_spectrum(source, period, HIGHEST, timepts=[time], operating_input=operating_input)
         spectrum = response.values[0]
     return np.asarray(np.fft.irfft(spectrum * period.size, period.size))
@@ -103,7 +103,7 @@ def series_error(trajectory: ThetaTrajectory, window: Recording, operating_input
     period, middle = window.inputs[0] - operating_input, 0.5 * (window.start + window.end)
     spectrum = np.zeros(period.size // 2 + 1, dtype=np.complex128)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", NofrfWarning)  # G_n of a random record is erratic, its product with U_n is not
+        warnings.simplefilter("ignore", NofrfWarning)  # an erratic G_n is harmless in its product with U_n
         for order in range(1, HIGHEST + 1):
             powers = input_spectrum(period, order, window.sample_time)
             response = tv_nofrf(trajectory, period, order, timepts=[middle], operating_input=operating_input)
@@ -122,5 +122,5 @@ def short_time(values: Array, sample_time: float) -> tuple[Array, Complex]:
 
     window = hann(values.size, sym=False)
     transform = ShortTimeFFT(window, hop=values.size // 2, fs=1 / sample_time, scale_to="magnitude")
-    middle = transform.stft(values - values.mean(), p0=1, p1=2)  # the one slice that lies on the samples exactly
+    middle = transform.stft(values - values.mean(), p0=1, p1=2)  # the only slice that lies exactly on the samples
     return np.asarray(transform.f), np.asarray(middle[:, 0], dtype=np.complex128)

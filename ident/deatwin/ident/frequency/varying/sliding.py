@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_BATCHES = 10  # of a window: their scatter measures what serial correlation leaves of the number of samples
-_LEAST = 4  # samples of a batch
+_BATCHES = 10  # batches per window: their scatter shows how many independent samples serial correlation leaves
+_LEAST = 4  # least samples per batch
 _UNCORRELATED = -0.2  # expected of ten independent observations about a straight line: -(sum of P[i, i+1]) / 8
-_CORRELATED = 0.2  # of neighbours: beyond, more distant batches are correlated too
-_MOST = 0.9  # taken of a correlation, so that a band stays finite
-_SAMPLES = 1 << 20  # of batches that are taken together
-_ROUNDING = 16 * np.finfo(float).eps  # of a mean: a smaller deviation is none
-_CHANCE = 0.01  # a change as large as this seldom is taken for drift
+_CORRELATED = 0.2  # correlation of neighbours above which more distant batches are correlated too
+_MOST = 0.9  # largest correlation that is used, so that a band stays finite
+_SAMPLES = 1 << 20  # samples in the batches that are processed together
+_ROUNDING = 16 * np.finfo(float).eps  # share of a mean below which a deviation is rounding
+_CHANCE = 0.01  # p-value below which a change counts as drift
 
 
 class SlidingStatus(Enum):
@@ -244,7 +244,7 @@ def _batches(recording: Recording, starts: NDArray[np.intp], length: int) -> tup
     """Return batch means of the output and pseudo-values of the logarithmic gain, (n_windows, batches) each."""
     size = length // _BATCHES
     firsts, place = np.unique(starts[:, None] + size * np.arange(_BATCHES), return_inverse=True)
-    place = place.reshape(len(starts), _BATCHES)  # windows that overlap share batches
+    place = place.reshape(len(starts), _BATCHES)  # overlapping windows share batches
     y, u = (_moments(signal[0], firsts, size)[:, place] for signal in (recording.outputs, recording.inputs))
     gain = 0.5 * (_log_variance(*y) - _log_variance(*u))
     return y[0], np.where(np.isfinite(gain), gain, np.nan)
@@ -282,7 +282,7 @@ def _correlation(groups: Array) -> float:
 
 
 def _chance(groups: Array, wider: float) -> float:
-    """Return the probability that chance makes group means differ this much, each ``wider`` than its scatter."""
+    """Return the probability of group means that differ this much by chance, if each is ``wider`` than its scatter."""
     from scipy.stats import f
 
     known = groups[np.isfinite(groups).all(axis=1)]
@@ -298,7 +298,7 @@ def _chance(groups: Array, wider: float) -> float:
 def _status(p_mean: float, p_gain: float, correlation: float, n_windows: int) -> SlidingStatus:
     if n_windows < 2:
         return SlidingStatus.FEW
-    if correlation > max(_CORRELATED, 3.0 / np.sqrt(n_windows * _BATCHES)):  # by so much, and not by chance
+    if correlation > max(_CORRELATED, 3.0 / np.sqrt(n_windows * _BATCHES)):  # large enough to matter, and not by chance
         return SlidingStatus.SHORT
     if np.nanmin([p_mean, p_gain, 1.0]) < _CHANCE:
         return SlidingStatus.DRIFTING

@@ -25,7 +25,7 @@ from deatwin.plant.recording import Recording
 
 Array = NDArray[np.float64]
 Structure = tuple[Term, ...]
-OPERATING_INPUT = 2.4  # Mean of the thesis' noise, V: the operating point that all actuators are compared at
+OPERATING_INPUT = 2.4  # Operating point at which all actuators are compared, V: the mean of the thesis' noise
 BAND = (0.0, 1.0)  # Band of the thesis' noise, Hz
 
 
@@ -35,7 +35,7 @@ class Alike:
 
     prepared: Prepared
     factor: int  # Every `factor`-th sample of its recordings is kept
-    sections: tuple[Recording, Recording]  # Training and held-out, thinned
+    sections: tuple[Recording, Recording]  # Training and held-out section, thinned
     model: NarxModel
 
     @property
@@ -61,8 +61,8 @@ class Fleet:
     actuators: tuple[Alike, ...]
     plan: Plan
     structure: Structure  # Terms of all models, in the order of their parameters
-    errors: Array  # shape (n_actuators,): free-run errors of the structure where it was chosen
-    tried: int  # Number of structures that it was chosen from
+    errors: Array  # shape (n_actuators,): Free-run errors of the structure, on the data on which it was chosen
+    tried: int  # Number of structures from which it was chosen
 
 
 def identify_fleet(seed: int, *, jobs: int = 1, progress: Progress = lambda share, text: None) -> Fleet:

@@ -20,15 +20,15 @@ from deatwin.plant.recording import Recording
 Array = NDArray[np.float64]
 Progress = Callable[[float, str], None]
 
-CHOOSING = 0.3  # Share of the training section, its end, on which sampling time, lags and degree are chosen
+CHOOSING = 0.3  # Share of the training section, at its end, on which sampling time, lags and degree are chosen
 FACTORS = (2, 4, 6)
-"""Multiples of the sampling time; the largest still has five samples to the first minimum of the correlation."""
+"""Multiples of the sampling time; the largest still leaves five samples up to the first minimum of the correlation."""
 LAGS = tuple((output, largest) for output in (1, 2) for largest in (0, 1, 2))
-"""Number of output lags, and largest input lag; the input's begin with 0."""
-DEGREES = (1, 2, 3, 4, 5)  # Beyond the fifth a polynomial follows the mean curve of reading over command no better
+"""Number of output lags, and largest input lag; input lags begin with 0."""
+DEGREES = (1, 2, 3, 4, 5)  # Degrees; beyond the fifth, a polynomial follows the mean reading over command no better
 RULE = AtMost(output=1)
-"""The film remembers by one relaxation, so its past enters through one value; a polynomial that is affine in it runs
-free without the explosions that powers of it bring."""
+"""The film remembers through one relaxation, so one past output suffices. A polynomial that is affine in it avoids the
+diverging free runs that its powers cause."""
 MOST_TERMS = 25
 
 
@@ -37,7 +37,7 @@ class Orders:
     """Free-run errors by lags and degree at one sampling time."""
 
     factor: int
-    errors: Array  # shape (n_actuators, n_lags, n_degrees): over the deviation of the reading
+    errors: Array  # shape (n_actuators, n_lags, n_degrees): Errors divided by the standard deviation of the reading
 
     @property
     def means(self) -> Array:

@@ -26,10 +26,11 @@ from deatwin.plant.recording import Recording
 RECORDED, STEADY, FILM = "as recorded", "without its history", "without hysteresis too"
 VARIANTS = (RECORDED, STEADY, FILM)
 SEGMENTS = 40
-"""Parts of a recording whose statistics are compared: 27.5 s each, thirty times as long as a reading is correlated."""
+"""Number of segments of a recording whose statistics are compared: 27.5 s each, thirty correlation times of a
+reading."""
 HELD_OUT = 100.0
-"""The end of a stationary stretch, on which nothing is chosen or fitted, s; the same for all, so that the tests are
-equally sharp."""
+"""Length of the end of a stationary stretch, s, on which nothing is chosen or fitted; the same for all actuators, so
+that the tests are equally sharp."""
 SAMPLING_LAGS = 500  # Lags over which the correlation of a reading is examined
 
 
@@ -38,8 +39,8 @@ class Move:
     """A drift of an actuator's mean from one window of time to another."""
 
     number: int  # Number of the actuator
-    early: tuple[float, float]  # Begin and end of each window, s
-    late: tuple[float, float]
+    early: tuple[float, float]  # Begin and end of the earlier window, s
+    late: tuple[float, float]  # Begin and end of the later window, s
     sign: int  # 1 if the mean rises, -1 if it falls
 
 
@@ -53,9 +54,9 @@ MOVES = (
     Move(number=5, early=(200, 300), late=(1000, 1100), sign=1),
     Move(number=6, early=(0, 45), late=(46, 146), sign=-1),
 )
-"""Drifts that the thesis tells of 1, 2, 3 and 6, and that the histories of 4 and 5 have."""
+"""Drifts that the thesis reports for actuators 1, 2, 3 and 6, and those in the histories of 4 and 5."""
 DRIFTING = ("DEA 1", "DEA 2", "DEA 3", "DEA 4", "DEA 5")
-"""Actuators that drift throughout; the sixth shifts once, at 45 s, and then stands still."""
+"""Actuators that drift throughout; the sixth shifts once, at 45 s, and is stationary afterwards."""
 
 
 def as_variant(actuator: Actuator, variant: str) -> Actuator:
@@ -76,10 +77,10 @@ class Prepared:
     """An actuator with its recording and the findings on it."""
 
     actuator: Actuator
-    recordings: Mapping[str, Recording]  # One for each of `VARIANTS`
-    sections: Sections  # Stationary stretches of the recording at the same input
-    sampling: SamplingChoice  # What its correlation functions ask for
-    findings: tuple[Finding, ...]  # Named in the reading at the same input, and left as they are
+    recordings: Mapping[str, Recording]  # One recording for each of `VARIANTS`
+    sections: Sections  # Stretches in which the reading at the same input is stationary
+    sampling: SamplingChoice  # Sampling time that its correlation functions suggest
+    findings: tuple[Finding, ...]  # Findings in the reading at the same input; nothing is corrected
 
     @property
     def name(self) -> str:

@@ -16,16 +16,17 @@ from deatwin.ident.narx.long_arx import answer_chance, enough_lags
 
 Array = NDArray[np.float64]
 
-_LAGS = 30  # Lags of the inputs whose own past is taken out before the output's is asked
-_LOOP = 1e-3  # Chance of suspecting a loop where there is none: one test for each fit and input
-_DETERMINED = 0.1  # Two standard deviations of a pole's magnitude above which the data do not determine it
+_LAGS = 30  # Lags of the inputs that explain an input before past outputs are tested
+_LOOP = 1e-3  # Probability of suspecting a loop where there is none, for each fit and input
+_DETERMINED = 0.1  # Two standard deviations of a pole's magnitude above which the data do not determine the pole
 
 
 def judged(orders: Orders, found: Minimum, records: Sequence[Record]) -> FitStatus:
-    """Return whether a fit of F is done, at the edge of stability, or of data from a loop. A pole at the edge, where a
-    superfluous one cancels a zero, counts only if the model without both is worse by Schwarz's criterion."""
+    """Return whether a fit of F is done, at the edge of stability, or of data from a closed loop. A pole at the edge
+    may be superfluous and cancel a zero, so it counts only if the model without both is worse by Schwarz's
+    criterion."""
     longest = max(output.size for _, output in records)
-    limit = 1.0 - 1.0 / longest  # beyond it nothing decays within the recording
+    limit = 1.0 - 1.0 / longest  # a pole beyond it does not decay within the recording
     smaller, less = orders, found
     while (which := _at_edge(smaller, less, limit)) is not None:
         fewer = _without_a_pole(smaller, which)
@@ -54,8 +55,8 @@ def _without_a_pole(orders: Orders, which: int) -> Orders | None:
 
 
 def _fitted(orders: Orders, records: Sequence[Record]) -> tuple[Minimum, float]:
-    """Return the best fit, and its equivalent number of independent errors: n by the sum of their correlations, so that
-    a slow pole which merely follows slow noise does not count."""
+    """Return the best fit, and its equivalent number of independent errors: n divided by the sum of their correlations,
+    so that a slow pole that merely follows slow noise does not count."""
     loss = PredictionErrorLoss(orders, records)
     found = [minimise(loss, start) for start in starting_points(orders, records)]
     best = min(found, key=lambda one: one.noise_variance)

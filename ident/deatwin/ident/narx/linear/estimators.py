@@ -73,7 +73,7 @@ class LinearIdentifier(Identifier):
         orders = self._orders(chosen[0].inputs.shape[0])
         data = _regression(chosen, orders)
         self.status_ = FitStatus.DONE
-        with threadpool_limits(1):  # tall and narrow matrices: more threads only wait for each other
+        with threadpool_limits(1):  # tall and narrow matrices, for which more threads only wait for each other
             found = self._estimate(orders, data, progress or silent)
         self.model_ = self._model(orders, data, found)
         return self

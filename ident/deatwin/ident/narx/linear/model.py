@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 
 Array = NDArray[np.float64]
-_WARMUP_PER_STATE = 10  # noise on the state at the start of a free run falls with its square root
+_WARMUP_PER_STATE = 10  # samples of warm-up; noise on the state at the start falls with their square root
 
 
 def _document(model: LinearModel) -> dict[str, Any]:
@@ -263,7 +263,7 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
         """
         drive = self._drive(recording, warmup, initial)
         lag, output = self.orders.input_lag, drive.outputs[0]
-        # the size of a sound run is not known from its start alone
+        # the start alone does not show the size of a sound run
         limit = measured_limit(output) if np.all(np.isfinite(drive.measured)) else divergence_limit(None, output)
         outputs, first, failed = free_run(self.polynomials, lag, drive.inputs, output, drive.first - lag, limit)
         if failed is None:

@@ -23,8 +23,8 @@ class PredictionErrors:
     """Prediction errors of one record and their gradients."""
 
     errors: Array  # shape (n,): One-step prediction errors from sample ``first + nd`` of the record on
-    theta_gradient: Array  # shape (n_theta, n): Their derivative with respect to the parameters
-    start_gradient: Array  # shape (sum of nf, n): With respect to the state at the start
+    theta_gradient: Array  # shape (n_theta, n): Derivative of the errors with respect to the parameters
+    start_gradient: Array  # shape (sum of nf, n): Derivative of the errors with respect to the state at the start
 
 
 def prediction_errors(

@@ -37,7 +37,7 @@ def some_steps(
     response = lfilter(polynomials.c, np.convolve(polynomials.a, polynomials.d), pulse)
     first += steps - 1
     outputs = output.copy()
-    with np.errstate(over="ignore", invalid="ignore"):  # an unstable A many steps ahead; found below
+    with np.errstate(over="ignore", invalid="ignore"):  # an unstable A many steps ahead overflows; detected below
         outputs[first:] -= np.convolve(errors, response, mode="valid")
     bad = ~(np.abs(outputs) < measured_limit(output))
     if not bad.any():
@@ -54,7 +54,7 @@ def free_run(
     n = output.size - input_lag
     drive = np.full(n, p.offset)
     free = [recursed(p.a, np.eye(p.a.size - 1, n))]
-    with np.errstate(over="ignore", invalid="ignore"):  # an unstable run is found below
+    with np.errstate(over="ignore", invalid="ignore"):  # an unstable run overflows; detected below
         for u, b, f in zip(inputs, p.b, p.f, strict=True):
             drive += recursed(f, b @ lagged(u, range(b.size), input_lag))
             free.append(recursed(np.convolve(p.a, f), np.eye(f.size - 1, n)))

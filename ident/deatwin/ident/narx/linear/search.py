@@ -21,7 +21,7 @@ class Minimum:
 
     theta: Array  # shape (n_theta,): Parameters
     theta_cov: Array
-    noise_variance: float  # sigma^2, the sum of squares over the number of errors less that of unknowns
+    noise_variance: float  # sigma^2: sum of squares divided by the number of errors minus unknowns
     complete: bool  # False after an interrupt
 
 

@@ -21,7 +21,7 @@ Record = tuple[Array, Array]  # Scaled inputs, (n_inputs, n), and output, (n,)
 
 _ONE = np.ones(1)
 _ONE.setflags(write=False)
-_ROUNDS = 20  # of Steiglitz and McBride; most converge in ten
+_ROUNDS = 20  # Rounds of the iteration by Steiglitz and McBride; most converge in ten
 
 
 def starting_points(orders: Orders, records: Sequence[Record]) -> list[Polynomials]:

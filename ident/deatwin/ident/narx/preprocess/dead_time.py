@@ -26,13 +26,14 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _SEEN = 1e-4
-"""Chance below which a coefficient is there: with the 100 lags that are tried it is 1 % that none of them is."""
-_LOOP = 1e-3  # The same for an input that answers to the output: one test for each input
+"""p-value below which a coefficient is significant: over the 100 lags that are tried, 1 % for a false one."""
+_LOOP = 1e-3  # The same for an input that responds to the output, with one test for each input
 _AFTER = 20
-"""Lags after the largest dead time in which the answer to the input is looked for; half of all lags if there are fewer
+"""Lags beyond the longest dead time in which the response to the input is sought; half of all lags if there are fewer
 than twice as many."""
 _MOST_SAMPLES = 20_000
-"""More make nothing surer: a dead time is told to a sample long before, and the regression takes a second."""
+"""Most samples that are used: more add no certainty, because fewer determine a dead time to one sample, and the
+regression takes a second."""
 
 
 class DeadTimeStatus(Enum):
@@ -239,7 +240,8 @@ def estimate_dead_time(
         signals = [(u, y) for u, y in signals if n_residuals([(u, y)], longest) > 0]
         decimated = any("decimated" in record.provenance for record in chosen)
         answers = [math.nan if decimated else answer_chance(signals, row, longest) for row in range(moving.size)]
-        # A controller that answers within the sample acts at lag 0, whatever the plant does.
+        # A controller that responds within the sample acts at lag 0, whatever the plant does, so a loop is searched
+        # from lag 1.
         arx = LongArx.of(signals, longest, shortest=[int(chance < _LOOP) for chance in answers])
         for row, which in enumerate(moving.tolist()):
             found[which] = _of_input(arx, row, which, chosen[0], output, probability, answers[row])
@@ -336,7 +338,7 @@ def _of_input(
     if found.interval is None or not status.ok:
         return found
     between = probabilities[found.interval[0] : found.interval[1] + 1]
-    # Where the interval holds a dead time that is out of the question, it is that of an input that repeats itself.
+    # If the interval contains a dead time that is practically excluded, it comes from an input that repeats itself.
     return replace(found, status=DeadTimeStatus.ALIKE) if between.min() < _SEEN * between.max() else found
 
 

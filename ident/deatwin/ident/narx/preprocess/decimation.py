@@ -27,17 +27,17 @@ if TYPE_CHECKING:
 
 
 Array = NDArray[np.float64]
-_WANTED = (10, 20)  # samples to the first minimum
+_WANTED = (10, 20)  # wanted number of samples to the first minimum
 _KEPT = 10
-"""Samples that a period of the output's fastest part keeps at least: L. Ljung, System Identification, 2nd edition,
-Prentice Hall 1999, section 13.7, advises a sampling frequency of about ten times the bandwidth."""
+"""Least samples that decimation leaves in a period of the output's fastest part: L. Ljung, System Identification, 2nd
+edition, Prentice Hall 1999, section 13.7, advises a sampling frequency of about ten times the bandwidth."""
 _SLIGHT = 1e-4
 """Share of the output's variance that may be lost: 1 % of its standard deviation, less than a model of a recording
-leaves over."""
+leaves unexplained."""
 _SURE = 8.0
-"""Standard deviations by which the power beyond a frequency exceeds that of white noise, to be the plant's: 3, times the
-1.4 by which the window makes neighbouring lines scatter alike, and 3.8 since the quietest quarter of 16 bands lies by
-0.67 standard deviations of a band, times 1.4, below their mean."""
+"""Standard deviations of white noise that the power above a frequency must exceed to be the plant's: 3 times 1.4,
+because the window makes neighbouring lines similar, plus 3.8, because the quietest quarter of 16 bands lies 0.67
+standard deviations of a band, times 1.4, below their mean."""
 
 
 class SamplingStatus(Enum):

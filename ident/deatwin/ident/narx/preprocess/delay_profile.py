@@ -13,25 +13,26 @@ from deatwin.ident.narx.long_arx import LongArx
 Array = NDArray[np.float64]
 
 _STRUCTURES = ((1, 1), (2, 1), (1, 2), (2, 2), (3, 2))
-"""Numbers of B and F: plants of first and second order under a held input, with a whole and a broken dead time, and two
-poles with a single coefficient. Without the last, B = (0, b) one sample early would be as probable as B = (b, 0)."""
+"""Numbers of coefficients of B and F: plants of first and second order under a held input, with whole and fractional
+dead times, and two poles with a single coefficient of B. Without the latter, B = (0, b) one sample early would be as
+probable as B = (b, 0)."""
 _FAR = 60.0
-"""Fall of 2 log likelihood beyond which a dead time is out of the question: 1e-13 of the best one's probability."""
+"""Decrease of 2 log likelihood beyond which a dead time is excluded: 1e-13 of the best one's probability."""
 _PATIENCE = 5
-"""Dead times in a row that must be out of the question before shorter ones are tried with two structures only, until
-one fits again: an input that repeats itself has others that fit as well."""
-_PROBES = (0, 3)  # These structures: the simplest, and two poles with a broken dead time
+"""Excluded dead times in a row after which shorter ones are tried with two structures only, until one fits again: with
+an input that repeats itself, others fit as well."""
+_PROBES = (0, 3)  # Positions of these two: the simplest structure, and two poles with a fractional dead time
 _POLES = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 0.99)
-"""Poles to start from, each less than an octave of time constants from the next: ARX models of an input of few
+"""Poles to start from, with time constants two to three times apart; needed because ARX models of an input of few
 frequencies can be far from every plant."""
 
 
 def delay_probabilities(arx: LongArx, which: int, latest: int) -> Array:
-    """Probabilities (latest + 1,) of dead times, by exp(-BIC/2) of each structure (Kass, Wasserman, JASA 90 (1995)
-    928-934).
+    """Return the probabilities (latest + 1,) of dead times, by exp(-BIC/2) of each structure (Kass, Wasserman, JASA 90
+    (1995) 928-934).
 
-    All are alike beforehand, so a first coefficient near zero counts against a dead time. Squares are measured by what
-    the best plant leaves beyond the noise, for each degree of freedom, as in quasi-likelihood.
+    All dead times are equally probable a priori, so a first coefficient near zero counts against one. Squares are
+    measured in units of what the best plant leaves beyond the noise, per degree of freedom, as in quasi-likelihood.
     """
     records = _whitened(arx, which)
     squares = np.full((latest + 1, len(_STRUCTURES)), np.inf)
@@ -44,7 +45,7 @@ def delay_probabilities(arx: LongArx, which: int, latest: int) -> Array:
                 former[number] = None
                 continue
             orders = Orders(na=0, nb=(nb,), nc=0, nd=0, nf=(nf,), nk=(delay,), offset=True)
-            cut = latest + 3 - (delay + nb)  # so that all have the same samples of the output
+            cut = latest + 3 - (delay + nb)  # all structures then use the same samples of the output
             loss = PredictionErrorLoss(orders, [(inputs[:, cut:], output[cut:]) for inputs, output in records])
             simplest = former[0] if number else None
             squares[delay, number], former[number] = _least(loss, former[number], simplest)
@@ -87,7 +88,7 @@ def _least(
     least = min(unknowns, key=lambda x: float(np.sum(loss.errors(x) ** 2)))
     loss.best = np.inf, least
     loss.errors(least)
-    # A hundredth of the noise's variance is far below what a probability asks for.
+    # A hundredth of the noise's variance is far more accurate than a probability needs.
     least_squares(loss.errors, least, loss.gradient, x_scale="jac", ftol=0.01 / loss.n_errors, max_nfev=20)
     square, found = loss.best
     return square, loss.orders.split(found[: loss.orders.n_theta])

@@ -24,10 +24,10 @@ from deatwin.plant.prefixes import with_unit
 from deatwin.plant.recording import Recording, label
 
 Array = NDArray[np.float64]
-_SEGMENTS = 20  # whose means are tested for a trend and a drift
-_NEIGHBOURHOOD = 101  # samples over which the usual deviation of a reading is taken
-_RINGING = 10  # samples in which a lone reading has no company
-FEWEST = 200  # samples below which nothing can be told from chance
+_SEGMENTS = 20  # segments whose means are tested for a trend and a drift
+_NEIGHBOURHOOD = 101  # samples over which the usual deviation of a reading is determined
+_RINGING = 10  # samples beside an outlier in which no other reading deviates, and samples that ringing may last
+FEWEST = 200  # samples below which nothing can be distinguished from chance
 
 
 class FindingKind(Enum):
@@ -197,7 +197,7 @@ def _slow(channel: _Channel, level: float) -> Iterator[Finding]:
     y = channel.values
     segments = cut(y, _SEGMENTS)
     length = segments.shape[1]
-    # Without a line in each: else the larger a trend, the longer the correlation that it seems to make.
+    # Each segment is detrended, because a larger trend would otherwise simulate a longer correlation.
     if length < ENOUGH_CORRELATION_TIMES * correlation_samples(_levelled(segments)):
         return
     means = segments.mean(axis=1)
@@ -233,8 +233,8 @@ def _levelled(segments: Array) -> Array:
 
 
 def _outliers(channel: _Channel, level: float) -> Iterator[Finding]:
-    """Find isolated readings far from the cubic through four neighbours, by the usual distance nearby. A step, its
-    ringing, and the usual response to a kink of an input are motion, not outliers."""
+    """Find isolated readings far from the cubic through four neighbours, relative to the usual distance nearby. A step,
+    its ringing, and the usual response to a kink of an input are motion, not outliers."""
     from scipy.ndimage import maximum_filter, median_filter
     from scipy.special import ndtri
 
@@ -243,17 +243,18 @@ def _outliers(channel: _Channel, level: float) -> Iterator[Finding]:
     deviation, jump = neighbours_deviation(y), np.zeros(y.size)
     jump[inner] = np.abs(y[inner + 1] - y[inner - 1])
     size = np.abs(deviation)
-    # What is usual around where the signal moves fast, what is usual on the whole elsewhere.
+    # The usual deviation nearby where the signal moves fast, that of the whole signal elsewhere.
     usual = 1.4826 * np.maximum(median_filter(size, _NEIGHBOURHOOD, mode="nearest"), np.median(size[inner]))
     usual = np.maximum(usual, max(resolution(y) / 2.0, 1e-12 * float(np.abs(y).max())))
-    # Bonferroni over the samples; the median of n correlated deviations is uncertain by about 2 / sqrt(n).
+    # Bonferroni's correction over the samples; the median of n correlated deviations is uncertain by about 2 / sqrt(n).
     limit = -float(ndtri(level / (2.0 * y.size))) * (1.0 + 2.0 / np.sqrt(y.size))
-    # The outlier itself bends the cubics of its neighbours up to two samples away; farther off it has no company.
+    # The outlier itself bends the cubics of its neighbours up to two samples away; farther off, nothing may deviate
+    # with it.
     around = np.abs(np.arange(-_RINGING, _RINGING + 1)) > 2
     company = maximum_filter(size, footprint=around)
     lone = (size >= maximum_filter(size, 5)) & (size > 2.0 * company) & (size > 2.0 * jump)
     answers = _kinks(channel.record)
-    if answers.any():  # What most kinks are answered by is usual after a kink.
+    if answers.any():  # Deviations that most kinks cause are usual after a kink.
         usual[answers] = np.maximum(usual[answers], np.quantile(size[answers], 0.95))
     far = np.flatnonzero((size > limit * usual) & lone)
     if far.size:
@@ -313,7 +314,7 @@ def _constant(channel: _Channel, moves: Array, level: float) -> Iterator[Finding
             FindingKind.CONSTANT, np.arange(y.size), y[0], f"the reading is {channel.amount(y[0])} throughout"
         )
         return
-    # Of independent equal neighbours, a run of m comes n share^m times.
+    # With independent equal neighbours, a run of m is expected n share^m times.
     longest = 3 if share == 0.0 else max(3, int(np.ceil(log(level / y.size) / log(share))))
     extremes = (y.min(), y.max())
     for run in runs(same):

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-_BLOCKS = 10  # of the squared errors, whose means tell how certain their mean is
+_BLOCKS = 10  # blocks of the squared errors, whose means show how certain their mean is
 
 
 class TrialStatus(Enum):
@@ -271,7 +271,7 @@ def choose_orders(
         )
     tell = progress or silent
     done: list[OrderTrial] = []
-    chunk = 1 if workers == 1 else 8 * max(workers, 2)  # what an interrupt can cost
+    chunk = 1 if workers == 1 else 8 * max(workers, 2)  # trials that an interrupt can lose
     try:
         for start in range(0, len(grid), chunk):
             jobs = [(identifier, trial, train, held_out, first) for trial in grid[start : start + chunk]]
@@ -291,7 +291,7 @@ def choose_orders(
 def _with_dead_times(
     output_lags: Sequence[Lags], dead_times: Sequence[DeadTime], held_out: Sequence[Recording]
 ) -> list[tuple[Lags, Lags]]:
-    """Return each number of output lags with as many input lags, from lag 1 and from the dead times on."""
+    """Return each number of output lags with as many input lags, once from lag 1 and once from the dead times on."""
     pairs: list[tuple[Lags, Lags]] = []
     room = min(record.n_samples for record in held_out) - 2 * _BLOCKS
     for lags in output_lags:

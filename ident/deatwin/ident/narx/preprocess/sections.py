@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 
 Statistics = dict[str, tuple[SegmentMeans, ...]]
-_FEWEST_SEGMENTS = 10  # with fewer, no order of them is improbable enough to be called non-stationary
+_FEWEST_SEGMENTS = 10  # with fewer segments, no order of them is improbable enough to be called non-stationary
 
 
 class SectionStatus(Enum):
@@ -343,7 +343,7 @@ def _stretches(
             continue
         first, last, p_value = found
         free += [(begin, first), (last, end)]
-        # What makes the neighbours fail may begin within the outermost segment.
+        # The cause of the neighbours' failure may begin within the outermost segment.
         first, last = first + (first > 0), last - (last < n_segments)
         yield Stretch(
             record=number,

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 STATISTICS = ("mean", "variance", "fast variance")
 ENOUGH_CORRELATION_TIMES = 15.0
-"""Length of a segment beside the correlation time from which on the tests keep their level."""
-_SMALLEST_GROUP = 3  # segments before or after a change
+"""Length of a segment, in correlation times, from which on the tests keep their level."""
+_SMALLEST_GROUP = 3  # least segments before or after a change
 
 
 @dataclass(frozen=True, eq=False)
