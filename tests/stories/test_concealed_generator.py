@@ -141,9 +141,7 @@ def test_a_hard_clip_passes_what_is_below_it_and_stops_what_is_above():
 @pytest.mark.parametrize("name", sorted(n for n, kind in MECHANISMS.items() if not hasattr(kind, "rewrite")))
 def test_without_strength_nothing_happens_to_command_and_reading(name):
     timepts = STEP * np.arange(500)
-    setting = Setting(
-        seconds=10.0, commands=thesis_noise(10.0), displacement=1e-4 + 1e-4 * np.sin(timepts) ** 2, gain=800.0
-    )
+    setting = Setting(seconds=10.0, commands=thesis_noise(10.0), displacement=1e-4 + 1e-4 * np.sin(timepts) ** 2)
     nothing = mechanism_named(name).drawn(np.random.default_rng(3), setting).sized(0.0)
     drive = Drive(times=timepts, commands=setting.commands)
     reading = Reading(times=timepts, values=setting.displacement, commands=setting.commands)
@@ -368,7 +366,7 @@ def test_without_strength_nothing_happens_in_the_equations(name):
     experiment = silent(thesis_noise(3.0))
     clean = apparatus().readings(experiment)[0]
     commands = experiment.recordings[0].inputs[0]
-    setting = Setting(seconds=3.0, commands=commands, displacement=clean, gain=800.0)
+    setting = Setting(seconds=3.0, commands=commands, displacement=clean)
     drawn = mechanism_named(name).drawn(np.random.default_rng(1), setting)
     gone = drawn.sized(1e-9 * drawn.largest)
     assert np.abs(apparatus(gone).readings(experiment)[0] - clean).max() < 0.1e-6

@@ -195,7 +195,6 @@ class _Sizing:
             seconds=fitted.end,
             commands=np.concatenate([r.inputs[0] for r in fitted.recordings]),
             displacement=np.concatenate(clean[:-1]),
-            gain=rigging.nominal.parameters["gain"].value,
         )
         scale = StructuralScale.of(rigging.reduced, fitted, clean[:-1], bare.noise.rms)
         return cls(bare=bare, whole=whole, scale=scale, setting=setting)
