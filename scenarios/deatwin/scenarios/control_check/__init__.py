@@ -57,9 +57,8 @@ def _answer(study: Study, rows: Sequence[Measure]) -> str:
 
 def _tracked_in_words(every: Sequence[Tracking]) -> dict[str, Any]:
     nominal, hysteretic = every[0], every[1]
-    best = min(one.rms for name, one in nominal.tracked.items() if name.startswith("oracle"))
     return {
-        "against": nominal.tracked["inverse with dynamics"].rms / best,
+        "against": nominal.tracked["inverse with dynamics"].rms / nominal.best,
         "pays": " and ".join(f"{hysteretic.ratio('PI', name):.1f}" for name in INVERSES),
         "near": " and ".join(f"{hysteretic.ratio(name, f'oracle: {name}'):.1f}" for name in INVERSES),
     }
