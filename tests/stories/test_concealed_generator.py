@@ -18,6 +18,7 @@ from deatwin.plant import Diaphragm, Experiment, Plant, Recording
 from deatwin.plant.effects import catalogue
 from deatwin.plant.errors import DataError, RigError, SimulationError
 from deatwin.plant.excitation import band_limited_noise
+from deatwin.plant.records import plain
 from deatwin.plant.rigs.base import ReadingTime
 from deatwin.scenarios.concealed_physics import generator
 from deatwin.scenarios.concealed_physics.cases import LADDER, case_specs, pairable, size_named
@@ -329,7 +330,7 @@ def test_the_standard_study_has_the_cases_that_were_asked_for():
     assert all(set(s.truth) < set(s.rivals) and not s.rich for s in specs if s.kind == "tie")
     assert all(0.01 <= s.noise_share <= 0.05 for s in specs)
     assert len(case_specs("tiny", 1)) == 12 and len(case_specs("full", 1)) == 2 * len(specs)
-    assert all(json.loads(json.dumps(s.to_dict())) == s.to_dict() for s in specs)
+    assert all(json.loads(json.dumps(plain(s))) == plain(s) for s in specs)
 
 
 def test_the_long_study_records_as_long_as_a_rig_and_in_two_waveforms():

@@ -130,10 +130,6 @@ class Mechanism(ABC):
         """Parameters shared with an effect of the catalogue, by their names there, SI; most mechanisms have none."""
         return {}
 
-    def to_dict(self) -> dict[str, float]:
-        """Parameters, SI."""
-        return {f.name: float(getattr(self, f.name)) for f in fields(self)}
-
 
 @dataclass(frozen=True, kw_only=True)
 class PlantMechanism(Effect, Mechanism):
