@@ -20,10 +20,9 @@ from deatwin.scenarios.concealed_physics.generator.specimens import CaseSpec
 from deatwin.scenarios.concealed_physics.intervals import cover
 from deatwin.scenarios.concealed_physics.key import key_dict
 from deatwin.studies.sweep import CaseStore, SweepSeal, digest, run_sweep, sources_digest
-from deatwin.studies.sweep.constants import constants
+from deatwin.studies.sweep.constants import thresholds
 
 CASE_SCHEMA = "deatwin/concealed-case/1"
-DECIDING = ("deatwin.ident.mismatch", "deatwin.ident.greybox")  # Packages whose numbers decide a verdict
 SEALED_CODE = ("deatwin.plant", "deatwin.ident")
 STORY = Path(__file__).parent
 OPEN_CODE = frozenset(STORY / name for name in ("__init__.py", "results.py", "score.py", "figures.py", "tables.py"))
@@ -37,7 +36,7 @@ def seal_of(size: str, seed: int, key: Mapping[str, Any]) -> SweepSeal:
         "size": size,
         "seed": seed,
         "key": digest(key),
-        "thresholds": constants(DECIDING),
+        "thresholds": thresholds(),
         "code": sources_digest(SEALED_CODE, running),
         "version": version("deatwin"),
     }
