@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from markdown_tables import markdown_table
 
 from deatwin.plant.errors import DataError
 from deatwin.scenarios.concealed_physics.results import FAR, Opened, open_key
@@ -15,7 +16,6 @@ from deatwin.scenarios.concealed_physics.score import Goal
 from deatwin.scenarios.concealed_physics.study import Store, key_of, labels
 from deatwin.scenarios.concealed_physics.tables import KINDS, tables
 from deatwin.studies.report.prose import rendered
-from deatwin.studies.report.tables import markdown_table
 from deatwin.studies.sweep import SweepSeal, digest
 from deatwin.studies.sweep.json_files import read_object
 from deatwin.studies.sweep.store import read_seal

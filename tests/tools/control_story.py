@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from markdown_tables import markdown_table
+
 from deatwin.plant.errors import DataError
-from deatwin.studies.report.tables import markdown_table
 from deatwin.studies.sweep.json_files import read_object
 
 STORY = "deatwin/control-story/2"

@@ -28,6 +28,7 @@ from typing import Any
 from concealed_study import DATA as CONCEALED
 from concealed_study import TITLES, opened_study, page_data, page_of
 from control_story import STORY, story_blocks, story_data
+from markdown_tables import markdown_table
 from measured import MEASURED, measured_blocks, measured_data
 from records import RECORDS, record_blocks
 
@@ -37,7 +38,6 @@ from deatwin.scenarios.concealed_physics.figures import summary
 from deatwin.scenarios.concealed_physics.score import NO_CASE, score
 from deatwin.scenarios.control_check.trials import Outcome, caught, inside, sound
 from deatwin.studies.rates import Rate
-from deatwin.studies.report.tables import markdown_table
 from deatwin.studies.sweep.casefile import CASE_ENDING, read_case
 from deatwin.studies.sweep.json_files import read_object
 

@@ -8,10 +8,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from markdown_tables import markdown_table
+
 from deatwin.plant.errors import DataError
 from deatwin.scenarios.catalogue import STORIES
 from deatwin.studies.public.black_boxes import LINEAR
-from deatwin.studies.report.tables import markdown_table
 from deatwin.studies.sweep.json_files import read_object
 
 MEASURED = "deatwin/story-measures/1"

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from markdown_tables import markdown_table
+
 from deatwin.scenarios.real_physics.published import sources
-from deatwin.studies.report.tables import markdown_table
 
 RECORDS = "deatwin/records/1"
 """Schema of what is kept by hand."""

@@ -22,7 +22,7 @@ from deatwin.ident.mismatch import diagnose
 from deatwin.plant import Coupon, DataError, Experiment, Plant, Recording, read_recording
 from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of
 from deatwin.studies.missing_physics.page import tell
-from deatwin.studies.public.records import Candidates, DataSet
+from deatwin.studies.public.records import Candidates, DataSet, recorded
 from deatwin.studies.public.sources import data_folder
 from deatwin.studies.stories import Setting
 
@@ -34,10 +34,9 @@ STEP = 10  # Samples of 20 ms from one of a black box to its next
 
 def run(setting: Setting) -> Mapping[str, Any]:
     """Diagnose, and predict the held-out rate and a relaxation."""
+    told = tell(setting, "vhb4910", case)
     folder = data_folder(setting.data, "vhb4910")
-    own = case(folder)
-    told = tell(setting, own)
-    far = [pull(file) for file in far_files(folder)]
+    own, far = case(folder), [pull(file) for file in far_files(folder)]
     wider = diagnose(own.plant, [*own.fitted, *far], jobs=setting.jobs, seed=setting.seed)
     found = ", ".join(cause.effect for cause in wider.causes)
     result = {
@@ -96,15 +95,7 @@ def _black_box(fitted: Sequence[Experiment], judged: Experiment) -> DataSet:
             np.concatenate([values[0, ::STEP] for values in signal])
             for signal in ([r.inputs for r in records], [r.outputs for r in records])
         )
-        return Recording.from_arrays(
-            stretch - 1,
-            force,
-            STEP * records[0].sample_time,
-            input_names=("strain",),
-            output_names=("force",),
-            input_units=("1",),
-            output_units=("N",),
-        )
+        return recorded(stretch - 1, force, STEP * records[0].sample_time, ("1", "N"))
 
     return DataSet(
         name="vhb4910",

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from markdown_tables import markdown_table
 from scipy.stats import binom
 
 from deatwin.studies.folder import ResultFolder
@@ -13,7 +14,7 @@ from deatwin.studies.report import prose
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, finish, reached
 from deatwin.studies.report.svg import draw
-from deatwin.studies.report.tables import csv_text, markdown_table
+from deatwin.studies.report.tables import csv_text
 
 
 def test_a_story_ends_with_page_figures_result_and_record(tmp_path):
@@ -23,7 +24,7 @@ def test_a_story_ends_with_page_figures_result_and_record(tmp_path):
             Drawing.of(figure, "line", "A line", "It rises.", {"x_m": np.arange(2.0)}),
             Drawing.of(figure, "words", "Words", "Cells.", csv_text(["who"], [["a"]])),
         ]
-    rows = [Measure.below("error", 2e-9, 1e-6), Measure("count", "at least 3", "2", False)]
+    rows = [Measure("error", "below 1e-06", "2e-09", True), Measure("count", "at least 3", "2", False)]
     page = StoryPage(
         title="tale",
         sentence="So it was.",

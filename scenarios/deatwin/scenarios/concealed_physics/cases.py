@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import combinations
 from types import MappingProxyType
 from typing import Any
@@ -88,10 +88,6 @@ class IntervalSpec:
     coloured: bool  # True if the sensor's noise is coloured
     seed: int
     kind: str = "interval"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data, for the key."""
-        return asdict(self)
 
 
 def size_named(name: str) -> Size:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,21 +13,6 @@ from deatwin.studies.sweep import digest
 
 FAR = 16.0  # Distance d² from which on two explanations can be told apart
 CLEAN_VERDICTS = frozenset({"none", "parameters"})
-
-
-@dataclass(frozen=True, kw_only=True)
-class Held:
-    """A fitted parameter with its true value."""
-
-    name: str
-    true: float
-    low: float  # End of its 95 % interval
-    high: float
-
-    @property
-    def covered(self) -> bool:
-        """True if the interval holds the true value."""
-        return self.low <= self.true <= self.high
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,7 +44,7 @@ class Case:
     sparse_right: bool  # The strongest term of the sparse dynamics may stand for what is right
     errors: Mapping[str, float]  # Rms errors on the check record by who made them, SI; of those that could follow
     stated: tuple[tuple[float, bool], ...]  # Probability of each cause, and whether it is right
-    held: tuple[Held, ...]  # Parameters that have a true value
+    covered: tuple[bool, ...]  # Whether the 95 % interval of each parameter that has a true value holds it
     advised: str  # What the advised experiment came to; empty where none was run
     again: bool  # It was diagnosed
     sparse_term: str  # The strongest term of the sparse dynamics
@@ -67,18 +52,12 @@ class Case:
     seconds: float | None  # Processor time
 
 
-def _held(result: Mapping[str, Any]) -> Iterator[Held]:
-    """Yield the parameters of a result that have a true value."""
-    for row in result.get("parameters", ()):
-        yield Held(**{name: row[name] for name in ("name", "true", "low", "high")})
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Opened:
     """A study with its key and all finished cases."""
 
     cases: tuple[Case, ...]
-    intervals: tuple[Held, ...]
+    intervals: tuple[bool, ...]  # Whether each interval of the fits holds the true value
     failures: Mapping[str, str]  # Messages of the cases and fits that ended in an error
     seconds: tuple[float, ...]  # Processor time of each case
     planned: int  # Cases and fits that the key has
@@ -102,7 +81,7 @@ def open_key(store: Store, key: Mapping[str, Any]) -> Opened:
     fits = [result for spec, result in results if spec["kind"] == "interval"]
     return Opened(
         cases=tuple(_case(spec, result, key["names"]["key"]) for spec, result in cases),
-        intervals=tuple(held for result in fits for held in _held(result)),
+        intervals=tuple(held for result in fits for held in _covered(result)),
         failures={spec["name"]: result["message"] for spec, result in results if result["status"] != "done"},
         seconds=tuple(float(result.get("seconds_in_all", 0.0)) for _, result in cases),
         planned=len(key["cases"]),
@@ -150,13 +129,18 @@ def _case(spec: Mapping[str, Any], result: Mapping[str, Any], names: Mapping[str
         sparse_right=bool(TERM_NAMES.get(baselines.get("pysindy", {}).get("term", ""), frozenset()) & right),
         errors={name: float(rms) for name, rms in errors.items() if rms is not None},
         stated=tuple((float(cause["probability"]), cause["effect"] in right) for cause in stated),
-        held=tuple(_held(result)),
+        covered=_covered(result),
         advised=_advised(again),
         again="verdict" in again,
         sparse_term=baselines.get("pysindy", {}).get("term", ""),
         lost=frozenset(name for name, made in baselines.items() if made["failure"]),
         seconds=result.get("seconds_in_all"),
     )
+
+
+def _covered(result: Mapping[str, Any]) -> tuple[bool, ...]:
+    """Return whether the interval of each parameter that has a true value holds it."""
+    return tuple(row["low"] <= row["true"] <= row["high"] for row in result.get("parameters", ()))
 
 
 def _advised(again: Mapping[str, Any]) -> str:

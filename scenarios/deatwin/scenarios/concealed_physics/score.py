@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,7 +54,7 @@ def score(study: Opened) -> list[Goal]:
     detected = [case for case in study.of("effect", "tie", "pair") if case.detected]
     named = [case for case in study.of("effect", "pair") if case.verdict == "named"]
     tied = [case for case in study.of("tie") if case.verdict == "ambiguous"]
-    fine = (held.covered for case in study.cases for held in case.held)
+    fine = [covered for case in study.cases for covered in case.covered]
     return [
         _at_most("false_alarm", [bool(c.causes) for c in clean], 1 / 150, "1 of 150"),
         _at_least("cleared", [c.cleared for c in clean], 0.95),
@@ -125,10 +125,9 @@ def _harm(study: Opened) -> Goal:
 
 
 def _covered(study: Opened) -> Goal:
-    covered = [held.covered for held in study.intervals]
-    rate = Rate.of(covered)
+    rate = Rate.of(study.intervals)
     met = rate.count >= LEAST_PARAMETERS and 0.92 <= rate.share <= 0.98
-    return _rate("covered", f"92 to 98 % of at least {LEAST_PARAMETERS}", covered, met)
+    return _rate("covered", f"92 to 98 % of at least {LEAST_PARAMETERS}", study.intervals, met)
 
 
 def _calibration(study: Opened) -> Goal:
@@ -147,7 +146,7 @@ def _at_least(name: str, flags: Sequence[bool], limit: float) -> Goal:
     return _rate(name, f"at least {100 * limit:g} %", flags, met, "at least")
 
 
-def _rate(name: str, demanded: str, flags: Iterable[bool], met: bool | None, side: str = "") -> Goal:
+def _rate(name: str, demanded: str, flags: Sequence[bool], met: bool | None, side: str = "") -> Goal:
     rate = Rate.of(flags)
     if not rate.count:
         return _goal(name, demanded, "", (np.nan, np.nan, np.nan), 0, met)

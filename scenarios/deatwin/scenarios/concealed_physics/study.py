@@ -13,16 +13,16 @@ from typing import Any
 import numpy as np
 
 from deatwin.plant.interrupts import obeying
+from deatwin.plant.records import plain
 from deatwin.scenarios.concealed_physics.cases import IntervalSpec, case_specs, interval_specs, size_named
 from deatwin.scenarios.concealed_physics.examine import examine
 from deatwin.scenarios.concealed_physics.generator.specimens import CaseSpec
 from deatwin.scenarios.concealed_physics.intervals import cover
 from deatwin.scenarios.concealed_physics.key import key_dict
 from deatwin.studies.sweep import CaseStore, SweepSeal, digest, run_sweep, sources_digest
-from deatwin.studies.sweep.constants import constants
+from deatwin.studies.sweep.constants import thresholds
 
 CASE_SCHEMA = "deatwin/concealed-case/1"
-DECIDING = ("deatwin.ident.mismatch", "deatwin.ident.greybox")  # Packages whose numbers decide a verdict
 SEALED_CODE = ("deatwin.plant", "deatwin.ident")
 STORY = Path(__file__).parent
 OPEN_CODE = frozenset(STORY / name for name in ("__init__.py", "results.py", "score.py", "figures.py", "tables.py"))
@@ -36,7 +36,7 @@ def seal_of(size: str, seed: int, key: Mapping[str, Any]) -> SweepSeal:
         "size": size,
         "seed": seed,
         "key": digest(key),
-        "thresholds": constants(DECIDING),
+        "thresholds": thresholds(),
         "code": sources_digest(SEALED_CODE, running),
         "version": version("deatwin"),
     }
@@ -71,7 +71,7 @@ def labels(size: str, seed: int) -> tuple[Spec, ...]:
 
 def key_of(specs: Sequence[Spec]) -> dict[str, Any]:
     """Make the key: the concealed effect of each case, and its right names."""
-    return {"names": key_dict(), "cases": [spec.to_dict() for spec in specs]}
+    return {"names": key_dict(), "cases": plain(specs)}
 
 
 def carry_out(folder: Path, size: str, seed: int, jobs: int, tell: Callable[[float, str], None]) -> Store:
@@ -79,9 +79,11 @@ def carry_out(folder: Path, size: str, seed: int, jobs: int, tell: Callable[[flo
     tell(0.0, "sealing labels and thresholds")
     specs = labels(size, seed)
     store = Store(folder, seal_of(size, seed, key_of(specs)))
+    # All kinds are mixed, so that an interrupted study holds a fair sample and the remaining time is known early.
+    mixed = [specs[k] for k in np.random.default_rng(seed).permutation(len(specs))]
     run_sweep(
         partial(run_case, size),
-        {spec.name: spec for spec in _mixed(specs, seed)},
+        {spec.name: spec for spec in mixed},
         store,
         jobs=jobs,
         tell=tell,
@@ -100,8 +102,3 @@ def run_case(size: str, spec: Spec) -> dict[str, Any]:
     except Exception as error:  # whatever it is, the case is counted: it failed
         result = {"status": "error", "message": f"{type(error).__name__}: {' '.join(str(error).split())}"}
     return {**result, "seconds_in_all": round(time.process_time() - begun, 2)}
-
-
-def _mixed(specs: Sequence[Spec], seed: int) -> list[Spec]:
-    """Mix all kinds of cases, so that an interrupted study holds a fair sample and the remaining time is known early."""
-    return [specs[k] for k in np.random.default_rng(seed).permutation(len(specs))]

@@ -16,7 +16,6 @@ from deatwin.scenarios.control_check.matters import QUANTITIES, Promise
 from deatwin.scenarios.control_check.page import INVERSES, drawings, judge, tables
 from deatwin.scenarios.control_check.rigs import CALIBRATED, CONCEALED
 from deatwin.scenarios.control_check.study import Study, carry_out
-from deatwin.scenarios.control_check.tracking import Tracking
 from deatwin.scenarios.control_check.trials import NO_MODEL, PASS, broken, caught, in_words, inside, sound
 from deatwin.studies.report.prose import notes
 from deatwin.studies.report.story import Measure, StoryPage, finish, reached
@@ -36,7 +35,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
         title="control-check",
         sentence=_answer(study, rows),
         rows=rows,
-        notes=notes(__package__, **_tracked_in_words(study.tracking), **_chosen(), **_counted(study)),
+        notes=notes(__package__, **_numbers(study)),
         figures=drawings(study),
         tables=tables(study),
     )
@@ -55,19 +54,15 @@ def _answer(study: Study, rows: Sequence[Measure]) -> str:
     )
 
 
-def _tracked_in_words(every: Sequence[Tracking]) -> dict[str, Any]:
-    nominal, hysteretic = every[0], every[1]
-    best = min(one.rms for name, one in nominal.tracked.items() if name.startswith("oracle"))
+def _numbers(study: Study) -> dict[str, Any]:
+    """Numbers of the notes: what was found, and what was chosen beforehand."""
+    nominal, hysteretic = study.tracking
+    outcomes, made = study.outcomes, study.matters.promises
+    errors = {p.model: p.achieved for p in made if p.quantity == "rms error"}
     return {
-        "against": nominal.tracked["inverse with dynamics"].rms / best,
+        "against": nominal.tracked["inverse with dynamics"].rms / nominal.best,
         "pays": " and ".join(f"{hysteretic.ratio('PI', name):.1f}" for name in INVERSES),
         "near": " and ".join(f"{hysteretic.ratio(name, f'oracle: {name}'):.1f}" for name in INVERSES),
-    }
-
-
-def _chosen() -> dict[str, Any]:
-    """Return the numbers that were chosen beforehand."""
-    return {
         "seconds": SECONDS,
         "band": BAND,
         "closed_loop_time": CLOSED_LOOP_TIME,
@@ -77,13 +72,6 @@ def _chosen() -> dict[str, Any]:
         "share_concealed": 100 * CONCEALED,
         "calibrated": ", ".join(name.replace("_", " ").replace(".", " ") for name in CALIBRATED),
         "reserve": 100 * Specification().reserve,
-    }
-
-
-def _counted(study: Study) -> dict[str, Any]:
-    outcomes, made = study.outcomes, study.matters.promises
-    errors = {p.model: p.achieved for p in made if p.quantity == "rms error"}
-    return {
         "trials": len(outcomes),
         "inside": in_words(inside(outcomes)),
         "sound": in_words(sound(outcomes)),

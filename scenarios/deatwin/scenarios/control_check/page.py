@@ -122,9 +122,6 @@ def verdicts_seen(outcomes: Sequence[Outcome]) -> tuple[str, ...]:
 
 
 def _tracking_table(every: Sequence[Tracking]) -> Table:
-    def best(tracking: Tracking) -> float:
-        return min(one.rms for name, one in tracking.tracked.items() if name.startswith("oracle"))
-
     return Table.of(
         "Tracking tones of 0.1 to 0.8 Hz",
         [(tracking, name, tracking.tracked[name]) for tracking in every for name in tracking.tracked],
@@ -133,7 +130,7 @@ def _tracking_table(every: Sequence[Tracking]) -> Table:
             "controller": lambda row: row[1],
             "rms error": lambda row: _number(MICRO * row[2].rms, ".3g", " µm"),
             "PI's error over it": lambda row: _number(row[0].ratio("PI", row[1]), ".2f"),
-            "its error over the best oracle's": lambda row: _number(row[2].rms / best(row[0]), ".2f"),
+            "its error over the best oracle's": lambda row: _number(row[2].rms / row[0].best, ".2f"),
             "gain margin with the identified model": lambda row: _number(float(row[2].margins.gain[0]), ".3g"),
             "phase margin": lambda row: _number(float(row[2].margins.phase_deg[0]), ".0f", "°"),
             "run": lambda row: row[2].run.status.name.lower().replace("_", " "),

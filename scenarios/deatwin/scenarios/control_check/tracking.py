@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,6 @@ from numpy.typing import NDArray
 from deatwin.control import (
     ClosedLoop,
     Controller,
-    InverseController,
     LinearController,
     LinearModel,
     Margins,
@@ -72,6 +70,11 @@ class Tracking:
         """Return the rms error of one controller divided by that of another."""
         return self.tracked[one].rms / self.tracked[other].rms
 
+    @property
+    def best(self) -> float:
+        """Smallest rms error of a design on the true plant, in the output's unit."""
+        return min(one.rms for name, one in self.tracked.items() if name.startswith("oracle"))
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FleetRun:
@@ -100,11 +103,11 @@ def track(name: str, plant: Plant, rng: np.random.Generator, excited_Hz: float =
     mine = linearise(model, OPERATING).in_loop(plant.rig.reading)
     true = linearise_plant(plant, OPERATING).in_loop(plant.rig.reading)
     curves = {"": static_curve(model, LIMITS), "oracle: ": static_curve(plant, LIMITS)}
-    designs: dict[str, Controller] = {"PI": _pi(mine)}
+    designs: dict[str, Controller] = {"PI": _design(mine, command_limits=LIMITS)}
     for who, linear in (("", mine), ("oracle: ", true)):
         behind = with_inverse(linear, curves[who], _design, command_limits=LIMITS)
         designs[f"{who}inverse"] = behind
-        designs[f"{who}inverse with dynamics"] = _with_dynamics(behind, linear)
+        designs[f"{who}inverse with dynamics"] = with_dynamics(behind, inverse_filter(linear, BAND[1] / 0.8))
     reference = _tones(curves["oracle: "].output(OPERATING), curves["oracle: "].output(LIMITS), h, rng)
     noise = int(rng.integers(2**32))
     return Tracking(
@@ -112,7 +115,7 @@ def track(name: str, plant: Plant, rng: np.random.Generator, excited_Hz: float =
         tracked={
             key: Tracked(
                 controller=controller,
-                margins=_margins(controller, mine),
+                margins=loop_margins(mine, controller.local(controller.operating_input)),
                 run=closed_loop(plant, controller, reference, rng=np.random.default_rng(noise)),
             )
             for key, controller in designs.items()
@@ -145,17 +148,6 @@ def fleet_runs(seed: int, rng: np.random.Generator) -> tuple[FleetRun, ...]:
 
 def _design(linear: LinearModel, *, command_limits: tuple[float, float]) -> LinearController:
     return lambda_tuning(linear, command_limits=command_limits, closed_loop_time=CLOSED_LOOP_TIME)
-
-
-_pi = partial(_design, command_limits=LIMITS)
-
-
-def _with_dynamics(controller: InverseController, linear: LinearModel) -> InverseController:
-    return with_dynamics(controller, inverse_filter(linear, BAND[1] / 0.8))
-
-
-def _margins(controller: Controller, linear: LinearModel) -> Margins:
-    return loop_margins(linear, controller.local(controller.operating_input))
 
 
 def _tones(centre: Array | float, ends: Array, sample_time: float, rng: np.random.Generator) -> Array:

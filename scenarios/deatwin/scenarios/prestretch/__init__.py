@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,11 +20,19 @@ from deatwin.plant.laws.stress import nominal_stress
 from deatwin.plant.material import material
 from deatwin.plant.rigs.film_actuator import relaxed_stresses
 from deatwin.scenarios.prestretch.claims import RELAXING, Sweep, Verdict, judged_claims
-from deatwin.scenarios.prestretch.page import write_sweep
+from deatwin.studies.folder import ResultFolder
+from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.origin import Origin
+from deatwin.studies.report.rendering import write_page
 from deatwin.studies.report.story import end_run
+from deatwin.studies.report.svg import draw, inline, standalone
 from deatwin.studies.stories import Setting
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 Array = np.ndarray
+Columns = Mapping[str, Array]
 PRESTRETCHES = np.linspace(1.0, 5.0, 17)
 RATIOS = np.linspace(1.0, 3.0, 9)  # Prestretch across over prestretch along, at the thickness of 3 x 3
 KILOVOLT, TOP = 1000.0, 10e3
@@ -49,7 +57,9 @@ def run(setting: Setting) -> Mapping[str, Any]:
             f"{judged[0].finding}"
         ),
     }
-    write_sweep(setting.folder, result, columns, ratios, record)
+    figure = _drawn(setting.folder, columns, ratios)
+    origin = Origin.of(record)
+    write_page(setting.folder, "prestretch.html.j2", [figure], origin, __package__, result=result, figure=figure)
     return end_run(setting.folder, record, "prestretch", result)
 
 
@@ -147,7 +157,7 @@ def unequal(ratios: Array) -> dict[str, Array]:
     return {"ratio": ratios, "strain_along": np.array(along), "strain_across": np.array(across)}
 
 
-def pull_in_ends_at(columns: Mapping[str, Array]) -> float:
+def pull_in_ends_at(columns: Columns) -> float:
     """Return the prestretch above which a film under dead load no longer pulls in."""
     stretches, pulls_in = columns["prestretch"], np.isfinite(columns["pull_in_V"])
     low, high = float(stretches[pulls_in].max()), float(stretches[~pulls_in].min())
@@ -155,3 +165,50 @@ def pull_in_ends_at(columns: Mapping[str, Array]) -> float:
         middle = (low + high) / 2
         low, high = (low, middle) if dead_load(middle).end.ok else (middle, high)
     return (low + high) / 2
+
+
+def _drawn(folder: ResultFolder, columns: Columns, ratios: Columns) -> Drawing:
+    """Draw the page's figure, and write ``prestretch.svg``."""
+    title = "What changes with the prestretch"
+    with draw((9.6, 6.0)) as figure:
+        _panels(figure, columns, ratios)
+        folder.text("prestretch.svg", standalone(figure))
+        return Drawing(
+            name="prestretch",
+            title=title,
+            svg=inline(figure, "prestretch", title),
+            data="prestretch.csv",
+            further=("unequal.csv",),
+            caption="A square film of VHB 4905 under equal dead loads; unequal loads at one thickness; the ball of the "
+            "thesis' rig.",
+        )
+
+
+def _panels(figure: Figure, columns: Columns, ratios: Columns) -> None:
+    stretch = columns["prestretch"]
+    axes = figure.subplots(2, 3)
+    strain, volts, limits, prompt, directed, ball = axes.flat
+    strain.plot(stretch, 100 * columns["strain_at_1kV"])
+    strain.set(title="strain at 1 kV (%)")
+    volts.semilogy(stretch, columns["voltage_for_5_percent_V"], label="for 5 % strain")
+    volts.semilogy(stretch, columns["pull_in_V"], label="pull-in")
+    volts.semilogy(stretch, columns["breakdown_V"], label="breakdown")
+    volts.semilogy(stretch, np.where(columns["slack_V"] > 0, columns["slack_V"], np.nan), label="slack in a frame")
+    volts.set(title="voltages (V)", ylim=(500, 4e4))
+    volts.legend(fontsize="x-small", ncols=2)
+    limits.plot(stretch, 100 * columns["largest_strain"])
+    limits.set(title="largest strain (%)")
+    prompt.plot(stretch, 100 * columns["prompt_share"], label="of a step's strain within 20 ms")
+    prompt.plot(stretch, 100 * columns["tension_lost"], label="of the tension lost after mounting")
+    prompt.set(title="shares (%)", ylim=(0, 100))
+    prompt.legend(fontsize="x-small")
+    directed.plot(ratios["ratio"], 100 * ratios["strain_along"], label="along")
+    directed.plot(ratios["ratio"], 100 * ratios["strain_across"], label="across")
+    directed.set(title="strain at 1 kV, unequal (%)")
+    directed.legend(fontsize="x-small")
+    ball.plot(stretch, columns["ball_at_2kV_mm"])
+    ball.set(title="ball at 2 kV (mm)")
+    for panel in axes.flat:
+        panel.set_xlabel("prestretch")
+        panel.title.set_fontsize("medium")
+    directed.set_xlabel("prestretch across / along")

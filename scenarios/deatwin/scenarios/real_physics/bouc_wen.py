@@ -33,7 +33,6 @@ from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_
 from deatwin.studies.missing_physics.page import tell
 from deatwin.studies.public.columns import hdf5_vectors, require_samples
 from deatwin.studies.public.records import Candidates, DataSet
-from deatwin.studies.public.sources import data_folder
 from deatwin.studies.report.words import Words
 from deatwin.studies.stories import Setting
 
@@ -112,7 +111,7 @@ class BoucWen(Hysteresis):
 
 def run(setting: Setting) -> Mapping[str, Any]:
     """Diagnose the training multisine, and run free over the test signals."""
-    return tell(setting, case(data_folder(setting.data, "boucwen_benchmark_h5")))
+    return tell(setting, "boucwen_benchmark_h5", case)
 
 
 def case(folder: Path) -> Case:

@@ -20,7 +20,6 @@ from deatwin.plant.effects.smooth import soft_excess
 from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of
 from deatwin.studies.missing_physics.page import tell
 from deatwin.studies.public.records import cascaded_tanks as black_box_data
-from deatwin.studies.public.sources import data_folder
 from deatwin.studies.report.words import Words
 from deatwin.studies.stories import Setting
 
@@ -122,7 +121,7 @@ class Overflow(Effect):
 
 def run(setting: Setting) -> Mapping[str, Any]:
     """Diagnose the estimation record, and run free over the validation record."""
-    return tell(setting, case(data_folder(setting.data, "cascaded_tanks")))
+    return tell(setting, "cascaded_tanks", case)
 
 
 def case(folder: Path) -> Case:

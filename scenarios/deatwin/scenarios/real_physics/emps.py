@@ -31,15 +31,13 @@ from deatwin.plant import (
 from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of
 from deatwin.studies.missing_physics.page import tell
 from deatwin.studies.public.columns import matlab_vectors, require_samples
-from deatwin.studies.public.records import Candidates, DataSet
-from deatwin.studies.public.sources import data_folder
+from deatwin.studies.public.records import EMPS_FILES, Candidates, DataSet, recorded
 from deatwin.studies.report.words import Words
 from deatwin.studies.stories import Setting
 
 WORDS = Words(__package__)
 Array = NDArray[np.float64]
 FITTED = 13_000  # Samples: two strokes out and back
-FILES = ("DATA_EMPS.mat", "DATA_EMPS_PULSES.mat")
 STEP = 10  # Samples of 1 ms from one of a black box to its next
 SMOOTH = 25.0  # Hz, up to which the recording is differentiated
 
@@ -98,12 +96,12 @@ class ControlledCarriage(Rig):
 
 def run(setting: Setting) -> Mapping[str, Any]:
     """Diagnose the opening of the estimation record, and run free over the rest and over the validation record."""
-    return tell(setting, case(data_folder(setting.data, "emps")))
+    return tell(setting, "emps", case)
 
 
 def case(folder: Path) -> Case:
     """The recordings and the plant."""
-    files = tuple(folder / name for name in FILES)
+    files = tuple(folder / name for name in EMPS_FILES)
     estimation, validation = (_recording(file) for file in files)
     pulsed = HeldOut(
         name="The validation record, with force pulses",
@@ -150,15 +148,8 @@ def _black_box(train: Recording, test: Recording, files: tuple[Path, ...], first
     def deviation(record: Recording) -> Recording:
         reference, position = record.inputs[0], record.outputs[0]
         velocity = np.gradient(reference, record.sample_time)
-        return Recording.from_arrays(
-            velocity[::STEP],
-            (position - reference)[::STEP],
-            STEP * record.sample_time,
-            input_names=("velocity",),
-            output_names=("deviation",),
-            input_units=("m/s",),
-            output_units=("m",),
-        )
+        step = STEP * record.sample_time
+        return recorded(velocity[::STEP], (position - reference)[::STEP], step, ("m/s", "m"))
 
     return DataSet(
         name=f"emps_{first}",

@@ -21,11 +21,10 @@ from deatwin.plant import Builder, Experiment, Parameter, Place, Plant, ReadingT
 from deatwin.plant.effects.smooth import smooth_sign, soft_excess
 from deatwin.scenarios.real_physics import bouc_wen, cascaded_tanks
 from deatwin.scenarios.real_physics.cascaded_tanks import Tanks
-from deatwin.scenarios.real_physics.emps import FILES
 from deatwin.scenarios.real_physics.published import said, sources
-from deatwin.studies.missing_physics.case import HeldOut, experiment_of
+from deatwin.studies.missing_physics.case import HeldOut
 from deatwin.studies.provenance import hashes
-from deatwin.studies.public.columns import matlab_vectors
+from deatwin.studies.public.records import EMPS_FILES, emps_averaged
 from deatwin.studies.public.sources import data_folder
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import Hue
@@ -215,19 +214,13 @@ def _tanks(data: Path | None) -> tuple[Task, ...]:
 
 def _emps(data: Path | None) -> tuple[Task, ...]:
     folder = data_folder(data, "emps")
-    fitted, judged = (_carriage(folder / name) for name in FILES)
+    fitted, judged = (Experiment(recordings=(emps_averaged(folder / name, AVERAGED),)) for name in EMPS_FILES)
     about: dict[str, Any] = {"unit": "mm", "scale": 1e-3, "goal": 5.4, "fitted": (fitted,)}
     held_out = HeldOut(name="The validation record, with force pulses", experiment=judged)
     return tuple(
         Task(name=name, plant=Plant(rig=OpenCarriage(uneven=uneven)), held_out=held_out, test="EMPS, pulses", **about)
         for name, uneven in (("EMPS, four parameters", False), ("EMPS, uneven friction", True))
     )
-
-
-def _carriage(file: Path) -> Experiment:
-    data = matlab_vectors(file, ("qm", "vir"))
-    n = data["qm"].size // AVERAGED * AVERAGED
-    return experiment_of(OpenCarriage(), data["vir"][:n].reshape(-1, AVERAGED).mean(axis=1), data["qm"][:n:AVERAGED])
 
 
 def _bouc_wen(data: Path | None) -> tuple[Task, ...]:

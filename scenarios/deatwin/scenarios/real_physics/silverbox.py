@@ -20,7 +20,6 @@ from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_
 from deatwin.studies.missing_physics.page import tell
 from deatwin.studies.public.records import ARROW_HEAD, SILVERBOX_RATE, silverbox_table
 from deatwin.studies.public.records import silverbox as black_box_data
-from deatwin.studies.public.sources import data_folder
 from deatwin.studies.report.words import Words
 from deatwin.studies.stories import Setting
 
@@ -72,7 +71,7 @@ class LinearOscillator(Rig):
 
 def run(setting: Setting) -> Mapping[str, Any]:
     """Diagnose the multisine, and run free over the arrow-head."""
-    return tell(setting, case(data_folder(setting.data, "silverbox")))
+    return tell(setting, "silverbox", case)
 
 
 def case(folder: Path) -> Case:

@@ -8,16 +8,19 @@ from pathlib import Path
 from deatwin.ident.nss import Cascade, Pnlss
 from deatwin.ident.nss.basis import monomials
 from deatwin.plant import DataError, Recording
-from deatwin.scenarios.real_physics import bouc_wen, emps
+from deatwin.scenarios.real_physics import bouc_wen
 from deatwin.studies.public.black_boxes import GROWN, LINEAR, REFINED
-from deatwin.studies.public.columns import hdf5_vectors, matlab_vectors
+from deatwin.studies.public.columns import hdf5_vectors
 from deatwin.studies.public.peers import SYSIDENTPY, SysIdentPy, like_ours
 from deatwin.studies.public.records import (
+    EMPS_FILES,
     SILVERBOX_RATE,
     Candidates,
     DataSet,
     Learner,
     cascaded_tanks,
+    emps_averaged,
+    recorded,
     silverbox,
     silverbox_table,
 )
@@ -117,10 +120,7 @@ def _silverbox(data: Path | None) -> Task:
     table, file = silverbox_table(data_folder(data, "silverbox"))
 
     def cut(part: slice) -> Recording:
-        record = Recording.from_arrays(
-            table[part, 0], table[part, 1], 1 / SILVERBOX_RATE, provenance={"file": file.name}
-        )
-        return replace(record, input_units=("V",), output_units=("V",))
+        return recorded(table[part, 0], table[part, 1], 1 / SILVERBOX_RATE, ("V", "V"), file)
 
     tests = (
         Test(name="multisine", recording=cut(SILVERBOX_MULTISINE), goal=0.22),
@@ -142,8 +142,8 @@ def _tanks(data: Path | None) -> Task:
 
 def _emps(data: Path | None) -> Task:
     """Voltage to position in open loop; friction is known to turn with the velocity, and enters by its sign."""
-    files = tuple(data_folder(data, "emps") / name for name in emps.FILES)
-    train, test = (_averaged(file) for file in files)
+    files = tuple(data_folder(data, "emps") / name for name in EMPS_FILES)
+    train, test = (emps_averaged(file, EMPS_STEP) for file in files)
     candidates = Candidates(
         output_lags=3,
         input_lags=(1, 2, 3),
@@ -163,17 +163,6 @@ def _emps(data: Path | None) -> Task:
         further=EMPS_STATES | like_ours(replace(candidates, degree=3)),
     )
     return Task(data=data_set, tests=(Test(name="pulses", recording=test, goal=2.6, shown=1),))
-
-
-def _averaged(file: Path) -> Recording:
-    """Mean voltage of each sample time of the black box, and the position at its beginning."""
-    signals = matlab_vectors(file, ("qm", "vir"))
-    n = signals["qm"].size // EMPS_STEP * EMPS_STEP
-    voltage = signals["vir"][:n].reshape(-1, EMPS_STEP).mean(axis=1)
-    record = Recording.from_arrays(
-        voltage, signals["qm"][:n:EMPS_STEP], 1e-3 * EMPS_STEP, provenance={"file": file.name}
-    )
-    return replace(record, input_units=("V",), output_units=("m",))
 
 
 def _bouc_wen(data: Path | None) -> Task:

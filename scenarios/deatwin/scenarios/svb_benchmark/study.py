@@ -122,7 +122,7 @@ class Draws(CaseStore):
 
 def carry_out(folder: Path, seed: int, plan: Plan, *, jobs: int, tell: Callable[[float, str], None]) -> Study:
     """Run all cases that are not in the folder yet, and collect the results."""
-    cases = {case.name: case for case in cases_of(plan)}
+    cases = {case.name: case for case in (*_tried(plan), *_covering(plan), *_noisy(plan), *_sampled(plan))}
     store = Draws(folder, seed, asdict(plan))
     for name in store.names() & set(cases):
         store.answer(name)  # a bad one is told of at once
@@ -132,11 +132,6 @@ def carry_out(folder: Path, seed: int, plan: Plan, *, jobs: int, tell: Callable[
     for name, case in cases.items():
         found[case.group].append(store.answer(name))
     return _study(plan, found)
-
-
-def cases_of(plan: Plan) -> list[Case]:
-    """List all cases."""
-    return [*_tried(plan), *_covering(plan), *_noisy(plan), *_sampled(plan)]
 
 
 def _answered(seed: int, case: Case) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,9 +28,6 @@ from deatwin.studies.report.panels import Hue, panels_of, plain_numbers, titled
 from deatwin.studies.report.story import Measure
 from deatwin.studies.report.svg import draw
 from deatwin.studies.report.words import Span, Words
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 WORDS = Words(__package__)
 Change = tuple[int, Window, Window]
@@ -288,7 +284,10 @@ def _small(rests: Mapping[str, SmallVoltages], step: float) -> Drawing:
             points = axes.plot(volts, shown, marker, markersize=5, label=label)
             axes.plot(volts, shown[0] * (volts / volts[0]) ** 2, "--", color=points[0].get_color(), linewidth=0.9)
         axes.axhline(1e6 * step, color=Hue.INK, linestyle=":", label="one step of the reading")
-        _logarithmic(axes, "film voltage (V)", "displacement (µm)")
+        axes.set(xlabel="film voltage (V)", ylabel="displacement (µm)", xscale="log", yscale="log")
+        plain_numbers(axes.xaxis, 1.0, 2.0, 5.0)
+        plain_numbers(axes.yaxis, 1.0)
+        figure.legend(loc="outside upper left", ncols=3, markerscale=1)
         return WORDS.drawing(figure, "small", visible=rests[SPECIFIED].visible, step=1e6 * step)
 
 
@@ -309,11 +308,3 @@ def _side_bands(bands: SideBands) -> Drawing:
         figure.legend(loc="outside upper left", ncols=3, markerscale=1)
         found = {"line": bands.line, "drift": bands.drift, "superposition": bands.superposition}
         return WORDS.drawing(figure, "side_bands", **found)
-
-
-def _logarithmic(axes: Axes, x: str, y: str) -> None:
-    """Give a panel logarithmic axes with plain numbers, and a legend above."""
-    axes.set(xlabel=x, ylabel=y, xscale="log", yscale="log")
-    plain_numbers(axes.xaxis, 1.0, 2.0, 5.0)
-    plain_numbers(axes.yaxis, 1.0)
-    axes.figure.legend(loc="outside upper left", ncols=3, markerscale=1)

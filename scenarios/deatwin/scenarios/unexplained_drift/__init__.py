@@ -10,19 +10,34 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from deatwin.ident.drifts import moving_mean
 from deatwin.plant import fleet
-from deatwin.scenarios.unexplained_drift.figures import drifts
 from deatwin.scenarios.unexplained_drift.repeatability import numbers, rows_of, sentence_of, table_of
 from deatwin.scenarios.unexplained_drift.score import Estimate, Judged, Mark, judged, measures
 from deatwin.scenarios.unexplained_drift.sealed import Key, opened
-from deatwin.scenarios.unexplained_drift.study import CASES, VISITS, Answers, carry_out
+from deatwin.scenarios.unexplained_drift.study import CASES, VISITS, Answers, Finding, Track, carry_out
 from deatwin.studies.parallel import between
+from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.panels import Hue
 from deatwin.studies.report.prose import notes
 from deatwin.studies.report.quantities import quantity, with_interval
 from deatwin.studies.report.story import StoryPage, Table, end_run, write_story
+from deatwin.studies.report.svg import draw, legend_above
+from deatwin.studies.report.words import Words
 from deatwin.studies.stories import Setting
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+WORDS = Words(__package__)
+Array = NDArray[np.float64]
+WINDOW = 2.0  # Window of the sliding mean, s: two periods of the highest frequency of the input
+KEPT = 10  # One point in so many is drawn
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
@@ -51,7 +66,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
             marks=[mark for mark in Mark if any(score.mark is mark for score in scores)],
             **numbers(groups),
         ),
-        figures=[drifts(study.findings, scores)],
+        figures=[_drifts(study.findings, scores)],
         tables=[_answers(scores), _estimates(scores), table_of(groups)],
     )
     write_story(folder, page, record)
@@ -69,6 +84,44 @@ def _said(scores: Sequence[Judged]) -> str:
     counts = {mark: sum(score.mark is mark for score in scores) for mark in Mark}
     told = [f"{count} {mark.value}" for mark, count in counts.items() if count]
     return f"Of six concealed drifts the diagnosis has {', '.join(told)}."
+
+
+def _drifts(findings: Sequence[Finding], scores: Sequence[Judged]) -> Drawing:
+    """Draw each actuator's departure from its calibrated base plant, as recorded and as the answer has it."""
+    visits = len(findings[0].tracks)
+    with draw((9.6, 1.75 * len(findings) + 0.6)) as figure:
+        grid = figure.subplots(len(findings), visits, sharey="row", width_ratios=[2, 1][:visits], squeeze=False)
+        for row, finding, score in zip(grid, findings, scores, strict=True):
+            for axes, track in zip(row, finding.tracks, strict=True):
+                _draw_departures(axes, *_departures(track))
+            row[0].set_title(_title(score), loc="left", fontsize=9.5)
+            row[0].set_ylabel("departure (µm)")
+        for axes in grid[-1]:
+            axes.set_xlabel("clock (s)")
+        legend_above(figure, grid[0, 0], 3)
+        return WORDS.drawing(figure, "drifts", window=WINDOW)
+
+
+def _departures(track: Track) -> tuple[Array, Array, Array, Array]:
+    samples = round(WINDOW / (track.timepts[1] - track.timepts[0]))
+    slow = [moving_mean(values, samples) for values in (track.measured - track.base, track.answer - track.base)]
+    kept = np.flatnonzero(np.isfinite(slow[0]))[::KEPT]
+    measured, answer = (1e6 * values[kept] for values in slow)
+    return track.timepts[kept], measured, answer, 1.96e6 * track.deviation[kept]
+
+
+def _draw_departures(axes: Axes, time: Array, measured: Array, answer: Array, band: Array) -> None:
+    axes.axhline(0.0, color=Hue.BEFORE, label="calibrated base plant")
+    axes.fill_between(time, answer - band, answer + band, color=Hue.AFTER, alpha=0.2, linewidth=0)
+    axes.plot(time, measured, color=Hue.MEASURED, linewidth=2.0, label="recording")
+    axes.plot(time, answer, color=Hue.AFTER, label="answer")
+
+
+def _title(score: Judged) -> str:
+    truth = " and ".join(score.truth).replace("_", " ")
+    causes = " and ".join(c.effect for c in score.diagnosis.causes).replace("_", " ")
+    answer = f"{score.diagnosis.verdict.value.replace('_', ' ')}{': ' if causes else ''}{causes}"
+    return f"{score.name}, with {truth}. Answer: {answer} ({score.mark.value})"
 
 
 def _answers(scores: Sequence[Judged]) -> Table:

@@ -196,12 +196,16 @@ def sentence_of(groups: Sequence[Group]) -> str:
 
 def rows_of(groups: Sequence[Group]) -> list[Measure]:
     """Run the cases of the argument and summarise each."""
+    from scipy.stats import f
+
     _, alike, unlike = _sorted(groups)
     rows = []
     for same, other in zip(alike, unlike, strict=True):
         spread, mean = same.spread[0], abs(same.sizes.mean())
         one_sign = bool(np.all(same.sizes > 0) or np.all(same.sizes < 0))
-        ratio, limit = (other.spread[0] / spread) ** 2, _limit(same.sizes.size)
+        free = same.sizes.size - 1
+        # Chance exceeds the limit of a ratio of two such variances in 2.5 % of all cases.
+        ratio, limit = (other.spread[0] / spread) ** 2, float(f.ppf(0.975, free, free))
         rows += [
             WORDS.measure(
                 "repeats",
@@ -271,13 +275,6 @@ def _sorted(groups: Sequence[Group]) -> tuple[Group, tuple[Group, Group], tuple[
     """Return the six as they are; creep and relaxation with histories alike, and unlike."""
     six, creep, strained, relaxation, aged = groups
     return six, (creep, relaxation), (strained, aged)
-
-
-def _limit(n: int) -> float:
-    """Ratio of the variances of two sets of n normal values that chance exceeds in 2.5 % of all cases."""
-    from scipy.stats import f
-
-    return float(f.ppf(0.975, n - 1, n - 1))
 
 
 def _range(group: Group) -> str:

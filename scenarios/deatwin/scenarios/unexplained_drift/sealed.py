@@ -9,11 +9,10 @@ from pathlib import Path
 from deatwin.plant import Actuator, Effect, fleet, specification
 from deatwin.studies.provenance import versions
 from deatwin.studies.sweep import SweepSeal, digest, sources_digest
-from deatwin.studies.sweep.constants import constants
+from deatwin.studies.sweep.constants import thresholds
 from deatwin.studies.sweep.store import read_seal
 
 SCHEMA = "deatwin/drift-case/1"
-DECIDING = ("deatwin.ident.mismatch", "deatwin.ident.greybox")  # Packages whose numbers decide a verdict
 PACKAGES = ("deatwin.plant", "deatwin.ident")
 VERSIONS = ("deatwin", "numpy", "scipy", "casadi")
 
@@ -42,7 +41,7 @@ class Key:
         parts = {
             "seed": seed,
             "key": digest(self.drifts),
-            "thresholds": digest(constants(DECIDING)),
+            "thresholds": digest(thresholds()),
             "code": sources_digest(PACKAGES, sorted(Path(__file__).parent.glob("*.py"))),
             "versions": versions(VERSIONS),
         }

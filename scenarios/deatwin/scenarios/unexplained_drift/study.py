@@ -100,8 +100,7 @@ def examine(case: Case, folder: Path, command: Sequence[str], seed: int) -> tupl
                 experiment.recordings, base, predicted.mean, predicted.deviation, strict=True
             )
         ]
-    kept = Diagnosis.from_dict(diagnosis.to_dict())
-    return Finding(name=case.name, diagnosis=kept, tracks=tuple(tracks)), list(own.written)
+    return Finding(name=case.name, diagnosis=diagnosis, tracks=tuple(tracks)), list(own.written)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

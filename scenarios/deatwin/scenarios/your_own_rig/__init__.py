@@ -14,11 +14,11 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deatwin.ident.mismatch import Diagnosis
 from deatwin.plant import Experiment, Plant
 from deatwin.scenarios.your_own_rig.elsewhere import CAR, drive
-from deatwin.scenarios.your_own_rig.figures import agreement
 from deatwin.scenarios.your_own_rig.quarter_car import plant
 from deatwin.scenarios.your_own_rig.roads import DRIVERS, Drives, bumps, concealed, record, rough_road, unread
 from deatwin.studies.missing_physics.case import (
@@ -36,15 +36,19 @@ from deatwin.studies.missing_physics.case import (
 from deatwin.studies.missing_physics.figures import drawings
 from deatwin.studies.parallel import between
 from deatwin.studies.provenance import RunRecord, hashes
+from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.panels import Hue
 from deatwin.studies.report.prose import notes
 from deatwin.studies.report.quantities import in_interval
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, finish
+from deatwin.studies.report.svg import draw
 from deatwin.studies.stories import Setting
 
 FILE = "quarter_car.py"
 DRAG = "quadratic_damping"
 FINE = 0.01  # Share of the sensor's noise by which the integrators may differ
 NEAR = 1.1  # Times the sensor's noise, what the amended plant may leave
+Array = NDArray[np.float64]
 Told = tuple[Case, Diagnosis, Trial]
 
 
@@ -108,7 +112,7 @@ def _written(setting: Setting, told: Mapping[str, Told], record: RunRecord) -> M
     there, _, _ = drive(CAR, road, rig.sample_time)
     own, diagnosis, trial = told["elsewhere"]
     timepts = rig.sample_time * np.arange(1.0, road.size + 1)
-    figures = [agreement(timepts, road, here, there, rig.noise), *drawings(own, trial, amended_plant(diagnosis))]
+    figures = [_agreement(timepts, road, here, there, rig.noise), *drawings(own, trial, amended_plant(diagnosis))]
     rows = [_agree(float(np.abs(here - there).max()), rig.noise)]
     rows += [row for one in told.values() for row in _rows(*one)]
     base, amended = (1e3 * error for error in (trial.base_error, trial.amended_error))
@@ -129,6 +133,35 @@ def _written(setting: Setting, told: Mapping[str, Told], record: RunRecord) -> M
         ],
     )
     return finish(setting.folder, record, page, told=_plain(told))
+
+
+def _agreement(timepts: Array, road: Array, here: Array, elsewhere: Array, noise: float) -> Drawing:
+    """Draw the bumps, the travel as both compute it, and their difference. Shapes: (n,)."""
+    difference = 1e6 * (here - elsewhere)
+    with draw((9.6, 5.8)) as figure:
+        top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(2, 3, 2))
+        top.fill_between(timepts, 1e3 * road, -60.0, color=Hue.MEASURED, alpha=0.5, linewidth=0, step="post")
+        top.set(ylabel="road (mm)")
+        middle.plot(timepts, 1e3 * elsewhere, color=Hue.INK, linewidth=2.4, label="scipy, its own equations")
+        middle.plot(timepts, 1e3 * here, color=Hue.AFTER, linewidth=1.0, label="deatwin, the user's file and the drag")
+        middle.set(ylabel="travel (mm)")
+        bottom.plot(timepts, difference, color=Hue.AFTER)
+        bottom.set(ylabel="difference (µm)", xlabel="time (s)")
+        figure.legend(*middle.get_legend_handles_labels(), loc="outside upper left", ncols=2)
+        return Drawing.of(
+            figure,
+            "agreement",
+            "One car, computed twice",
+            f"Bumps and a pothole, without sensor noise. Both simulations include the drag, which the diagnosis does "
+            f"not know. Their difference is far below the sensor noise of {1e6 * noise:.0f} µm rms.",
+            {
+                "time_s": timepts,
+                "road_mm": 1e3 * road,
+                "deatwin_mm": 1e3 * here,
+                "scipy_mm": 1e3 * elsewhere,
+                "difference_um": difference,
+            },
+        )
 
 
 def _plain(told: Mapping[str, Told]) -> dict[str, Any]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import isfinite
+from pathlib import Path
 from typing import Any
 
 from deatwin.studies.missing_physics.case import (
@@ -18,16 +20,14 @@ from deatwin.studies.missing_physics.case import (
 from deatwin.studies.missing_physics.figures import drawings
 from deatwin.studies.parallel import between
 from deatwin.studies.provenance import hashes
-from deatwin.studies.public.sources import origins
+from deatwin.studies.public.sources import data_folder, origins
 from deatwin.studies.report.story import Note, StoryPage, finish
 from deatwin.studies.stories import Setting
 
-FOLDERS = {"cascaded-tanks": "cascaded_tanks", "bouc-wen": "boucwen_benchmark_h5"}
-"""Folders of recordings for stories of another name."""
 
-
-def tell(setting: Setting, case: Case) -> dict[str, Any]:
-    """Diagnose, judge on the held-out recordings, and write the page."""
+def tell(setting: Setting, source: str, case_of: Callable[[Path], Case]) -> dict[str, Any]:
+    """Read the public recordings `source`, diagnose, judge on the held-out ones, and write the page."""
+    case = case_of(data_folder(setting.data, source))
     record = setting.record(hashes(case.files))
     diagnosis = diagnosed(setting, case, "diagnosis", between(setting.progress, 0.0, 0.7))
     setting.progress(0.7, "the held-out recordings")
@@ -46,7 +46,7 @@ def tell(setting: Setting, case: Case) -> dict[str, Any]:
         tables=[
             error_table(case, trials),
             tried_table(case, diagnosis),
-            origins(setting.data, {FOLDERS.get(case.name, case.name): case.files}),
+            origins(setting.data, {source: case.files}),
         ],
     )
     return finish(

@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 SILVERBOX_RATE = 1e7 / 2**14  # Hz
 ARROW_HEAD, MULTISINE = slice(0, 40_000), slice(40_650, 127_400)
 """Samples of the usual parts; between and after them the input rests or is another signal."""
+EMPS_FILES = ("DATA_EMPS.mat", "DATA_EMPS_PULSES.mat")
 EMPS_DECIMATION = (10, 2)
 """Factors of the decimation from 1 kHz to 50 Hz: a stroke takes seconds, and friction changes its sign within tens of
 milliseconds."""
@@ -81,7 +82,7 @@ def buck(folder: Path) -> DataSet:
     """The converter, with the candidates of SysIdentPy's documentation."""
     files = tuple(folder / f"buck_{part}.csv" for part in ("id", "valid"))
     tables = [csv_columns(file, ("input", "y")) for file in files]
-    train, test = (_recording(t[:, 0], t[:, 1], 1e-5, ("V", "V"), file) for t, file in zip(tables, files, strict=True))
+    train, test = (recorded(t[:, 0], t[:, 1], 1e-5, ("V", "V"), file) for t, file in zip(tables, files, strict=True))
     return DataSet(
         name="buck",
         title="Buck converter",
@@ -99,7 +100,7 @@ def silverbox(folder: Path) -> DataSet:
     """Return the oscillator's recordings, with the multisine for training."""
     table, file = silverbox_table(folder)
     require_samples(file, len(table), MULTISINE.stop)
-    whole = _recording(table[:, 0], table[:, 1], 1 / SILVERBOX_RATE, ("V", "V"), file)
+    whole = recorded(table[:, 0], table[:, 1], 1 / SILVERBOX_RATE, ("V", "V"), file)
     return DataSet(
         name="silverbox",
         title="Silverbox",
@@ -124,7 +125,7 @@ def silverbox_table(folder: Path) -> tuple[Array, Path]:
 def cascaded_tanks(folder: Path) -> DataSet:
     """The two tanks, with an overflow at 10 V."""
     table, file = _columns(folder, "dataBenchmark", ("uEst", "uVal", "yEst", "yVal"))
-    train, test = (_recording(table[:, i], table[:, i + 2], 4.0, ("V", "V"), file) for i in (0, 1))
+    train, test = (recorded(table[:, i], table[:, i + 2], 4.0, ("V", "V"), file) for i in (0, 1))
     return DataSet(
         name="tanks",
         title="Cascaded tanks",
@@ -140,7 +141,7 @@ def cascaded_tanks(folder: Path) -> DataSet:
 
 def emps(folder: Path) -> DataSet:
     """The positioning system: force in, velocity out, decimated."""
-    files = tuple(folder / f"{part}.mat" for part in ("DATA_EMPS", "DATA_EMPS_PULSES"))
+    files = tuple(folder / name for name in EMPS_FILES)
     train, test = (_emps(path) for path in files)
     return DataSet(
         name="emps",
@@ -169,10 +170,19 @@ def _emps(path: Path) -> Recording:
         force, position = (decimate(signal, factor, ftype="fir") for signal in (force, position))
         step *= factor
     within = slice(EMPS_EDGE, -EMPS_EDGE)  # the filters have no samples beyond the ends
-    return _recording(force[within], np.gradient(position, step)[within], step, ("N", "m/s"), path)
+    return recorded(force[within], np.gradient(position, step)[within], step, ("N", "m/s"), path)
 
 
-def _recording(inputs: Array, outputs: Array, step: float, units: tuple[str, str], path: Path) -> Recording:
+def emps_averaged(path: Path, count: int) -> Recording:
+    """Motor voltage in, position out: the mean voltage of each `count` samples of 1 ms, the position at their begin."""
+    data = matlab_vectors(path, ("qm", "vir"))
+    n = data["qm"].size // count * count
+    voltage = data["vir"][:n].reshape(-1, count).mean(axis=1)
+    return recorded(voltage, data["qm"][:n:count], 1e-3 * count, ("V", "m"), path)
+
+
+def recorded(inputs: Array, outputs: Array, step: float, units: tuple[str, str], path: Path | None = None) -> Recording:
+    """Make the recording of a data set. Shapes: `inputs, outputs` (n,)."""
     return Recording.from_arrays(
         inputs,
         outputs,
@@ -181,7 +191,7 @@ def _recording(inputs: Array, outputs: Array, step: float, units: tuple[str, str
         output_names=("output",),
         input_units=units[:1],
         output_units=units[1:],
-        provenance={"file": path.name},
+        provenance={} if path is None else {"file": path.name},
     )
 
 

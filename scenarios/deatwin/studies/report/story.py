@@ -25,13 +25,6 @@ class Measure:
     reached: str
     passed: bool
 
-    @classmethod
-    def below(
-        cls, measure: str, value: float, limit: float, demanded: str = "below {:g}", form: str = ".0e"
-    ) -> Measure:
-        """Measure a number that must lie below a limit; `demanded` shows the limit, `form` the number."""
-        return cls(measure, demanded.format(limit), format(value, form), bool(value < limit))
-
 
 @dataclass(frozen=True, kw_only=True)
 class Note:

@@ -1,4 +1,4 @@
-"""Tables as text: Markdown for documents, CSV for files, parameters of models."""
+"""Tables as text: CSV for files, parameters of models."""
 
 from __future__ import annotations
 
@@ -9,15 +9,6 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from deatwin.ident.narx import NarxModel
-
-
-def markdown_table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
-    """Return the lines of a table in Markdown; a vertical bar in a cell becomes a slash."""
-    return [
-        f"| {' | '.join(columns)} |",
-        f"|{'---|' * len(columns)}",
-        *(f"| {' | '.join(cell.replace('|', '/') for cell in row)} |" for row in rows),
-    ]
 
 
 def csv_text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

@@ -1,19 +1,21 @@
-"""Collect the numerical constants of a package, for a seal."""
+"""Collect the numbers that decide a verdict, for a seal."""
 
 from __future__ import annotations
 
 import pkgutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 
+DECIDING = ("deatwin.ident.mismatch", "deatwin.ident.greybox")  # Packages whose numbers decide a verdict
 
-def constants(packages: Iterable[str]) -> dict[str, Any]:
-    """Collect every module constant that is a number or a group of numbers, by module and name."""
+
+def thresholds() -> dict[str, Any]:
+    """Collect their module constants that are numbers or groups of numbers, by module and name."""
     found = {}
-    for package in map(import_module, packages):
+    for package in map(import_module, DECIDING):
         modules = [package.__name__]
         modules += [m.name for m in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")]
         for module in modules:

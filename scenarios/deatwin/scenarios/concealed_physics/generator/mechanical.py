@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
 
 from deatwin.plant.effects.base import Place
-from deatwin.scenarios.concealed_physics.generator.mechanism import Draw, PlantMechanism, Setting
+from deatwin.scenarios.concealed_physics.generator.mechanism import Draw, PlantMechanism
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,18 +17,14 @@ class StopOperators(PlantMechanism, place=Place.BALL, signal="force", largest=3e
     """Prandtl and Ishlinskii's hysteresis, F = -sum_k F_h/(5 r_k) sigma_k, by five elements that slip at r_k:
     d(sigma_k)/dt = v while |sigma_k| < r_k or v sigma_k < 0, else 0."""
 
-    force: float  # F_h, N
-    widest: float  # Largest r_k, m; the smallest is an eighth of it
+    widest: float = Draw.by(lambda rng, setting, largest: float(np.ptp(setting.displacement)) * rng.uniform(0.1, 0.3))
+    """Largest r_k, m; the smallest is an eighth of it."""
+    force: float = Draw.part()  # F_h, N
 
     ratios: ClassVar[tuple[float, ...]] = (0.125, 0.21, 0.354, 0.595, 1.0)
 
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        widest = float(np.ptp(setting.displacement)) * rng.uniform(0.1, 0.3)
-        return cls(force=cls.largest * rng.uniform(0.1, 0.3), widest=widest)
-
     def rewrite(self, signal: Any, build: Any) -> Any:
-        force, widest = self.symbols(build)
+        widest, force = self.symbols(build)
         velocity, held = build.signal("velocity"), ca.SX(0)
         for k, ratio in enumerate(self.ratios):
             share = build.state(f"stop_{k}", scale=10.0, start=0.0)
@@ -75,16 +71,14 @@ class TurbulentDrag(PlantMechanism, place=Place.BALL, signal="force", largest=10
 class RoundedStop(PlantMechanism, place=Place.BALL, signal="force", largest=1e5):
     r"""A round stop that is pressed in: Hertz' :math:`kd^{3/2}`, damped with the depth."""
 
-    stiffness: float  # k, N/m^1.5
-    position: float  # Displacement at the first touch, m
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        position = float(np.quantile(setting.displacement, rng.uniform(0.6, 0.85)))
-        return cls(stiffness=cls.largest * rng.uniform(0.02, 0.1), position=position)
+    position: float = Draw.by(
+        lambda rng, setting, largest: float(np.quantile(setting.displacement, rng.uniform(0.6, 0.85)))
+    )
+    """Displacement at the first touch, m."""
+    stiffness: float = Draw.part(0.02, 0.1)  # k, N/m^1.5
 
     def rewrite(self, signal: Any, build: Any) -> Any:
-        stiffness, position = self.symbols(build)
+        position, stiffness = self.symbols(build)
         depth = ca.fmax(build.signal("displacement") - position, 0.0)
         damped = ca.fmin(ca.fmax(1 + 30.0 * build.signal("velocity"), 0.0), 3.0)
         return signal - stiffness * depth * ca.sqrt(depth + 1e-9) * damped
@@ -94,16 +88,12 @@ class RoundedStop(PlantMechanism, place=Place.BALL, signal="force", largest=1e5)
 class HardeningSpring(PlantMechanism, place=Place.BALL, signal="force", largest=60.0):
     r"""A spring at the ball that hardens: :math:`F = -k\,[a\sinh(y/a) - y]`."""
 
-    stiffness: float  # k, N/m
-    reach: float  # a, m
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        reach = float(np.max(setting.displacement)) * rng.uniform(0.6, 1.2)
-        return cls(stiffness=cls.largest * rng.uniform(0.1, 0.3), reach=reach)
+    reach: float = Draw.by(lambda rng, setting, largest: float(np.max(setting.displacement)) * rng.uniform(0.6, 1.2))
+    """The displacement a, m."""
+    stiffness: float = Draw.part()  # k, N/m
 
     def rewrite(self, signal: Any, build: Any) -> Any:
-        stiffness, reach = self.symbols(build)
+        reach, stiffness = self.symbols(build)
         y = build.signal("displacement")
         return signal - stiffness * (reach * ca.sinh(y / reach) - y)
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import inspect
 import re
 from abc import ABC
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import Field, dataclass, field, fields, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -29,7 +28,6 @@ class Setting:
     seconds: float  # Length of the records that are diagnosed, on the clock, s
     commands: np.ndarray  # shape (n,): Commands of these records, V
     displacement: np.ndarray  # shape (n,): Noise-free, without any mechanism, m
-    gain: float  # Film volts per command volt
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,19 +53,21 @@ class Draw:
     """Fields of a mechanism, with the distributions from which they are drawn."""
 
     @staticmethod
-    def by(draw: Callable[[np.random.Generator, Setting, float], float]) -> Any:
-        """Compute a field by a function of generator, setting and largest strength."""
-        return field(metadata={"draw": draw})
+    def by(draw: Callable[[np.random.Generator, Setting, float], float], strength: bool = False) -> Any:
+        """Compute a field by a function of generator, setting and largest strength; one of them is the strength."""
+        return field(metadata={"draw": draw, "strength": strength})
 
     @classmethod
     def part(cls, lower: float = 0.1, upper: float = 0.3) -> Any:
-        """Draw a share of the largest strength."""
-        return cls.by(lambda rng, setting, largest: largest * rng.uniform(lower, upper))
+        """Draw the strength, a share of the largest."""
+        return cls.by(lambda rng, setting, largest: largest * rng.uniform(lower, upper), strength=True)
 
     @classmethod
     def signed(cls) -> Any:
-        """Draw 0.1 to 0.3 of the largest strength, with either sign."""
-        return cls.by(lambda rng, setting, largest: rng.choice([-1.0, 1.0]) * largest * rng.uniform(0.1, 0.3))
+        """Draw the strength, 0.1 to 0.3 of the largest, with either sign."""
+        return cls.by(
+            lambda rng, setting, largest: rng.choice([-1.0, 1.0]) * largest * rng.uniform(0.1, 0.3), strength=True
+        )
 
     @classmethod
     def uniform(cls, lower: float, upper: float) -> Any:
@@ -87,7 +87,7 @@ class Draw:
 
 @dataclass(frozen=True, kw_only=True)
 class Mechanism(ABC):
-    """A concealed piece of physics; its fields are parameters in SI units, the strength first."""
+    """A concealed piece of physics; its fields are parameters in SI units, in the order in which they are drawn."""
 
     name: ClassVar[str]
     strength: ClassVar[str]
@@ -95,7 +95,8 @@ class Mechanism(ABC):
 
     def __init_subclass__(cls, *, largest: float = np.nan) -> None:
         cls.name = re.sub(r"(?<!^)([A-Z])", r"_\1", cls.__name__).lower()
-        cls.strength, cls.largest = next(iter(inspect.get_annotations(cls)), ""), largest
+        drawn = {name: value.metadata for name, value in vars(cls).items() if isinstance(value, Field)}
+        cls.strength, cls.largest = next((name for name, how in drawn.items() if how["strength"]), ""), largest
 
     @classmethod
     def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
@@ -128,10 +129,6 @@ class Mechanism(ABC):
     def catalogue_values(self) -> dict[str, float]:
         """Parameters shared with an effect of the catalogue, by their names there, SI; most mechanisms have none."""
         return {}
-
-    def to_dict(self) -> dict[str, float]:
-        """Parameters, SI."""
-        return {f.name: float(getattr(self, f.name)) for f in fields(self)}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -14,21 +14,26 @@ from deatwin.scenarios.concealed_physics.generator.mechanism import (
     Mechanism,
     PlantMechanism,
     Reading,
-    Setting,
 )
+
+
+def _fading(kept: np.ndarray, pushes: np.ndarray) -> np.ndarray:
+    """Sum pushes, x_k = kept_k x_{k-1} + pushes_k, from 0. Shapes: `kept, pushes` (n,); returns (n,)."""
+    here, found = 0.0, np.empty(pushes.size)
+    for k, (share, push) in enumerate(zip(kept, pushes, strict=True)):
+        found[k] = here = share * here + push
+    return found
 
 
 @dataclass(frozen=True, kw_only=True)
 class CrossoverDeadZone(Mechanism, largest=0.4):
     """An amplifier of two halves that leave a gap where one hands over to the other."""
 
-    width: float  # Half of the gap, V of the command
-    level: float  # Where it lies, V
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        level = float(np.quantile(np.abs(setting.commands), rng.uniform(0.4, 0.7)))
-        return cls(width=cls.largest * rng.uniform(0.1, 0.3), level=level)
+    level: float = Draw.by(
+        lambda rng, setting, largest: float(np.quantile(np.abs(setting.commands), rng.uniform(0.4, 0.7)))
+    )
+    """Where the gap lies, V of the command."""
+    width: float = Draw.part()  # Half of it, V
 
     def commanded(self, drive: Drive, rng: np.random.Generator) -> Drive:
         beyond = np.abs(drive.commands) - self.level
@@ -49,10 +54,7 @@ class ChargingHeat(PlantMechanism, place=Place.FILM, signal="film", order=3, lar
     def commanded(self, drive: Drive, rng: np.random.Generator) -> Drive:
         steps = np.diff(drive.commands, prepend=drive.rest_command)
         passed = np.diff(drive.times, prepend=drive.times[0])
-        heat, here = np.empty(steps.size), 0.0
-        for k in range(steps.size):
-            here = here * np.exp(-passed[k] / self.time) + (0.8 * steps[k]) ** 2 / (10.0 * self.time)
-            heat[k] = here
+        heat = _fading(np.exp(-passed / self.time), (0.8 * steps) ** 2 / (10.0 * self.time))
         return replace(drive, channels={**drive.channels, "charging_heat": heat})
 
     def rewrite(self, signal: Any, build: Any) -> Any:
@@ -69,11 +71,7 @@ class GainWander(Mechanism, largest=0.08):
 
     def commanded(self, drive: Drive, rng: np.random.Generator) -> Drive:
         kept = np.exp(-np.diff(drive.times, prepend=drive.times[0]) / self.time)
-        pushes = np.sqrt(1 - kept**2) * rng.standard_normal(kept.size)
-        wander, here = np.empty(kept.size), 0.0
-        for k in range(kept.size):
-            here = kept[k] * here + pushes[k]
-            wander[k] = here
+        wander = _fading(kept, np.sqrt(1 - kept**2) * rng.standard_normal(kept.size))
         return replace(drive, commands=drive.commands * (1 + self.deviation * wander))
 
 
@@ -116,11 +114,7 @@ class CapacitiveCrosstalk(Mechanism, largest=1e-4):
     def read(self, reading: Reading, rng: np.random.Generator) -> np.ndarray:
         kept = np.exp(-np.median(np.diff(reading.times)) / self.time)
         steps = np.diff(reading.commands, prepend=reading.commands[0])
-        coupled, here = np.empty(steps.size), 0.0
-        for k in range(steps.size):
-            here = kept * here + steps[k]
-            coupled[k] = here
-        return reading.values + self.coupling * coupled
+        return reading.values + self.coupling * _fading(np.full(steps.size, kept), steps)
 
 
 @dataclass(frozen=True, kw_only=True)

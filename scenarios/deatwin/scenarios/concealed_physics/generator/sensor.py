@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from deatwin.plant.effects.base import Place
-from deatwin.scenarios.concealed_physics.generator.mechanism import Draw, Mechanism, PlantMechanism, Reading, Setting
+from deatwin.scenarios.concealed_physics.generator.mechanism import Draw, Mechanism, PlantMechanism, Reading
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,13 +43,8 @@ class WarmingSensor(Mechanism, largest=1e-4):
 class KnockedSensor(Mechanism, largest=1e-4):
     """A knock shifts all further readings, from one sample to the next; a fifth of it goes back within a second."""
 
-    change: float  # Lasting part, m
-    at: float  # s
-
-    @classmethod
-    def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
-        at = setting.seconds * rng.uniform(0.2, 0.8)
-        return cls(change=rng.choice([-1.0, 1.0]) * cls.largest * rng.uniform(0.1, 0.3), at=at)
+    at: float = Draw.during(0.2, 0.8)  # s
+    change: float = Draw.signed()  # Lasting part, m
 
     def read(self, reading: Reading, rng: np.random.Generator) -> np.ndarray:
         since = np.maximum(reading.times - self.at, 0.0)

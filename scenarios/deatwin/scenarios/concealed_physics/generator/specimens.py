@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from deatwin.ident.greybox.structural import StructuralScale
 from deatwin.plant.errors import DataError, SimulationError, nearest
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.records import plain
 from deatwin.plant.simulate import RunStatus
 from deatwin.scenarios.concealed_physics.generator import mechanism_named
 from deatwin.scenarios.concealed_physics.generator.apparatus import (
@@ -62,10 +63,6 @@ class CaseSpec:
             if value not in known:
                 raise DataError(f"unknown {what} of case {value!r}{nearest(value, known)} (known: {', '.join(known)})")
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain data, ready for JSON."""
-        return {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(self).items()}
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Specimen:
@@ -94,7 +91,7 @@ class Specimen:
     @property
     def concealed(self) -> dict[str, dict[str, float]]:
         """Parameters of each concealed mechanism, SI."""
-        return {m.name: m.to_dict() for m in self.apparatus.mechanisms}
+        return {m.name: plain(m) for m in self.apparatus.mechanisms}
 
     def record(self, experiment: Experiment, seed: int) -> Experiment:
         """Record other commands on the same apparatus, from rest."""
@@ -195,7 +192,6 @@ class _Sizing:
             seconds=fitted.end,
             commands=np.concatenate([r.inputs[0] for r in fitted.recordings]),
             displacement=np.concatenate(clean[:-1]),
-            gain=rigging.nominal.parameters["gain"].value,
         )
         scale = StructuralScale.of(rigging.reduced, fitted, clean[:-1], bare.noise.rms)
         return cls(bare=bare, whole=whole, scale=scale, setting=setting)
