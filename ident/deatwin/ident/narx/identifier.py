@@ -25,9 +25,23 @@ Progress = Callable[[float, str], None]  # Takes the share that is done, 0 to 1,
 
 
 class FitStatus(Enum):
-    """Outcome of a fit. The value of each member is a sentence that advises the user."""
+    """Outcome of a fit. The value of each member is a sentence that advises the user.
+
+    Estimators that search for the least error by its gradient (`Grow`, `OutputError`, `Armax`, `BoxJenkins`, `Pnlss`,
+    `Cascade`) end ``DONE`` only if the gradient is small: a further Gauss-Newton step would move the parameters by less
+    than a twentieth of their standard deviations (relative offset of Bates and Watts, 1981), or the fit is exact. The
+    minimum may be a local one; how much it betters a linear model is a question of its error.
+    """
 
     DONE = "done"
+    HELD_OUT = (
+        "the search was ended, as intended, where the error on the held-out samples no longer fell: the parameters are "
+        "not those of the least error on the training data"
+    )
+    NOT_CONVERGED = (
+        "the search ended before the gradient was small: its parameters may still move, and their covariance does not "
+        "hold; allow more steps, or fewer terms"
+    )
     INTERRUPTED = "interrupted: the model is the best that was found until then; fit again for the whole search"
     EDGE_OF_STABILITY = (
         "the best stable model has a pole at the edge of stability: the output integrates, or does not follow from the "
@@ -41,7 +55,7 @@ class FitStatus(Enum):
     @property
     def ok(self) -> bool:
         """True if the search was completed and its result passed all checks."""
-        return self is FitStatus.DONE
+        return self in (FitStatus.DONE, FitStatus.HELD_OUT)
 
 
 class Identifier:
