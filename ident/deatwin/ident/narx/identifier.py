@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copyreg
 import inspect
 import math
 from abc import ABC, abstractmethod
@@ -17,6 +18,7 @@ from deatwin.ident.narx.late_inputs import LAST_INPUT_LAGS, last_lag, late_input
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.origin import about_data, about_rest
 from deatwin.ident.narx.regression import Recordings, Regression, flatten
+from deatwin.ident.narx.shapes import own_functions, rebuilt
 from deatwin.ident.narx.terms import Lags, Rule
 from deatwin.plant.errors import ModelError, nearest
 from deatwin.plant.recording import Recording
@@ -94,6 +96,10 @@ class Identifier:
         for outer, held in inner.items():
             getattr(self, outer).set_params(**held)
         return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Another process may not know the registered functions that arguments mention.
+        return rebuilt, (own_functions(repr(self)), copyreg.__newobj__, (type(self),)), vars(self)  # type: ignore[attr-defined]
 
     def score(self, recordings: Recordings, y: None = None) -> float:
         """Return how well free runs of the fitted model agree with recordings: 1 is perfect, their mean gives 0.
