@@ -90,7 +90,7 @@ PART_COORDINATES: Mapping[str, Metadata] = {
     "part": coordinate("part", of=lambda _: list(PARTS)),
     "other_part": coordinate("other_part", of=lambda _: list(PARTS)),
 }
-"""Of a covariance of complex values."""
+"""Coordinates of a covariance of complex values."""
 
 
 class Described:

@@ -18,8 +18,8 @@ from deatwin.plant.recording import Recording
 
 HELD_OUT = 0.3  # Share at the end of each recording that judges the model and is not fitted
 _FEWEST = 500
-"""Of a held-out part for the free-run residual to be measured on it; a shorter one holds too little of a slow residual
-to tell its size and memory."""
+"""Samples that a held-out part needs for the free-run residual to be measured on it; a shorter one holds too little of a
+slow residual to tell its size and memory."""
 
 
 def hold_out(recordings: Recordings, share: float = HELD_OUT) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:

@@ -19,7 +19,7 @@ BAND_KEY, HOLES_KEY = "excited_band_Hz", "excited_holes_Hz"
 _FEWEST = 64
 _EXCITED_SHARE = 0.99  # of the input's power lies below the highest excited frequency
 _FAINT = 1e-3
-"""Of the power that each line would have if all were alike: a line with less excites nothing.
+"""Share of the power that each line would have if all were alike: a line with less excites nothing.
 
 The relative error of a gain is sqrt((1 - c) / (2 c n)), c the coherence, n the lines that are averaged (Bendat and
 Piersol, Random Data, chapter 9). Where noise is small beside what a line excites, c / (1 - c) is as the line's power,

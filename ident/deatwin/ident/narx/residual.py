@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 RMS_KEY, TIME_KEY = "free_run_residual_rms", "free_run_residual_time_s"
 """Keys of a model's provenance under which its residual is found, in the output's unit and in s."""
 DIVERGED = {"free_run": "diverged"}
-"""What the provenance of a model says whose free run did not reach the end where it was identified."""
+"""Entry of the provenance of a model whose free run did not reach the end where it was identified."""
 _SHORT = 0.1  # of a recording: longer lags have too few pairs for their covariance to be known
 _CHANCE = 1e-3  # that noise alone passes for a residual that rings
 _START = 0.05  # of a recording: there the free run still knows the measured start

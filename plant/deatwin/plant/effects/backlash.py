@@ -48,9 +48,9 @@ class Backlash(Effect):
     strength: ClassVar[str] = "width"
     wording: ClassVar[str] = "The command is transmitted with a backlash of {width} to either side"
     corner: ClassVar[float] = 1e-6
-    """Of the width: sharp enough that what rests in the clearance stays there."""
+    """Corner as a share of the width: sharp enough that what rests in the clearance stays there."""
     floor: ClassVar[float] = 1e-9
-    """Of the corner in V, so that it has a slope where the width is zero."""
+    """Smallest corner in V, so that it has a slope where the width is zero."""
     late: ClassVar[float] = 1e-4
     """:math:`\\delta` in samples."""
 

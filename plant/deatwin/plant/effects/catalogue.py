@@ -20,7 +20,7 @@ from deatwin.plant.safe_read import clipped
 
 GROUP = "deatwin.effects"
 MACHINES: tuple[type[Effect], ...] = (Backlash, DeadZone, DryFriction, Relaxation)
-"""What rigs lack that are no film actuators: a film has creep for relaxation, and neither gears nor valves."""
+"""Effects for rigs that are no film actuators: a film has creep for relaxation, and neither gears nor valves."""
 
 
 @lru_cache(maxsize=1)

@@ -32,7 +32,7 @@ _CHANGE = re.compile(
     r"|.*(superheat|sub-?cool|subcooling|undercooling|supercooling)(?![a-z])(?!.*temp)|excess[ _]temp"
     r"|d[ _]?temp)|.*[a-z](Diff|Delta|Error|Change|Rise|Drop)(?![a-z])"
 )
-"""What says, behind or around the name of a temperature, that it is a difference; *phase change material* is none."""
+"""Words behind or around the name of a temperature that make it a difference; *phase change material* is none."""
 _ONE_TEMPERATURE = r"(?:[Tt](?:emp(?:erature)?)?(?:[_ ]?\d\w*|_\w+)|[Tϑθ](?:[a-z]{1,4})?)"
 _MINUS = re.compile(
     rf"\(?(?:(?!T\s*[-−–]){_ONE_TEMPERATURE}\s*(?:[-−–]|minus)\s*{_ONE_TEMPERATURE}"

@@ -18,7 +18,7 @@ _HEAD = """\
 kind = "{kind}"
 """
 AT_MOST = "the recording shows at most this: put the data sheet's value here if you have it"
-"""What the template says of a noise that a recording told."""
+"""Comment of the template on a noise that was taken from a recording."""
 _OWN_MATERIAL = f"""\
 ##[material]  # a film of your own, instead of the key material in [film]
 # energy: one of {", ".join(ENERGIES)}, or a formula in I1 and I2

@@ -26,7 +26,7 @@ WIDE = 20.0
 THICK = 0.38
 """Height of a bar, if rows are 1 apart."""
 WIDTH, HEIGHT, GAP, LINE = 6.8, 1.8, 0.06, 0.15
-"""Of a new figure, in inches: its height grows with its rows, each with room for the longest name's lines."""
+"""Sizes of a new figure, in inches: its height grows with its rows, each with room for the longest name's lines."""
 LABEL, TITLE = 36, 66
 """Characters in a line."""
 COLOURS = {

@@ -13,7 +13,7 @@ from deatwin.ident.mismatch.quality.repeats import Repeats
 from deatwin.ident.soundness import neighbours_deviation, runs, samples_in
 
 MIDDLE = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 6.0
-"""What `neighbours_deviation` takes of five values: of white noise it has its power, of what is smooth hardly any."""
+"""Weights of five values in `neighbours_deviation`: white noise passes, and hardly anything of a smooth signal."""
 TOP_OF_SPECTRUM = 0.8
 """Share of the Nyquist frequency above which a residual is taken to be sensor noise."""
 SHEET_TOLERANCE = float(np.sqrt(1.0 + PRACTICAL_SHARE))
