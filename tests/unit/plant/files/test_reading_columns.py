@@ -67,8 +67,14 @@ def test_missing_values_are_written_and_read_back(tmp_path: Path, name: str) -> 
 def test_marks_of_missing_values_are_looked_for_only_where_a_column_has_some(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    looked, known = [], csvtable._is_absent
-    monkeypatch.setattr(csvtable, "_is_absent", lambda cell: looked.append(cell) or known(cell))
+    looked: list[str] = []
+    known = csvtable._is_absent
+
+    def is_absent(cell: str) -> bool:
+        looked.append(cell)
+        return known(cell)
+
+    monkeypatch.setattr(csvtable, "_is_absent", is_absent)
     (tmp_path / "lab.csv").write_text(
         rows("time_s,command_V,displacement_mm,current_uA,capacitance_nF", "1,2", "NaN,3", "n/a,4", "5e-1,5")
     )
