@@ -37,6 +37,9 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: LONG not in item.path.parents)
+    for item in items:
+        if item.path.suffix == ".ipynb":  # which has no place for a mark
+            item.add_marker("extras")
 
 
 @pytest.fixture(autouse=True)

@@ -21,6 +21,8 @@ from deatwin.app.stories import stories
 from deatwin.plant import Creep
 from deatwin.plant.recording import Experiment
 
+pytestmark = pytest.mark.extras
+
 SCREENS = ((400, "light", True), (1400, "dark", True), (400, "dark", False), (1400, "light", False))
 """Width, scheme, and whether axe-core looks too: what it looks at differs by width or by scheme, not by both."""
 LARGEST = 5_000_000

@@ -16,6 +16,8 @@ from strips import pulled, strip, write
 
 from deatwin.plant import CalibratedPlant
 
+pytestmark = pytest.mark.extras
+
 PROGRAM = "import sys; from deatwin.app.cli import main; sys.exit(main(sys.argv[1:]))"
 DROP = """
 const transfer = new DataTransfer();

@@ -44,7 +44,7 @@ def setting(setting: Setting, monkeypatch: pytest.MonkeyPatch) -> Setting:
     test = task_parts.Test(name="validation", recording=data.test, goal=1e-3, shown=1)
     monkeypatch.setattr(task_parts, "METHODS", (LINEAR,))
     monkeypatch.setattr(
-        standard_tasks, "standard_tasks", lambda _: ((Task(data=data, tests=(test,), same_start=True),), ())
+        standard_tasks, "standard_tasks", lambda *_: ((Task(data=data, tests=(test,), same_start=True),), ())
     )
     monkeypatch.setattr(standard_tasks, "calibrated", lambda *_: [])
     return setting
@@ -89,8 +89,14 @@ def test_data_sets_that_are_not_at_hand_are_left_out(tmp_path: Path, monkeypatch
         monkeypatch.setattr(task_parts, maker, lambda data, name=name, task=task: task or data_folder(data, name))
     found, lines = task_parts.standard_tasks(tmp_path)
     assert found == (there,)
+    assert task_parts.standard_tasks(tmp_path, ("cascaded-tanks",)) == ((there,), ())
     assert [line.split(" left out: ")[0] for line in lines] == ["Silverbox", "EMPS", "Bouc-Wen"]
     assert all("no such folder" in line and "\n" not in line for line in lines)
     monkeypatch.setattr(task_parts, "_tanks", lambda data: data_folder(data, "tanks"))
     with pytest.raises(DataError, match=r"Silverbox left out.*Cascaded tanks left out.*Bouc-Wen left out"):
         task_parts.standard_tasks(tmp_path)
+
+
+def test_what_learned_no_model_has_no_size() -> None:
+    outcome = standard_tasks.Outcome(data="drained", method="peer", seconds=0.0, failure="not installed")
+    assert standard_tasks._size(outcome) == "–"

@@ -45,6 +45,7 @@ def parse(arguments: list[str]) -> None:
     chosen = context.params.get("name")
     if name == "scenario" and not PLACEHOLDER.fullmatch(chosen):
         stories()[chosen].require_size(context.params["size"])
+        stories()[chosen].require_tasks(context.params["task"] or ())
 
 
 def told_by(error: Exception) -> str:

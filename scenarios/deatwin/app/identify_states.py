@@ -35,6 +35,7 @@ def identify_states(
     import typer
 
     from deatwin.app.identify_report import Identified, Tested, linear_errors
+    from deatwin.ident.narx import FitStatus
     from deatwin.ident.narx.recorded_pole import recorded_pole
     from deatwin.ident.narx.unstable import unstable_pole_lacked
     from deatwin.plant.recording import label
@@ -66,8 +67,11 @@ def identify_states(
     )
     if np.all(np.abs(model.poles) <= 1.0) and (lacked := unstable_pole_lacked(recorded_pole(training), training)):
         found.append(lacked)
+    complete = identifier.status_ is not FitStatus.INTERRUPTED
+    if complete and identifier.status_ is not FitStatus.DONE:
+        found.append(identifier.status_.value)
     lines += [f"note: {note}" for note in found]
-    if not identifier.status_.ok:
+    if not complete:
         lines.append(identifier.status_.value)
     for line in (*lines, f"model: {out}"):
         voice.say(line)
@@ -78,7 +82,7 @@ def identify_states(
             told=f"A nonlinear state space of order {states} with {model.theta.size} weights",
             unseen=unseen,
             tested=Tested(why_not="it was fitted to the free run, so its error shows all that is missing"),
-            complete=identifier.status_.ok,
+            complete=complete,
             notes=found,
             clocks=notes,
             linear=linear_errors(range(states + 1), states, training, unseen),
@@ -86,6 +90,6 @@ def identify_states(
             best_linear=periodic,
         )
     )
-    document = {"out": str(out), "complete": identifier.status_.ok, "notes": found, "unseen": errors}
+    document = {"out": str(out), "complete": complete, "notes": found, "unseen": errors}
     voice.result({**document, "clocks": list(notes)})
-    return identifier.status_.ok
+    return complete

@@ -45,6 +45,7 @@ STORIES = (
         name="standard-tasks",
         minutes=4,
         module="deatwin.scenarios.real_physics.standard_tasks",
+        tasks=("silverbox", "cascaded-tanks", "emps", "bouc-wen"),
         line="fits models to four standard tasks of the field: Silverbox, tanks, EMPS in open loop, Bouc-Wen",
     ),
     Story(

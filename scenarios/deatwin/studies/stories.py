@@ -29,6 +29,7 @@ class Setting:
     seed: int
     progress: Progress  # Called with the completed share and the current work
     size: str | None = None  # One of the story's sizes; None for its usual one
+    tasks: Sequence[str] = ()  # Tasks of the story to run; all if empty
 
     def record(self, inputs: Sequence[dict[str, str]] = ()) -> RunRecord:
         """Start the record of the run."""
@@ -46,6 +47,7 @@ class Story:
     minutes: float  # Approximate time on two cores
     module: str  # Module with a function ``run(setting)`` that returns plain data with a ``sentence``
     sizes: tuple[str, ...] = ()
+    tasks: tuple[str, ...] = ()  # Parts that can be run alone
     times: tuple[float, ...] = ()  # Approximate minutes of each size on two cores
     resumes: bool = False
 
@@ -58,11 +60,20 @@ class Story:
 
     def require_size(self, size: str | None) -> None:
         """Raise DataError unless the story has that size."""
+        if size is not None:
+            self._require("size", size, self.sizes)
+
+    def require_tasks(self, tasks: Sequence[str]) -> None:
+        """Raise DataError unless the story has these tasks."""
+        for task in tasks:
+            self._require("task", task, self.tasks)
+
+    def _require(self, kind: str, given: str, known: tuple[str, ...]) -> None:
         from deatwin.plant.errors import DataError, nearest
 
-        if size is not None and size not in self.sizes:
-            known = f"known: {', '.join(self.sizes)}" if self.sizes else "it has one size: leave --size out"
-            raise DataError(f"the scenario {self.name} has no size {size!r}{nearest(size, self.sizes)} ({known})")
+        if given not in known:
+            choice = f"known: {', '.join(known)}" if known else f"it has one {kind}: leave --{kind} out"
+            raise DataError(f"the scenario {self.name} has no {kind} {given!r}{nearest(given, known)} ({choice})")
 
     @property
     def run(self) -> Callable[[Setting], Mapping[str, Any]]:

@@ -47,7 +47,10 @@ PUBLISHED = [
 ]
 STUDIES = [f"scenario concealed-physics --size {study['size']} --seed {study['seed']}" for study in PUBLISHED]
 """The studies of the published tables: each page tells the command that made it, whatever its seed."""
-DATA = ("scenario silverbox --data recordings --out silverbox",)
+DATA = (
+    "scenario silverbox --data recordings --out silverbox",
+    "scenario standard-tasks --task emps --data recordings --out tasks",
+)
 """Public recordings, which a user downloads: run where DEATWIN_DATA names their folder."""
 LONG = {
     "demo": [],

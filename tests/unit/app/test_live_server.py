@@ -17,6 +17,8 @@ import pytest
 from deatwin.app.cli import main
 from deatwin.app.live.guard import Guard
 
+pytestmark = pytest.mark.extras
+
 # Who may ask
 
 

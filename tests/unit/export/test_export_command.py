@@ -69,6 +69,7 @@ def test_the_result_for_machines_names_inputs_and_outputs(run: Run) -> None:
     }
 
 
+@pytest.mark.extras
 @pytest.mark.parametrize(
     ("model", "to", "interface"),
     [

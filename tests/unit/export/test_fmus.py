@@ -27,6 +27,8 @@ from deatwin.plant.export.plant_step import plant_source
 from deatwin.plant.rigs.planar import Planar
 from deatwin.plant.thesis import thesis_plant
 
+pytestmark = pytest.mark.extras
+
 SHEET = Plant(rig=Planar(sample_time=0.02))
 
 

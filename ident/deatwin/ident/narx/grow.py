@@ -16,7 +16,7 @@ from deatwin.ident.narx.identifier import CandidateSearch, FitStatus, Progress
 from deatwin.ident.narx.late_inputs import late_inputs
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.output_error import with_correlated_error
-from deatwin.ident.narx.refine import least_error
+from deatwin.ident.narx.refine import at_least_error, least_error
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.single_output import single_output
 from deatwin.ident.narx.terms import Term
@@ -74,6 +74,8 @@ class Grow(CandidateSearch):
         interrupt it is that of `refine`.
     terms_ : tuple of Term
         Terms of the model.
+    status_ : FitStatus
+        Outcome of the search; ``NOT_CONVERGED`` if the gradient of the free-run error is not small at its end.
     path_ : tuple of GrowStep
         Steps of the growth and of the pruning, on the part whose structure was kept.
     errors_, held_out_errors_ : ndarray, shape (n_steps,)
@@ -128,6 +130,8 @@ class Grow(CandidateSearch):
         if self.status_.ok:
             with self._interrupt_noted():
                 model = with_correlated_error(model, single.recordings)
+                if not at_least_error(model, single.recordings):
+                    self.status_ = FitStatus.NOT_CONVERGED
         named = dict(zip(single.table.terms, data.table.terms, strict=True))
         self.path_ = tuple(_renamed(step, named) for step in search.path)
         self.errors_ = np.array([step.error for step in self.path_])

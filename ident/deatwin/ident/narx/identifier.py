@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copyreg
 import inspect
 import math
 from abc import ABC, abstractmethod
@@ -17,6 +18,7 @@ from deatwin.ident.narx.late_inputs import LAST_INPUT_LAGS, last_lag, late_input
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.origin import about_data, about_rest
 from deatwin.ident.narx.regression import Recordings, Regression, flatten
+from deatwin.ident.narx.shapes import own_functions, rebuilt
 from deatwin.ident.narx.terms import Lags, Rule
 from deatwin.plant.errors import ModelError, nearest
 from deatwin.plant.recording import Recording
@@ -25,9 +27,23 @@ Progress = Callable[[float, str], None]  # Called with the completed share, 0 to
 
 
 class FitStatus(Enum):
-    """Outcome of a fit. The value of each member is a sentence that advises the user."""
+    """Outcome of a fit. The value of each member is a sentence that advises the user.
+
+    Estimators that search for the least error by its gradient (`Grow`, `OutputError`, `Armax`, `BoxJenkins`, `Pnlss`,
+    `Cascade`) end ``DONE`` only if the gradient is small: a further Gauss-Newton step would move the parameters by less
+    than a twentieth of their standard deviations (relative offset of Bates and Watts, 1981), or the fit is exact. The
+    minimum may be a local one; how much it betters a linear model is a question of its error.
+    """
 
     DONE = "done"
+    HELD_OUT = (
+        "the search was ended, as intended, where the error on the held-out samples no longer fell: the parameters are "
+        "not those of the least error on the training data"
+    )
+    NOT_CONVERGED = (
+        "the search ended before the gradient was small: its parameters may still move, and their covariance does not "
+        "hold; allow more steps, or fewer terms"
+    )
     INTERRUPTED = "interrupted: the model is the best that was found until then; fit again for the whole search"
     EDGE_OF_STABILITY = (
         "the best stable model has a pole at the edge of stability: the output integrates, or does not follow from the "
@@ -41,7 +57,7 @@ class FitStatus(Enum):
     @property
     def ok(self) -> bool:
         """True if the search was completed and its result passed all checks."""
-        return self is FitStatus.DONE
+        return self in (FitStatus.DONE, FitStatus.HELD_OUT)
 
 
 class Identifier:
@@ -80,6 +96,10 @@ class Identifier:
         for outer, held in inner.items():
             getattr(self, outer).set_params(**held)
         return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Another process may not know the registered functions that arguments mention.
+        return rebuilt, (own_functions(repr(self)), copyreg.__newobj__, (type(self),)), vars(self)  # type: ignore[attr-defined]
 
     def score(self, recordings: Recordings, y: None = None) -> float:
         """Return how well free runs of the fitted model agree with recordings: 1 is perfect, their mean gives 0.

@@ -55,14 +55,22 @@ def _blurred_levels(values: Array, most: int) -> Array:
     return np.array([np.median(part) for part in parts]) if clear else np.empty(0)
 
 
+def input_levels(recordings: Sequence[Recording], most: int) -> dict[int, Array]:
+    """Return the levels (n_levels,) of each input that takes few in all recordings together, by its row."""
+    rows = range(max(len(record.inputs) for record in recordings))
+    pieces = {row: [record.inputs[row] for record in recordings if row < len(record.inputs)] for row in rows}
+    found = {row: few_levels(np.concatenate(values), most) for row, values in pieces.items()}
+    return {row: levels for row, levels in found.items() if levels.size}
+
+
 def without_repeated_powers(terms: Sequence[Term], recordings: Sequence[Recording]) -> tuple[Term, ...]:
     """Remove candidates that equal lower ones, because an input with levels l obeys ``prod(u - l) = 0``."""
     degree = max((term.degree for term in terms), default=0)
-    relations: dict[int, Array] = {}
-    for row in range(len(recordings[0].inputs)):
-        levels = few_levels(np.concatenate([record.inputs[row] for record in recordings]), degree)
-        if levels.size > 1:  # a constant input is left as the user gave it
-            relations[row] = np.asarray(np.poly(levels), dtype=np.float64)
+    relations = {
+        row: np.asarray(np.poly(levels), dtype=np.float64)
+        for row, levels in input_levels(recordings, degree).items()
+        if levels.size > 1  # a constant input is left to the user
+    }
     there = set(terms)
     return tuple(term for term in terms if not any(_repeats(term, v, p, relations, there) for v, p in term.factors))
 
@@ -81,9 +89,7 @@ def said_of_levels(name: str, count: int) -> str:
 def remarks_on_levels(recordings: Sequence[Recording], degree: int) -> tuple[str, ...]:
     """Return sentences on inputs with too few levels for models of a degree."""
     names = recordings[0].input_names
-    together = np.concatenate([record.inputs for record in recordings], axis=1)
-    counts = [few_levels(values, degree).size for values in together]
-    return tuple(said_of_levels(name, count) for name, count in zip(names, counts, strict=True) if count)
+    return tuple(said_of_levels(names[row], found.size) for row, found in input_levels(recordings, degree).items())
 
 
 def _repeats(term: Term, variable: Variable, power: int, relations: dict[int, Array], there: set[Term]) -> bool:

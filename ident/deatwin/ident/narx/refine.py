@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx.converged import converged
 from deatwin.ident.narx.covariance import gram_inverse_root
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.regression import Recordings, flatten
@@ -24,6 +25,8 @@ Progress = Callable[[float, str], None]
 _DEPENDENT = 1e-10
 # A search has converged when a step reduces the sum of squares by less than this share; most do in ten steps.
 _TOLERANCE, _STEPS = 1e-8, 50
+_REFINED = "least squares of the free-run error"
+_STOPPED = "stopped before its gradient was small"
 
 
 def refine(
@@ -58,7 +61,7 @@ def refine(
     NarxModel
         Refined model. ``theta_cov`` is ``sigma^2 (S'S)^-1``, with the sensitivities S and the variance sigma^2 of the
         free-run error, which is valid if that error is white; ``noise_variance`` is the variance of the one-step error,
-        as in every model.
+        as in every model. Its provenance says so if the search was stopped before its gradient was small.
 
     Raises
     ------
@@ -73,7 +76,10 @@ def refine(
     search = _Search(model, chosen, max_steps, progress)
     with suppress(KeyboardInterrupt):
         search.run(tolerance)
-    return _refined(model, search.best, chosen)
+    refined = _refined(model, search.best, chosen)
+    if at_least_error(refined, chosen):
+        return refined
+    return replace(refined, provenance={**refined.provenance, "refined": f"{_REFINED}, {_STOPPED}"})
 
 
 def extend(
@@ -301,6 +307,15 @@ def least_error(model: NarxModel, recordings: tuple[Recording, ...]) -> NarxMode
     return _refined(model, search.best, recordings)
 
 
+def at_least_error(model: NarxModel, recordings: tuple[Recording, ...]) -> bool:
+    """Return True if the gradient of the free-run error is small at the model's parameters."""
+    slopes = np.concatenate([sensitivities(model, record) for record in recordings])
+    runs = [model.simulate(record) for record in recordings]
+    errors = np.concatenate([run.residuals[0] for run in runs])
+    measured = np.concatenate([run.measured[0] for run in runs])
+    return converged(slopes, errors, errors.size, float(np.linalg.norm(measured - measured.mean())))
+
+
 def _powers_of_two(sizes: Array | np.floating) -> Array:
     """Return the nearest powers of two; 1 for 0."""
     return np.where(sizes > 0, np.ldexp(1.0, np.frexp(sizes)[1]), 1.0)
@@ -371,5 +386,5 @@ def _refined(model: NarxModel, theta: Array, recordings: tuple[Recording, ...]) 
         theta_cov=float(free @ free) / freedom * (root @ root.T),
         theta_dof=np.inf,
         noise_variance=float(one_step @ one_step) / freedom,
-        provenance={**model.provenance, "refined": "least squares of the free-run error"},
+        provenance={**model.provenance, "refined": _REFINED},
     )

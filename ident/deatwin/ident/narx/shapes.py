@@ -10,8 +10,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,6 +99,7 @@ _KINDS: dict[str, _Kind] = {
     ),
 }
 SOURCES = tuple(_KINDS)  # Names of the built-in functions, in the order of their numbers in C
+_OWN: dict[str, tuple[Function, Function | None]] = {}  # Registered functions and their slopes, as given
 
 
 def register_function(name: str, function: Function, slope: Function | None = None) -> None:
@@ -110,6 +113,12 @@ def register_function(name: str, function: Function, slope: Function | None = No
         Function of an array of any shape that returns one of the same shape, in float64; it gets the signal in its unit.
     slope : callable, optional
         Its derivative, of the same kind; by central differences if omitted.
+
+    Notes
+    -----
+    Estimators and models take the functions that they mention along to worker processes, and into pickles. ``joblib``
+    (``GridSearchCV(n_jobs=2)``) sends any function; a pickle needs one that is defined at the top level of a module,
+    not a lambda.
 
     Raises
     ------
@@ -134,6 +143,21 @@ def register_function(name: str, function: Function, slope: Function | None = No
         return (function(x + step) - function(x - step)) / (2.0 * step)
 
     _KINDS[name] = _Kind((), 0, function, slope or difference, lambda: ())
+    _OWN[name] = function, slope
+
+
+def own_functions(text: str) -> dict[str, tuple[Function, Function | None]]:
+    """Return the registered functions that a text mentions, for another process."""
+    return {name: own for name, own in _OWN.items() if re.search(rf"\b{name}\(", text)}
+
+
+def rebuilt(
+    own: dict[str, tuple[Function, Function | None]], make: Callable[..., Any], arguments: tuple[Any, ...]
+) -> Any:
+    """Register functions in a process that may not know them, and make what uses them."""
+    for name, functions in own.items():
+        register_function(name, *functions)
+    return make(*arguments)
 
 
 @dataclass(frozen=True, order=True, slots=True)
@@ -144,6 +168,10 @@ class Shape:
     parameters: tuple[float, ...] = ()
     difference: int = 0  # Samples d of x(k) - x(k-d), if that is the function's argument; 0 if it is x(k)
     gain: float = 1.0  # Size of the unit in which the signal is given; the parameters stay as they are
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        fields = self.name, self.parameters, self.difference, self.gain
+        return rebuilt, (own_functions(f"{self.name}("), Shape, fields)
 
     @classmethod
     def of(cls, name: str, parameters: Iterable[float], difference: int) -> Shape:

@@ -61,7 +61,8 @@ class Cascade(StateSpaceIdentifier):
     model_ : NonlinearStateSpace
         The identified model, whose directions are the signals between the blocks.
     status_ : FitStatus
-        Outcome of the search.
+        Outcome of the search: ``DONE`` if the gradient over all samples is small at its end, ``HELD_OUT`` if the held-out
+        error ended it before, ``NOT_CONVERGED`` if it used up its steps or found no way down.
     linear_error_, error_, held_out_error_ : ndarray, shape (1,)
         Errors, defined as in `Pnlss`.
     first_states_ : ndarray, shape (n_recordings, n_states)

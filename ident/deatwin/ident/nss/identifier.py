@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.look.best_linear import best_linear_approximation
+from deatwin.ident.narx.converged import converged
 from deatwin.ident.narx.identifier import FitStatus, Identifier, Progress, silent
 from deatwin.ident.narx.regression import Recordings, flatten, require_alike
 from deatwin.ident.nss.document import weights_of
 from deatwin.ident.nss.linear_start import Lines, in_own_coordinates, linear_start
 from deatwin.ident.nss.model import NonlinearStateSpace
-from deatwin.ident.nss.search import Found, Point, Record, all_fitted, covariance, judged, search
+from deatwin.ident.nss.search import Found, Point, Record, all_fitted, covariance, judged, search, triangle
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.recording import Recording
 
@@ -35,7 +36,8 @@ class StateSpaceIdentifier(Identifier):
     model_ : NonlinearStateSpace
         The identified model. ``theta_cov`` is valid if the noise is white and on the readings.
     status_ : FitStatus
-        Outcome of the search.
+        Outcome of the search: ``DONE`` if the gradient over all samples is small at its end, ``HELD_OUT`` if the held-out
+        error ended it before, ``NOT_CONVERGED`` if it used up its steps or found no way down.
     linear_error_, error_, held_out_error_ : ndarray, shape (n_outputs,)
         Root mean square of the free-run error of the linear start and of the model on all samples, and of the model at
         the end of the search on the held-out ones (NaN if there are none), in the outputs' units.
@@ -108,13 +110,14 @@ class StateSpaceIdentifier(Identifier):
                 points = self._begun(in_own_coordinates(found.point, records), records)
                 start, found = self._searched(points, records, told)
             self.held_out_error_ = _errors(found.point, records)[1] * sides["output"][1]
+            overfitted = found.overfitted
             if not found.interrupted:
                 found = _on_all(found, start, whole, self.max_steps)
             point = found.point
             self.error_ = _errors(point, whole)[0] * sides["output"][1]
             self.first_states_ = point.starts
             self.model_ = _model(self, point, whole, chosen, sides)
-        self.status_ = FitStatus.INTERRUPTED if found.interrupted else FitStatus.DONE
+        self.status_ = _status(found, overfitted, whole)
         if not found.interrupted:  # a caller's progress may raise the interrupt again
             told(1.0, "done")
         return self
@@ -200,6 +203,17 @@ def _on_all(found: Found, start: Point, whole: Sequence[Record], max_steps: int)
     # Only if the other samples do not lead the search astray; otherwise the held-out samples found a better end.
     better = again.point.cost < judged(found.point.system, found.point.starts, whole).cost
     return again if better else replace(found, interrupted=again.interrupted)
+
+
+def _status(found: Found, overfitted: bool, whole: Sequence[Record]) -> FitStatus:
+    """Return the status of a search over all samples, whose steps the held-out ones may have limited."""
+    if found.interrupted:
+        return FitStatus.INTERRUPTED
+    rows = triangle(found.point, whole)
+    readings = np.concatenate([record.outputs.ravel() for record in whole])
+    if converged(rows[:, :-1], rows[:, -1], readings.size, float(np.linalg.norm(readings))):
+        return FitStatus.DONE
+    return FitStatus.HELD_OUT if overfitted else FitStatus.NOT_CONVERGED
 
 
 def _errors(point: Point, records: Sequence[Record]) -> tuple[Array, Array]:

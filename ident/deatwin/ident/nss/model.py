@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +18,7 @@ from deatwin.ident.narx.operating import read_only
 from deatwin.ident.narx.posterior import quantile
 from deatwin.ident.narx.predictive import PredictiveBand
 from deatwin.ident.narx.response import DIVERGED, NarxResponse, ResponseStatus, response_over
+from deatwin.ident.narx.shapes import own_functions, rebuilt
 from deatwin.ident.nss.basis import Basis
 from deatwin.ident.nss.document import SCHEMA, WEIGHTS, fields_of, to_document, weights_of
 from deatwin.ident.nss.march import System
@@ -100,6 +102,10 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
     output_origin: Array = field(default_factory=lambda: np.zeros(0))
     output_scale: Array = field(default_factory=lambda: np.zeros(0))
     provenance: Mapping[str, str] = field(default_factory=dict)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Another process may not know the registered functions of the terms.
+        return rebuilt, (own_functions(" ".join(self.terms)), *super().__reduce__())
 
     def __post_init__(self) -> None:
         terms = tuple(self.terms)

@@ -64,22 +64,21 @@ class CsvTable(Table):
             texts = [[row[column] for row in rows] for column in columns]
         except IndexError:
             texts = self._of_short_rows(rows, columns, missing)
-        absent = np.zeros((len(columns), len(rows)), dtype=bool)
-        for k in (k for k, column in enumerate(columns) if column in missing):
-            absent[k] = [_is_absent(cell) for cell in texts[k]]
-            texts[k] = ["0" if gone else cell for cell, gone in zip(texts[k], absent[k], strict=True)]
         plain = [k for k, column in enumerate(columns) if not self._dated(column)]
         numbers = self._with_decimal_points([columns[k] for k in plain], [texts[k] for k in plain])
         for k, cells in zip(plain, numbers, strict=True):
             texts[k] = cells
-        try:
-            values = np.array([self._values(column, cells) for column, cells in zip(columns, texts, strict=True)])
-        except (ValueError, TypeError, ArithmeticError):  # ArithmeticError: outside the range of Decimal
-            raise self._bad_cell(columns, missing) from None
-        if not np.isfinite(values).all():
+        values = [self._numbers(column, cells) for column, cells in zip(columns, texts, strict=True)]
+        for k, column in enumerate(columns):
+            if values[k] is None and column in missing:
+                absent = [_is_absent(cell) for cell in texts[k]]
+                cells = ["0" if gone else cell for cell, gone in zip(texts[k], absent, strict=True)]
+                if (found := self._numbers(column, cells)) is not None:
+                    values[k] = np.where(absent, np.nan, found)
+        known = [found for found in values if found is not None]
+        if len(known) < len(columns):
             raise self._bad_cell(columns, missing)
-        values[absent] = np.nan
-        return values
+        return np.array(known)
 
     def _of_short_rows(
         self, rows: Sequence[Sequence[str]], columns: Sequence[int], missing: Collection[int]
@@ -96,10 +95,14 @@ class CsvTable(Table):
         except IndexError:
             raise self._bad_cell(columns, missing) from None
 
-    def _values(self, column: int, cells: list[str]) -> Sequence[float] | NDArray[np.float64]:
-        """Return a column in SI units; dates are converted to seconds since the first."""
+    def _numbers(self, column: int, cells: list[str]) -> NDArray[np.float64] | None:
+        """Return a column (n,) in SI units, dates in seconds since the first; None unless all are finite numbers."""
         scale = self.scales.get(column)
-        return scale.seconds(cells) if scale else _si(cells, self.unit(column))
+        try:
+            found = np.asarray(scale.seconds(cells) if scale else _si(cells, self.unit(column)), dtype=np.float64)
+        except (ValueError, TypeError, ArithmeticError):  # a number beyond decimal ones is of the last kind
+            return None
+        return found if np.isfinite(found).all() else None
 
     def _dated(self, column: int) -> bool:
         """Return whether a column holds dates or times of day."""

@@ -142,7 +142,7 @@ def identify(
     from deatwin.app.identify_report import Identified, linear_errors, write_identified
     from deatwin.app.identify_states import identify_states
     from deatwin.app.thinning import lost, thinned
-    from deatwin.ident.narx import Reliance
+    from deatwin.ident.narx import FitStatus, Reliance
     from deatwin.ident.narx.assessed import HELD_OUT, assessed, band_excited, hold_out
     from deatwin.ident.narx.excited import BAND_KEY
     from deatwin.ident.narx.levels import remarks_on_levels
@@ -215,10 +215,13 @@ def identify(
             *unexcited,
             *degree_remarks(periodic, degree),
         ]
+        complete = identifier.status_ is not FitStatus.INTERRUPTED
+        if complete and not identifier.status_.ok:
+            found.append(identifier.status_.value)
         found = list(dict.fromkeys(found))
         for line in (*(f"note: {note}" for note in found), *remarks_on_levels(hold_out(whole)[0], degree)):
             voice.say(line)
-        if not identifier.status_.ok:
+        if not complete:
             voice.say(identifier.status_.value)
         voice.say(f"model: {out}")
         if folder is not None:
@@ -231,7 +234,7 @@ def identify(
                     told=f"A NARX model of {len(model.terms)} terms ({method})",
                     unseen=unseen,
                     tested=tested,
-                    complete=identifier.status_.ok,
+                    complete=complete,
                     notes=found,
                     clocks=notes,
                     linear=linear,
@@ -244,7 +247,7 @@ def identify(
                 "out": str(out),
                 "terms": terms,
                 "origins": _origins(model),
-                "complete": identifier.status_.ok,
+                "complete": complete,
                 "notes": found,
                 "unseen": errors,
                 "input_lags": chosen.lags,
@@ -252,7 +255,7 @@ def identify(
                 "clocks": notes,
             }
         )
-        if not identifier.status_.ok:
+        if not complete:
             raise typer.Exit(130)
 
 

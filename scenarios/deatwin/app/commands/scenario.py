@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -22,19 +23,33 @@ def complete_names(incomplete: str) -> list[tuple[str, str]]:
     return [(entry.name, entry.line) for entry in stories().values() if entry.name.startswith(incomplete)]
 
 
-def complete_sizes(context: typer.Context, incomplete: str) -> list[str]:
-    """List the sizes of the named scenario, or of all, for the shell's completion."""
-    known = stories()
-    named = [known[word] for word in context.args if word in known]
-    sizes = dict.fromkeys(size for entry in named or known.values() for size in entry.sizes)
-    return [size for size in sizes if size.startswith(incomplete)]
+def _completion(choice: str) -> Callable[[typer.Context, str], list[str]]:
+    """Return a function that lists the sizes or tasks of the named scenario, or of all, for the shell's completion."""
+
+    def complete(context: typer.Context, incomplete: str) -> list[str]:
+        known = stories()
+        named = [known[word] for word in context.args if word in known]
+        found = dict.fromkeys(one for entry in named or known.values() for one in getattr(entry, choice))
+        return [one for one in found if one.startswith(incomplete)]
+
+    return complete
 
 
+complete_sizes, complete_tasks = _completion("sizes"), _completion("tasks")
 Name = Annotated[str, typer.Argument(metavar="NAME", autocompletion=complete_names, help="One of `deatwin scenarios`.")]
 Size = Annotated[
     str | None,
     typer.Option(
         "--size", metavar="SIZE", autocompletion=complete_sizes, help="Size of the study, if there is a choice."
+    ),
+]
+Tasks = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--task",
+        metavar="TASK",
+        autocompletion=complete_tasks,
+        help="One of the scenario's tasks, if it has several; repeatable.",
     ),
 ]
 DataFolder = Annotated[
@@ -48,6 +63,7 @@ def scenario(
     out: OutFolder = None,
     data: DataFolder = None,
     size: Size = None,
+    task: Tasks = None,
     jobs: Jobs = -1,
     seed: Seed = 0,
     as_json: Json = False,
@@ -58,14 +74,17 @@ def scenario(
     Example: deatwin scenario vhb4910 --data recordings --out pulls
 
     A long one, in a smaller size: deatwin scenario concealed-physics --size tiny --out tiny
+
+    One task of several: deatwin scenario standard-tasks --task emps --data recordings
     """
     from deatwin.studies.stories import Setting
 
     voice = Voice(as_json=as_json, quiet=quiet)
     chosen = story(name)
     chosen.require_size(size)
+    chosen.require_tasks(task or ())
     with results(out or Path(f"deatwin-{name}"), voice, name) as (folder, progress):
-        given = {"data": data, "command": context.obj, "jobs": jobs, "seed": seed, "size": size}
+        given = {"data": data, "command": context.obj, "jobs": jobs, "seed": seed, "size": size, "tasks": task or ()}
         result = chosen.run(Setting(folder=folder, progress=progress, **given))
     for text in (result["sentence"], *result.get("notes", ())):
         voice.say(str(text))

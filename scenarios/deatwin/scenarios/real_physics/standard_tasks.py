@@ -57,7 +57,7 @@ class Row:
 
 def run(setting: Setting) -> Mapping[str, Any]:
     """Learn, run free, and write the table; Ctrl-C ends with the models that were learned until then."""
-    tasks, left_out = standard_tasks(setting.data)
+    tasks, left_out = standard_tasks(setting.data, setting.tasks)
     record = setting.record(hashes(path for task in tasks for path in task.data.files))
     jobs = _ordered([(method, task.data) for task in tasks for method in task.methods], setting.jobs)
     done: list[Outcome] = []
@@ -165,6 +165,8 @@ def _judged(task: Task, outcome: Outcome) -> list[Row]:
 
 def _size(outcome: Outcome) -> str:
     """Say how large a model is."""
+    if outcome.model is None:
+        return "–"
     if isinstance(outcome.model, NonlinearStateSpace):
         return f"{outcome.model.n_states} states, {outcome.terms} weights"
     return f"{outcome.terms} terms"

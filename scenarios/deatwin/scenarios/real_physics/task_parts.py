@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -101,11 +102,13 @@ class Task:
         return (*self.data.further, *METHODS)
 
 
-def standard_tasks(data: Path | None) -> tuple[tuple[Task, ...], tuple[str, ...]]:
-    """Return the tasks whose recordings are at hand, and a line on each of the others."""
+def standard_tasks(data: Path | None, wanted: Sequence[str] = ()) -> tuple[tuple[Task, ...], tuple[str, ...]]:
+    """Return the wanted tasks, or all, whose recordings are at hand, and a line on each of the others."""
     tasks, lines = [], []
     makers = {"Silverbox": _silverbox, "Cascaded tanks": _tanks, "EMPS": _emps, "Bouc-Wen": _bouc_wen}
     for title, make in makers.items():
+        if wanted and title.lower().replace(" ", "-") not in wanted:
+            continue
         try:
             tasks.append(make(data))
         except DataError as error:

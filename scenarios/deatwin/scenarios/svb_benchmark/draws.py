@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.narx import ThetaPosterior
+from deatwin.ident.narx import FitStatus, ThetaPosterior
 from deatwin.ident.narx.bayes import Statistics
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.spike_slab import SpikeSlab, Structures, sample_structures
@@ -87,7 +87,7 @@ def try_out(name: str, method: str, seed: int, number: int, noise_variance: floa
     except DeatwinError as error:
         model, failure = None, str(error)
     seconds = time.process_time() - begin
-    if not failure and not identifier.status_.ok:
+    if not failure and identifier.status_ is FitStatus.INTERRUPTED:
         raise KeyboardInterrupt  # the method has kept its best so far, which is no result of the study
     terms = () if model is None else model.terms
     low, high = ((), ()) if model is None else map(tuple, ThetaPosterior(model=model).interval(LEVEL).T.tolist())

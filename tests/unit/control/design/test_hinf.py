@@ -9,6 +9,8 @@ from deatwin.control.design import hinf as module
 from deatwin.control.design.hinf import MixedSensitivity, hinf
 from deatwin.control.design.states import States
 
+pytestmark = pytest.mark.extras
+
 H = 0.02
 LIMITS = (1.0, 4.0)
 OMEGA = np.concatenate([np.geomspace(1e-7, 0.1, 3000), np.linspace(0.1, np.pi, 5000)[:-1]]) / H

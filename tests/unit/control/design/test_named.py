@@ -25,7 +25,9 @@ KINDS: dict[str, tuple[type[Controller], str]] = {
 }
 
 
-@pytest.mark.parametrize("name", DESIGNS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.extras if name == "hinf" else ()) for name in DESIGNS]
+)
 def test_each_design_is_what_its_name_says(name: str) -> None:
     """On y = 1.5 y(k-1) - 0.55 y(k-2) + 0.04 u + 0.01 u^2: lags of 0.67 and 0.22 s, and a gain of 1 at 0.5."""
     terms = {"y(k-1)": 1.5, "y(k-2)": -0.55, "u(k)": 0.04, "u(k)^2": 0.01}

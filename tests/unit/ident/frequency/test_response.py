@@ -27,7 +27,8 @@ AXIS = 2 * np.pi * np.linspace(-20.0, 20.0, 9)
 
 @pytest.fixture(autouse=True)
 def pyplot():
-    pyplot = pytest.importorskip("matplotlib.pyplot")
+    from matplotlib import pyplot
+
     pyplot.switch_backend("Agg")
     yield pyplot
     pyplot.close("all")

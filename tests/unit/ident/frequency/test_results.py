@@ -190,7 +190,8 @@ def test_raw_errors_are_model_errors():
 
 @pytest.fixture
 def pyplot():
-    pyplot = pytest.importorskip("matplotlib.pyplot")
+    from matplotlib import pyplot
+
     pyplot.switch_backend("Agg")
     yield pyplot
     pyplot.close("all")
@@ -219,7 +220,6 @@ def test_points_that_do_not_belong_together_are_not_joined(pyplot):
 
 def test_files_keep_what_is_in_them(tmp_path):
     xarray = pytest.importorskip("xarray")
-    pytest.importorskip("scipy")
     for name, result in made().items():
         written = result.to_xarray()
         written.to_netcdf(tmp_path / "file.nc", engine="scipy")

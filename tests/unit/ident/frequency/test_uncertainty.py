@@ -359,7 +359,6 @@ def test_accessors_of_draws_against_numpy():
 
 
 def test_linear_models_against_differences_and_python_control():
-    pytest.importorskip("control")
     model = box_jenkins()
     for channel in (0, 1):
         response = frf(model, OMEGA, channel=channel)
@@ -403,7 +402,8 @@ def test_what_makes_no_sense_is_refused():
 
 
 def test_drawings_have_units_and_say_where_the_law_fails():
-    pyplot = pytest.importorskip("matplotlib.pyplot")
+    from matplotlib import pyplot
+
     pyplot.switch_backend("Agg")
     found = propagate(nonlinear(), QUANTITIES["H_1"])
     axes = found.plot()

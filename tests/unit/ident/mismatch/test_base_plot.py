@@ -5,13 +5,13 @@ from dataclasses import replace
 import matplotlib as mpl
 import pytest
 from made_fits import leaving
+from matplotlib import pyplot as plt
 
 from deatwin.ident.mismatch import Base, Candidate
 from deatwin.ident.mismatch.model_error import differences
 from deatwin.plant import Diaphragm, ReadingTime, Rig
 
 mpl.use("Agg")
-plt = pytest.importorskip("matplotlib.pyplot")
 
 NOISE, MODEL_ERROR = 3e-6, 4e-6
 NOMINAL = Diaphragm(model_error=MODEL_ERROR)

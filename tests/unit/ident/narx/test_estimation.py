@@ -84,7 +84,8 @@ def test_dependent_regressors_are_refused(row):
 
 @pytest.mark.parametrize("constant", [False, True])
 def test_ridge_against_scikit_learn(constant):
-    linear_model = pytest.importorskip("sklearn.linear_model")
+    from sklearn import linear_model
+
     rows, target, _ = regression(constant=constant)
     others = np.delete(rows, 1, axis=0) if constant else rows
     means = others.mean(axis=1) if constant else np.zeros(len(others))

@@ -1,5 +1,6 @@
 """Functions of signals in terms: |u|, sign, saturation, dead zone, splines, radial bases and functions of one's own."""
 
+import pickle
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,9 +20,11 @@ from deatwin.ident.narx import (
     generate_terms,
     refine,
     register_function,
+    shapes,
 )
 from deatwin.ident.narx.free_run import March
 from deatwin.ident.narx.refine import sensitivities
+from deatwin.ident.nss import NonlinearStateSpace, Pnlss
 from deatwin.plant import ModelError, Recording
 
 N = 1200
@@ -135,6 +138,30 @@ def test_a_function_of_ones_own_by_name(tmp_path: Path) -> None:
     assert NarxModel.load(tmp_path / "narx.json").terms == found.terms
     with pytest.raises(ModelError, match="cannot name a function"):
         register_function("sat", np.tanh)
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        lambda: SvbNarx(functions=["own(u(k-1))"]),
+        lambda: NarxModel.from_terms({"own(u(k-1))": 1.0}, sample_time=0.1),
+        lambda: Pnlss(states=1, degrees=[], terms=["own(x1)"]),
+        lambda: NonlinearStateSpace(
+            terms=["own(x1)"], transition=[[0, 0.5, 1, 1]], output=[[0, 1, 0, 0]], sample_time=1.0
+        ),
+    ],
+    ids=["SvbNarx", "NarxModel", "Pnlss", "NonlinearStateSpace"],
+)
+def test_another_process_gets_the_functions_that_are_mentioned(made, monkeypatch):
+    register_function("own", np.arctan)
+    sent = pickle.dumps(made())
+    for known in (shapes._KINDS, shapes._OWN):
+        monkeypatch.delitem(known, "own")
+    pickle.loads(sent)
+    x = np.linspace(-2.0, 2.0, 9)
+    found = shapes.Shape.of("own", (), 0)
+    np.testing.assert_array_equal(found.value(x), np.arctan(x))
+    np.testing.assert_allclose(found.slope(x), 1.0 / (1.0 + x**2), rtol=1e-8)
 
 
 def test_candidates_hold_a_function_once() -> None:

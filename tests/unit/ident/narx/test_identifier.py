@@ -19,7 +19,8 @@ def parts():
 
 
 def test_the_score_is_the_coefficient_of_determination_of_the_free_run():
-    metrics = pytest.importorskip("sklearn.metrics")
+    from sklearn import metrics
+
     data = parts()
     found = Frols(criterion="bic").fit(data[:2])
     runs = [found.model_.simulate(record) for record in data[2:]]
@@ -45,7 +46,8 @@ def test_a_score_needs_a_fit_and_an_output_that_moves():
 
 
 def test_arguments_of_an_inner_estimator_are_got_set_and_cloned():
-    base = pytest.importorskip("sklearn.base")
+    from sklearn import base
+
     outer = Narmax(Frols(degree=2))
     assert outer.get_params()["process__degree"] == 2
     assert "process__degree" not in outer.get_params(deep=False)
@@ -71,7 +73,8 @@ def test_arguments_of_an_inner_estimator_are_got_set_and_cloned():
     ],
 )
 def test_a_grid_search_over_a_list_of_recordings_finds_the_structure_of_the_data(identifier, grid, best):
-    selection = pytest.importorskip("sklearn.model_selection")
+    from sklearn import model_selection as selection
+
     data = parts()
     search = selection.GridSearchCV(identifier, grid, cv=2, error_score="raise").fit(data)
     assert search.best_params_ == best

@@ -82,7 +82,8 @@ def test_a_level_lies_between_0_and_1(level):
 
 
 def test_the_picture_shows_truth_and_interval():
-    pyplot = pytest.importorskip("matplotlib.pyplot")
+    from matplotlib import pyplot
+
     posterior = ThetaPosterior(model=model())
     truth = np.array([0.61, 0.3, -0.9])
     panels = posterior.plot(truth=truth)
@@ -97,6 +98,7 @@ def test_the_picture_shows_truth_and_interval():
     pyplot.close("all")
 
 
+@pytest.mark.extras
 def test_arviz_gets_draws_predictions_and_likelihood():
     """Its own summary and its own leave-one-out agree with the law and with the predictive density."""
     arviz = pytest.importorskip("arviz", reason="the extra bayes is not installed")

@@ -140,7 +140,8 @@ def test_senseless_arguments_are_refused(model, arguments):
 
 
 def test_the_picture_shows_the_band(model):
-    pyplot = pytest.importorskip("matplotlib.pyplot")
+    from matplotlib import pyplot
+
     band = one_step_band(model, recording(50, seed=7))
     axes = band.plot()
     middle, measured = axes.get_lines()

@@ -282,7 +282,8 @@ def test_too_few_samples_and_wrong_arguments():
 
 
 def test_the_sentence_and_the_figure():
-    pyplot = pytest.importorskip("matplotlib.pyplot")
+    from matplotlib import pyplot
+
     pyplot.switch_backend("Agg")
     u = signal("held", np.random.default_rng(6))
     (found,) = estimate_dead_time(recorded(u, first_order(u, 7)), probability=0.9)

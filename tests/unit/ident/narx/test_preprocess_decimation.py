@@ -169,7 +169,8 @@ def test_errors_are_clear():
 
 
 def test_plot_shows_both_functions():
-    pyplot = pytest.importorskip("matplotlib.pyplot")
+    from matplotlib import pyplot
+
     pyplot.switch_backend("Agg")
     axes = choose_sampling(of(np.sin(np.arange(4000) / 30))).plot()
     assert axes.get_xlabel() == "lag (s)" and len(axes.get_legend().get_texts()) == 2

@@ -141,7 +141,8 @@ def test_errors_are_clear():
 
 
 def test_plot_has_a_line_for_each_degree():
-    pyplot = pytest.importorskip("matplotlib.pyplot")
+    from matplotlib import pyplot
+
     pyplot.switch_backend("Agg")
     recording = bilinear(seed=12)
     choice = choose_orders(Frols(max_terms=4), recording, recording, output_lags=(1, 2, 3), degrees=(1, 2))

@@ -21,7 +21,8 @@ def test_flips_change_the_evidence_as_its_formula_says() -> None:
 
 def test_evidence_is_that_of_a_gaussian_process() -> None:
     # With tau integrated out y is Student-t with scale (b0 / a0)(I + Phi Phi' / slab): SciPy has its density.
-    multivariate_t = pytest.importorskip("scipy.stats").multivariate_t
+    from scipy.stats import multivariate_t
+
     rows, target = regression(2)
     posterior = spike_slab(rows, target)
     a0, b0 = posterior.priors.a0, posterior.priors.b0

@@ -191,7 +191,8 @@ def test_several_recordings_count_each_with_its_own_lags():
 
 
 def test_pictures_mark_the_choice():
-    pyplot = pytest.importorskip("matplotlib.pyplot")
+    from matplotlib import pyplot
+
     from deatwin.ident.narx.pruning import draw_relevance_paths
 
     svb = SvbNarx(clean_up="none").fit(bilinear())

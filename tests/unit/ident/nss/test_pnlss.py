@@ -178,6 +178,24 @@ def test_an_interrupt_keeps_the_best_model(monkeypatch):
 
 
 @pytest.mark.parametrize(
+    ("arguments", "status"),
+    [
+        ({"max_steps": 1}, FitStatus.NOT_CONVERGED),
+        ({}, FitStatus.DONE),
+        ({"states": 3, "degrees": [2, 3], "held_out": 0.2}, FitStatus.HELD_OUT),
+    ],
+)
+def test_the_status_says_if_the_error_is_least(arguments, status):
+    # A fit that is done leaves the least error of its structure: a longer search lowers it by less than rounding shows.
+    record = duffing(np.random.default_rng(1), 600, noise=0.1)
+    given = {**DUFFING, "held_out": 0.0} | arguments
+    fitted = Pnlss(**given).fit(record)
+    longer = Pnlss(**given | {"held_out": 0.0, "max_steps": 200}).fit(record)
+    assert fitted.status_ is status and fitted.status_.ok is (status is not FitStatus.NOT_CONVERGED)
+    assert bool(fitted.error_[0] < (1.0 + 1e-5) * longer.error_[0]) is (status is FitStatus.DONE)
+
+
+@pytest.mark.parametrize(
     ("arguments", "message"),
     [
         ({"states": 0}, "states = 0; it must be a whole number of at least 1"),

@@ -7,7 +7,7 @@ import pytest
 from rig_files import RIG
 
 from deatwin.plant import DataError, Reading, Recording, RigError, read_experiment, read_recording, read_rig
-from deatwin.plant.files import write_recording
+from deatwin.plant.files import csvtable, write_recording
 from deatwin.plant.rigs.rigfile import RigFile
 
 pytestmark = pytest.mark.usefixtures("in_one_process")
@@ -62,6 +62,27 @@ def test_missing_values_are_written_and_read_back(tmp_path: Path, name: str) -> 
     )
     write_recording(tmp_path / name, one)
     np.testing.assert_array_equal(read_recording(tmp_path / name).extras["current"], current)
+
+
+def test_marks_of_missing_values_are_looked_for_only_where_a_column_has_some(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looked: list[str] = []
+    known = csvtable._is_absent
+
+    def is_absent(cell: str) -> bool:
+        looked.append(cell)
+        return known(cell)
+
+    monkeypatch.setattr(csvtable, "_is_absent", is_absent)
+    (tmp_path / "lab.csv").write_text(
+        rows("time_s,command_V,displacement_mm,current_uA,capacitance_nF", "1,2", "NaN,3", "n/a,4", "5e-1,5")
+    )
+    read = read_recording(tmp_path / "lab.csv")
+    assert looked == ["1", "NaN", "n/a", "5e-1"]
+    np.testing.assert_array_equal(read.extras["current"], [1e-6, np.nan, np.nan, 5e-7])
+    np.testing.assert_array_equal(read.extras["capacitance"], [2e-9, 3e-9, 4e-9, 5e-9])
+    np.testing.assert_array_equal(read.outputs[0], [0.0, 1e-4, 2e-4, 3e-4])
 
 
 def test_only_electrical_readings_may_have_missing_values(tmp_path: Path) -> None:

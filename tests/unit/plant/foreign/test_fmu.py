@@ -17,6 +17,8 @@ from deatwin.plant.export.plant_step import plant_source
 from deatwin.plant.foreign import FmuModel, ParameterDrift
 from deatwin.plant.rigs.planar import Planar
 
+pytestmark = pytest.mark.extras
+
 pytest.importorskip("fmpy", reason="FMUs are run by fmpy: pip install fmpy")
 
 FILE = """

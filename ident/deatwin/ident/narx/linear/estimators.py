@@ -33,8 +33,8 @@ class LinearIdentifier(Identifier):
     model_ : LinearModel
         Fitted model, in physical units.
     status_ : FitStatus
-        Outcome of the search. For models with F it also reports a pole at the edge of stability, and for `OutputError`
-        an input that depends on the output.
+        Outcome of the search; ``NOT_CONVERGED`` if the gradient is not small at its end. For models with F it also
+        reports a pole at the edge of stability, and for `OutputError` an input that depends on the output.
     """
 
     model_: LinearModel
@@ -99,6 +99,8 @@ class LinearIdentifier(Identifier):
         best = min(found, key=lambda one: one.noise_variance)
         if self.status_.ok and any(orders.nf):
             self.status_ = judged(orders, best, loss.records)
+        if self.status_ is FitStatus.DONE and not best.converged:
+            self.status_ = FitStatus.NOT_CONVERGED
         return best
 
     def _model(self, orders: Orders, data: Regression, found: Minimum) -> LinearModel:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx.converged import converged
 from deatwin.ident.narx.linear.polynomials import Orders, Polynomials, is_stable
 from deatwin.ident.narx.linear.prediction import PredictionErrors, prediction_errors
 from deatwin.ident.narx.linear.start import Record
@@ -23,6 +24,7 @@ class Minimum:
     theta_cov: Array
     noise_variance: float  # sigma^2: sum of squares divided by the number of errors minus unknowns
     complete: bool  # False after an interrupt
+    converged: bool = True  # True if the gradient is small
 
 
 class PredictionErrorLoss:
@@ -93,9 +95,12 @@ def minimise(loss: PredictionErrorLoss, start: Polynomials) -> Minimum:
         complete = False
     square, unknowns = loss.best
     variance = square / (loss.n_errors - loss.n_unknowns)
-    root = _inverse_root(loss.gradient(unknowns))
+    slopes, errors = loss.gradient(unknowns), loss.errors(unknowns)
+    root = _inverse_root(slopes)
     n = loss.orders.n_theta
-    return Minimum(unknowns[:n], variance * (root @ root.T)[:n, :n], variance, complete)
+    size = float(np.sqrt(sum(output @ output for _, output in loss.records)))
+    ended = converged(slopes, errors, errors.size, size)
+    return Minimum(unknowns[:n], variance * (root @ root.T)[:n, :n], variance, complete, ended)
 
 
 def _inverse_root(gradient: Array) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
 from math import log
@@ -10,7 +10,7 @@ from math import log
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.narx.levels import few_levels, said_of_levels
+from deatwin.ident.narx.levels import input_levels, said_of_levels
 from deatwin.ident.narx.preprocess.stationarity import (
     ENOUGH_CORRELATION_TIMES,
     chance_of_mean,
@@ -112,30 +112,21 @@ def inspect_recordings(recordings: Recordings, *, level: float = 0.01, degree: i
         raise DataError(f"level = {level}; it must lie between 0 and 1")
     found: list[Finding] = []
     chosen = flatten(recordings)
-    few = _with_few_levels(chosen, degree)
+    few = input_levels(chosen, degree)
     for record in chosen:
         if record.n_samples < FEWEST:
             raise DataError(f"{label(record)}: {record.n_samples} samples are too few to look at; {FEWEST} are needed")
-        found += _of_record(record, level, degree, few)
+        found += _of_record(record, level, few)
     return tuple(found)
 
 
-def _with_few_levels(recordings: Sequence[Recording], degree: int) -> set[str]:
-    """Return the names of inputs that take few levels in all recordings together."""
-    values: dict[str, list[Array]] = {}
-    for record in recordings:
-        for name, row in zip(record.input_names, record.inputs, strict=True):
-            values.setdefault(name, []).append(row)
-    return {name for name, rows in values.items() if few_levels(np.concatenate(rows), degree).size}
-
-
-def _of_record(record: Recording, level: float, degree: int, few: Collection[str]) -> Iterator[Finding]:
+def _of_record(record: Recording, level: float, few: Mapping[int, Array]) -> Iterator[Finding]:
     for row, (name, unit) in enumerate(zip(record.input_names, record.input_units, strict=True)):
         channel = _Channel(record, name, unit, record.inputs[row])
         if np.ptp(channel.values) > 0.0:
             yield from _slow(channel, level)
-        if name in few:
-            yield from _few_levels(channel, degree)
+        if row in few:
+            yield _few_levels(channel, few[row])
     moves = _moves(record)
     for row, (name, unit) in enumerate(zip(record.output_names, record.output_units, strict=True)):
         channel = _Channel(record, name, unit, record.outputs[row])
@@ -176,17 +167,15 @@ class _Channel:
         return with_unit(value, self.unit)
 
 
-def _few_levels(channel: _Channel, degree: int) -> Iterator[Finding]:
-    """Report an input with so few levels that its powers repeat each other."""
-    levels = few_levels(channel.values, degree)
-    if levels.size:
-        finding = channel.finding(
-            FindingKind.FEW_LEVELS,
-            np.arange(channel.values.size),
-            float(np.ptp(levels)),
-            said_of_levels(channel.name, levels.size),
-        )
-        yield replace(finding, count=levels.size)
+def _few_levels(channel: _Channel, levels: Array) -> Finding:
+    """Report an input with so few levels that its powers repeat each other. Shapes: `levels` (n_levels,)."""
+    finding = channel.finding(
+        FindingKind.FEW_LEVELS,
+        np.arange(channel.values.size),
+        float(np.ptp(levels)),
+        said_of_levels(channel.name, levels.size),
+    )
+    return replace(finding, count=levels.size)
 
 
 def _slow(channel: _Channel, level: float) -> Iterator[Finding]:

@@ -6,13 +6,13 @@ from itertools import pairwise
 import matplotlib as mpl
 import pytest
 from made_fits import leaving
+from matplotlib import pyplot as plt
 
 from deatwin.ident.mismatch import Candidate, Naming
 from deatwin.ident.mismatch.naming.decide import nothing_tried
 from deatwin.plant import Diaphragm, ReadingTime, Rig
 
 mpl.use("Agg")
-plt = pytest.importorskip("matplotlib.pyplot")
 
 NOISE = 2e-6
 RIG = Diaphragm()
