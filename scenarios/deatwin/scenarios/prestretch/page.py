@@ -35,8 +35,8 @@ def write_sweep(
             svg=inline(figure, "prestretch", title),
             data="prestretch.csv",
             further=("unequal.csv",),
-            caption="A square film of VHB 4905 under equal dead loads; unequal loads at one thickness; the ball of the "
-            "thesis' rig.",
+            caption="A square film of VHB 4905 under equal dead loads. Below, in the middle: under unequal loads, at "
+            "equal thickness. Below, on the right: the ball of the thesis' rig.",
         )
     write_page(folder, "prestretch.html.j2", [drawing], Origin.of(record), __package__, result=result, figure=drawing)
 
