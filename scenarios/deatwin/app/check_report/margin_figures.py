@@ -95,7 +95,7 @@ def _draw(
         columns = 3 if max(map(len, handles[1])) < _LONG else 2
         figure.legend(*handles, loc="outside upper left", ncols=columns, markerscale=1)
         samples = max((row.samples for found in rows.values() for row in found), default=1)
-        caption = "Lines: margins at the estimated parameters."
+        caption = "The lines show the margins at the estimated parameters."
         if samples > 1:
             caption += " The shading reaches down to the 2.5 % quantile of the draws (thin line), which is judged."
         caption += " A margin at the upper edge is unbounded. At zero, or at the lower edge, the loop is unstable."
