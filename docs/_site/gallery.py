@@ -85,7 +85,9 @@ def drawing(found: dict[str, Any]) -> str:
         f'<text x="{WIDTH}" y="{bottom}" text-anchor="end">{plain(end)} s</text>'
     )
     bands = "".join(band(outline, i) for i, outline in enumerate(series.values(), 1))
-    keys = " ".join(f'<span class="series{i}">■</span> {name}' for i, name in enumerate(series, 1))
+    keys = " ".join(
+        f'<span class="series{i}">■</span>&nbsp;{name.replace(" ", "&nbsp;")}' for i, name in enumerate(series, 1)
+    )
     what = "measured − simulated" if "verdict" in found else "reading"
     label = f"{what}, {found['unit']}: {', '.join(series)}"
     return (
