@@ -18,7 +18,7 @@ from mkdocs.structure.files import File, Files
 
 MARK = "<!-- gallery -->"
 DOCS = Path(__file__).parents[1]
-WIDTH, HEIGHT, LEFT, BELOW = 640.0, 130.0, 48.0, 18.0
+WIDTH, HEIGHT, LEFT, BELOW = 640.0, 130.0, 60.0, 18.0
 LARGEST = 5_000_000
 """Bytes of the largest page that the site may have."""
 
@@ -85,7 +85,9 @@ def drawing(found: dict[str, Any]) -> str:
         f'<text x="{WIDTH}" y="{bottom}" text-anchor="end">{plain(end)} s</text>'
     )
     bands = "".join(band(outline, i) for i, outline in enumerate(series.values(), 1))
-    keys = " ".join(f'<span class="series{i}">■</span> {name}' for i, name in enumerate(series, 1))
+    keys = " ".join(
+        f'<span class="series{i}">■</span>&nbsp;{name.replace(" ", "&nbsp;")}' for i, name in enumerate(series, 1)
+    )
     what = "measured − simulated" if "verdict" in found else "reading"
     label = f"{what}, {found['unit']}: {', '.join(series)}"
     return (

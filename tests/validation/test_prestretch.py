@@ -63,7 +63,7 @@ def test_pull_in_ends_where_the_voltage_rises_throughout(page):
         return np.diff(squared_field(np.linspace(prestretch, 7.0, 20000), prestretch)).min()
 
     exact = brentq(falls_somewhere, 1.5, 3.0, xtol=1e-4)
-    finding = next(c for c in claims(page) if c["claim"] == "It suppresses pull-in.")["finding"]
+    finding = next(c for c in claims(page) if c["claim"] == "Prestretch suppresses pull-in.")["finding"]
     found = float(finding.split("prestretch of ")[1].split(" on,")[0])
     assert found == pytest.approx(exact, abs=0.011)  # a bisection to 0.01, and two digits
     table = columns(page / "prestretch.csv")
@@ -131,6 +131,6 @@ def test_each_claim_has_a_verdict_with_a_number_and_the_page_shows_it(page):
         assert claim["claim"].replace("'", "&#39;") in text
     by_claim = {c["claim"]: c["verdict"] for c in claims(page)}
     # As the closed forms above have it: suppressed only from 2.07 on; thinner by more than the field gains.
-    assert by_claim["It suppresses pull-in."] == "conditional"
-    assert by_claim["So a prestretched film stands a higher voltage."] == "false"
-    assert by_claim["It raises the field at which the film breaks down."] == "true"
+    assert by_claim["Prestretch suppresses pull-in."] == "conditional"
+    assert by_claim["A prestretched film therefore withstands a higher voltage."] == "false"
+    assert by_claim["Prestretch raises the field at which the film breaks down."] == "true"

@@ -58,7 +58,7 @@ class MeasuringChain:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Return the chain that a mapping from `dataclasses.asdict` describes.
+        """Return the chain from a mapping made by `dataclasses.asdict`.
 
         Parameters
         ----------

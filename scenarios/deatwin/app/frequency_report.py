@@ -155,7 +155,7 @@ def _hatching(*responses: FrequencyResponse) -> str:
 
 
 def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
-    messages = list(found.lines)
+    messages = [line for line in found.lines if line not in found.caveats]
     point, unit = found.first.point, found.model.input_units[0]
     orders = "order 1" if len(found.gfrfs) == 1 else f"orders 1 to {len(found.gfrfs)}"
     about = amount(f"{point.operating_input[0]:.4g}", unit)
@@ -167,10 +167,10 @@ def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
     rows = _rows(found)
     return StoryPage(
         title="frequency",
-        sentence=f"Frequency responses of {orders} about {about}: {found.first.status.value}."
-        + "".join(f" {text[:1].upper()}{text[1:]}." for text in found.caveats),
+        sentence=f"Frequency responses of {orders} about {about}: {found.first.status.value}.",
+        caveats=[f"{text[:1].upper()}{text[1:]}." for text in found.caveats],
         rows=rows,
-        notes=[Note(title="In words", paragraphs=[f"{text[:1].upper()}{text[1:]}." for text in messages])],
+        notes=[Note(title="Notes", paragraphs=[f"{text[:1].upper()}{text[1:]}." for text in messages])],
         figures=drawings,
         tables=[ranges],
         next=NEXT[all(row.passed for row in rows)],
@@ -182,7 +182,7 @@ def _reliance(known: Reliance) -> Measure:
     return Measure(
         "failed residual tests and bias of the model on held-out data",
         "none",
-        ". ".join(text[:1].upper() + text[1:] for text in known.caveats) or "none",
+        f"{len(known.caveats)}, named above" if known.caveats else "none",
         not known.caveats,
     )
 

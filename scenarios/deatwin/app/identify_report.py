@@ -18,7 +18,7 @@ from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.drawing import Drawing
 from deatwin.studies.report.panels import Hue, plain_numbers
-from deatwin.studies.report.story import Measure, Note, StoryPage, Table, reached, write_story
+from deatwin.studies.report.story import Measure, Note, StoryPage, Table, write_story
 from deatwin.studies.report.svg import draw
 from deatwin.studies.report.tabulated import drawn_table
 
@@ -124,7 +124,7 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
     sentence = (
         f"{found.told}: on held-out data the error of its {found.judged} is "
         f"{'at most ' if len(runs) > 1 else ''}{found.amount(worst.rms_error)} rms"
-        f"{_beside(found)}. {reached(rows)} measures reached."
+        f"{_beside(found)}."
     )
     said = (
         found.tested.validation.status.value

@@ -76,7 +76,7 @@ STORIES = (
         name="prestretch-sweep",
         minutes=0.3,
         module="deatwin.scenarios.prestretch",
-        line="tests ten claims about the effects of prestretch",
+        line="tests eleven claims about the effects of prestretch",
     ),
     Story(
         name="svb-benchmark",
@@ -132,7 +132,7 @@ STORIES = (
         sizes=("short", "standard", "full"),
         times=(3, 15, 55),
         resumes=True,
-        line="tests designs on rigs that the check does not know: what an inverse gains, and how often the verdict is right",
+        line="tests designs on rigs that the check does not know: the benefit of an inverse, and how often the verdict is right",
     ),
     Story(
         name="real-data",

@@ -186,7 +186,7 @@ class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_d
 
     @property
     def reason(self) -> str:
-        """Texts of all findings as severe as the verdict; empty if the verdict is `pass`."""
+        """Texts of all findings that are as severe as the verdict; empty if the verdict is `pass`."""
         if self.verdict is Verdict.PASS:
             return f"every limit is kept{self._where}"
         return "; ".join(f.text for f in self.findings if f.verdict is self.verdict)

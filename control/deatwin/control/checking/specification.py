@@ -67,7 +67,7 @@ class Limit:
         return Verdict.MARGINAL if sign * value >= sign * self.poor else Verdict.FAIL
 
     def room(self, value: float) -> float:
-        """Return how far a number is inside the limit of `pass`, as a share.
+        """Return the room between a number and the limit of `pass`, as a share of the possible room.
 
         Parameters
         ----------

@@ -210,7 +210,7 @@ class LinearFamily:
         return replace(self, numerators=np.pad(self.numerators, ((0, 0), (0, 0), (1, 0))), realisations=late)
 
     def at(self, point: int, sample: int) -> LinearModel:
-        """Return one of the models.
+        """Return the model of a sample at an operating point.
 
         Parameters
         ----------

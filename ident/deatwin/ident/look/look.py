@@ -198,7 +198,14 @@ class Look:
         chosen[2].set(xlabel="frequency (Hz), excited band shaded", ylabel="coherence", ylim=(0.0, 1.02))
         for panel in chosen[1:]:
             if panel.get_legend_handles_labels()[0]:
-                panel.legend(fontsize="small", ncols=3)
+                panel.legend(
+                    fontsize="small",
+                    ncols=3,
+                    loc="lower right",
+                    bbox_to_anchor=(1.0, 1.0),
+                    frameon=False,
+                    borderaxespad=0.2,
+                )
         return chosen
 
     def _mark(self, axes: Axes) -> None:

@@ -20,18 +20,17 @@ Hz."""
 _FEWEST = 64
 _EXCITED_SHARE = 0.99  # share of the input's power below the highest excited frequency
 _FAINT = 1e-3
-"""Power, relative to that of each line of an even spectrum, below which a line excites nothing.
+"""Smallest power of an exciting line, relative to the mean power of all lines.
 
-The relative error of a gain is sqrt((1 - c) / (2 c n)), with the coherence c and n averaged lines (Bendat and Piersol,
-Random Data, chapter 9). If noise is small compared with the response to a line, c / (1 - c) is proportional to the
-line's power, and the error to the reciprocal of its square root: with a thousandth of the power, it is 30 times that of
-an even input of the same total power. A step, whose power falls with the square of the frequency, still has a hundredth
-at the end of its band.
+The relative error of a gain is sqrt((1 - c) / (2 c n)) for a coherence c and n averaged lines (Bendat and Piersol,
+Random Data, chapter 9). If the noise is small, c / (1 - c) is proportional to the power of the line, and the error to
+the inverse of its square root: with a thousandth of the power, the error is 30 times that of an even input. The power
+of a step falls with the square of the frequency, and is a hundredth of the mean at the end of its band.
 """
 _REACH_RATIO, _REACH_SHARE = 2.0 ** (1 / 6), 0.1
-"""Reach of a line to either side, the larger of two: a sixth of an octave, because a lightly damped mode would fit into
-more than the third of an octave between two lines; and a tenth of the band, so that the odd harmonics of multisines and
-square waves leave no holes. The state of rest at 0 Hz reaches a tenth of the band as well."""
+"""A line covers a sixth of an octave to either side, because a lightly damped mode could hide in a wider gap, and at least
+a tenth of the band, so that the odd harmonics of multisines and square waves leave no gaps. A band that starts within
+the lowest tenth extends to 0 Hz."""
 _LOBE = 2  # Lines from 0 Hz on over which the window smears the remainder of a removed trend; alone they are no band
 
 Band = tuple[float, float]
@@ -66,12 +65,12 @@ class Excitation:
 
     @property
     def holes(self) -> tuple[Band, ...]:
-        """Frequency ranges below the highest frequency that lie in no band, in Hz."""
+        """Gaps below and between the bands, in Hz."""
         ends = (0.0, *(high for _, high in self.bands))
         return tuple((end, low) for end, (low, _) in zip(ends, self.bands, strict=False) if low > end)
 
     def hole_at(self, frequency_Hz: float) -> Band | None:
-        """Return the hole in which a frequency lies.
+        """Return the gap between excited bands in which a frequency lies.
 
         Parameters
         ----------
@@ -81,13 +80,13 @@ class Excitation:
         Returns
         -------
         (float, float) or None
-            Ends of the hole in Hz; None inside a band and above the last one.
+            Ends of the gap in Hz; None inside a band and above the last one.
         """
         return next(((low, high) for low, high in self.holes if low < frequency_Hz < high), None)
 
     @property
     def provenance(self) -> dict[str, str]:
-        """Entries for the provenance of a `NarxModel`; holes are written only if there are any."""
+        """Entries for the provenance of a `NarxModel`; gaps are written only if there are any."""
         band = {BAND_KEY: f"{self.highest_Hz:.6g}"}
         holes = ", ".join(f"{low:.6g} to {high:.6g}" for low, high in self.holes)
         return {**band, HOLES_KEY: holes} if holes else band
@@ -99,7 +98,7 @@ class Excitation:
         Parameters
         ----------
         provenance : mapping of str to str
-            Provenance of the model; without holes the excitation starts at 0 Hz.
+            Provenance of the model; without gaps the excitation starts at 0 Hz.
 
         Returns
         -------

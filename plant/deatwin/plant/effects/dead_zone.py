@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class DeadZone(Effect):
-    r"""Small commands do nothing, and larger ones are short by the width of the zone.
+    r"""Small commands have no effect, and larger ones are reduced by half the width of the zone.
 
     .. math:: u \to p(u - w) - p(-u - w), \qquad p(x) = \epsilon\ln(1 + e^{x/\epsilon})
 
     No state. The corners are rounded over :math:`\epsilon` = 5 mV. Typical: the overlap of a valve's spool, 2 to 20 %
     of its stroke; the base-emitter voltages of an output stage. Signature: static, odd in the command, the same at all
-    frequencies; small motion is lost, and larger motion is smaller by the same amount. `coulomb_friction` and
+    frequencies; small motions are lost, and larger ones are reduced by the same amount. `coulomb_friction` and
     `backlash` make a loop, which a dead zone does not. Off at w = 0.
 
     Parameters

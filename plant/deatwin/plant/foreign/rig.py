@@ -144,7 +144,7 @@ class ForeignRig(Rig):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain data. A function is only named: a program that reads the file must import its module first."""
+        """Return plain data. It holds only the name of a function, whose module must be imported before reading."""
         plain = {
             f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("model", "parameters", "further")
         }

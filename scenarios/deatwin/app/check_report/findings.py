@@ -103,9 +103,9 @@ def _limits(finding: Finding, subject: str, kind: _Kind, view: View) -> tuple[st
     if subject == "excitation" and view.check.excited_band_Hz is not None:
         band = view.check.excited_band_Hz
         if finding.verdict is Verdict.MARGINAL and finding.value is not None and finding.value <= band:
-            return "in no hole", "in a hole"
+            return "in no gap", "in a gap"
         return f"≤ {kind.asked(band)}", "beyond"
-    return ("none", "at the limits only") if subject == "film" else ("–", "–")
+    return ("none", "only at the limits") if subject == "film" else ("–", "–")
 
 
 _percent = partial(_Kind, unit=" %", scale=100.0)

@@ -95,10 +95,10 @@ def _draw(
         columns = 3 if max(map(len, handles[1])) < _LONG else 2
         figure.legend(*handles, loc="outside upper left", ncols=columns, markerscale=1)
         samples = max((row.samples for found in rows.values() for row in found), default=1)
-        caption = "Lines: margins at the estimated parameters."
+        caption = "The lines show the margins at the estimated parameters."
         if samples > 1:
-            caption += " Shading: down to the 2.5 % quantile of the draws (thin line), which is judged."
-        caption += " At the upper edge a margin is unbounded; at zero, or at the lower edge, the loop is unstable."
+            caption += " The shading reaches down to the 2.5 % quantile of the draws (thin line), which is judged."
+        caption += " A margin at the upper edge is unbounded. At zero, or at the lower edge, the loop is unstable."
         return Drawing.of(figure, name, title, caption, _columns(rows, place, column, measures))
 
 
@@ -128,8 +128,8 @@ def _draw_source(axes: Axes, view: View, source: str, places: Array, own: Array,
 
 
 def _draw_limits(axes: Axes, limit: Limit, low: float, high: float) -> None:
-    axes.axhline(limit.good, color=Hue.INK, linestyle="--", linewidth=0.9, label="good from here on")
-    axes.axhline(limit.poor, color=Hue.INK, linestyle=":", linewidth=1.1, label="fails below")
+    axes.axhline(limit.good, color=Hue.INK, linestyle="--", linewidth=0.9, label="pass from here on")
+    axes.axhline(limit.poor, color=Hue.INK, linestyle=":", linewidth=1.1, label="fail below")
     if low > 0.0:
         axes.set_yscale("log")
         plain_numbers(axes.yaxis, 1.0, 2.0, 5.0)
@@ -177,12 +177,14 @@ def draw_nyquist(view: View, controller: Controller) -> Drawing:
         axes.set_aspect("equal")
         beside.legend(*axes.get_legend_handles_labels(), loc="upper left", markerscale=1)
         at_input = amount(f"{controller.operating_input:.4g}", view.check.operating.input_unit)
-        caption = f"Loop L = controller times model at {at_input}, where |L| is not large."
+        caption = (
+            f"The loop gain L, controller times model, at {at_input}. Large values of |L| lie outside the picture."
+        )
         if loops.band is not None:
-            caption += " Ellipses: its simultaneous 95 % band, from the covariance of the model's parameters."
+            caption += " The ellipses are its simultaneous 95 % band, from the covariance of the model's parameters."
         caption += (
             " A loop that stays outside a disk tolerates the simultaneous changes of gain and phase that the disk "
-            "represents. Outside the larger disk the margin is good; inside the smaller one it fails."
+            "represents. A margin passes if the loop stays outside the larger disk, and fails if it enters the smaller one."
         )
         columns: Columns = {"frequency_Hz": loops.frequency_Hz}
         for source, values in loops.values.items():
@@ -194,8 +196,8 @@ def _draw_disks(axes: Axes, view: View) -> None:
     """Draw a symmetric disk margin alpha: a circle through -(2 + alpha)/(2 - alpha) and its inverse on the real axis."""
     limit, turn = view.specification.disk, np.linspace(0.0, 2 * np.pi, 181)
     for margin, colour, label in (
-        (limit.good, Hue.MARK, "disk of a good margin"),
-        (limit.poor, Hue.BEFORE, "of a poor one"),
+        (limit.good, Hue.MARK, "pass: outside this disk"),
+        (limit.poor, Hue.BEFORE, "fail: inside this disk"),
     ):
         far = (2.0 + margin) / (2.0 - margin)
         centre, radius = -0.5 * (far + 1.0 / far), 0.5 * (far - 1.0 / far)

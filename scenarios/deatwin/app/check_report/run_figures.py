@@ -78,7 +78,7 @@ def draw_others(view: View, others: Mapping[str, ClosedLoop]) -> Drawing:
             figure,
             "rivals",
             "The same steps on the alternatives",
-            "Alternative plants. A line ends early where its plant failed.",
+            "The same controller on the alternative plants. A line that ends early belongs to a plant that failed.",
             _other_columns(view, others, longest),
         )
 

@@ -115,7 +115,7 @@ def svb_drawings(study: Study, choice: Choice) -> list[Drawing]:
 def _pruning(benches: Iterable[Bench]) -> Drawing:
     """The lower bound of every step down to one term."""
     with draw((9.6, 6.4)) as figure:
-        panels = panels_of(figure, 3, 2, "terms", "lower bound less the largest (nats)", sharex=True, sharey=True)
+        panels = panels_of(figure, 3, 2, "terms", "lower bound minus its maximum (nats)", sharex=True, sharey=True)
         for axes, bench in zip(panels.T.ravel(), benches, strict=True):
             path = bench.models[SVB].search.path_
             terms = np.array([len(step.terms) for step in path], dtype=np.float64)
@@ -146,7 +146,7 @@ def _posterior(bench: Bench) -> Drawing:
             )
         axes.axvline(0.0, color=Hue.INK, linewidth=0.8)
         axes.set_yticks(range(len(terms)), [str(term) for term in terms], fontsize="small")
-        axes.set(xlabel="share in the next reading (µm rms, sign of the parameter)", ylim=(len(terms) - 0.5, -0.5))
+        axes.set(xlabel="contribution to the reading (µm rms, sign of the parameter)", ylim=(len(terms) - 0.5, -0.5))
         axes.set_xscale("symlog", linthresh=10.0)
         legend_above(figure, axes, 2)
         return WORDS.drawing(figure, "posterior", name=bench.name)

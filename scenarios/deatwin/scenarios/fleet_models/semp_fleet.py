@@ -35,7 +35,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
     page = StoryPage(
         title="semp-fleet",
         sentence=(
-            f"Six actuators by SEMP: over held-out sections the free runs fit {fits:.0f} %; {reached(rows)} stated "
+            f"On held-out sections, the free runs of the six SEMP models fit {fits:.0f} %; {reached(rows)} stated "
             f"goals are reached. The correlation tests show the effects of drift, hysteresis and the polynomials' own "
             f"error."
         ),

@@ -36,7 +36,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
     page = StoryPage(
         title="svb-fleet",
         sentence=(
-            f"Six actuators by sparse variational Bayes: over held-out sections the free runs fit {own:.0f} %, those of "
+            f"On held-out sections, the free runs of the six models by sparse variational Bayes fit {own:.0f} %, those by "
             f"SEMP {other:.0f} %; {reached(rows)} stated goals are reached."
         ),
         rows=rows,

@@ -44,9 +44,9 @@ def run(setting: Setting) -> Mapping[str, Any]:
     page = StoryPage(
         title="frequency-analysis",
         sentence=(
-            "Frequency responses and NOFRFs agree with closed forms and with simulation; of the "
-            f"{len(found.each)} actuators each second-order response has its ridge where f₁ + f₂ = 0, {ridges:.1f} "
-            f"times higher than beside it; {reached(rows)} stated goals are reached."
+            "Frequency responses and NOFRFs agree with closed forms and with simulation; the second-order response of each "
+            f"actuator has a ridge where f₁ + f₂ = 0, {ridges:.1f} times higher than beside it; {reached(rows)} stated "
+            "goals are reached."
         ),
         rows=rows,
         notes=notes(__package__, **_numbers(found, truth)),

@@ -139,7 +139,7 @@ def _identified(one: Identified) -> Drawing:
             titled(axes, f"|Y{SUBSCRIPTS[n]}|")
             axes.set_ylim(0, None)
         panels[0].set_ylabel("Fourier coefficient")
-        errors[0].set_ylabel("band less truth (% of largest)")
+        errors[0].set_ylabel("band minus truth (% of largest)")
         legend_above(figure, panels[0], 2)
         coverage = Each(100 * one.coverage)
         return WORDS.drawing(figure, "identified", recordings=one.recordings, coverage=coverage)

@@ -60,10 +60,9 @@ def _answer(fleet: Consistency) -> str:
     worst = column_of(fleet.columns[int(np.argmax(steady))], " at ")
     return (
         f"Fabrication alone makes the six differ by {_by_order(fleet, steady)} (standard deviation), most in {worst}, "
-        f"and significantly in {counted(table, Agreement.DIFFERENT)} of {len(table.differences)} tests. What happens "
-        f"to them while they are recorded raises that to {_by_order(fleet, fleet.spread('fleet'))}. Of the "
-        f"{len(as_is.significant)} tests that then find a difference {counted(as_is, Agreement.DRIFT)} lie within the "
-        "reach of drift."
+        f"and significantly in {counted(table, Agreement.DIFFERENT)} of {len(table.differences)} tests. Their "
+        f"histories during the recording raise this to {_by_order(fleet, fleet.spread('fleet'))}. Drift can explain "
+        f"{counted(as_is, Agreement.DRIFT)} of the {len(as_is.significant)} differences that are then found."
     )
 
 

@@ -59,7 +59,14 @@ def _complex(spread: Spread) -> Drawing:
         titled(left, "a real quantity: an interval")
         right.plot(draws[:CLOUD].real, draws[:CLOUD].imag, ".", color=Hue.MEASURED, markersize=3, label="draws")
         right.plot(edge.real, edge.imag, color=Hue.AFTER, label="95 % region, propagated")
-        right.plot(circle.real, circle.imag, "--", color=Hue.INK, linewidth=0.9, label="as if both parts were alike")
+        right.plot(
+            circle.real,
+            circle.imag,
+            "--",
+            color=Hue.INK,
+            linewidth=0.9,
+            label="if both parts were uncorrelated, with equal variance",
+        )
         right.set(xlabel="real part", ylabel="imaginary part", adjustable="datalim", aspect="equal")
         titled(right, "a complex one: an ellipse")
         legend_above(figure, right, 3)
@@ -215,7 +222,7 @@ def _spread(found: Consistency) -> Drawing:
     bars = (
         (found.predicted, Hue.INK, "predicted from the tolerances"),
         (found.spread("level"), Hue.MEASURED, "without histories, all under the same commands"),
-        (found.spread("steady"), Hue.AFTER, "without histories, each under its own"),
+        (found.spread("steady"), Hue.AFTER, "without histories, each under its own commands"),
         (found.spread("fleet"), Hue.BEFORE, "as recorded"),
     )
     places = np.arange(len(found.columns))

@@ -179,8 +179,8 @@ def _drawn(folder: ResultFolder, columns: Columns, ratios: Columns) -> Drawing:
             svg=inline(figure, "prestretch", title),
             data="prestretch.csv",
             further=("unequal.csv",),
-            caption="A square film of VHB 4905 under equal dead loads; unequal loads at one thickness; the ball of the "
-            "thesis' rig.",
+            caption="A square film of VHB 4905 under equal dead loads. Below, in the middle: under unequal loads, at "
+            "equal thickness. Below, on the right: the ball of the thesis' rig.",
         )
 
 

@@ -36,8 +36,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
     ]
     told = StoryPage(
         title="regression-lessons",
-        sentence=f"What ridge, LASSO and the evidence do, and why: {reached(rows)} stated measures agree with their "
-        "closed forms.",
+        sentence=f"{reached(rows)} stated measures of ridge, LASSO and the evidence agree with their closed forms.",
         rows=rows,
         notes=notes(__package__),
         figures=[page.constraint(plane), page.bias_and_variance(degrees, penalties), page.razor(found)],

@@ -34,8 +34,8 @@ def run(setting: Setting) -> Mapping[str, Any]:
     rows, swept = judge(study), study.contrasts.get(SWEPT, ())
     page = StoryPage(
         title="svb-benchmark",
-        sentence=f"{len(PLAN.methods)} ways to choose the structure, on {PLAN.draws} draws of each of "
-        f"{len(PLAN.systems)} systems: {reached(rows)} stated measures are reached.",
+        sentence=f"{len(PLAN.methods)} methods chose the structure in {PLAN.draws} draws of each of "
+        f"{len(PLAN.systems)} systems; {reached(rows)} stated measures are reached.",
         rows=rows,
         notes=notes(
             __package__,

@@ -164,7 +164,7 @@ def _oracles(study: Study) -> Table:
         rows.append([system, *several[0], *several[1]])
     for name in ("on all candidates", "from the true terms"):
         columns += [f"{name}: every true term", "exact structure", "best threshold on |t|"]
-    return Table(title="Oracles, which know the truth and choose the threshold by it", columns=columns, rows=rows)
+    return Table(title="Oracles, which know the truth and so choose the best threshold", columns=columns, rows=rows)
 
 
 def _chosen(study: Study) -> Table:

@@ -225,7 +225,7 @@ def _drifts(benches: Sequence[Bench]) -> Drawing:
         (f"and over {SHORT:.0f} s", Hue.MEASURED, 0.7),
     )
     with draw((9.6, 6.0)) as figure:
-        label = "moving mean less the mean of all (µm)"
+        label = "moving mean minus overall mean (µm)"
         panels = panels_of(figure, 3, 2, "time (s)", label, sharex=True, sharey=True)
         for axes, bench in zip(panels.T.ravel(), benches, strict=True):
             record = bench.recording
@@ -298,7 +298,7 @@ def _side_bands(bands: SideBands) -> Drawing:
         axes = figure.add_subplot()
         for heights, shift, colour, label in (
             (bands.inputs, -beside, Hue.MEASURED, "input"),
-            (bands.outputs, beside, Hue.AFTER, "output of a linear plant of drifting gain"),
+            (bands.outputs, beside, Hue.AFTER, "output of a linear plant with a drifting gain"),
         ):
             seen = near & (heights > 1e-3)
             axes.vlines(bands.frequencies[seen] + shift, 1e-4, heights[seen], color=colour, linewidth=2.5, label=label)

@@ -37,7 +37,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
     page = StoryPage(
         title="time-varying",
         sentence=(
-            "Six actuators, one structure: on held-out blocks the free-run error is "
+            "With one structure for all six actuators, the free-run error on held-out blocks is "
             f"{_unseen(study, CONSTANT):.0f} % of the reading's deviation with constant parameters and "
             f"{_unseen(study, VARYING):.0f} % with varying parameters; {reached(rows)} stated goals are reached."
         ),

@@ -83,7 +83,7 @@ def _dc(known: Known) -> Drawing:
             for side, style, word in ((solved, "-", "solved"), (held, "--", "held")):
                 change = 20 * np.log10(side.gain[:, 0] / held.gain[0, 0])
                 right.plot(side.timepts, change, style, color=OF_ORDER[order], label=f"$H_{order}$, {word}")
-        right.set(xlabel="time (s)", ylabel="gain at 0.1 Hz (dB over the first)")
+        right.set(xlabel="time (s)", ylabel="gain at 0.1 Hz (dB relative to the first)")
         for axes, count in ((left, 2), (right, 3)):
             axes.legend(fontsize="small", loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=count)
         return WORDS.drawing(figure, "moving_dc")
@@ -108,7 +108,7 @@ def _frozen(every: Sequence[FrozenRun]) -> Drawing:
             axes.set_xticks(speed[::2], [f"{v:g}" for v in speed[::2]])
             axes.set_xticks([], minor=True)
             titled(axes, f"{system}, {symbol_of(response)}", "small")
-        panels[0].set_ylabel("error over the response (%, rms)")
+        panels[0].set_ylabel("error relative to the response (%, rms)")
         legend_above(figure, panels[0], 3)
         return WORDS.drawing(figure, "frozen")
 

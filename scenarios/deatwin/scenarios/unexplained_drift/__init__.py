@@ -83,7 +83,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
 def _said(scores: Sequence[Judged]) -> str:
     counts = {mark: sum(score.mark is mark for score in scores) for mark in Mark}
     told = [f"{count} {mark.value}" for mark, count in counts.items() if count]
-    return f"Of six concealed drifts the diagnosis has {', '.join(told)}."
+    return f"Results for the six actuators with concealed drifts: {', '.join(told)}."
 
 
 def _drifts(findings: Sequence[Finding], scores: Sequence[Judged]) -> Drawing:

@@ -61,6 +61,7 @@ class StoryPage:
     figures: Sequence[Drawing]
     tables: Sequence[Table] = ()
     next: str = ""  # What the reader can do with the result
+    caveats: Sequence[str] = ()  # Sentences below the heading
 
     @property
     def passed(self) -> bool:

@@ -134,7 +134,7 @@ class Sampled(Uncertain):
         return self._band(np.abs(self.draws), level)
 
     def phase_band(self, level: float | None = None) -> Band:
-        """Return central quantiles, of probability `level`, of the phase's deviation from the model's, degrees."""
+        """Return a pointwise band of the phase in degrees, from quantiles of the draws' deviations from the model's."""
         turned = np.angle(self.draws * np.conj(np.where(self.values == 0, 1.0, self.values)))
         return self._band(self.phase_deg + np.degrees(turned), level)
 
