@@ -134,7 +134,10 @@ class Sampled(Uncertain):
         return self._band(np.abs(self.draws), level)
 
     def phase_band(self, level: float | None = None) -> Band:
-        """Return a pointwise band of the phase in degrees, from quantiles of the draws' deviations from the model's."""
+        """Return a pointwise band of the phase, degrees, of probability `level`, by default ``self.level``.
+
+        Its ends are central quantiles of the draws' deviations from the model's phase.
+        """
         turned = np.angle(self.draws * np.conj(np.where(self.values == 0, 1.0, self.values)))
         return self._band(self.phase_deg + np.degrees(turned), level)
 

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import rankdata
 
 from deatwin.plant.recording import Experiment, Recording
 
@@ -40,6 +39,8 @@ def changes(values: np.ndarray) -> list[int]:
 
     Source: A. N. Pettitt, A non-parametric approach to the change-point problem, Applied Statistics 28 (1979) 126-135.
     """
+    from scipy.stats import rankdata  # takes half a second to import
+
     n = values.size
     if n < 2 * FEWEST:
         return []
