@@ -80,13 +80,15 @@ def _period(command: Array) -> int | None:
     longest = n // FEWEST_PERIODS
     # Squared distance of the command's end from the same command shifted: zero if it repeats.
     head = last[: n - longest]
+    if np.ptp(head) <= SAME * span:  # it rests, as after a step
+        return None
     squares = np.concatenate([[0.0], np.cumsum(last**2)])
     size = 1 << (2 * n).bit_length()
     cross = np.fft.irfft(np.fft.rfft(last, size) * np.conj(np.fft.rfft(head, size)), size)[: longest + 1]
     shifts = np.arange(longest + 1)
     apart = squares[head.size] + squares[shifts + head.size] - squares[shifts] - 2 * cross
     alike = np.flatnonzero(apart[1:] <= (10 * SAME * span) ** 2 * head.size) + 1
-    for shift in alike:
+    for shift in alike[alike > 2]:  # shorter periods have no line between 0 and the Nyquist frequency
         if np.abs(last[shift : shift + head.size] - head).max() <= SAME * span:
             return int(shift)
     return None

@@ -14,7 +14,6 @@ import numpy as np
 from deatwin.ident.greybox.parts import Part, settled
 from deatwin.ident.mismatch.datasets import samples
 from deatwin.ident.mismatch.quality import suspects
-from deatwin.ident.mismatch.quality.sections import in_sections
 from deatwin.ident.soundness import noise_of_bends, resolution, runs
 from deatwin.plant.amplitudes import written_amplitude
 from deatwin.plant.checks import require_excitation, require_samples
@@ -73,7 +72,7 @@ class DataQuality(Described):
     Parameters
     ----------
     experiments : tuple of Experiment
-        Experiments as given, but with each recording divided where its command changes its kind, as from noise to steps.
+        Experiments as given.
     stuck, outliers : tuple of tuple of ndarray of bool
         Faulty samples, for each experiment and record.
     clipped, jumps : tuple of tuple of ndarray of bool
@@ -291,14 +290,13 @@ def check_quality(plant: Plant, experiments: Experiment | Sequence[Experiment]) 
     """
     if not isinstance(plant, Plant):
         raise ModelError(f"a diagnosis needs a Plant, not a {type(plant).__name__}: Plant(rig=...) makes one of a rig")
-    whole = _listed(experiments)
-    records = [record for experiment in whole for record in experiment.recordings]
+    given = _listed(experiments)
+    records = [record for experiment in given for record in experiment.recordings]
     for record in records:
         if record.outputs.shape[0] == 0:
             raise DataError("a recording has no output column: there is nothing to compare the plant with")
     require_excitation(records)
     require_samples(records, FEWEST_PER_PARAMETER * len(plant.parameters.free), "a diagnosis")
-    given = tuple(in_sections(experiment) for experiment in whole)
     stuck = tuple(tuple(suspects.stuck(r) | suspects.lost(r) for r in e.recordings) for e in given)
     return DataQuality(
         experiments=given,

@@ -65,6 +65,13 @@ def test_noise_has_no_lines():
     assert locate_lines([track(np.zeros(500), u=np.ones(500))], NOISE) is None
 
 
+@pytest.mark.parametrize(
+    "command", [np.repeat([0.0, 1.0], [100, 400]), np.r_[1.0, 2.0, np.zeros(300)], np.tile([0.0, 1.0], 2)]
+)
+def test_a_command_that_ends_at_rest_or_is_too_short_has_no_lines(command):
+    assert locate_lines([track(np.zeros(command.size), u=command)], NOISE) is None
+
+
 def test_a_ramp_has_a_slope_and_a_repeated_burst_a_period():
     rng = np.random.default_rng(5)
     times = STEP * np.arange(6000)
