@@ -34,7 +34,7 @@ TWO_SIDED_95 = 1.959964
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Band:
-    """What is expected of a further reading: mean and standard deviation of each recording, (n,) each, SI."""
+    """Prediction of a further reading: mean and standard deviation in each recording, (n,) each, SI."""
 
     mean: tuple[np.ndarray, ...]
     deviation: tuple[np.ndarray, ...]

@@ -76,10 +76,10 @@ def refine(
     search = _Search(model, chosen, max_steps, progress)
     with suppress(KeyboardInterrupt):
         search.run(tolerance)
-    refined = _refined(model, search.best, chosen)
-    if at_least_error(refined, chosen):
-        return refined
-    return replace(refined, provenance={**refined.provenance, "refined": f"{_REFINED}, {_STOPPED}"})
+    found = replace(model, theta=search.best)
+    slopes, errors = _tangent(found, chosen)
+    told = _REFINED if _is_least(slopes, errors, chosen) else f"{_REFINED}, {_STOPPED}"
+    return _refined(found, slopes, errors, chosen, told)
 
 
 def extend(
@@ -304,16 +304,24 @@ def least_error(model: NarxModel, recordings: tuple[Recording, ...]) -> NarxMode
     """Return the refined model; unlike in `refine`, an interrupt reaches the caller."""
     search = _Search(model, recordings, _STEPS, None)
     search.run(_TOLERANCE)
-    return _refined(model, search.best, recordings)
+    found = replace(model, theta=search.best)
+    return _refined(found, *_tangent(found, recordings), recordings, _REFINED)
 
 
 def at_least_error(model: NarxModel, recordings: tuple[Recording, ...]) -> bool:
     """Return True if the gradient of the free-run error is small at the model's parameters."""
+    return _is_least(*_tangent(model, recordings), recordings)
+
+
+def _is_least(slopes: Array, errors: Array, recordings: tuple[Recording, ...]) -> bool:
+    outputs = np.concatenate([record.outputs[0] for record in recordings])
+    return converged(slopes, errors, errors.size, float(np.linalg.norm(outputs - outputs.mean())))
+
+
+def _tangent(model: NarxModel, recordings: tuple[Recording, ...]) -> tuple[Array, Array]:
+    """Return the sensitivities (n, n_theta) and the errors (n,) of the free runs, one recording after another."""
     slopes = np.concatenate([sensitivities(model, record) for record in recordings])
-    runs = [model.simulate(record) for record in recordings]
-    errors = np.concatenate([run.residuals[0] for run in runs])
-    measured = np.concatenate([run.measured[0] for run in runs])
-    return converged(slopes, errors, errors.size, float(np.linalg.norm(measured - measured.mean())))
+    return slopes, np.concatenate([model.simulate(record).residuals[0] for record in recordings])
 
 
 def _powers_of_two(sizes: Array | np.floating) -> Array:
@@ -374,17 +382,15 @@ class _Search:
         return np.concatenate([sensitivities(model, record) for record in self.recordings])
 
 
-def _refined(model: NarxModel, theta: Array, recordings: tuple[Recording, ...]) -> NarxModel:
-    changed = replace(model, theta=theta)
-    slopes = np.concatenate([sensitivities(changed, record) for record in recordings])
-    free = np.concatenate([changed.simulate(record).residuals[0] for record in recordings])
-    one_step = np.concatenate([changed.predict(record).residuals[0] for record in recordings])
-    freedom = max(free.size - theta.size, 1)
+def _refined(model: NarxModel, slopes: Array, errors: Array, recordings: tuple[Recording, ...], told: str) -> NarxModel:
+    """Return a model of least error with its covariance and the remark `told`; `_tangent` gives slopes and errors."""
+    one_step = np.concatenate([model.predict(record).residuals[0] for record in recordings])
+    freedom = max(errors.size - model.theta.size, 1)
     root = gram_inverse_root(slopes)
     return replace(
-        changed,
-        theta_cov=float(free @ free) / freedom * (root @ root.T),
+        model,
+        theta_cov=float(errors @ errors) / freedom * (root @ root.T),
         theta_dof=np.inf,
         noise_variance=float(one_step @ one_step) / freedom,
-        provenance={**model.provenance, "refined": _REFINED},
+        provenance={**model.provenance, "refined": told},
     )

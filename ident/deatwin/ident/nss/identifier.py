@@ -113,11 +113,11 @@ class StateSpaceIdentifier(Identifier):
             overfitted = found.overfitted
             if not found.interrupted:
                 found = _on_all(found, start, whole, self.max_steps)
-            point = found.point
+            point, rows = found.point, triangle(found.point, whole)
             self.error_ = _errors(point, whole)[0] * sides["output"][1]
             self.first_states_ = point.starts
-            self.model_ = _model(self, point, whole, chosen, sides)
-        self.status_ = _status(found, overfitted, whole)
+            self.model_ = _model(self, point, rows, whole, chosen, sides)
+        self.status_ = _status(found, overfitted, rows, whole)
         if not found.interrupted:  # a caller's progress may raise the interrupt again
             told(1.0, "done")
         return self
@@ -205,11 +205,13 @@ def _on_all(found: Found, start: Point, whole: Sequence[Record], max_steps: int)
     return again if better else replace(found, interrupted=again.interrupted)
 
 
-def _status(found: Found, overfitted: bool, whole: Sequence[Record]) -> FitStatus:
-    """Return the status of a search over all samples, whose steps the held-out ones may have limited."""
+def _status(found: Found, overfitted: bool, rows: Array, whole: Sequence[Record]) -> FitStatus:
+    """Return the status of a search over all samples, whose steps the held-out ones may have limited.
+
+    `rows` is the `triangle` at its end.
+    """
     if found.interrupted:
         return FitStatus.INTERRUPTED
-    rows = triangle(found.point, whole)
     readings = np.concatenate([record.outputs.ravel() for record in whole])
     if converged(rows[:, :-1], rows[:, -1], readings.size, float(np.linalg.norm(readings))):
         return FitStatus.DONE
@@ -229,10 +231,15 @@ def _errors(point: Point, records: Sequence[Record]) -> tuple[Array, Array]:
 
 
 def _model(
-    identifier: Identifier, point: Point, records: Sequence[Record], recordings: Sequence[Recording], sides: Sides
+    identifier: Identifier,
+    point: Point,
+    rows: Array,
+    records: Sequence[Record],
+    recordings: Sequence[Recording],
+    sides: Sides,
 ) -> NonlinearStateSpace:
-    """Return the model with its covariance."""
-    cov, noise = covariance(point, records)
+    """Return the model with its covariance; `rows` is the `triangle` at the point."""
+    cov, noise = covariance(point, rows, records)
     first, system = recordings[0], point.system
     files = [record.provenance["file"] for record in recordings if "file" in record.provenance]
     return NonlinearStateSpace(

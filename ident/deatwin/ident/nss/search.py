@@ -148,11 +148,11 @@ def _directions(rows: Array, size: Array) -> tuple[Array, Array, Array, Array, N
     return scale, left, values, right, values > _NULL * values[0]
 
 
-def covariance(point: Point, records: Sequence[Record]) -> tuple[Array, Array]:
+def covariance(point: Point, rows: Array, records: Sequence[Record]) -> tuple[Array, Array]:
     """Return the covariance (n_theta, n_theta) of the weights, zero along the states' coordinates, and noise
-    variances.
+    variances; `rows`, (n + 1, n + 1), is the `triangle` at the point.
     """
-    rows = triangle(point, records)[:, :-1]
+    rows = rows[:, :-1]
     scale, _, values, right, seen = _directions(rows, np.linalg.norm(rows, axis=0))
     rank, samples = int(seen.sum()), sum(record.fitted for record in records)
     p = len(point.system.output)

@@ -100,7 +100,7 @@ class CsvTable(Table):
         scale = self.scales.get(column)
         try:
             found = np.asarray(scale.seconds(cells) if scale else _si(cells, self.unit(column)), dtype=np.float64)
-        except (ValueError, TypeError, ArithmeticError):  # a number beyond decimal ones is of the last kind
+        except (ValueError, TypeError, ArithmeticError):  # ArithmeticError: outside the range of Decimal
             return None
         return found if np.isfinite(found).all() else None
 

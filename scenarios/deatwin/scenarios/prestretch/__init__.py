@@ -1,4 +1,4 @@
-"""What prestretch does: each claim that is made for it, computed on the plant and judged with a number.
+"""Test the claims about prestretch: each is computed on the plant and judged with a number.
 
 The claims are those that the literature on dielectric elastomer actuators makes (Pelrine, Kornbluh, Pei & Joseph,
 Science 287 (2000) 836, and after); the wording of thesis 2.2.2 was not at hand. A square film of VHB 4905, 0.5 mm

@@ -25,7 +25,7 @@ EMPS_DECIMATION = (10, 2)
 milliseconds."""
 
 EMPS_EDGE = 20  # Samples left out at either end
-EMPS_LEAST = 1000  # Least samples, as the filters need
+EMPS_LEAST = 1000  # Fewest samples that the filters can take
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,7 +174,7 @@ def _emps(path: Path) -> Recording:
 
 
 def emps_averaged(path: Path, count: int) -> Recording:
-    """Motor voltage in, position out: the mean voltage of each `count` samples of 1 ms, the position at their begin."""
+    """Motor voltage in, position out: the mean voltage of each `count` samples of 1 ms, the position at their beginning."""
     data = matlab_vectors(path, ("qm", "vir"))
     n = data["qm"].size // count * count
     voltage = data["vir"][:n].reshape(-1, count).mean(axis=1)

@@ -13,7 +13,7 @@ DECIDING = ("deatwin.ident.mismatch", "deatwin.ident.greybox")  # Packages whose
 
 
 def thresholds() -> dict[str, Any]:
-    """Collect their module constants that are numbers or groups of numbers, by module and name."""
+    """Collect the constants of the deciding packages that are numbers or groups of numbers, by module and name."""
     found = {}
     for package in map(import_module, DECIDING):
         modules = [package.__name__]

@@ -181,7 +181,7 @@ def _ended(problem: DiagnosisProblem, fit: Calibration, noise: float, to_the_end
 
 
 def _finished(problem: DiagnosisProblem, fit: Calibration) -> Calibration:
-    """Complete a fit; repeat it from typical values if it stops short; let held-out data place an event it cannot."""
+    """Complete a fit, or repeat it from typical values if it stops short; held-out data place an event that it cannot."""
     # The fit of a set begins at the values of a smaller set. These may lie in another valley: next to a drift that is
     # missing, a relaxation becomes far slower. The fit then stops in the valley before its minimum.
     found = _completed(problem, fit)

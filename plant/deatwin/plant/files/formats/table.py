@@ -52,7 +52,7 @@ class Timing:
 
 @dataclass(frozen=True, kw_only=True)
 class Declared:
-    """What a file declares about its recording, besides the columns."""
+    """Statements of a file about its recording, besides the columns."""
 
     timing: Timing | None = None  # Clock; None if the file states none
     signals: tuple[Signal, ...] = ()  # Meaning of the columns; empty if only the headers show it

@@ -32,8 +32,8 @@ class CrossoverDeadZone(Mechanism, largest=0.4):
     level: float = Draw.by(
         lambda rng, setting, largest: float(np.quantile(np.abs(setting.commands), rng.uniform(0.4, 0.7)))
     )
-    """Where the gap lies, V of the command."""
-    width: float = Draw.part()  # Half of it, V
+    """Centre of the gap, V of the command."""
+    width: float = Draw.part()  # Half width of the gap, V
 
     def commanded(self, drive: Drive, rng: np.random.Generator) -> Drive:
         beyond = np.abs(drive.commands) - self.level
