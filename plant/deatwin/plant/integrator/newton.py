@@ -23,12 +23,13 @@ from deatwin.plant.integrator.stages import Stages, coupled
 Symbol = Any  # casadi.SX or casadi.MX
 
 SETTLED = 1e-10  # Estimated error, relative to each unknown's scale, below which the equations count as solved
-CORRECTIONS = (2, 1, 1, 2, 4, 8)
-"""Numbers of simplified corrections after the tangent step: the first for every sample, each further one only while
-the error is large. Smooth plants need two or three corrections; friction needs more where the motion turns."""
-UPDATES = (4, 10)
-"""Numbers of full Newton updates from the start of the step if the simplified corrections do not settle; the second
-only while the error is large."""
+CORRECTIONS = 6
+"""Largest number of simplified corrections after the tangent step, each only while the error is large. Smooth plants
+need two or three. Where friction or a limit sets in within the sample, the Jacobian of its start is the wrong one, and
+more corrections would not settle it."""
+UPDATES = 14
+"""Largest number of full Newton updates if the simplified corrections do not settle, each only while the error is
+large: first from the start of the step, then from its Euler steps."""
 EULER_STEPS, EULER_UPDATES = 4, 6
 """Number of implicit Euler steps between two stages, and of Newton updates in each. A sample that even the full updates
 do not settle, such as one with a kink of friction, starts anew from these steps."""
@@ -50,30 +51,24 @@ def solved_stages(stages: Stages) -> ca.Function:
 
     # The first error counts as large: even if nothing moves at the start of a step, the clock may move its stages.
     found, known = [tangent, size, size + 1], [factors, *step]
-    correction = _correction(stages, linear, factors.numel())
-    for number, count in enumerate(CORRECTIONS):
-        found = _continued(f"corrections_{number}", correction, count, found, known)
+    found = _until_settled("corrections", _correction(stages, linear, factors.numel()), CORRECTIONS, found, known)
     update = _full_update(stages, factors.numel())
-    found = _continued("restarted", _restarted(update, _resting(stages)), 1, found, known)
-    for number, count in enumerate(UPDATES):
-        found = _continued(f"updates_{number}", update, count, found, known)
-    found = _continued("restarted_by_euler", _restarted(update, _euler(stages)), 1, found, known)
-    found = _continued("last_updates", update, UPDATES[-1], found, known)
+    for guess in (_resting(stages), _euler(stages)):
+        found = _until_settled(f"from_{guess.name()}", _restarted(update, guess), 1, found, known)
+        found = _until_settled("updates", update, UPDATES, found, known)
     return ca.Function("newton", step, [found[0], found[2]])
 
 
-def _continued(
-    name: str, function: ca.Function, count: int, found: Sequence[ca.MX], known: Sequence[ca.MX]
+def _until_settled(
+    name: str, function: ca.Function, most: int, found: Sequence[ca.MX], known: Sequence[ca.MX]
 ) -> list[ca.MX]:
-    """Apply a function `count` times to ``(w, size of its last change, error)`` if the error is large."""
+    """Apply a function to ``(w, size of its last change, error)`` while the error is large, at most `most` times."""
     arguments = function.mx_in()
-    state, rest = arguments[: len(found)], arguments[len(found) :]
-    keep = ca.Function(f"keep_{name}", arguments, state)
-    for _ in range(count):
-        state = function.call([*state, *rest])
-    more = ca.Function(f"more_{name}", arguments, state)
-    # A NaN must count as a large error.
-    return list(ca.Function.if_else(name, keep, more)(found[2] <= SETTLED, *found, *known))
+    keep = ca.Function(f"keep_{name}", arguments, arguments[: len(found)])
+    once = ca.Function.if_else(name, keep, function)  # one function for all times keeps the generated code short
+    for _ in range(most):
+        found = once(found[2] <= SETTLED, *found, *known)  # a NaN counts as a large error
+    return list(found)
 
 
 def _correction(stages: Stages, linear: _LinearSystems, n_factors: int) -> ca.Function:
