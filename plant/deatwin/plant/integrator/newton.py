@@ -33,6 +33,7 @@ large: first from the start of the step, then from its Euler steps."""
 EULER_STEPS, EULER_UPDATES = 4, 6
 """Number of implicit Euler steps between two stages, and of Newton updates in each. A sample that even the full updates
 do not settle, such as one with a kink of friction, starts anew from these steps."""
+LEAST_GAIN = 1e-3  # Smallest gain of a correction, as a share of the change before, that counts as convergence
 NOTHING = 1e-300  # Small number that keeps a ratio of two changes defined if a plant does not move at all
 
 
@@ -49,9 +50,13 @@ def solved_stages(stages: Stages) -> ca.Function:
     start, values = ca.repmat(here, stages.count, 1), ca.repmat(value, stages.count, 1)
     tangent, size = linear.correct(factors, start, values, x, mass, h)
 
-    # The first error counts as large: even if nothing moves at the start of a step, the clock may move its stages.
+    # The first correction removes the error of the tangent step, which tells nothing of the rate; so there are two
+    # before the error is looked at.
     found, known = [tangent, size, size + 1], [factors, *step]
-    found = _until_settled("corrections", _correction(stages, linear, factors.numel()), CORRECTIONS, found, known)
+    correction = _correction(stages, linear, factors.numel())
+    for _ in range(2):
+        found = correction.call([*found, *known])
+    found = _until_settled("corrections", correction, CORRECTIONS - 2, found, known)
     update = _full_update(stages, factors.numel())
     for guess in (_resting(stages), _euler(stages)):
         found = _until_settled(f"from_{guess.name()}", _restarted(update, guess), 1, found, known)
@@ -73,30 +78,35 @@ def _until_settled(
 
 def _correction(stages: Stages, linear: _LinearSystems, n_factors: int) -> ca.Function:
     """Return the simplified method, ``(w, size, error, factors, step) -> (w, size, error)``. It converges linearly, so
-    two changes give the rate and, from it, the remaining error.
+    two changes give the rate and, by the geometric series, the remaining error.
     """
     (w, size, error), factors, (x, z, *known) = _arguments(stages, n_factors)
     (values,) = stages.everywhere(stages.values, w, known)
     corrected, change = linear.correct(factors, w, ca.vec(values), x, stages.mass(*known[4:]), known[3])
-    left = change * ca.fmin(1.0, change / (size + NOTHING))
+    rate = change / (size + NOTHING)
+    left = change * ca.fmin(rate / ca.fmax(1.0 - rate, LEAST_GAIN), 1.0 / LEAST_GAIN)
     return ca.Function("correction", [w, size, error, factors, x, z, *known], [corrected, change, left])
 
 
 def _full_update(stages: Stages, n_factors: int) -> ca.Function:
-    """Return ``(w, size, error, factors, step) -> (w, size, error)`` with the Jacobian of each stage; quadratic."""
+    """Return ``(w, size, error, factors, step) -> (w, size, error)`` with the Jacobian of each stage. It converges
+    quadratically: in units of the scale, each change is at least about the square of the one before.
+    """
     (w, size, error), factors, (x, z, *known) = _arguments(stages, n_factors)
     values, entries = stages.everywhere(stages.jacobians, w, known)
     mass, h = stages.mass(*known[4:]), known[3]
     defect = stages.defect(w, values, x, mass, h)
     step = stages.all_stages(entries, mass, h, defect)
     change = ca.norm_2(step / ca.repmat(ca.DM(stages.scale), stages.count, 1))
-    return ca.Function("newton_update", [w, size, error, factors, x, z, *known], [w - step, change, change**2])
+    left = change * ca.fmin(ca.fmax(change, (change / (size + NOTHING)) ** 2), 1.0)
+    return ca.Function("newton_update", [w, size, error, factors, x, z, *known], [w - step, change, left])
 
 
 def _restarted(update: ca.Function, guess: ca.Function) -> ca.Function:
-    """Return the update from another guess, ``step -> w``."""
+    """Return the update from another guess; its first change tells no rate, so it counts as the error."""
     arguments = update.mx_in()
-    return ca.Function(f"from_{guess.name()}", arguments, update.call([guess(*arguments[4:]), *arguments[1:]]))
+    w, change, _ = update.call([guess(*arguments[4:]), *arguments[1:]])
+    return ca.Function(f"from_{guess.name()}", arguments, [w, change, change])
 
 
 def _resting(stages: Stages) -> ca.Function:
