@@ -41,6 +41,7 @@ class Search(Tried):
         self._known = known
         self._gone_on: set[Names] = set()
         self._replaced: dict[tuple[Names, Names], Calibration] = {}
+        self._responses: dict[str, list[LinearisedResponse]] = {}
         self._events: dict[Names, tuple[Calibration, tuple[Lead, ...]]] = {}
         self.unscreened = [] if known is None else self._not_in(known)
 
@@ -134,7 +135,7 @@ class Search(Tried):
             return []
         self._replaced[best, names] = found
         added = tuple(name for name in best if name not in names)
-        alike = siblings(self.problem, found, added, self._open_beside(names, best))
+        alike = siblings(self.problem, found, added, self._open_beside(names, best), self._responses)
         bare, unbiased = found.plant.without_effects(*added), fit.plant
         trials = [
             Trial(start=bare.with_effects(lead.estimate), biased=unbiased.with_effects(lead.effect), without=fit)

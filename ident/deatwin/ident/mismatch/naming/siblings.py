@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
-from deatwin.ident.greybox.parts import level_of, simulated
+from deatwin.ident.greybox.parts import first_only, level_of, reading_times, simulated
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.naming.contribution import contribution, readings_of_fit
@@ -27,20 +27,47 @@ MOST = 3
 
 
 def siblings(
-    problem: DiagnosisProblem, explanation: Calibration, added: Sequence[str], effects: Sequence[Effect]
+    problem: DiagnosisProblem,
+    explanation: Calibration,
+    added: Sequence[str],
+    effects: Sequence[Effect],
+    known: dict[str, list[LinearisedResponse]],
 ) -> list[Lead]:
-    """Return effects whose response is similar, to first order, to that of an added effect, the most similar first."""
+    """Return effects whose response is similar, to first order, to that of an added effect, the most similar first.
+
+    `known` collects responses by effect, to be used again for other explanations.
+    """
     # If the mismatch is small, noise decides which effects have a high score; if the base fit is biased, no effect has
     # one. The response of an effect in the plant that was fitted with it has neither problem.
     bare, does = _bare(problem, explanation), contribution(problem, explanation, added)
     if bare is None or not effects or not np.isfinite(does).all():
         return []
     done = replace(bare, residuals=taken_off(does, tangent_basis(bare.jacobian)))
-    rough = leads(linearised_responses(problem, bare, effects, done), done)
+    rough = leads(_responses(problem, bare, effects, done, known), done)
     looked_at = _first(rough, LOOKED_AT)
     found = run_jobs(_at_its_strength, [(problem, bare, lead, done) for lead in looked_at], workers=problem.jobs)
     alike = [lead for lead in found if lead is not None and lead.share > ALIKE]
     return _first(sorted(alike, key=lambda lead: -lead.share), MOST)
+
+
+def _responses(
+    problem: DiagnosisProblem,
+    bare: Calibration,
+    effects: Sequence[Effect],
+    done: Calibration,
+    known: dict[str, list[LinearisedResponse]],
+) -> list[LinearisedResponse]:
+    """Return responses in the bare plant; those already `known` come from another one."""
+    # The plants of good explanations, without their effects, differ little, and the most similar effects are simulated
+    # again. Only an effect that is sought in the residual needs the present one.
+    times = reading_times(bare.plant, first_only(problem.fitted))
+    sought = {e.name for e in effects if e.event or e.starts(times, done.residuals[: times.size])}
+    new = [effect for effect in effects if effect.name in sought or effect.name not in known]
+    found: dict[str, list[LinearisedResponse]] = {effect.name: [] for effect in new}
+    for response in linearised_responses(problem, bare, new, done):
+        found[response.effect.name].append(response)
+    known |= {name: responses for name, responses in found.items() if name not in sought}
+    return [response for effect in effects for response in {**known, **found}[effect.name]]
 
 
 def _first(ranked: Sequence[Lead], count: int) -> list[Lead]:
