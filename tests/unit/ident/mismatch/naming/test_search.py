@@ -235,7 +235,7 @@ def test_what_acts_as_the_best_is_new_or_a_better_fit_of_what_is_known(candidate
     best.calibration.plant.without_effects = lambda *added: SimpleNamespace(with_effects=lambda e: f"bare, {e}")
     asked, alike = [], ("thermal_stiffness", "creep")
 
-    def siblings(problem, fit, added, effects):
+    def siblings(problem, fit, added, effects, known):
         asked.append((fit, added, effects))
         return [SimpleNamespace(effect=_Typical(n), estimate=n) for n in alike]
 

@@ -10,7 +10,9 @@ from made_rigs import Bare
 
 from deatwin.ident.greybox.fit import calibrate
 from deatwin.ident.greybox.parts import Part
+from deatwin.ident.mismatch.naming import siblings as module
 from deatwin.ident.mismatch.naming.contribution import contribution
+from deatwin.ident.mismatch.naming.screen import linearised_responses
 from deatwin.ident.mismatch.naming.siblings import siblings
 from deatwin.plant import (
     Delay,
@@ -20,6 +22,7 @@ from deatwin.plant import (
     Recording,
     SensorCurvature,
     SensorDrift,
+    SensorJump,
     SensorLag,
 )
 from deatwin.plant.builder import Builder
@@ -101,7 +104,7 @@ def share_of(time: float, lag: float) -> float:
 def test_a_delay_acts_as_a_lag_does_and_a_drift_does_not():
     problem, fit = explained()
     others = [SensorDrift(), SensorCurvature(), Delay()]
-    (found,) = siblings(problem, fit, ("sensor_lag",), others)
+    (found,) = siblings(problem, fit, ("sensor_lag",), others, {})
     assert found.effect.name == "delay"
     share = share_of(found.estimate.time, LAG)
     assert share > 0.5
@@ -116,7 +119,7 @@ def test_what_correlates_by_a_half_at_the_strength_that_the_typical_one_promises
     assert 0.15 < share_of(strength, lag) < 0.35
     assert (share_of(strength, lag) > 0.25) is alike
     problem, fit = explained(lag)
-    found = siblings(problem, fit, ("sensor_lag",), [SensorDrift(), Delay()])
+    found = siblings(problem, fit, ("sensor_lag",), [SensorDrift(), Delay()], {})
     assert [lead.effect.name for lead in found] == ["delay"] * alike
 
 
@@ -130,7 +133,7 @@ def test_a_sibling_begins_on_its_own_side(curvature):
     plant = Plant(rig=Mirror()).with_effects(SensorCurvature(curvature=0.1))
     fit = calibrate(plant, [part], tolerance=1e-10, starts=1)
     problem = SimpleNamespace(fitted=(part,), jobs=1, nominal=Plant(rig=Mirror()))
-    (found,) = siblings(problem, fit, ("sensor_curvature",), [SensorCurvature(curvature=1.0)])
+    (found,) = siblings(problem, fit, ("sensor_curvature",), [SensorCurvature(curvature=1.0)], {})
     assert np.sign(found.estimate.curvature) == np.sign(curvature)
 
 
@@ -143,4 +146,21 @@ def test_what_an_effect_does_by_itself_is_the_difference_without_it():
 
 def test_where_nothing_else_may_be_tried_there_are_no_siblings():
     problem, fit = explained()
-    assert siblings(problem, fit, ("sensor_lag",), []) == []
+    assert siblings(problem, fit, ("sensor_lag",), [], {}) == []
+
+
+def test_responses_are_simulated_once_except_those_of_what_is_sought_in_the_residual(monkeypatch):
+    problem, fit = explained()
+    asked = []
+
+    def responses(problem, bare, effects, done):
+        asked.append([effect.name for effect in effects])
+        return linearised_responses(problem, bare, effects, done)
+
+    monkeypatch.setattr(module, "linearised_responses", responses)
+    known = {}
+    first = siblings(problem, fit, ("sensor_lag",), [Delay(), SensorJump()], known)
+    again = siblings(problem, fit, ("sensor_lag",), [Delay(), SensorJump(), SensorDrift()], known)
+    assert asked == [["delay", "sensor_jump"], ["sensor_jump", "sensor_drift"]]
+    assert [lead.estimate for lead in again] == [lead.estimate for lead in first]
+    assert set(known) == {"delay", "sensor_drift"}
