@@ -16,11 +16,11 @@ from deatwin.plant.fleet import fleet
 from deatwin.scenarios.fleet_models import semp_fleet, svb_fleet
 from deatwin.scenarios.fleet_models.figures import Choice, shares
 from deatwin.scenarios.fleet_models.measures import judge_semp, judge_svb
-from deatwin.scenarios.fleet_models.study import FREE, FRO, LINEAR, SEMP, SVB, Bench, Programme, Study, identify
+from deatwin.scenarios.fleet_models.study import FREE, FROLS, LINEAR, SEMP, SVB, Bench, Programme, Study, identify
 from deatwin.scenarios.fleet_models.tables import estimate_all
 from deatwin.studies.stories import Setting
 
-BOTH = Programme(methods=(SEMP, SVB), beside=(FRO, FREE))
+BOTH = Programme(methods=(SEMP, SVB), beside=(FROLS, FREE))
 
 
 def test_numbers_of_terms_by_bound_and_by_threshold() -> None:
@@ -62,7 +62,7 @@ def test_a_plant_among_the_candidates_is_found(sound: Bench) -> None:
     estimated = {e.name: e.model for e in estimate_all(sound.models[SEMP].model.terms, *sound.sections)}
     assert set(estimated) >= {"least squares", "least prediction error"}
     np.testing.assert_allclose(estimated["least squares"].theta, sound.models[SEMP].model.theta)
-    assert set(sound.models) == {SEMP, SVB, LINEAR, FRO, FREE}
+    assert set(sound.models) == {SEMP, SVB, LINEAR, FROLS, FREE}
 
 
 def test_a_drift_makes_tests_fail(sound: Bench, drifting: Bench) -> None:
@@ -77,7 +77,7 @@ def test_only_what_a_programme_asks_for_is_identified() -> None:
     sections = record.section(0, 500), record.section(500, 700)
     plan = plan_of((1, 0), 2, count=6)
     asked = {v: set(identify("DEA 1", v, sections, plan, semp_fleet.PROGRAMME).models) for v in (RECORDED, STEADY)}
-    assert asked == {RECORDED: {LINEAR, SEMP, FRO}, STEADY: {LINEAR, SEMP}}
+    assert asked == {RECORDED: {LINEAR, SEMP, FROLS}, STEADY: {LINEAR, SEMP}}
 
 
 @cache

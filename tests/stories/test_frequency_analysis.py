@@ -88,7 +88,7 @@ def test_verdicts_fail_where_they_should(found: Actuators, known: Known, made: F
     lost = {measure for measure, passed in sound.items() if passed and not now[measure]}
     for words in (
         "closed forms",
-        "version in deviations",
+        "rewritten in deviations",
         "can amplify",
         "error of the sum of all GₙUₙ, relative",
     ):

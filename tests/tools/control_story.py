@@ -59,15 +59,15 @@ def story_blocks(data: Mapping[str, Any]) -> dict[str, list[str]]:
             "",
             *table["tracking"],
             "",
-            "The last table is for one scheduled design on six actuators. Overshoot, and the motion that remains late "
-            "after a step, are shares of the step.",
+            "The last table is for one scheduled design on six actuators. Overshoot, and the rms motion in "
+            "the last third of each level, are shares of the step.",
             "",
             *table["fleet"],
         ],
         "models": [
-            f"{whence} Each row is a model of the same actuator; one rule designed a controller on each. Each cell "
-            "gives the predicted value with its 95 % band, then the value on the true actuator, which lies inside the "
-            "band (✓) or outside (✗).",
+            f"{whence} Each row is a model of the same actuator. For each model, a controller was designed by "
+            "lambda tuning with the same closed-loop time. Each cell gives the predicted value with its 95 % band, then "
+            "the value on the true actuator, which lies inside the band (✓) or outside (✗).",
             "",
             *table["models"],
         ],

@@ -11,7 +11,7 @@ from deatwin.ident.narx import NarxModel
 from deatwin.scenarios.real_data import LARGEST_ERROR, MOST_TERMS, SETS, judge, run
 from deatwin.scenarios.real_data.published import DOCUMENTED, documented_errors
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.public.black_boxes import FRO, GROWN, LINEAR, REFINED, SEMP, Outcome, attempt
+from deatwin.studies.public.black_boxes import FROLS, GROWN, LINEAR, REFINED, SEMP, Outcome, attempt
 from deatwin.studies.public.records import buck, cascaded_tanks, silverbox
 from deatwin.studies.stories import Setting
 
@@ -34,7 +34,7 @@ def test_the_converter_is_run_better_than_by_the_documented_frols() -> None:
     # Of signals as they are, both find the same terms: test_sysidentpy. Here voltages are counted from their means.
     required("buck_converter")
     data = buck(DATA / "buck_converter")
-    plain, refined = attempt(FRO, data), attempt(REFINED, data)
+    plain, refined = attempt(FROLS, data), attempt(REFINED, data)
     assert isinstance(plain.model, NarxModel) and isinstance(refined.model, NarxModel)
     assert len(plain.model.terms) == len(next(iter(DOCUMENTED.values())))
     assert set(refined.model.terms) == set(plain.model.terms)
@@ -49,7 +49,7 @@ def test_the_silverbox_reaches_beyond_what_it_was_learned_from() -> None:
     found = attempt(GROWN, data)
     assert found.terms <= MOST_TERMS
     assert found.free_run <= min(LARGEST_ERROR, 0.29e-3)  # V
-    assert found.free_run < attempt(FRO, data).free_run
+    assert found.free_run < attempt(FROLS, data).free_run
 
 
 def test_semp_of_the_tanks_runs_better_than_any_linear_model() -> None:
@@ -64,7 +64,7 @@ def test_nothing_of_the_test_recording_is_learned() -> None:
     required("buck_converter")
     data = buck(DATA / "buck_converter")
     other = replace(data, test=data.train)
-    for method in (FRO, LINEAR, REFINED):
+    for method in (FROLS, LINEAR, REFINED):
         one, two = attempt(method, data).model, attempt(method, other).model
         assert one is not None and two is not None
         np.testing.assert_array_equal(one.theta, two.theta)
@@ -97,7 +97,7 @@ def test_a_model_that_misses_does_not_pass() -> None:
     )
     missing = replace(poor, free_run=float("nan"))
     for outcome in (poor, missing):
-        rows = judge(sets, {data.name: dict.fromkeys((GROWN, SEMP, FRO, LINEAR, REFINED), outcome) for data in sets})
+        rows = judge(sets, {data.name: dict.fromkeys((GROWN, SEMP, FROLS, LINEAR, REFINED), outcome) for data in sets})
         assert not any(row.passed for row in rows)
 
 

@@ -139,7 +139,7 @@ class MeasuringChain:
         readings : (..., n) array_like
             Displacement from the laser's reference distance at each of n samples, m.
         rng : numpy.random.Generator
-            Source of the noise of laser and input.
+            Random generator for the noise of laser and input.
         sample_time : float
             Time between two samples, s.
 

@@ -160,7 +160,7 @@ class Actuator:
         experiment : Experiment, optional
             Experiment of which only commands and clock are used; by default `excitation`.
         rng : numpy.random.Generator, optional
-            Source of the sensor noise; by default the actuator's own seed.
+            Random generator for the sensor noise; by default one made from the actuator's own seed.
 
         Returns
         -------

@@ -318,7 +318,7 @@ class Plant:
         experiment : Experiment
             Experiment of which only commands and clock are used.
         rng : numpy.random.Generator
-            Source of the noise.
+            Random generator for the noise.
 
         Returns
         -------

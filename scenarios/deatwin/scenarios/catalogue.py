@@ -64,7 +64,7 @@ STORIES = (
         name="semp-fleet",
         minutes=0.8,
         module="deatwin.scenarios.fleet_models.semp_fleet",
-        line="identifies the six actuators by SEMP and FRO, and shows the errors caused by drift and hysteresis",
+        line="identifies the six actuators by SEMP and FROLS, and shows the errors caused by drift and hysteresis",
     ),
     Story(
         name="svb-fleet",

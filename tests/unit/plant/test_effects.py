@@ -1,4 +1,4 @@
-"""Each effect: its off value, its signature, and the catalogue."""
+"""Each effect: that it is visible and described, its signature, and the catalogue."""
 
 from dataclasses import fields, replace
 

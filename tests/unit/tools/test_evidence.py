@@ -165,7 +165,7 @@ SILVERBOX = {
         "The arrow-head": {
             "base": 0.25,
             "amended": 0.003,
-            "black_boxes": {LINEAR: 0.0001, "FRO, refined": 0.002, "grown by the free-run error": None},
+            "black_boxes": {LINEAR: 0.0001, "FROLS, refined": 0.002, "grown by the free-run error": None},
         },
         "Another": {"base": 9.0, "amended": 9.0, "black_boxes": {}},
     },

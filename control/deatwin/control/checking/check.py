@@ -93,7 +93,7 @@ def check(
     plant : Plant or CalibratedPlant
         Physics model that stands for the actuator. For a calibrated plant, draws of its parameters are judged too.
     rng : numpy.random.Generator
-        Source of draws and sensor noise.
+        Random generator for the draws of the model and for the sensor noise.
     design : callable, optional
         Function that designs a controller from the model, as the controller sees it, and ``command_limits``;
         `lambda_tuning` by default.

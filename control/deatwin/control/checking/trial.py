@@ -32,7 +32,7 @@ class Trial:
 
     controller: Controller
     linear: LinearModel
-    rng: np.random.Generator  # Source of the sensor's noise
+    rng: np.random.Generator  # Random generator for the sensor noise
 
     @property
     def centre(self) -> float:
@@ -92,9 +92,9 @@ def require_short_runs(controller: Controller) -> None:
     time, h = controller.closed_loop_time, controller.sample_time
     if times * time > LONGEST * h:
         raise ControlError(
-            f"the closed-loop time of {time:g} s is too long to be tried at a sample time of {h:g} s: the runs would "
-            f"need {times * time / h:.3g} samples, and may have {LONGEST}; give {_rounded_down(LONGEST * h / times):g} "
-            "s or less"
+            f"the closed-loop time of {time:g} s is too long for a sample time of {h:g} s: the simulated runs would "
+            f"need {times * time / h:.3g} samples, but the limit is {LONGEST}; give "
+            f"{_rounded_down(LONGEST * h / times):g} s or less"
         )
 
 

@@ -255,7 +255,7 @@ def draw(model: NarxModel, rng: np.random.Generator, count: int) -> Array:
     model : NarxModel
         Model with the covariance of its parameters (normal, or Student-t if ``theta_dof`` is finite).
     rng : numpy.random.Generator
-        Source of the draws.
+        Random generator for the draws.
     count : int
         Number of draws.
 

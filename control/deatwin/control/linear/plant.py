@@ -91,7 +91,7 @@ def draw_plants(calibrated: CalibratedPlant, rng: np.random.Generator, count: in
     calibrated : CalibratedPlant
         Calibrated plant with the covariance of its parameters' coordinates, each in its `Scale`.
     rng : numpy.random.Generator
-        Random generator of the draws.
+        Random generator for the draws.
     count : int
         Number of plants.
 

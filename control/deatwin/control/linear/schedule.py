@@ -54,7 +54,7 @@ def gain_schedule(
     operating_inputs : array_like, shape (n_points,)
         Constant inputs, in their unit.
     rng : numpy.random.Generator
-        Source of the samples.
+        Random generator for the samples.
     samples : int
         Number of samples.
 

@@ -75,7 +75,7 @@ def linearise_along(
     times : array_like, shape (n_times,), optional
         Increasing times, s; by default those of the trajectory, thinned evenly to at most 200.
     rng : numpy.random.Generator
-        Source of the samples.
+        Random generator for the samples.
     samples : int
         Number of samples at each time.
     progress : callable, optional

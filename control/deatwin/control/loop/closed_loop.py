@@ -267,7 +267,7 @@ def closed_loop(
     reference : array_like, shape (n,)
         Wanted output, in its unit.
     rng : numpy.random.Generator
-        Source of the sensor noise.
+        Random generator for the sensor noise.
     settle : float
         Time at the operating input before the loop is closed, s.
     progress : callable, optional

@@ -225,7 +225,7 @@ def predict_loop(
     noise : float
         Standard deviation of the sensor noise, in the output's unit.
     rng : numpy.random.Generator
-        Source of draws and noise.
+        Random generator for the draws of the model and for the noise.
     draws : int
         Number of draws.
     progress : callable, optional

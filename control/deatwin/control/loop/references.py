@@ -112,7 +112,7 @@ def tone_reference(
     count : int
         Number of samples.
     rng : numpy.random.Generator
-        Source of the phases.
+        Random generator for the phases.
 
     Returns
     -------

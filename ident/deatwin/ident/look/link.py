@@ -65,7 +65,7 @@ class Link:
     def __str__(self) -> str:
         text = f"{self.input_name} to {self.output_name}: {self.status.value}"
         if self.in_band is not None:
-            text += f"; coherence {self.in_band:.2g} in the excited band (chance makes up to {self.chance:.2g})"
+            text += f"; coherence {self.in_band:.2g} in the excited band (up to {self.chance:.2g} by chance)"
         interval = None if self.dead_time is None or self.status is LinkStatus.EVEN else self.dead_time.interval
         if self.dead_time is not None and self.dead_time.samples is not None and interval is not None:
             low, high = interval

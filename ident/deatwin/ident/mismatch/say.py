@@ -14,7 +14,7 @@ import numpy as np
 
 from deatwin.ident.mismatch.diagnosis import Diagnosis
 from deatwin.ident.mismatch.locate.region import SINCE_REST
-from deatwin.ident.mismatch.located import Unexplained
+from deatwin.ident.mismatch.located import Unexplained, Window
 from deatwin.ident.mismatch.result import Fault
 from deatwin.ident.mismatch.verdict import Cause, Interval, Verdict
 from deatwin.plant.amplitudes import written_unit
@@ -135,7 +135,7 @@ def _mostly(left: Unexplained, diagnosis: Diagnosis) -> str:
     """Return where most of the remaining mismatch lies, if one range holds more than half of it."""
     window, band, region = left.time, left.frequency, left.region
     if window is not None and window.score > HALF:
-        return f", mostly between {window.from_s:.2f} and {window.to_s:.2f} s"
+        return f", mostly {_between(window)}"
     if band is not None:
         return f", mostly from {number(band.from_Hz, 2)} to {number(band.to_Hz, 2)} Hz"
     if region is None:
@@ -172,7 +172,14 @@ def _when(diagnosis: Diagnosis) -> str:
     longest = max(windows, key=lambda window: window.score, default=None)
     if longest is None or longest.score <= HALF:
         return ""
-    return f"; {100 * longest.score:.0f} % of the mismatch lies between {longest.from_s:.2f} and {longest.to_s:.2f} s"
+    return f"; {100 * longest.score:.0f} % of the mismatch lies {_between(longest)}"
+
+
+def _between(window: Window) -> str:
+    """Write a stretch of time to two digits of its length, or to whole seconds if it is longer than ten."""
+    length = max(window.to_s - window.from_s, 0.1)
+    decimals = max(0, 1 - int(np.floor(np.log10(length))))
+    return f"between {window.from_s:.{decimals}f} and {window.to_s:.{decimals}f} s"
 
 
 def _disturbance(diagnosis: Diagnosis) -> str:

@@ -103,7 +103,7 @@ class ThetaPosterior:
         Parameters
         ----------
         rng : numpy.random.Generator
-            Generator of the draws.
+            Random generator for the draws.
         n_draws : int
             Number of draws.
 
@@ -150,7 +150,7 @@ class ThetaPosterior:
         Parameters
         ----------
         rng : numpy.random.Generator
-            Generator of the draws.
+            Random generator for the draws.
         **options
             Options ``recording``, ``n_chains`` and ``n_draws`` of that function.
 

@@ -189,7 +189,7 @@ def free_run_band(
     recording : Recording
         Inputs and outputs in the model's units; the first ``model.table.max_lag`` outputs start the runs.
     rng : numpy.random.Generator
-        Generator of the draws.
+        Random generator for the draws.
     n_draws : int
         Number of runs.
     level : float

@@ -31,7 +31,7 @@ class Reliance:
     failed : tuple of str
         Names of the tests that failed, such as ``ue``.
     gain_error : float or None
-        Relative error of the free run's gain, positive if the recorded output swings more; None if unknown.
+        Relative error of the free run's gain, positive if the measured gain is larger; None if unknown.
     gain_error_half_width : float or None
         Half width of the 95 % interval of the gain error; None if unknown.
     samples_per_parameter : float or None
@@ -103,10 +103,10 @@ class Reliance:
                 "uncertainty bands do not include this error"
             )
         if self.biased and self.gain_error is not None and self.gain_error_half_width is not None:
-            way = "more" if self.gain_error > 0 else "less"
+            way = "larger" if self.gain_error > 0 else "smaller"
             found.append(
-                f"the model is biased: the measured output on held-out data swings {100 * abs(self.gain_error):.2g} ± "
-                f"{100 * self.gain_error_half_width:.2g} % {way} than the model's free run"
+                f"the model is biased: on held-out data, the measured gain is {100 * abs(self.gain_error):.2g} ± "
+                f"{100 * self.gain_error_half_width:.2g} % {way} than the gain of the model's free run"
             )
         return (*found, *self.remarks)
 

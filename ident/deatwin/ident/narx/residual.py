@@ -68,7 +68,7 @@ class Residual:
         sample_time : float
             Time between two samples in s.
         rng : numpy.random.Generator
-            Generator of the draws.
+            Random generator for the draws.
 
         Returns
         -------

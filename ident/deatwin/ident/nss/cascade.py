@@ -46,8 +46,8 @@ class Cascade(StateSpaceIdentifier):
     states : int
         Number of states of the linear block, or of both blocks together for ``"LNL"``.
     shape : sequence of str
-        Terms of the static functions, besides the signal v (scaled to unit size) and a constant: powers ``"v^2"``, or
-        functions such as ``"|v|"``, ``"sat(v,1)"`` and, for splines, ``"hinge(v,0.5)"``.
+        Terms of the static functions, besides the signal v (scaled to an rms value of about one) and a constant: powers
+        ``"v^2"``, or functions such as ``"|v|"``, ``"sat(v,1)"`` and, for splines, ``"hinge(v,0.5)"``.
     feedthrough : bool
         True if the linear block that ends the path acts within the sample.
     held_out : float
@@ -157,7 +157,7 @@ class Cascade(StateSpaceIdentifier):
     def _series(
         self, blocks: Sequence[tuple[Roots, Roots]], gain: float, constant: float, records: Sequence[Record]
     ) -> System:
-        """Return two linear blocks with a static function of unit input size between them."""
+        """Return two linear blocks and, between them, a static function whose input has an rms value of one."""
         from scipy.signal import lfilter, zpk2ss, zpk2tf
 
         front, behind = blocks

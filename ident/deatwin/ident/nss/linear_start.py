@@ -71,7 +71,7 @@ def _fitted(a: Array, c: Array, records: Sequence[Record], feedthrough: bool) ->
 
 
 def in_own_coordinates(point: Point, records: Sequence[Record]) -> Point:
-    """Transform the states to the first output and its changes, made orthogonal and of unit size."""
+    """Transform the states to the first output and its changes, orthogonal and with an rms value of about one."""
     system, n = point.system, point.system.basis.states
     a, _, c, _ = system.linear_parts
     rows: list[Array] = []

@@ -12,8 +12,8 @@ from deatwin.ident.nss.march import System
 Array = NDArray[np.float64]
 _STEPS = 50  # Most Gauss-Newton steps; few samples need few
 _WIDTH = 3.0
-"""Prior standard deviation of a first state: states have unit size on the training data, and a new record may begin at
-their edge."""
+"""Prior standard deviation of a first state: states have an rms value of about one on the training data, and a new
+record may begin at their edge."""
 _EXACT = 1e-6
 """Noise, in scaled outputs, below which readings count as exact, so that rounding does not compete with the prior."""
 

@@ -21,8 +21,8 @@ class Pnlss(StateSpaceIdentifier):
 
     The search starts from a linear state space. Subspace identification gives it from the best linear approximation if
     the input is periodic, else from the samples; it is then refined on the free run. Its state is transformed into the
-    first output, its change, and so on, each of unit size and uncorrelated with the ones before, so that x1 is roughly
-    the output and x2 its rate. Then all weights are fitted by Levenberg's and Marquardt's method with exact
+    first output, its change, and so on, each with an rms value of about one and uncorrelated with the ones before, so
+    that x1 is roughly the output and x2 its rate. Then all weights are fitted by Levenberg's and Marquardt's method with exact
     sensitivities. The free run over the end of each recording, which is not fitted at first, ends the search; then all
     samples are fitted, for as many steps if it had risen.
 
@@ -130,7 +130,8 @@ class Pnlss(StateSpaceIdentifier):
         free["output"][:, 1 + basis.states : first] = self.feedthrough
         rng, points = np.random.default_rng(self.seed), []
         for _ in range(self.starts if basis.directions else 1):
-            # Directions of unit size over states and inputs of unit size, so that functions bend where the data are.
+            # The weights of a direction have a norm of one, and the states and inputs an rms value of about one, so that
+            # functions bend where the data are.
             drawn = rng.standard_normal((basis.directions, first))
             weights["directions"] = np.zeros((basis.directions, basis.size))
             weights["directions"][:, :first] = drawn / np.linalg.norm(drawn, axis=1, keepdims=True)

@@ -42,7 +42,9 @@ class DeadZone(Effect):
     place: ClassVar[Place] = Place.DRIVE
     signal: ClassVar[str] = "command"
     strength: ClassVar[str] = "width"
-    wording: ClassVar[str] = "Commands below {width} do nothing, and larger ones are short by as much"
+    wording: ClassVar[str] = (
+        "Commands below {width} have no effect, and larger commands act as if they were smaller by this amount"
+    )
     rounding: ClassVar[float] = 5e-3
     """Rounding of the corners, :math:`\\epsilon` in V."""
 

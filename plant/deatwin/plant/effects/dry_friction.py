@@ -53,8 +53,8 @@ class DryFriction(CoulombFriction):
     unevenness: float = 0.0
 
     wording: ClassVar[str] = (
-        "The ball moves against a dry friction of {force}, by a share of {stiction} larger at rest and of {unevenness} "
-        "larger forwards"
+        "The ball moves against a dry friction of {force}, increased by a share of {stiction} at rest and by a share of "
+        "{unevenness} in forward motion"
     )
 
     def describe(self) -> tuple[Parameter, ...]:

@@ -53,7 +53,7 @@ def random_odd_harmonics(
     Parameters
     ----------
     rng : numpy.random.Generator
-        Source of the choice of lines.
+        Random generator for the choice of lines.
     period : float
         s.
     band : float
@@ -107,7 +107,7 @@ def random_phase_multisine(
     Parameters
     ----------
     rng : numpy.random.Generator
-        Source of the phases, uniform over the circle.
+        Random generator for the phases, uniform over the circle.
     period : float
         Period, s; rounded to whole samples, so that the signal is periodic to the last bit.
     sample_time : float

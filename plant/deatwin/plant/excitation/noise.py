@@ -32,7 +32,7 @@ def band_limited_noise(
     Parameters
     ----------
     rng : numpy.random.Generator
-        Source of the noise.
+        Random generator for the noise.
     duration : float
         Length, s; rounded to whole samples.
     sample_time : float
@@ -91,7 +91,7 @@ def two_level_noise(
     Parameters
     ----------
     rng : numpy.random.Generator
-        Source of the noise.
+        Random generator for the noise.
     duration : float
         Length, s; rounded to whole samples. The last segment ends with it.
     sample_time : float

@@ -23,7 +23,7 @@ def random_holds(
     Parameters
     ----------
     rng : numpy.random.Generator
-        Source of levels and times.
+        Random generator for levels and times.
     duration : float
         Length, s; rounded to whole samples. The last hold ends with it and may be shorter than `shortest`.
     sample_time : float

@@ -65,7 +65,7 @@ def find_layout(lines: list[str], rows: list[int], path: str) -> Layout:
     fitting = [mark for mark in marks if starts[mark] is not None]
     if len(fitting) > 1:
         raise DataError(
-            f"{path}, row {rows[starts[fitting[0]] or 0]}: the columns may be delimited by "
+            f"{path}, row {rows[starts[fitting[0]] or 0]}: the delimiter is ambiguous: it could be "
             f"{' or '.join(_DELIMITERS[mark] for mark in fitting)}; use only one of them"
         )
     if (not fitting or _blanks_too(lines, fitting[0], starts[fitting[0]] or 0)) and (

@@ -159,7 +159,7 @@ class ForeignRig(Rig):
         }
 
     def model_to_dict(self) -> Any:
-        """Return plain data from which `model_from_dict` finds the model."""
+        """Return plain data from which `model_from_dict` restores the model."""
         if isinstance(self.model, FmuModel):
             return {**asdict(self.model), "reading": self.model.reading.value}
         named = getattr(self.model, "__qualname__", type(self.model).__qualname__)

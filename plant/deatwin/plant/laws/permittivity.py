@@ -92,7 +92,7 @@ def random_walk(
     Parameters
     ----------
     rng : numpy.random.Generator
-        Source of the steps.
+        Random generator for the steps.
     duration : float
         Duration of the track, s; rounded up to whole intervals.
     interval : float

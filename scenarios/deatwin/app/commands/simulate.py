@@ -29,7 +29,9 @@ if TYPE_CHECKING:
 
 TWO_SIDED_95 = 1.959964
 
-InputFile = Annotated[Path, typer.Argument(metavar="INPUT.csv", help="Columns time_s,command_V; a reading is ignored.")]
+InputFile = Annotated[
+    Path, typer.Argument(metavar="INPUT.csv", help="Columns time_s,command_V; a column of readings is ignored.")
+]
 Effects = Annotated[
     list[str] | None,
     typer.Option(

@@ -47,7 +47,7 @@ CANDIDATES: Mapping[str, Any] = {"output_lags": 2, "input_lags": (0, 1, 2), "deg
 ARX = ("1", "y(k-1)", "y(k-2)", "u(k)", "u(k-1)", "u(k-2)")
 MODELS: Mapping[str, Callable[[Recording], NarxModel]] = {
     "linear ARX": lambda r: Fixed(terms=ARX).fit(r).model_,
-    "NARX by FRO": lambda r: Frols(**CANDIDATES, max_terms=15).fit(r).model_,
+    "NARX by FROLS": lambda r: Frols(**CANDIDATES, max_terms=15).fit(r).model_,
     "NARX by SEMP": lambda r: Semp(**CANDIDATES, max_terms=12).fit(r).model_,
     "NARX by SVB": lambda r: SvbNarx(**CANDIDATES).fit(r).model_,
 }

@@ -84,7 +84,7 @@ def _near(tracking: Tracking) -> Measure:
 def _scheduled(fleet: Sequence[FleetRun]) -> Measure:
     unstable = [run.actuator.name for run in fleet if not run.stable]
     ripple = max((run.steps.ripple for run in fleet), default=0.0)
-    calm = f"; late motion at most {100 * ripple:.2g} % of a step"
+    calm = f"; in the last third of each level, the output moves by at most {100 * ripple:.2g} % of a step (rms)"
     return WORDS.measure(
         "scheduled",
         bool(fleet) and not unstable,
@@ -129,8 +129,8 @@ def _tracking_table(every: Sequence[Tracking]) -> Table:
             "plant": lambda row: row[0].name,
             "controller": lambda row: row[1],
             "rms error": lambda row: _number(MICRO * row[2].rms, ".3g", " µm"),
-            "PI's error over it": lambda row: _number(row[0].ratio("PI", row[1]), ".2f"),
-            "its error over the best oracle's": lambda row: _number(row[2].rms / row[0].best, ".2f"),
+            "rms error of PI, divided by this one": lambda row: _number(row[0].ratio("PI", row[1]), ".2f"),
+            "this error, divided by that of the best oracle": lambda row: _number(row[2].rms / row[0].best, ".2f"),
             "gain margin with the identified model": lambda row: _number(float(row[2].margins.gain[0]), ".3g"),
             "phase margin": lambda row: _number(float(row[2].margins.phase_deg[0]), ".0f", "°"),
             "run": lambda row: row[2].run.status.name.lower().replace("_", " "),
@@ -150,8 +150,8 @@ def _fleet(runs: Sequence[FleetRun]) -> Table:
             "actuator": lambda run: run.actuator.name,
             "what happens to it": lambda run: run.actuator.story,
             "overshoot of the steps": lambda run: f"{100 * run.steps.overshoot:.0f} %",
-            "mean error late after a step": lambda run: f"{100 * run.steps.steady_error:.1f} %",
-            "motion late after a step": lambda run: f"{100 * run.steps.ripple:.2g} %",
+            "mean error in the last third of each level": lambda run: f"{100 * run.steps.steady_error:.1f} %",
+            "rms motion in the last third of each level": lambda run: f"{100 * run.steps.ripple:.2g} %",
             "rms error on the tones": lambda run: f"{MICRO * run.tones.rms_error:.0f} µm",
             "stable": lambda run: "yes" if run.stable else "no",
         },

@@ -172,7 +172,7 @@ def _choice(choice: Choice, name: str) -> Drawing:
         right.plot(number, choice.err, "o-", color=Hue.BEFORE, markersize=3)
         for threshold in THRESHOLDS:
             right.axhline(threshold, color=Hue.INK, linewidth=0.7, linestyle=":")
-        right.set(ylabel="error reduction ratio", yscale="log", title=f"FRO: {counts:d} terms")
+        right.set(ylabel="error reduction ratio", yscale="log", title=f"FROLS: {counts:d} terms")
         finite = np.concatenate([bound_errors, err_errors])
         finite = finite[np.isfinite(finite)]
         for axes, x, errors, colour in zip(
@@ -192,7 +192,7 @@ class Choice:
     terms: Array  # shape (n_steps,): number of terms of each step of SVB
     bounds: Array  # shape (n_steps,): lower bound, nats
     bound_errors: Array  # shape (n_steps,): free-run error over the held-out section, m
-    err: Array  # shape (n_path,): error reduction ratio of the 1st, 2nd, ... term of FRO
+    err: Array  # shape (n_path,): error reduction ratio of the 1st, 2nd, ... term of FROLS
     err_errors: Array  # shape (n_path,): free-run error of the first 1, 2, ... terms, m
 
     @property

@@ -10,7 +10,7 @@ from deatwin.ident.frequency.removal import remove
 from deatwin.ident.narx import one_step_band
 from deatwin.ident.narx.fleet.records import FILM, STEADY
 from deatwin.scenarios.fleet_models import WORDS
-from deatwin.scenarios.fleet_models.study import FRO, LINEAR, SEMP, SVB, Study
+from deatwin.scenarios.fleet_models.study import FROLS, LINEAR, SEMP, SVB, Study
 from deatwin.studies.report.story import Measure
 from deatwin.studies.report.words import Each, Span
 
@@ -21,7 +21,7 @@ RISE = 1e-9  # Share of itself by which a lower bound may seem to fall, by round
 
 def judge_semp(study: Study) -> list[Measure]:
     """Compare the models of SEMP with the goals."""
-    runs = [[float(b.models[m].training.free_run.rms[0]) for m in (SEMP, FRO)] for b in study.recorded]
+    runs = [[float(b.models[m].training.free_run.rms[0]) for m in (SEMP, FROLS)] for b in study.recorded]
     better = sum(own < other for own, other in runs)
     sound = [bench for bench in study.recorded if not bench.models[SEMP].held_out.diverged]
     worst = max((remove(bench.models[SEMP].model, bench.sections[1]).error for bench in sound), default=0.0)

@@ -1,4 +1,4 @@
-"""Six actuators identified as in chapter 4: SEMP, held against FRO, validated, and what of it the drifts undo.
+"""Six actuators identified as in chapter 4: SEMP, held against FROLS, validated, and what of it the drifts undo.
 
 The recordings are those of the story `thesis-data`. Each is inspected, a stationary stretch is taken and its end held
 out; sampling time, lags and degree are chosen by free-run error on the training sections; SEMP chooses terms, and the
@@ -14,7 +14,7 @@ from typing import Any
 from deatwin.ident.narx.fleet.records import RECORDED
 from deatwin.scenarios.fleet_models.figures import semp_drawings
 from deatwin.scenarios.fleet_models.measures import judge_semp
-from deatwin.scenarios.fleet_models.study import FRO, SEMP, Programme, Study, carry_out, save
+from deatwin.scenarios.fleet_models.study import FROLS, SEMP, Programme, Study, carry_out, save
 from deatwin.scenarios.fleet_models.tables import candidates_in_words, failures, semp_tables
 from deatwin.studies.report.prose import notes
 from deatwin.studies.report.quantities import quantity
@@ -22,7 +22,7 @@ from deatwin.studies.report.story import StoryPage, reached
 from deatwin.studies.report.words import Span
 from deatwin.studies.stories import Setting
 
-PROGRAMME = Programme(methods=(SEMP,), beside=(FRO,))
+PROGRAMME = Programme(methods=(SEMP,), beside=(FROLS,))
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
@@ -53,7 +53,7 @@ def _choices(study: Study) -> dict[str, Any]:
     asked = sorted({one.sampling.factor * step for one in study.prepared})
     tried = [f"{100 * one.least.mean():.1f} % at {quantity(one.factor * step, 's')}" for one in plan.orders]
     errors = [
-        (bench.name, *(1e6 * float(bench.models[method].held_out.free_run.rms[0]) for method in (SEMP, FRO)))
+        (bench.name, *(1e6 * float(bench.models[method].held_out.free_run.rms[0]) for method in (SEMP, FROLS)))
         for bench in study.recorded
     ]
     return {

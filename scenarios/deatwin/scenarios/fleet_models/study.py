@@ -17,7 +17,7 @@ from deatwin.studies.report.story import StoryPage, finish
 from deatwin.studies.stories import Setting
 from deatwin.studies.voice import Progress
 
-SEMP, SVB, FRO, LINEAR, FREE = "SEMP", "SVB", "FRO", "linear", "SVB, all products"
+SEMP, SVB, FROLS, LINEAR, FREE = "SEMP", "SVB", "FROLS", "linear", "SVB, all products"
 SHOWN = 5  # Number of the actuator whose model the thesis shows in full
 THRESHOLDS = (1e-2, 1e-3, 1e-4, 1e-5)  # Error reduction ratios below which a term is no longer added
 
@@ -139,14 +139,14 @@ def save(setting: Setting, record: Any, page: StoryPage, study: Study, method: s
 
 
 def _search(method: str, plan: Plan, found: Mapping[str, Identified]) -> NarxIdentifier:
-    """Run the search for a structure; FRO stops at as many terms as SEMP has."""
+    """Run the search for a structure; FROLS stops at as many terms as SEMP has."""
     among = candidates(plan)
     if method == LINEAR:
         lagged = 1 + plan.output_lags + len(plan.input_lags)
         return Frols(**{**among, "degree": 1}, max_terms=lagged, criterion="none")
     if method == SEMP:
         return Semp(**among)
-    if method == FRO:
+    if method == FROLS:
         return Frols(**among, max_terms=len(found[SEMP].model.terms), criterion="none")
     return SvbNarx(**{**among, "rule": RULE if method == SVB else None}, clean_up="none")
 

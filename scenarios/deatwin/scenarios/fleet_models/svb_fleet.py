@@ -23,7 +23,7 @@ from deatwin.studies.report.words import Span
 from deatwin.studies.stories import Setting
 
 PROGRAMME = Programme(methods=(SEMP, SVB), beside=(FREE,))
-LONGEST_PATH = 40  # Terms of the path of FRO that is held against SVB
+LONGEST_PATH = 40  # Terms of the path of FROLS that is held against SVB
 
 
 def run(setting: Setting) -> Mapping[str, Any]:
@@ -48,7 +48,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
 
 
 def _choice(study: Study) -> Choice:
-    """Follow the paths of SVB and FRO on the actuator that is shown in full."""
+    """Follow the paths of SVB and FROLS on the actuator that is shown in full."""
     fro = Frols(**candidates(study.plan), max_terms=LONGEST_PATH, criterion="none")
     shown = study.shown
     return compare(shown.models[SVB].search, fro.fit(shown.sections[0]), *shown.sections)

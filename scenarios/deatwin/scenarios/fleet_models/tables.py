@@ -25,7 +25,7 @@ from deatwin.ident.narx.fleet.orders import Plan
 from deatwin.ident.narx.fleet.records import RECORDED, VARIANTS
 from deatwin.plant import ModelError, Recording
 from deatwin.scenarios.fleet_models import WORDS
-from deatwin.scenarios.fleet_models.study import FRO, LINEAR, SEMP, SVB, Bench, Identified, Study
+from deatwin.scenarios.fleet_models.study import FROLS, LINEAR, SEMP, SVB, Bench, Identified, Study
 from deatwin.studies.report.quantities import quantity
 from deatwin.studies.report.story import Table
 from deatwin.studies.report.tables import parameters_by_term
@@ -37,7 +37,7 @@ def semp_tables(study: Study) -> list[Table]:
     """Make the tables of chapter 4."""
     return [
         WORDS.table("preprocessing", list(_preprocessing(study))),
-        _validation(study.recorded, (SEMP, FRO, LINEAR)),
+        _validation(study.recorded, (SEMP, FROLS, LINEAR)),
         _physics(study),
         WORDS.table("semp", [[*row, f"{low} to {high}"] for *row, low, high in _parameters(study.recorded, SEMP)]),
         _estimators(study.shown),

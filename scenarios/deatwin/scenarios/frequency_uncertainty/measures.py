@@ -50,7 +50,7 @@ def _known(known: Known) -> Iterable[Measure]:
     held, holds = (np.concatenate([getattr(one, name) for one in known.sweeps]) for name in ("held", "holds"))
     wrong = (held < COVERED[0]) | (held > COVERED[1])
     numbers = {"total": held.size, "warned": np.sum(~holds), "wrong": wrong.sum(), "missed": np.sum(wrong & holds)}
-    yield WORDS.measure("warned", numbers["missed"] == 0, **numbers)
+    yield WORDS.measure("warned", numbers["missed"] == 0, **{**numbers, "missed": numbers["missed"] or "none"})
 
     slowest = min(one.ratio for one in known.speeds)
     ratios = ", ".join(f"{one.label} {one.ratio:.0f}" for one in known.speeds)

@@ -20,7 +20,7 @@ from deatwin.ident import run_jobs
 from deatwin.ident.narx import NarxModel
 from deatwin.scenarios.real_data.published import DOCUMENTED, QUOTED, documented_errors
 from deatwin.studies.provenance import hashes
-from deatwin.studies.public.black_boxes import FRO, GROWN, LINEAR, METHODS, REFINED, SEMP, Outcome, attempt
+from deatwin.studies.public.black_boxes import FROLS, GROWN, LINEAR, METHODS, REFINED, SEMP, Outcome, attempt
 from deatwin.studies.public.records import DataSet, buck, cascaded_tanks, emps, silverbox
 from deatwin.studies.public.sources import data_folder, origins
 from deatwin.studies.report.drawing import Drawing
@@ -88,7 +88,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
 def judge(sets: Sequence[DataSet], outcomes: Outcomes) -> list[Measure]:
     """Compare the errors with their goals."""
     oscillator, box, converter = sets[0], outcomes["silverbox"], outcomes["buck"]
-    best, semp, simple, linear = (box[m].free_run / oscillator.scale for m in (GROWN, SEMP, FRO, LINEAR))
+    best, semp, simple, linear = (box[m].free_run / oscillator.scale for m in (GROWN, SEMP, FROLS, LINEAR))
     limit = LARGEST_ERROR / oscillator.scale
     documented = min(documented_errors(sets[1].test).values())
     refined = converter[REFINED].free_run
@@ -150,12 +150,12 @@ def _arrow_head(data: DataSet, outcomes: Mapping[str, Outcome]) -> Drawing:
         for side in (-1, 1):
             top.axhline(side * learned, color=Hue.INK, linestyle=":", linewidth=0.9)
         top.set(ylabel="output (mV)")
-        for method, colour in ((LINEAR, Hue.BEFORE), (FRO, Hue.MARK), (GROWN, Hue.AFTER)):
+        for method, colour in ((LINEAR, Hue.BEFORE), (FROLS, Hue.MARK), (GROWN, Hue.AFTER)):
             error = measured - outcomes[method].outputs / data.scale
             label = f"{method}, {outcomes[method].terms} parameters"
             middle.semilogy(timepts, _running(error), "-", color=colour, label=label)
             columns[f"{_key(method)}_mV"] = _running(error)
-            if method != FRO:
+            if method != FROLS:
                 shown = outcomes[method].outputs[near] / data.scale
                 bottom.plot(data.test.timepts[near], shown, color=colour, linewidth=1.4)
         middle.semilogy(timepts, columns["output_rms_mV"], "--", color=Hue.MEASURED, label="output itself")

@@ -36,10 +36,10 @@ class Method:
 METHODS: Mapping[str, Method] = MappingProxyType(
     {
         "fro": Method(
-            "FRO", "forward regression by error reduction, number of terms by extended BIC", Frols, (0.004, 0.013)
+            "FROLS", "forward regression by error reduction, number of terms by extended BIC", Frols, (0.004, 0.013)
         ),
         "fro-told": Method(
-            "FRO, told the number",
+            "FROLS, told the number",
             "forward regression that knows the number of true terms, so that only its order is judged",
             partial(Frols, criterion="none"),
             (0.004, 0.013),

@@ -28,11 +28,11 @@ from deatwin.studies.public.records import DataSet
 Array = NDArray[np.float64]
 Model = NarxModel | LinearModel | NonlinearStateSpace
 
-LINEAR, FRO, SEMP, REFINED, GROWN = (
+LINEAR, FROLS, SEMP, REFINED, GROWN = (
     "output error, linear",
-    "FRO",
+    "FROLS",
     "SEMP",
-    "FRO, refined",
+    "FROLS, refined",
     "grown by the free-run error",
 )
 
@@ -59,7 +59,7 @@ METHODS: Mapping[str, Callable[[DataSet], Model]] = MappingProxyType(
     {
         "ARX, linear": _arx,
         LINEAR: _output_error,
-        FRO: _fro,
+        FROLS: _fro,
         "LASSO": lambda data: _narx(data, Lasso, max_terms=data.candidates.max_terms),
         SEMP: lambda data: _narx(data, Semp, max_terms=data.candidates.max_terms),
         "SVB": lambda data: _narx(data, SvbNarx, clean_up="none"),  # as published, without a clean-up

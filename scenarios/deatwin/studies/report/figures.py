@@ -162,7 +162,10 @@ def _frequency(view: _View, columns: Sequence[Array]) -> Drawing:
             numbers_of_decades(axis, 300.0)
         figure.legend(loc="outside upper left", ncols=3)
         svg = inline(figure, "frequency", "Residual over frequency")
-    caption = "Amplitude spectral density of the residual. Ochre: bands above the sensor's noise."
+    caption = (
+        "Amplitude spectral density of the residual. Shaded in ochre: the frequency bands in which it exceeds the sensor "
+        "noise."
+    )
     return Drawing(
         name="frequency", title="Residual over frequency", caption=caption, svg=svg, data="figures/frequency.csv"
     )

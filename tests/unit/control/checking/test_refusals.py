@@ -144,7 +144,7 @@ def test_runs_without_an_end_are_refused_with_the_longest_closed_loop_time(check
     """50 times for the steps and 30 pi for three periods of a sine at a fifth of the bandwidth: 144.2 in all."""
     longest = 200_000 * H / (50 + 30 * np.pi)
     require_short_runs(replace(fast, closed_loop_time=longest - 1e-6))
-    with pytest.raises(ControlError, match=r"need 2e\+05 samples, and may have 200000; give 27\.7 s or less"):
+    with pytest.raises(ControlError, match=r"need 2e\+05 samples, but the limit is 200000; give 27\.7 s or less"):
         require_short_runs(replace(fast, closed_loop_time=longest + 1e-6))
     trial = Trial(controller=replace(fast, closed_loop_time=1.0), linear=linearise(exact()), rng=None)
     assert trial.step_reference.size + trial.sine_reference.size == pytest.approx((50 + 30 * np.pi) / H, abs=1)

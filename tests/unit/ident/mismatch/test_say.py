@@ -335,7 +335,7 @@ def test_the_sentence_of_one_cause():
 def test_the_sentence_of_a_part():
     assert DIAGNOSES["partly, when"].sentence == (
         "The film keeps creeping with a time constant of 54.1 s (50.2 to 59.3), which explains 97 % of the mismatch, but "
-        "1.2 µm of the 9.6 µm mismatch remain unexplained, mostly between 118.04 and 131.26 s; the error on held-out data "
+        "1.2 µm of the 9.6 µm mismatch remain unexplained, mostly between 118 and 131 s; the error on held-out data "
         "falls from 10.2 to 2.1 µm (sensor noise: 2.0 µm)."
     )
     assert "unexplained, mostly from 0.025 to 0.48 Hz; the" in DIAGNOSES["partly, at which frequencies"].sentence

@@ -38,7 +38,7 @@ def test_a_biased_model_says_so_with_its_size() -> None:
     found = assess_reliance(MODEL, [recorded(1, factor=1.5), recorded(2, factor=1.5)])
     assert found is not None and found.biased
     assert found.gain_error == pytest.approx(0.5, abs=0.1)
-    assert any("biased" in text and "more than the model's free run" in text for text in found.caveats)
+    assert any("biased" in text and "larger than the gain of the model's free run" in text for text in found.caveats)
 
 
 def test_a_missing_input_term_is_a_caveat() -> None:

@@ -165,7 +165,7 @@ def sample(
     quantity : callable
         Function from a model to a FrequencyResponse; see `deatwin.ident.frequency.propagate`.
     rng : numpy.random.Generator
-        Source of the draws.
+        Random generator for the draws.
     n_draws : int
         Number of draws, at least 2.
     level : float

@@ -62,7 +62,7 @@ def hold_equilibrium(
     Raises
     ------
     ModelError
-        If the model has several inputs or outputs, or output or input are not finite.
+        If the model has several inputs or outputs, or if `output` or `operating_input` is not finite.
     """
     require_one_input(trajectory.model, "gfrf of ThetaTrajectory.at(time), with inputs by name")
     inputs = operating_input_of(trajectory.model, operating_input)

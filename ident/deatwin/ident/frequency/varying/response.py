@@ -252,7 +252,7 @@ class VaryingResponse(Described, Frozen):
         Raises
         ------
         ModelError
-            If the frequencies do not lie on a straight line.
+            If the response has several frequencies and the points of `omega` (one row each) do not lie on a straight line.
         """
         return _plot_map(self, ax)
 

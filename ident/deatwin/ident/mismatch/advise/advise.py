@@ -72,7 +72,7 @@ def advise(
     alternatives : sequence of Candidate
         Explanations that the recordings leave, the best first; the first eight are used.
     rng : numpy.random.Generator
-        Source of posterior plants and of random waveforms.
+        Random generator for posterior plants and for random waveforms.
     distances : sequence of Distance, optional
         Distances between the explanations, if refits have computed them. They give the confusion before the input,
         because a refit may bring two explanations nearer than derivatives predict.

@@ -24,7 +24,7 @@ class SensorOffer:
     @property
     def words(self) -> str:
         """The reading with its noise, as part of a sentence."""
-        return f"{in_words(self.reading)} measured to {with_unit(self.noise, self.unit)}"
+        return f"{in_words(self.reading)} measured with a noise of {with_unit(self.noise, self.unit)} rms"
 
 
 @dataclass(frozen=True, kw_only=True)

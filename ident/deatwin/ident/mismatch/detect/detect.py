@@ -60,7 +60,7 @@ def detect(base: Candidate, problem: DiagnosisProblem, rng: np.random.Generator)
     problem : DiagnosisProblem
         Recordings.
     rng : numpy.random.Generator
-        Source of the bootstrap's draws.
+        Random generator for the draws of the bootstrap.
 
     Returns
     -------

@@ -22,7 +22,7 @@ class Law:
     left : Leftover
         Recordings, noise and model error.
     rng : numpy.random.Generator
-        Source of the draws.
+        Random generator for the draws.
     draws : int
         Number of draws.
 

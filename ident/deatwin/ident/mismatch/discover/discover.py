@@ -62,7 +62,7 @@ def discover(
     base : Candidate
         The plant that leaves a mismatch.
     rng : numpy.random.Generator
-        Source of all resampling.
+        Random generator for all resampling.
     place : Opening, optional
         Place at which the force enters; by default the moving part if the rig has one, else the reading.
 

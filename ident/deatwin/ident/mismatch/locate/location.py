@@ -141,7 +141,7 @@ def locate(base: Candidate, problem: DiagnosisProblem, checked: DataQuality, rng
     checked : DataQuality
         Recordings with their sound samples.
     rng : numpy.random.Generator
-        Source of random numbers of the test of repeatability.
+        Random generator for the test of repeatability.
 
     Returns
     -------

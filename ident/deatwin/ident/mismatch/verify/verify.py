@@ -43,7 +43,7 @@ def verify(
     base, amended : Candidate
         Base plant and explanation, judged on the same samples.
     rng : numpy.random.Generator
-        Source of the paired block bootstrap and of random phases.
+        Random generator for the paired block bootstrap and for random phases.
     problem : DiagnosisProblem, optional
         Recordings; without them, transfer and placebo effects are not tested.
     tried : sequence of Candidate

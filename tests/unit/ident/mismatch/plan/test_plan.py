@@ -114,7 +114,7 @@ def test_a_second_sensor_tells_what_the_input_leaves() -> None:
     # The command is late in both readings, the first sensor's lag only in its own.
     assert (sensor.reading, sensor.tells, sensor.left) == ("inside", (("delay", "sensor_lag"),), 1)
     assert sensor.noise == pytest.approx(1e-3 * 5e-4, rel=0.01)  # of a gain of 100 µm/V, to 5 V
-    assert "the inside measured to 497 nm" in found.sentence
+    assert "the inside measured with a noise of 497 nm rms" in found.sentence
     assert found.to_dict()["readings"][0]["tells"] == [["delay", "sensor_lag"]]
     had = Watched(noise=1e-6, further=(Reading(name="inside", unit="m", noise=sensor.noise),))
     bought = plan_experiment(Plant(rig=had), slow, effects=effects)
