@@ -348,6 +348,8 @@ def _next(diagnosis: Diagnosis) -> str:
             if measure is None
             else f"; no input within the rig's limits would distinguish the explanations, so measure {measure}"
         )
+    if before == after and not advised.undecided:
+        return ""  # the recordings at hand have decided already as far as figures tell
     mass = advised.added_mass_g
     load = "" if mass is None else f" with {number(mass)} g added"
     rest = (

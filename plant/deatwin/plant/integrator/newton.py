@@ -71,9 +71,10 @@ def _until_settled(
     arguments = function.mx_in()
     keep = ca.Function(f"keep_{name}", arguments, arguments[: len(found)])
     once = ca.Function.if_else(name, keep, function)  # one function for all times keeps the generated code short
+    state = list(found)
     for _ in range(most):
-        found = once(found[2] <= SETTLED, *found, *known)  # a NaN counts as a large error
-    return list(found)
+        state = list(once(state[2] <= SETTLED, *state, *known))  # a NaN counts as a large error
+    return state
 
 
 def _correction(stages: Stages, linear: _LinearSystems, n_factors: int) -> ca.Function:

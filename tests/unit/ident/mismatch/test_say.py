@@ -344,6 +344,13 @@ def test_the_sentence_of_a_part():
     assert "remain unexplained; the" in DIAGNOSES["partly, nowhere"].sentence
 
 
+def test_an_experiment_that_lowers_no_risk_is_not_offered():
+    idle = replace(ADVICE, confusion_before=1e-9, confusion_after=1e-12)
+    assert "next_input.csv" not in made_up(Verdict.AMBIGUOUS, CREEP, RC, advice=idle).sentence
+    partial = replace(idle, undecided=("creep", "leakage"), measure="the current")
+    assert "measure the current" in made_up(Verdict.AMBIGUOUS, CREEP, RC, advice=partial).sentence
+
+
 def test_a_risk_below_a_thousandth_is_said_as_a_bound():
     assert "from 30 to below 0.1 %." in DIAGNOSES["ambiguous, surely"].sentence
     data = DIAGNOSES["ambiguous, surely"].to_dict()
