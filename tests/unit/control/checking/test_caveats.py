@@ -28,7 +28,7 @@ def test_failed_tests_and_bias_stand_in_the_sentence_and_come_back_from_the_file
         "The model failed one residual test on held-out data (ue), so its residual still depends on the input."
         in found.sentence
     )
-    assert "The model is biased: the measured output on held-out data swings 12 ± 3 % more" in found.sentence
+    assert "The model is biased: on held-out data, the measured gain is 12 ± 3 % larger" in found.sentence
     found.save(tmp_path / "check.json")
     assert Check.load(tmp_path / "check.json").sentence == found.sentence
 
