@@ -40,8 +40,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
     phi holds 1, the states, the inputs, and terms: products of powers and functions of states x1, x2, ..., inputs u (or
     u1, u2, ...) and directions s1, s2, ..., which are weighted sums s = P phi. A direction may use the constant, states,
     inputs, terms and earlier directions, not later ones. Inputs and outputs are scaled: a signal minus its origin,
-    divided by its scale. States have an rms value of about one on the training
-    data.
+    divided by its scale. On the training data, the states have an rms value of about one.
 
     Parameters
     ----------

@@ -23,10 +23,11 @@ from deatwin.plant.integrator.stages import Stages, coupled
 Symbol = Any  # casadi.SX or casadi.MX
 
 SETTLED = 1e-10  # Estimated error, relative to each unknown's scale, below which the equations count as solved
-CORRECTIONS = 6
-"""Largest number of simplified corrections after the tangent step, each only while the error is large. Smooth plants
-need two or three. Where friction or a limit sets in within the sample, the Jacobian of its start is the wrong one, and
-more corrections would not settle it."""
+FIRST_CORRECTIONS, CORRECTIONS = 2, 4
+"""Number of simplified corrections after the tangent step of every sample, and largest number of further ones, each
+only while the error is large. Two changes tell the rate of convergence. Smooth plants need two or three corrections.
+Where friction or a limit sets in within the sample, the Jacobian of its start is the wrong one, and more corrections
+would not settle it."""
 UPDATES = 14
 """Largest number of full Newton updates if the simplified corrections do not settle, each only while the error is
 large: first from the start of the step, then from its Euler steps."""
@@ -50,13 +51,12 @@ def solved_stages(stages: Stages) -> ca.Function:
     start, values = ca.repmat(here, stages.count, 1), ca.repmat(value, stages.count, 1)
     tangent, size = linear.correct(factors, start, values, x, mass, h)
 
-    # The first correction removes the error of the tangent step, which tells nothing of the rate; so there are two
-    # before the error is looked at.
+    # The first correction removes the error of the tangent step, which tells nothing of the rate.
     found, known = [tangent, size, size + 1], [factors, *step]
     correction = _correction(stages, linear, factors.numel())
-    for _ in range(2):
+    for _ in range(FIRST_CORRECTIONS):
         found = correction.call([*found, *known])
-    found = _until_settled("corrections", correction, CORRECTIONS - 2, found, known)
+    found = _until_settled("corrections", correction, CORRECTIONS, found, known)
     update = _full_update(stages, factors.numel())
     for guess in (_resting(stages), _euler(stages)):
         found = _until_settled(f"from_{guess.name()}", _restarted(update, guess), 1, found, known)

@@ -106,6 +106,12 @@ def linearised_responses(
     return tuple(itertools.chain.from_iterable(found))
 
 
+def sought_in(fit: Calibration, effects: Iterable[Effect], parts: Sequence[Part]) -> list[Effect]:
+    """Return the effects whose shapes are sought in a fit's residual, as the lines of a periodic one are."""
+    times = reading_times(fit.plant, first_only(parts))
+    return [effect for effect in effects if effect.starts(times, fit.residuals[: times.size])]
+
+
 def leads(known: Sequence[LinearisedResponse], fit: Calibration) -> tuple[Lead, ...]:
     """Order effects by what they could explain of a fit's residual, one lead for each, the most promising first."""
     # Each response is projected off the Jacobian of the fit, because the plant's parameters imitate what they can.

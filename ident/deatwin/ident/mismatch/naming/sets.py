@@ -6,12 +6,18 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from deatwin.ident.greybox.fit import Calibration
-from deatwin.ident.greybox.parts import first_only, reading_times
 from deatwin.ident.greybox.tangent import linearised_rms
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.cycles import shows_its_cycles
 from deatwin.ident.mismatch.naming.onsets import event_leads
-from deatwin.ident.mismatch.naming.screen import Lead, LinearisedResponse, leads, linearised_responses, most_promising
+from deatwin.ident.mismatch.naming.screen import (
+    Lead,
+    LinearisedResponse,
+    leads,
+    linearised_responses,
+    most_promising,
+    sought_in,
+)
 from deatwin.ident.mismatch.naming.shortlist import shortlist
 from deatwin.ident.mismatch.naming.siblings import siblings
 from deatwin.ident.mismatch.naming.trial import NEAR, Fitted, Trial, trials_of, unbiased_like
@@ -215,8 +221,7 @@ class Search(Tried):
         if not names:
             return leads(self.known(), fit)
         free = [effect for effect in further if fit.plant.lacks(effect)]
-        times = reading_times(base.plant, first_only(self.problem.fitted))
-        looking = [effect for effect in free if effect.starts(times, fit.residuals[: times.size])]
+        looking = sought_in(fit, free, self.problem.fitted)
         again = linearised_responses(self.problem, base, looking, fit)
         others = {e.name for e in free} - {e.name for e in looking}
         return leads([*(f for f in self.known() if f.effect.name in others), *again], fit)

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
-from deatwin.ident.greybox.parts import first_only, level_of, reading_times, simulated
+from deatwin.ident.greybox.parts import level_of, simulated
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.naming.contribution import contribution, readings_of_fit
-from deatwin.ident.mismatch.naming.screen import Lead, LinearisedResponse, leads, linearised_responses
+from deatwin.ident.mismatch.naming.screen import Lead, LinearisedResponse, leads, linearised_responses, sought_in
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect
@@ -60,8 +60,7 @@ def _responses(
     """Return responses in the bare plant; those already `known` come from another one."""
     # The plants of good explanations, without their effects, differ little, and the most similar effects are simulated
     # again. Only an effect that is sought in the residual needs the present one.
-    times = reading_times(bare.plant, first_only(problem.fitted))
-    sought = {e.name for e in effects if e.event or e.starts(times, done.residuals[: times.size])}
+    sought = {e.name for e in effects if e.event} | {e.name for e in sought_in(done, effects, problem.fitted)}
     new = [effect for effect in effects if effect.name in sought or effect.name not in known]
     found: dict[str, list[LinearisedResponse]] = {effect.name: [] for effect in new}
     for response in linearised_responses(problem, bare, new, done):
