@@ -21,8 +21,8 @@ WRONG = 0.05
 """Probability that a nominal value is simply wrong, so that the parameter may lie anywhere in its range (a contaminated
 prior: Berger and Berliner, Ann. Statist. 14 (1986) 461, doi:10.1214/aos/1176349933)."""
 AMPLITUDE, RATE = 2.0, 1.0
-"""Prior standard deviations of an effect's strength, in typical strengths, and of the logarithm of its time constants,
-a factor of e either way."""
+"""Half width of the prior of an effect's strength, in typical strengths, and prior standard deviation of the logarithm
+of its time constants, a factor of e either way."""
 FAST, FAST_TIMES = 0.4, (5.0, 50.0)
 """Rms of the fast part of the model error, as a share of the rig's, and its time constants in samples, since sample
 times are chosen for the motion."""
@@ -119,6 +119,7 @@ class Coordinate:
     mean: float
     deviation: float
     one_sided: bool = False
+    log_factor: float = 0.0  # of a density that this normal law, times e to this power, touches at the fitted value
 
 
 def coordinate(parameter: Parameter, nominal: Plant, effects: Mapping[str, Effect], reading: float) -> Coordinate:
@@ -135,7 +136,8 @@ def coordinate(parameter: Parameter, nominal: Plant, effects: Mapping[str, Effec
         return Coordinate(mean=0.0, deviation=_width(parameter))
     typical = effect.described(own)
     if own == effect.strength:
-        return Coordinate(mean=0.0, deviation=strength_deviation(effect), one_sided=typical.lower >= 0.0)
+        width, factor = touching(strength_deviation(effect), parameter.value)
+        return Coordinate(mean=0.0, deviation=width, one_sided=typical.lower >= 0.0, log_factor=factor)
     if typical.scale is Scale.LOGARITHMIC:
         return Coordinate(mean=typical.scale.to_coordinate(typical.value), deviation=RATE)
     # in the upper half of the range that is reached; otherwise hardly anything would be seen of it
@@ -145,8 +147,19 @@ def coordinate(parameter: Parameter, nominal: Plant, effects: Mapping[str, Effec
     return Coordinate(mean=typical.value, deviation=min(_width(typical), max(abs(typical.value), 1.0)))
 
 
+def touching(width: float, value: float) -> tuple[float, float]:
+    """Return deviation and log factor of the normal law that touches a Cauchy law of this width at a value."""
+    # Typical strengths on another rig may differ by orders of magnitude, and a normal prior would pull a strength there
+    # by more than the recordings say. A Cauchy law does not (Gelman, Bayesian Anal. 1 (2006) 515,
+    # doi:10.1214/06-BA117A). Its logarithm is convex in the square of the value, so the scaled normal law is nowhere
+    # above it, and evidence that is computed with the normal law is a lower bound.
+    deviation = float(np.hypot(width, value)) / np.sqrt(2.0)
+    factor = np.log(width / deviation) + 0.5 * (value / deviation) ** 2 - 0.5 * np.log(2.0 * np.pi)
+    return float(deviation), float(factor)
+
+
 def strength_deviation(effect: Effect) -> float:
-    """Return the prior standard deviation of an effect's strength, in its unit; a share is at most 1."""
+    """Return the half width of the prior of an effect's strength, in its unit; a share is at most 1."""
     typical = effect.described(effect.strength)
     return 1.0 if abs(typical.value) == 1.0 else AMPLITUDE * abs(typical.value)
 

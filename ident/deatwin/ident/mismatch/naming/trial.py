@@ -26,7 +26,9 @@ from deatwin.ident.mismatch.refit.search import (
     search,
 )
 from deatwin.ident.parallel import run_jobs, stream_jobs
+from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
+from deatwin.plant.parameters import Parameter
 
 FAILED_SEARCH = 1.02
 """Ratio of the rms residual to its prediction above which a fit has failed to find the minimum."""
@@ -134,8 +136,30 @@ def with_fitted(nominal: Plant, fitted: Plant) -> Plant:
 
 
 def unbiased_like(problem: DiagnosisProblem, fitted: Plant) -> Plant:
-    """Return the nominal plant in the rig variant of a fitted one, with its effects and their values."""
-    return with_fitted(problem.nominal.with_rig(fitted.rig), fitted)
+    """Return the nominal plant in the rig variant of a fitted one, with its effects at unbiased values."""
+    # A fit without the next effect biases the values of the others too: next to a drift that is missing, a relaxation
+    # becomes far slower, and from there a fit may end in another valley. So effects begin at typical values. What only
+    # the data can tell is kept: directions, thresholds, times of events and periods.
+    nominal = problem.nominal.with_rig(fitted.rig)
+    typical = {effect.name: effect for effect in problem.everywhere}
+    begun = with_fitted(nominal, fitted)
+    values: dict[str, float] = {}
+    for effect in begun.effects:
+        if nominal.lacks(effect) and effect.name in typical and not _is_sought(effect):
+            values |= {p.name: p.value for p in typical[effect.name].parameters}
+            strength = f"{effect.name}.{effect.strength}"
+            values[strength] = _signed(values[strength], begun.parameters[strength])
+    return begun.with_values(values)
+
+
+def _is_sought(effect: Effect) -> bool:
+    """Return whether an effect's values are found by search in the data, because a fit cannot move them far."""
+    return bool(effect.event or effect.threshold or effect.cycle(()))
+
+
+def _signed(typical: float, fitted: Parameter) -> float:
+    """Return a typical strength with the sign of the fitted one, within its range."""
+    return float(np.clip(np.copysign(typical, fitted.value), fitted.lower, fitted.upper))
 
 
 def _tried(problem: DiagnosisProblem, trial: Trial, hopeless: float) -> Calibration:
@@ -181,25 +205,9 @@ def _ended(problem: DiagnosisProblem, fit: Calibration, noise: float, to_the_end
 
 
 def _finished(problem: DiagnosisProblem, fit: Calibration) -> Calibration:
-    """Complete a fit, or repeat it from typical values if it stops short; held-out data place an event that it cannot."""
-    # The fit of a set begins at the values of a smaller set. These may lie in another valley: next to a drift that is
-    # missing, a relaxation becomes far slower. The fit then stops in the valley before its minimum.
-    found = _completed(problem, fit)
-    if found.status in (FitStatus.STOPPED, FitStatus.UNSETTLED):
-        again = search(_typical(problem, found.plant), problem.fitted, hopeless=found.rms)
-        if again.status.ok and not again.given_up:
-            found = _better(found, _completed(problem, again))
-    return in_its_gap(found, problem.fitted, problem.everything)
-
-
-def _completed(problem: DiagnosisProblem, fit: Calibration) -> Calibration:
-    return finish(at_its_time(fit, problem.fitted, enough=DECIDING), problem.fitted)
-
-
-def _typical(problem: DiagnosisProblem, fitted: Plant) -> Plant:
-    """Return the nominal plant in the rig variant of a fitted one, with its effects at their typical values."""
-    nominal = problem.nominal.with_rig(fitted.rig)
-    return nominal.with_effects(*(e for e in problem.everywhere if e.name in fitted.effect_names and nominal.lacks(e)))
+    """Complete a fit; held-out data place an event that it cannot."""
+    completed = finish(at_its_time(fit, problem.fitted, enough=DECIDING), problem.fitted)
+    return in_its_gap(completed, problem.fitted, problem.everything)
 
 
 def _better(one: Calibration, other: Calibration) -> Calibration:

@@ -31,6 +31,7 @@ from deatwin.ident.mismatch.likelihood.beforehand import (
     nominal_odds,
     pair_odds,
     strength_deviation,
+    touching,
 )
 from deatwin.ident.mismatch.likelihood.model import Prior
 from deatwin.ident.mismatch.likelihood.scales import evidence
@@ -81,7 +82,7 @@ class Scale:
     def _evidence(self, candidate: Candidate, law: np.ndarray | None = None) -> float:
         """Return the log evidence of a candidate's fit, with columns (n, k) along which its law may err."""
         fit = candidate.calibration
-        columns, prior = self._columns(candidate)
+        columns, prior, factor = self._columns(candidate)
         if law is not None:
             columns = np.column_stack([columns, law])
             prior = Prior(
@@ -91,7 +92,8 @@ class Scale:
         events = sum(name in fit.plant.event_times for name in fit.names)
         # The prior of an event's time is uniform over the recordings; readings are not smooth in it.
         weighed = evidence(self.error.likelihood(fit.residuals, columns), prior)
-        return weighed.log + self.log_prior_of_rig(candidate) - events * float(np.log(np.ptp(self.error.times)))
+        placed = events * float(np.log(np.ptp(self.error.times)))
+        return weighed.log + factor + self.log_prior_of_rig(candidate) - placed
 
     @cached_property
     def error(self) -> OwnErrors:
@@ -100,8 +102,10 @@ class Scale:
         readings = readings_of_fit(parts, self.base.calibration.residuals)
         return own_errors(self.problem.nominal.rig, parts, readings, self.noise, self.problem.expected_error)
 
-    def _columns(self, candidate: Candidate) -> tuple[np.ndarray, Prior]:
-        """Return the columns of parameters and model error, scaled by prior deviations, (n, k), and the fit's prior."""
+    def _columns(self, candidate: Candidate) -> tuple[np.ndarray, Prior, float]:
+        """Return the columns of parameters and model error, scaled by prior deviations, (n, k), the fit's prior, and
+        its log factor.
+        """
         fit, effects = candidate.calibration, {effect.name: effect for effect in self.problem.everywhere}
         moves = Problem(plant=fit.plant, parts=(), names=fit.names).smooth()
         parameters = [fit.plant.parameters[name] for name, smooth in zip(fit.names, moves, strict=True) if smooth]
@@ -114,7 +118,7 @@ class Scale:
         columns = np.column_stack([fit.jacobian[:, moves] * spread, self.error.columns])
         sided = [k for k, one in enumerate(known) if one.one_sided]
         prior = Prior.of((at.size, (at - mean) / spread), (columns.shape[1] - at.size, None), one_sided=sided)
-        return columns, prior
+        return columns, prior, sum(k.log_factor for k in known)
 
     def _law(self, pair: Candidate, alone: Candidate) -> np.ndarray:
         """Return the expected law error of one effect along the response of the second one, (n, k)."""
@@ -173,7 +177,9 @@ class Scale:
             if not fit.plant.lacks(effects[change.effect]) or square <= 0.0:
                 continue
             law = self._missed(alone)[1] / max(_rms(change.readings), FAR)
-            odds = _gain(along, square, change.deviation, change.one_sided) - _gain(along, square, law, False)
+            fitted = along / square if along > 0.0 or not change.one_sided else 0.0
+            deviation, factor = touching(change.deviation, fitted)
+            odds = factor + _gain(along, square, deviation, change.one_sided) - _gain(along, square, law, False)
             found[change.effect] = max(found.get(change.effect, -np.inf), odds + self._pair_odds)
         return found
 

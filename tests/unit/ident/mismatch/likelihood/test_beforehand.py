@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import cauchy, norm
 
 from deatwin.ident.mismatch.likelihood.beforehand import (
     AMPLITUDE,
@@ -15,6 +16,7 @@ from deatwin.ident.mismatch.likelihood.beforehand import (
     coordinate,
     nominal_odds,
     pair_odds,
+    touching,
 )
 from deatwin.plant import Disc, Plant
 from deatwin.plant.effects.catalogue import effect_named
@@ -42,8 +44,22 @@ def test_a_parameter_of_the_plant_is_about_its_nominal_value():
 def test_a_strength_is_about_none_and_of_one_sign_where_its_range_is():
     strength = own(CREEP, CREEP.strength)
     known = before(strength)
-    assert (known.mean, known.deviation) == (0.0, AMPLITUDE * abs(strength.value))
+    assert known.mean == 0.0
+    assert known.deviation == touching(AMPLITUDE * abs(strength.value), strength.value)[0]
     assert known.one_sided == (strength.lower >= 0.0)
+
+
+@pytest.mark.parametrize("value", [0.0, -0.3, 1.0, 40.0])
+def test_a_normal_law_touches_that_of_strengths_from_below(value):
+    """The Cauchy law is scipy's; the scaled normal law meets it, with its slope, at the value."""
+    width, at = 2.0, np.linspace(-100.0, 100.0, 20001)
+    deviation, factor = touching(width, value)
+
+    def gap(x):
+        return cauchy.logpdf(x, scale=width) - factor - norm.logpdf(x, scale=deviation)
+
+    assert gap(value) == pytest.approx(0.0, abs=1e-12)
+    assert (gap(at) > -1e-12).all()
 
 
 def test_a_time_is_known_to_a_factor_of_e():
