@@ -87,9 +87,15 @@ def _named(diagnosis: Diagnosis) -> str:
 def _ambiguous(diagnosis: Diagnosis) -> str:
     guess = ", and ".join(_physics(cause, diagnosis) + _or_nothing(cause, diagnosis) for cause in diagnosis.causes)
     known = [cause.effect for cause in diagnosis.causes]
-    without = [f"the same without {' and '.join(map(_plain, absent))}" for absent in _absent(known, diagnosis.rivals)]
-    others = [_plain(name) + _elsewhere(name, diagnosis) for name in diagnosis.names if name not in known]
-    rivals = "".join(f", or {other}" for other in (*without, *others))
+    without = [f"the same without {_joined(absent)}" for absent in _absent(known, diagnosis.rivals)]
+    beside = _beside(known, diagnosis.rivals)
+    also = [f"the same and also {_joined(more)}" for more in beside]
+    instead = {name for rival in diagnosis.rivals if not set(rival) > set(known) for name in rival}
+    only_beside = {name for more in beside for name in more} - instead
+    others = [
+        _plain(name) + _elsewhere(name, diagnosis) for name in diagnosis.names if name not in {*known, *only_beside}
+    ]
+    rivals = "".join(f", or {other}" for other in (*without, *also, *others))
     which = "the first explanation" if len(known) == 1 else f"the first {COUNTED[len(known)].lower()}"
     return (
         f"Something is missing, and these recordings cannot decide what: {'either' if rivals else 'perhaps'} {guess}{rivals}; "
@@ -115,6 +121,16 @@ def _absent(known: Sequence[str], rivals: Sequence[Sequence[str]]) -> list[tuple
     """Return the sets of causes that alternatives omit without replacement."""
     fewer = [rival for rival in rivals if set(rival) < set(known)]
     return list(dict.fromkeys(tuple(name for name in known if name not in rival) for rival in fewer))
+
+
+def _beside(known: Sequence[str], rivals: Sequence[Sequence[str]]) -> list[tuple[str, ...]]:
+    """Return the sets of causes that alternatives have in addition to all known ones."""
+    more = [rival for rival in rivals if set(rival) > set(known)]
+    return list(dict.fromkeys(tuple(name for name in rival if name not in known) for rival in more))
+
+
+def _joined(names: Sequence[str]) -> str:
+    return " and ".join(map(_plain, names))
 
 
 def _partly(diagnosis: Diagnosis) -> str:

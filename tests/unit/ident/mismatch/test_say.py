@@ -324,6 +324,17 @@ def test_a_rival_that_lacks_two_of_three_effects_is_not_two_that_lack_one(rivals
     assert said in say(replace(made_up(Verdict.AMBIGUOUS, CREEP, JUMP, RC), names=names, rivals=rivals))
 
 
+@pytest.mark.parametrize(
+    ("rivals", "said"),
+    [
+        ((("creep", "delay"),), "), or the same and also delay; with the first explanation"),
+        ((("delay",), ("creep", "delay")), "), or the same and also delay, or delay; with"),
+    ],
+)
+def test_a_rival_with_a_further_effect_is_not_that_effect_alone(rivals, said):
+    assert said in say(replace(made_up(Verdict.AMBIGUOUS, CREEP), names=("creep", "delay"), rivals=rivals))
+
+
 def test_the_sentence_of_one_cause():
     assert DIAGNOSES["named"].sentence == (
         "The film keeps creeping with a time constant of 54.1 s (50.2 to 59.3), which the model lacks; "

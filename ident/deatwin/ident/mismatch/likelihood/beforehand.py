@@ -21,8 +21,8 @@ WRONG = 0.05
 """Probability that a nominal value is simply wrong, so that the parameter may lie anywhere in its range (a contaminated
 prior: Berger and Berliner, Ann. Statist. 14 (1986) 461, doi:10.1214/aos/1176349933)."""
 AMPLITUDE, RATE = 2.0, 1.0
-"""Half width of the prior of an effect's strength, in typical strengths, and prior standard deviation of the logarithm
-of its time constants, a factor of e either way."""
+"""Half widths of the priors of an effect's strength, in typical strengths, and of the logarithm of its time constants:
+with a probability of one half they are within a factor of e."""
 FAST, FAST_TIMES = 0.4, (5.0, 50.0)
 """Rms of the fast part of the model error, as a share of the rig's, and its time constants in samples, since sample
 times are chosen for the motion."""
@@ -139,7 +139,9 @@ def coordinate(parameter: Parameter, nominal: Plant, effects: Mapping[str, Effec
         width, factor = touching(strength_deviation(effect), parameter.value)
         return Coordinate(mean=0.0, deviation=width, one_sided=typical.lower >= 0.0, log_factor=factor)
     if typical.scale is Scale.LOGARITHMIC:
-        return Coordinate(mean=typical.scale.to_coordinate(typical.value), deviation=RATE)
+        mean = typical.scale.to_coordinate(typical.value)
+        width, factor = touching(RATE, typical.scale.to_coordinate(parameter.value) - mean)
+        return Coordinate(mean=mean, deviation=width, log_factor=factor)
     # in the upper half of the range that is reached; otherwise hardly anything would be seen of it
     if own == effect.threshold:
         high = typical.upper if typical.unit == "V" else min(typical.upper, reading)
@@ -149,8 +151,8 @@ def coordinate(parameter: Parameter, nominal: Plant, effects: Mapping[str, Effec
 
 def touching(width: float, value: float) -> tuple[float, float]:
     """Return deviation and log factor of the normal law that touches a Cauchy law of this width at a value."""
-    # Typical strengths on another rig may differ by orders of magnitude, and a normal prior would pull a strength there
-    # by more than the recordings say. A Cauchy law does not (Gelman, Bayesian Anal. 1 (2006) 515,
+    # Strengths and times on another rig may differ by orders of magnitude from typical ones, and a normal prior would
+    # pull them by more than the recordings say. A Cauchy law does not (Gelman, Bayesian Anal. 1 (2006) 515,
     # doi:10.1214/06-BA117A). Its logarithm is convex in the square of the value, so the scaled normal law is nowhere
     # above it, and evidence that is computed with the normal law is a lower bound.
     deviation = float(np.hypot(width, value)) / np.sqrt(2.0)
