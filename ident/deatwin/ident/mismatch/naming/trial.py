@@ -144,12 +144,12 @@ def unbiased_like(problem: DiagnosisProblem, fitted: Plant) -> Plant:
     typical = {effect.name: effect for effect in problem.everywhere}
     begun = with_fitted(nominal, fitted)
     values: dict[str, float] = {}
-    for effect in begun.effects:
+    for effect in fitted.effects:
         if nominal.lacks(effect) and effect.name in typical and not _is_sought(effect):
             values |= {p.name: p.value for p in typical[effect.name].parameters}
             strength = f"{effect.name}.{effect.strength}"
             values[strength] = _signed(values[strength], begun.parameters[strength])
-    return begun.with_values(values)
+    return begun.with_values(values) if values else begun
 
 
 def _is_sought(effect: Effect) -> bool:

@@ -47,7 +47,7 @@ def search_with(*sets) -> SimpleNamespace:
         is_possible=lambda candidate: True,
         known=lambda: known,
         event_leads=lambda *several: [() for _ in several],
-        problem=SimpleNamespace(nominal=PLANT),
+        problem=SimpleNamespace(nominal=PLANT, everywhere=()),
     )
 
 

@@ -8,8 +8,8 @@ from made_fits import made_fit
 
 from deatwin.ident.greybox import Calibration, FitStatus
 from deatwin.ident.mismatch.naming import trial
-from deatwin.ident.mismatch.naming.trial import Trial, _otherwise, _tried, refitted, run_trials
-from deatwin.plant import Creep, CubicStiffness, Diaphragm, Plant
+from deatwin.ident.mismatch.naming.trial import Trial, _otherwise, _tried, refitted, run_trials, unbiased_like
+from deatwin.plant import Creep, CubicStiffness, Diaphragm, PeriodicDisturbance, Plant, SensorJump, catalogue
 from deatwin.plant.effects import Effect
 
 PLANT = Plant(rig=Diaphragm()).with_effects(Creep())
@@ -125,6 +125,27 @@ def test_what_begins_otherwise_is_what_is_new_wherever_its_name_stands():
     both = strengths(plant)  # where both are new, those go that can
     assert [one["cubic_stiffness.stiffness"] for one in both] == [2e7, -2e6, -2e4]
     assert [one["creep.modulus"] for one in both] == pytest.approx([1e5, 1e4, 1e2])
+
+
+def test_a_further_effect_begins_beside_typical_values_except_for_what_is_sought_in_the_data():
+    """A fit without the next effect biases sizes and times; directions, events and periods it can tell."""
+    effects = (
+        Creep(modulus=3e4, time=900.0),
+        CubicStiffness(stiffness=-5e8),
+        PeriodicDisturbance(amplitude=3e-6, frequency=3.3),
+        SensorJump(change=-7e-6, at=12.5),
+    )
+    fitted = Plant(rig=Diaphragm()).with_effects(*effects).with_values({"shear_modulus": 3e4})
+    nominal = Plant(rig=Diaphragm())
+    problem = SimpleNamespace(nominal=nominal, everywhere=catalogue())
+    begun = unbiased_like(problem, fitted)
+    assert begun.effect_names == fitted.effect_names
+    values = {name: parameter.value for name, parameter in begun.parameters.items()}
+    assert values["shear_modulus"] == nominal.parameters["shear_modulus"].value
+    assert (values["creep.modulus"], values["creep.time"]) == (Creep().modulus, Creep().time)
+    assert values["cubic_stiffness.stiffness"] == -abs(CubicStiffness().stiffness)
+    assert (values["periodic_disturbance.amplitude"], values["periodic_disturbance.frequency"]) == (3e-6, 3.3)
+    assert (values["sensor_jump.change"], values["sensor_jump.at"]) == (-7e-6, 12.5)
 
 
 @pytest.mark.parametrize(
