@@ -179,6 +179,7 @@ FILES = {
     "packed.zip": "not a recording",
     "fake.xlsx": "not a recording",
     "nameless.csv": table("time_s,command_V"),
+    "name.csv": table('time_s,command_V,"displacement\n(mm)"'),
     "blank.csv": "",
     "film.csv": HEADER + "".join(f"\n{0.02 * k:.2f},{2000 + k},0.3" for k in range(40)),
     "few.csv": table(samples=8),

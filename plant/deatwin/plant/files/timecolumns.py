@@ -152,12 +152,13 @@ def require_unit(table: Table, column: int, times: Floats) -> None:
     """Refuse times in an unknown unit, or in none if they may be dates of a spreadsheet or of MATLAB: as many days as
     since 1900 or since the year 0, in steps that would be very short as seconds."""
     place = f'{table.path}: the times in the column "{table.shown(column)}"'
-    options = {unit: ReadOptions(time_column=f"{table.unmistakable(column)}={unit}") for unit in ("s", "day")}
+    options = {unit: ReadOptions(time_column=f"{table.unmistakable(column)}={unit}") for unit in TIME_UNITS}
     if said := "" if table.units[column] else table.own_unit(column):
+        like = options.get(said.lower(), NO_OPTIONS)  # only capitals differ; any other unit is the user's to state
         raise DataError(
             f'{place} are said to be in "{clipped(said)}", which is no known unit of time; state one, such as '
-            f"{options['s']} (known are {', '.join(TIME_UNITS)})",
-            options["s"],
+            f"{like or options['s']} (known are {', '.join(TIME_UNITS)})",
+            like,
         )
     steps = np.diff(times)
     if steps.size and 0.0 < np.median(steps) < _SHORT and any(a <= times[0] < b for a, b in _CALENDARS):
