@@ -49,11 +49,23 @@ def time_column(
     found = [column for column in found if _group(table.names[column]) in groups] or found
     if len(found) > 1 and found == timed:  # some of them may be durations
         found = [column for column in found if holds_times(table, column)] or found
-    if len(found) > 1 and needed:
+    if len(found) > 1 and needed and not _equal(table, found):
         listed = " and ".join(f'"{table.shown(column)}"' for column in found[:_LISTED])
         one = ReadOptions(time_column=table.unmistakable(found[0]))
-        raise DataError(f"{table.path}: the columns {listed} may all be the times; name one: {one}", one)
-    return (found[0], table.units[found[0]]) if len(found) == 1 else (None, "")
+        raise DataError(
+            f"{table.path}: the columns {listed} may all be the times, and they differ; name the one of input and output: {one}",
+            one,
+        )
+    return (found[0], table.units[found[0]]) if len(found) == 1 or (found and needed) else (None, "")
+
+
+def _equal(table: Table, columns: list[int]) -> bool:
+    """Return whether columns hold the same times, as in a file with times beside each channel."""
+    try:
+        first, *others = (with_times(table, column, table.units[column]).si([column])[0] for column in columns)
+    except DataError:
+        return False
+    return all(np.array_equal(first, other) for other in others)
 
 
 def _plain(name: str) -> str:

@@ -41,6 +41,13 @@ READ = {
     ),
     "an empty comment above the names": ("\n".join(["#Oscilloscope", "#", HEAD, *ROWS]), "utf-8"),
     "remarks below the names": ("\n".join([HEAD, "clock,amplifier,laser", *ROWS]), "utf-8"),
+    "times beside each channel": (
+        "\n".join(
+            ["time_s,command_V,time_s,displacement_mm"]
+            + [f"{t:.2f},{u:.4f},{t:.2f},{y:.4f}" for t, u, y in zip(T, U, Y, strict=True)]
+        ),
+        "utf-8",
+    ),
     "days": ("\n".join(["time (days)" + HEAD[6:], *with_times([f"{t / 86400:.15f}" for t in T])]), "utf-8"),
     "UTC behind the time": (
         "\n".join(["time" + HEAD[6:], *with_times([f"2024-05-01 12:00:{t:06.3f} UTC" for t in T])]),
