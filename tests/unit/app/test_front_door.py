@@ -139,6 +139,7 @@ FILES = {
     "nan.csv": table(row_8="0.12,nan,0.3"),
     "hole.csv": table(row_8="0.12,,0.3"),
     "text.csv": table(row_8="0.12,off,0.3"),
+    "over.csv": table(row_8="0.12,9.9E+37,0.3"),
     "timeless.csv": table(row_8=",2.0,0.3"),
     "short.csv": table(row_8="0.12"),
     "broken.csv": table(row_41="0.78"),

@@ -72,6 +72,9 @@ REFUSED = {
     "rows that run backwards": (ROWS[::-1], "the rows run backwards: put them in order"),
     "an Excel file of dates": (with_times([f"{45413.5 + t / 86400:.10f}" for t in T]), '"Time=day" or .*"Time=s"'),
     "ticks": (with_times([str(3 * k) for k in range(40)]), 'said to be in "ticks", .* such as .*"Time .ticks.=s"'),
+    "an overflow": ([*ROWS[:9], "0.18,0.1,-9.9E37", *ROWS[10:]], 'row 11, .*_mm": -9.9E37 stands for an overflow'),
+    "an error of Excel": ([*ROWS[:9], "0.18,0.1,#DIV/0!", *ROWS[10:]], "row 11, .*: no value; .* --allow-gaps"),
+    "dashes": ([*ROWS[:9], "0.18,0.1,---", *ROWS[10:]], "row 11, .*: no value; .* --allow-gaps"),
     "a capital unit": (with_times([str(20 * k) for k in range(40)]), 'said to be in "mS", .* such as .*"Time .mS.=ms"'),
 }
 
