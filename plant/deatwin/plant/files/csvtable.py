@@ -36,7 +36,29 @@ DESCRIPTION = f"# {SCHEMA} "  # Start of a line above the header that holds a de
 _GZIP = b"\x1f\x8b"  # First bytes of a gzip file
 EXACT = Context(prec=800)  # Decimal context with enough digits for the exact sum of any two floats
 _FORTRAN = re.compile(r"(\d\.\d*)[dD](?=[+-]\d\d)")  # Exponent of a double-precision number in Fortran
-_NO_VALUE = frozenset({"", "nan", "na", "n/a", "#n/a", "null", "none", "-"})  # Marks of a missing value, in lower case
+_NO_VALUE = frozenset(
+    {
+        "",
+        "nan",
+        "na",
+        "n/a",
+        "n.a.",
+        "null",
+        "none",
+        "-",
+        "--",
+        "---",
+        "-nan",
+        "nan(ind)",
+        "-nan(ind)",
+        "1.#qnan",
+        "-1.#ind",
+    }
+    | {"#n/a", "#div/0!", "#num!", "#value!", "#ref!", "#name?", "#null!"}
+)
+"""Marks of a missing value, in lower case: words and dashes, C's numbers that are none, and errors of Excel."""
+_OVERFLOWS = np.array([9.9e37, 9.91e37])  # Infinity and no number from instruments (SCPI-1999, volume 1, section 7.2.1)
+_LARGE = 1e20  # SI value that an overflow exceeds in any unit
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 
 
@@ -102,7 +124,9 @@ class CsvTable(Table):
             found = np.asarray(scale.seconds(cells) if scale else _si(cells, self.unit(column)), dtype=np.float64)
         except (ValueError, TypeError, ArithmeticError):  # ArithmeticError: outside the range of Decimal
             return None
-        return found if np.isfinite(found).all() else None
+        large = np.abs(found[np.abs(found) > _LARGE])
+        overflows = scale is None and np.isclose(large[:, np.newaxis], self.unit(column).to_si(_OVERFLOWS)).any()
+        return found if np.isfinite(found).all() and not overflows else None
 
     def _dated(self, column: int) -> bool:
         """Return whether a column holds dates or times of day."""
@@ -196,6 +220,8 @@ class CsvTable(Table):
                     return DataError(f'{place}: "{clipped(cell)}" is not a number')
                 if not np.isfinite(float(cell.replace(",", "."))):
                     return DataError(f"{place}: {clipped(cell)} is not a finite number")
+                if np.isclose(abs(float(cell.replace(",", "."))), _OVERFLOWS).any():
+                    return DataError(f"{place}: {clipped(cell)} stands for an overflow or no value; empty the cell")
         return DataError(f"{self.path}: the samples cannot be read as numbers")
 
 

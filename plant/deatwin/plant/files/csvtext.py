@@ -6,6 +6,7 @@ Nothing is guessed: only one delimiter may give the header as many cells as the 
 import csv
 import re
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from deatwin.plant.errors import DataError
@@ -152,11 +153,12 @@ def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[s
 
 
 def _header(head: list[list[str]]) -> list[str]:
-    """Return the last header line, or the one above if that names all columns and the last only some."""
+    """Return the last header line, or the one above if only that names all columns, or only that gives units."""
     last, above = head[-1], head[-2] if len(head) > 1 else []
     named = len(above) == len(last) == len(set(above)) and all(above) and not any(map(_is_value, above))
     known = any(split_unit(cell)[1] or cell in COLUMNS for cell in last)  # if so, the line above is a title
-    return above if named and not all(last) and not known else last
+    better = not all(last) or all(split_unit(cell)[1] for cell in above)
+    return above if named and better and not known else last
 
 
 def _are_units(cells: list[str]) -> bool:
@@ -186,8 +188,18 @@ def _width(lines: list[str], delimiter: str) -> int:
 
 
 def _first_sample(lines: list[str], delimiter: str, width: int) -> int | None:
-    """Return the index of the first line of samples: numbers below a non-numeric line with at least as many cells."""
+    """Return the index of the first line of samples: numbers below a non-numeric line with at least as many cells.
+
+    Settings with a number for each channel, as oscilloscopes write them above the names, are no samples.
+    """
     cells = [split_cells(line, delimiter) for line in lines[:_HEAD]]
+    starts = list(_starts(lines, cells, delimiter, width))
+    unlabelled = (k for k in starts if not all(map(_is_labelled, cells[k : k + _LIKE_SAMPLES])))
+    return next(unlabelled, starts[0]) if starts else None
+
+
+def _starts(lines: list[str], cells: list[list[str]], delimiter: str, width: int) -> Iterator[int]:
+    """Yield the index of each line that may be the first one of samples, from the cells of the first lines."""
     numeric = [_is_sample(line, row) for line, row in zip(lines, cells, strict=False)]
     for k in range(1, len(cells)):
         follow = cells[k : k + _LIKE_SAMPLES]
@@ -197,8 +209,12 @@ def _first_sample(lines: list[str], delimiter: str, width: int) -> int | None:
         # No cell can be empty if blanks delimit, so all lines have as many.
         even = delimiter != BLANKS or ({len(row) for row in follow} == {len(header)} and len(header) > 1)
         if even and width <= len(header) >= len(cells[k]):
-            return k
-    return None
+            yield k
+
+
+def _is_labelled(cells: list[str]) -> bool:
+    """Return whether a line begins with a word, as settings and statistics do."""
+    return cells[0][:1].isalpha() and _kind(cells[0]) in ("text", "mixture")
 
 
 def _named(lines: list[str], delimiter: str, first: int) -> Layout:
@@ -214,7 +230,7 @@ def _header_cells(line: str, delimiter: str, width: int) -> list[str]:
     """Return the cells of a line that may be a header, if possible as many as in the samples."""
     bare = _COMMENT.sub("", line, count=1)
     ways = [split_cells(bare, delimiter)] if is_comment(line) else []
-    ways = [cells for cells in ways if cells[0]]  # otherwise the mark is a name, such as # for the number
+    ways = [cells for cells in ways if any(cells[:1])]  # otherwise the mark is a name, such as # for the number
     ways.append(split_cells(line, delimiter))
     if delimiter == BLANKS:
         ways += [apart.split(bare.strip()) for apart in (_BEFORE_UNIT, _FAR_APART)]
@@ -307,9 +323,12 @@ def _no_layout(lines: list[str], rows: list[int], delimiter: str, path: str) -> 
     before = [k for k in range(1, len(cells)) if numeric[k] and not numeric[k - 1]]
     k = next((k for k in before if len(cells[k]) >= width), before[-1])
     header = _header_cells(lines[k - 1], delimiter, len(cells[k]))
+    commas = delimiter == "," and len(cells[k]) > len(header) and "." not in lines[k]
     advice = grouped(lines[k], delimiter) or (
         "; a comma is not delimiter and decimal sign at once: delimit by semicolon or tab"
-        if delimiter == "," and len(cells[k]) > len(header)
+        if commas
+        else "; a quoted name has a line break in it: write the names on one line"
+        if '"' in lines[k - 1] and lines[k - 1].count('"') % 2
         else "; each column needs a name of one word"
         if delimiter == BLANKS
         else "; each column needs a name"

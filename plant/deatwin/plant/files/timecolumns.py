@@ -49,11 +49,23 @@ def time_column(
     found = [column for column in found if _group(table.names[column]) in groups] or found
     if len(found) > 1 and found == timed:  # some of them may be durations
         found = [column for column in found if holds_times(table, column)] or found
-    if len(found) > 1 and needed:
+    if len(found) > 1 and needed and not _equal(table, found):
         listed = " and ".join(f'"{table.shown(column)}"' for column in found[:_LISTED])
         one = ReadOptions(time_column=table.unmistakable(found[0]))
-        raise DataError(f"{table.path}: the columns {listed} may all be the times; name one: {one}", one)
-    return (found[0], table.units[found[0]]) if len(found) == 1 else (None, "")
+        raise DataError(
+            f"{table.path}: the columns {listed} may all be the times, and they differ; name the one of input and output: {one}",
+            one,
+        )
+    return (found[0], table.units[found[0]]) if len(found) == 1 or (found and needed) else (None, "")
+
+
+def _equal(table: Table, columns: list[int]) -> bool:
+    """Return whether columns hold the same times, as in a file with times beside each channel."""
+    try:
+        first, *others = (with_times(table, column, table.units[column]).si([column])[0] for column in columns)
+    except DataError:
+        return False
+    return all(np.array_equal(first, other) for other in others)
 
 
 def _plain(name: str) -> str:
@@ -152,12 +164,13 @@ def require_unit(table: Table, column: int, times: Floats) -> None:
     """Refuse times in an unknown unit, or in none if they may be dates of a spreadsheet or of MATLAB: as many days as
     since 1900 or since the year 0, in steps that would be very short as seconds."""
     place = f'{table.path}: the times in the column "{table.shown(column)}"'
-    options = {unit: ReadOptions(time_column=f"{table.unmistakable(column)}={unit}") for unit in ("s", "day")}
+    options = {unit: ReadOptions(time_column=f"{table.unmistakable(column)}={unit}") for unit in TIME_UNITS}
     if said := "" if table.units[column] else table.own_unit(column):
+        like = options.get(said.lower(), NO_OPTIONS)  # only capitals differ; any other unit is the user's to state
         raise DataError(
             f'{place} are said to be in "{clipped(said)}", which is no known unit of time; state one, such as '
-            f"{options['s']} (known are {', '.join(TIME_UNITS)})",
-            options["s"],
+            f"{like or options['s']} (known are {', '.join(TIME_UNITS)})",
+            like,
         )
     steps = np.diff(times)
     if steps.size and 0.0 < np.median(steps) < _SHORT and any(a <= times[0] < b for a, b in _CALENDARS):

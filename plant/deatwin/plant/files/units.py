@@ -230,6 +230,11 @@ _SPELLED_OUT = {
     "micron": "um",
     "minute": "min",
     "hour": "h",
+    "hr": "h",
+    "sek": "s",
+    "sekunden": "s",
+    "minuten": "min",
+    "stunden": "h",
     "day": "day",
     "celsius": "°C",
     "fahrenheit": "°F",
@@ -339,7 +344,9 @@ def find_unit(text: str) -> str:
     if bare == "L":
         return ""  # L means left more often than litres
     plain = re.sub(r"(?<=[A-Za-z])[.-](?=[A-Za-z])", " ", bare.replace("**", "").translate(_SIGNS))
-    above, *below = re.split(r"\s*/\s*|\s+per\s+", plain.strip())
+    above, *below = re.split(r"\s*/\s*|\s+per\s+", plain.strip().rstrip("."))
+    if re.match(r"1\s", above):
+        return ""  # a scale, such as 1 V/mm, by which the readings must be multiplied
     symbols: Counter[str] = Counter()
     for sign, factors in ((1, above.split()), *((-1, part.split()) for part in below)):
         for factor in factors:

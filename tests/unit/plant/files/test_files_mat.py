@@ -26,6 +26,11 @@ def hdf5_mat(path: Path, variables: dict) -> Path:
         for name, value in values.items():
             if isinstance(value, dict):
                 put(group.create_group(name), value)
+            elif isinstance(value, list):  # an array of structs: for each field, references to its values
+                for field in value[0]:
+                    put(file, {f"#refs#/{name}{k}{field}": struct[field] for k, struct in enumerate(value)})
+                    nodes = [[file[f"#refs#/{name}{k}{field}"].ref] for k in range(len(value))]
+                    group.create_dataset(f"{name}/{field}", data=np.array(nodes, dtype=h5py.ref_dtype))
             elif isinstance(value, str):
                 units = np.frombuffer(value.encode("utf-16-le"), dtype="<u2").reshape(-1, 1)
                 group.create_dataset(name, data=units).attrs["MATLAB_class"] = np.bytes_("char")
@@ -43,7 +48,14 @@ def hdf5_mat(path: Path, variables: dict) -> Path:
 
 
 def level_5(path: Path, variables: dict) -> Path:
-    savemat(path, variables, oned_as="row")
+    def put(value):  # SciPy saves a list as a cell
+        if isinstance(value, dict):
+            return {name: put(field) for name, field in value.items()}
+        if isinstance(value, list):
+            return np.array([tuple(struct.values()) for struct in value], dtype=[(name, object) for name in value[0]])
+        return value
+
+    savemat(path, put(variables), oned_as="row")
     return path
 
 
@@ -82,6 +94,12 @@ class TestBoth:
         recording = read_recording(path, input_column="two.command_V", output_column="two.displacement_mm")
         np.testing.assert_array_equal(recording.inputs[0], COMMAND)
 
+    def test_array_of_structs(self, save) -> None:
+        signals = [{"values": SIGNALS["command_V"], "label": "U"}, {"values": SIGNALS["displacement_mm"], "label": "x"}]
+        path = save({"scope": {"time": TIME, "signals": signals}})
+        named = {"input_column": "scope.signals(1).values=V", "output_column": "scope.signals(2).values=mm"}
+        check(read_recording(path, **named))
+
     def test_units_by_a_struct(self, save) -> None:
         bare = {name.rpartition("_")[0]: values for name, values in SIGNALS.items()}
         check(read_recording(save({**bare, "units": {"time": "s", "command": "V", "displacement": "mm"}})))
@@ -105,6 +123,15 @@ def test_integers(tmp_path: Path) -> None:
     counts = np.arange(N, dtype=np.int16)
     path = level_5(tmp_path / "rec.mat", {**SIGNALS, "command_V": counts})
     np.testing.assert_array_equal(read_recording(path).inputs[0], counts)
+
+
+def test_objects_are_no_vectors(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    path = hdf5_mat(tmp_path / "rec.mat", {"TT": np.array([[3707764736, 2, 1, 1, 1, 1]])})
+    with h5py.File(path, "r+") as file:  # as MATLAB marks a timetable
+        file["TT"].attrs["MATLAB_object_decode"] = np.int32(3)
+    with pytest.raises(DataError, match=r"no vectors of numbers .* writetimetable"):
+        read_recording(path)
 
 
 @pytest.mark.parametrize("content", [b"", b"no matlab", b"MATLAB 5.0 MAT-file" + bytes(300)])

@@ -33,6 +33,21 @@ READ = {
         ),
         "utf-8",
     ),
+    "settings above the names": (
+        "\n".join(
+            ["Units,V,mm", *(f"Vertical {name},1,1" for name in ("offset", "scale", "position")), ",,", HEAD, *ROWS]
+        ),
+        "utf-8",
+    ),
+    "an empty comment above the names": ("\n".join(["#Oscilloscope", "#", HEAD, *ROWS]), "utf-8"),
+    "remarks below the names": ("\n".join([HEAD, "clock,amplifier,laser", *ROWS]), "utf-8"),
+    "times beside each channel": (
+        "\n".join(
+            ["time_s,command_V,time_s,displacement_mm"]
+            + [f"{t:.2f},{u:.4f},{t:.2f},{y:.4f}" for t, u, y in zip(T, U, Y, strict=True)]
+        ),
+        "utf-8",
+    ),
     "days": ("\n".join(["time (days)" + HEAD[6:], *with_times([f"{t / 86400:.15f}" for t in T])]), "utf-8"),
     "UTC behind the time": (
         "\n".join(["time" + HEAD[6:], *with_times([f"2024-05-01 12:00:{t:06.3f} UTC" for t in T])]),
@@ -57,13 +72,18 @@ REFUSED = {
     "rows that run backwards": (ROWS[::-1], "the rows run backwards: put them in order"),
     "an Excel file of dates": (with_times([f"{45413.5 + t / 86400:.10f}" for t in T]), '"Time=day" or .*"Time=s"'),
     "ticks": (with_times([str(3 * k) for k in range(40)]), 'said to be in "ticks", .* such as .*"Time .ticks.=s"'),
+    "an overflow": ([*ROWS[:9], "0.18,0.1,-9.9E37", *ROWS[10:]], 'row 11, .*_mm": -9.9E37 stands for an overflow'),
+    "an error of Excel": ([*ROWS[:9], "0.18,0.1,#DIV/0!", *ROWS[10:]], "row 11, .*: no value; .* --allow-gaps"),
+    "dashes": ([*ROWS[:9], "0.18,0.1,---", *ROWS[10:]], "row 11, .*: no value; .* --allow-gaps"),
+    "a capital unit": (with_times([str(20 * k) for k in range(40)]), 'said to be in "mS", .* such as .*"Time .mS.=ms"'),
 }
 
 
 @pytest.mark.parametrize("kind", REFUSED)
 def test_it_is_refused_with_a_line_to_follow(tmp_path: Path, kind: str) -> None:
     rows, said = REFUSED[kind]
-    time = {"an Excel file of dates": "Time", "ticks": "Time (ticks)"}.get(kind, "time_s")
+    times = {"an Excel file of dates": "Time", "ticks": "Time (ticks)", "a capital unit": "Time (mS)"}
+    time = times.get(kind, "time_s")
     (tmp_path / "r.csv").write_text("\n".join([HEAD.replace("time_s", time), *rows]), encoding="utf-8")
     with pytest.raises(DataError, match=said):
         read_recording(tmp_path / "r.csv")
@@ -80,3 +100,17 @@ def test_times_too_coarse_to_tell_the_sample_time_are_read_with_it(tmp_path: Pat
     with pytest.raises(DataError, match=r"stored too coarsely .* --dt SECONDS"):
         read_recording(tmp_path / "r.csv")
     assert read_recording(tmp_path / "r.csv", dt=0.02).sample_time == 0.02
+
+
+def test_a_unit_of_time_is_offered_only_where_no_more_than_capitals_differ(tmp_path: Path) -> None:
+    for unit, offered in (("ticks", None), ("mS", "Time (mS)=ms")):
+        (tmp_path / "r.csv").write_text("\n".join([f"Time ({unit})" + HEAD[6:], *ROWS]), encoding="utf-8")
+        with pytest.raises(DataError) as error:
+            read_recording(tmp_path / "r.csv")
+        assert error.value.offers.time_column == offered
+
+
+def test_names_on_two_lines_are_named_as_the_fault(tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text("\n".join(['time_s,"command', '(V)","x', '(mm)"', *ROWS]), encoding="utf-8")
+    with pytest.raises(DataError, match=r"row 4: .* a quoted name has a line break in it: write the names on one line"):
+        read_recording(tmp_path / "r.csv")

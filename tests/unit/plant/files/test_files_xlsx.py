@@ -60,6 +60,16 @@ def test_several_sheets(tmp_path: Path) -> None:
         read_recording(tmp_path / "other.xlsx#Sheet", **ASKED)
 
 
+def test_times_of_day_go_on_past_midnight(tmp_path: Path) -> None:
+    made = openpyxl.Workbook()
+    made.active.append(["Time", "U (V)", "remark", "x (mm)"])
+    for k in range(4):
+        made.active.append([(datetime(2024, 5, 1, 23, 59, 59) + timedelta(seconds=0.5 * k)).time(), k, None, k])
+    made.save(tmp_path / "rec.xlsx")
+    recording = read_recording(tmp_path / "rec.xlsx", **ASKED)
+    assert (recording.sample_time, recording.n_samples) == (0.5, 4)
+
+
 def test_what_unpacks_to_too_much(tmp_path: Path, monkeypatch) -> None:
     path = book(tmp_path / "rec.xlsx", dates=False)
     monkeypatch.setattr(xlsx, "TEXT_BYTES", 1000)

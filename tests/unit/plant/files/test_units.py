@@ -191,6 +191,8 @@ def test_a_temperature_whose_name_is_like_that_of_a_difference_is_shifted(name: 
             "V/um": "V/µm volt/micron V·µm⁻¹",
             "N/mm2": "N/mm² N·mm^-2",
             "V": "VDC Volts",
+            "h": "hrs Hours Stunden",
+            "s": "sec. Sek. Sekunden",
             "": "L V/A x/y counts l/l/V sqm",
         }.items()
         for spelt in spellings.split()
@@ -198,3 +200,8 @@ def test_a_temperature_whose_name_is_like_that_of_a_difference_is_shifted(name: 
 )
 def test_spellings(spelt: str, unit: str) -> None:
     assert find_unit(spelt) == find_unit(f"({spelt})") == unit
+
+
+def test_a_scale_is_no_unit() -> None:
+    assert find_unit("1 V/mm") == find_unit("(1 N)") == ""
+    assert find_unit("1/mm") == "1/mm"

@@ -1,7 +1,7 @@
 """MATLAB files: version 5 (and 4, 6, 7) by SciPy, 7.3 (HDF5 behind a user block of 512 bytes) by h5py.
 
-Signals are numeric vectors named as CSV columns are, alone or as fields of structs, or columns of a matrix,
-``data(:,2)``. A struct ``units`` may name units: ``units.command = 'V'``. A scalar ``Ts``, ``dt`` or ``sample_time``
+Signals are numeric vectors named as CSV columns are, alone or as fields of structs, ``signals(2).values`` in an array of
+structs, or columns of a matrix, ``data(:,2)``. A struct ``units`` may name units: ``units.command = 'V'``. A scalar ``Ts``, ``dt`` or ``sample_time``
 (s), ``fs`` or ``sample_rate`` (Hz) states the clock of a file without times. Texts go into the provenance.
 """
 
@@ -38,7 +38,10 @@ _USER_BLOCK = 512  # Number of bytes before the HDF5 signature in a file of vers
 _SAMPLE_TIMES = ("ts", "dt", "sample_time", "ts_s", "dt_s", "sample_time_s")
 _SAMPLE_RATES = ("fs", "sample_rate", "fs_hz", "sample_rate_hz")
 _TIME = "time_s"
-_WIDEST = 64  # Largest number of signals in a matrix; wider matrices are images and maps
+_WIDEST = 64  # Largest number of signals in a matrix or an array of structs; wider matrices are images and maps
+_UNREAD = frozenset(
+    {"MATLAB_empty", "MATLAB_object_decode"}
+)  # Marks of empty arrays, and of objects such as timetables
 _UNUSED = ("cell", "object", "function", "opaque", "sparse", "unknown")  # Classes of variables that are ignored
 
 
@@ -82,6 +85,11 @@ def _table(path: str, sha256: str, found: Mapping[str, Any]) -> ArrayTable:
         single = {signal.header for signal in declared.signals} | {_TIME}  # a recording may have one sample
         columns |= {name: arrays[name].ravel() for name in single & set(arrays)}
     else:
+        if not columns:
+            raise DataError(
+                f"{path}: no vectors of numbers in it; a recording needs its signals as vectors (tables, timetables and "
+                "other objects of MATLAB cannot be read; writetable and writetimetable write them as CSV)"
+            )
         units = {name.removeprefix("units."): text for name, text in found.items() if name.startswith("units.")}
         notes = {name: text for name, text in texts.items() if name not in units and text}
         return array_table(
@@ -137,19 +145,21 @@ def of_level_5(content: bytes, path: str) -> dict[str, Any]:
     require_sound_level_5(content, path)
     listed = whosmat(io.BytesIO(content))
     # Unused variables such as cells are not loaded, so that no memory is allocated for what they declare.
-    left = {name for name, shape, kind in listed if kind in _UNUSED or (kind == "struct" and math.prod(shape) != 1)}
+    left = {n for n, shape, kind in listed if kind in _UNUSED or (kind == "struct" and math.prod(shape) > _WIDEST)}
     used = [name for name, _, _ in listed if name not in left]
     held = loadmat(io.BytesIO(content), variable_names=used)
     return dict(pair for name, value in held.items() if not name.startswith("__") for pair in _values(name, value))
 
 
 def _values(name: str, value: Any) -> Iterator[tuple[str, Any]]:
-    """Yield a variable, or the fields of a struct; character arrays become texts."""
+    """Yield a variable, or the fields of the structs in an array; character arrays become texts."""
     if not isinstance(value, np.ndarray):
         return
-    if value.dtype.names and value.size == 1:
-        for field in value.dtype.names:
-            yield from _values(f"{name}.{field}", value.ravel()[0][field])
+    if value.dtype.names:
+        for k, struct in enumerate(value.ravel(order="F") if value.size <= _WIDEST else (), start=1):
+            place = f"{name}({k})" if value.size > 1 else name
+            for field in value.dtype.names:
+                yield from _values(f"{place}.{field}", struct[field])
     elif value.dtype.kind == "U":
         yield name, "\n".join(value.ravel().tolist())
     elif value.dtype.kind in "fiubc":
@@ -164,8 +174,9 @@ def of_hdf5(content: bytes, path: str) -> dict[str, Any]:
         require_plain_hdf5(file, path)
         found: list[tuple[str, Any]] = []
         file.visititems(lambda name, node: found.append((name, node)))
+        found = [pair for name, node in found if not name.startswith("#") for pair in _structs(name, node, file)]
         for name, node in found:
-            if name.startswith("#") or not isinstance(node, h5py.Dataset) or "MATLAB_empty" in node.attrs:
+            if not isinstance(node, h5py.Dataset) or not _UNREAD.isdisjoint(node.attrs):
                 continue
             kind = np.bytes_(node.attrs.get("MATLAB_class", b"")).decode()
             if kind == "char":  # UTF-16 code units, stored by columns
@@ -173,6 +184,19 @@ def of_hdf5(content: bytes, path: str) -> dict[str, Any]:
             elif node.dtype.kind in "fiub" and kind not in ("cell", "function_handle"):
                 values[name.replace("/", ".")] = node[()].T  # MATLAB stores arrays by columns
     return values
+
+
+def _structs(name: str, node: Any, file: Any) -> Iterator[tuple[str, Any]]:
+    """Yield a node of a file of version 7.3; for a field of an array of structs, which refers to them, its nodes."""
+    h5py = require("h5py", name)
+    referring = isinstance(node, h5py.Dataset) and node.dtype == h5py.ref_dtype and "MATLAB_class" not in node.attrs
+    if not referring or node.size > _WIDEST:
+        yield name, node
+        return
+    struct, _, field = name.rpartition("/")
+    for k, reference in enumerate(node[()].ravel(), start=1):  # by columns, as MATLAB counts
+        if reference:
+            yield f"{struct}({k})/{field}", file[reference]
 
 
 def _identifier(name: str, unit: str) -> str:

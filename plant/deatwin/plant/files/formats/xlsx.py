@@ -83,10 +83,6 @@ def _text(cell: object) -> str:
         case timedelta():
             return repr(cell.total_seconds())
         case time():
-            return repr(
-                timedelta(
-                    hours=cell.hour, minutes=cell.minute, seconds=cell.second, microseconds=cell.microsecond
-                ).total_seconds()
-            )
+            return cell.isoformat(timespec="microseconds")
     # A double quote would begin a quoted cell, which may contain tabs.
     return " ".join(str(cell).replace('"', "'").split())
