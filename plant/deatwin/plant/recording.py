@@ -94,9 +94,9 @@ class Recording:
                 raise DataError(f'extra channel "{name}" has the shape {values.shape}: it must be ({n},)')
             if np.isinf(values).any():
                 raise DataError(f'extra channel "{name}" is infinite at sample {int(np.argmax(np.isinf(values)))}')
-        units = {name: self.extra_units.get(name, usual_unit(name)) for name in extras}
+        extra_units = {name: self.extra_units.get(name, usual_unit(name)) for name in extras}
         object.__setattr__(self, "extras", extras)
-        object.__setattr__(self, "extra_units", units)
+        object.__setattr__(self, "extra_units", extra_units)
         object.__setattr__(self, "provenance", dict(self.provenance))
 
     @classmethod
