@@ -12,6 +12,7 @@ import numpy as np
 
 from deatwin.control.errors import ControlError
 from deatwin.ident.frequency.checks import real_numbers
+from deatwin.ident.narx.identifier import Identifier
 from deatwin.plant.errors import ModelError
 
 P = ParamSpec("P")
@@ -28,7 +29,11 @@ def taking(**checks: Check) -> Callable[[Callable[P, R]], Callable[P, R]]:
 
         @wraps(taker)
         def checked(*args: P.args, **kwargs: P.kwargs) -> R:
-            for name, value in parameters.bind(*args, **kwargs).arguments.items():
+            try:
+                given = parameters.bind(*args, **kwargs).arguments
+            except TypeError:
+                return taker(*args, **kwargs)  # Python's own error names the function, too
+            for name, value in given.items():
                 if name in checks and value is not parameters.parameters[name].default:
                     checks[name](value, name)
             return taker(*args, **kwargs)
@@ -170,6 +175,8 @@ def _kind(value: Any) -> str:
         return f"an array of shape {value.shape}"
     if isinstance(value, list | tuple):
         return f"a {type(value).__name__} of {len(value)}"
+    if isinstance(value, Identifier):
+        return f"{_with_article(type(value).__name__)}, whose model_ is the fitted model"
     return _with_article(type(value).__name__)
 
 

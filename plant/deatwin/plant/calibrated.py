@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from deatwin.plant.checks import experiment_for
 from deatwin.plant.datasets import (
     Described,
     Metadata,
@@ -23,7 +24,7 @@ from deatwin.plant.datasets import (
 from deatwin.plant.documents import Saved
 from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant
-from deatwin.plant.recording import Experiment
+from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.rigs.stated import LARGEST
 from deatwin.plant.safe_read import clipped
 from deatwin.plant.simulate import RunStatus
@@ -144,20 +145,25 @@ class CalibratedPlant(
         """
         return cls(plant=plant, noise=plant.rig.noise, model_error=plant.rig.model_error)
 
-    def predict(self, experiment: Experiment) -> Prediction:
+    def predict(self, experiment: Experiment | Recording) -> Prediction:
         """Simulate an experiment from rest and predict the standard deviation of each reading.
 
         Parameters
         ----------
-        experiment : Experiment
-            Experiment to simulate; only its commands are used.
+        experiment : Experiment or Recording
+            Experiment to simulate; only its commands are used. A single recording starts from rest.
 
         Returns
         -------
         Prediction
+
+        Raises
+        ------
+        DataError
+            Same as for `Plant.simulate`.
         """
         plant = self.plant
-        timeline = plant.timeline(experiment)
+        timeline = plant.timeline(experiment_for(plant.rig, experiment))
         run = plant.runner.run_with_sensitivities(**plant.given(timeline))
         rows = [r + 1 for r in timeline.readings]
 

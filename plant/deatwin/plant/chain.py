@@ -16,6 +16,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.plant.arrays import require_generator
 from deatwin.plant.datasheets import (
     ANALOGUE_INPUT,
     HV_AMPLIFIER,
@@ -158,6 +159,7 @@ class MeasuringChain:
         The lag interpolates linearly between samples, and holds the first reading before the first sample. For a sine
         of 1 Hz, at 50 Hz and 1.6 ms, the error is at most 0.06 % of the amplitude.
         """
+        require_generator(rng)
         given = np.asarray(readings, dtype=np.float64)
         if given.ndim == 0 or given.size == 0 or not 0.0 < sample_time < math.inf:
             raise DataError(

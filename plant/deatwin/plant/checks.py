@@ -7,7 +7,7 @@ import numpy as np
 from deatwin.plant.amplitudes import amount
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.files.units import UNITS, find_unit
-from deatwin.plant.recording import UNSTATED, Recording, label
+from deatwin.plant.recording import UNSTATED, Experiment, Recording, label
 from deatwin.plant.rigs.base import Rig
 from deatwin.plant.rigs.rigfile import DriveSpec
 
@@ -37,16 +37,39 @@ def require_samples(recordings: Sequence[Recording], needed: int, what: str) -> 
         raise ModelError(f"{names}: {found} samples, but {what} needs at least {needed}")
 
 
+def experiment_for(rig: Rig, given: Experiment | Recording) -> Experiment:
+    """Return an experiment, after a check that a rig can take its commands; a single recording starts from rest."""
+    experiment = given if isinstance(given, Experiment) else Experiment(recordings=(given,))
+    for recording in experiment.recordings:
+        check_command(recording, rig)
+    return experiment
+
+
+def check_command(recording: Recording, rig: Rig) -> None:
+    """Raise an error unless a recording has one input, in the unit in which the rig takes its command."""
+    if (count := len(recording.inputs)) != 1:
+        raise DataError(
+            f"{label(recording)}: it has {count} inputs, but the plant takes one, {rig.input_name}; give other measured "
+            "signals as extras of the recording"
+        )
+    _check_units(recording, [("input", recording.input_names, recording.input_units, rig.input_unit)])
+
+
 def check_units(recording: Recording, rig: Rig) -> None:
-    """Raise an error if an input, output or further reading has another unit than in the rig."""
-    rows = [("input", recording.input_names, recording.input_units, rig.input_unit)]
-    rows += [("output", recording.output_names, recording.output_units, rig.output_unit)]
+    """Raise an error if the command, the output or a further reading has another unit than in the rig."""
+    check_command(recording, rig)
+    rows = [("output", recording.output_names, recording.output_units, rig.output_unit)]
     further = {reading.name: reading.unit for reading in rig.further}
     for name, unit in {
         **dict(zip(recording.output_names[1:], recording.output_units[1:], strict=True)),
         **recording.extra_units,
     }.items():
         rows += [("reading", (name,), (unit,), further[name])] if name in further else []
+    _check_units(recording, rows)
+
+
+def _check_units(recording: Recording, rows: list[tuple[str, tuple[str, ...], tuple[str, ...], str]]) -> None:
+    """Raise an error if the first signal of a row (kind, names, units, unit wanted) is in another unit."""
     for kind, names, units, wanted in rows:
         for name, unit in list(zip(names, units, strict=True))[:1]:
             stated = unit and wanted and (name, unit) != UNSTATED.get(kind)

@@ -172,7 +172,8 @@ class Actuator:
         SimulationError
             If the film pulls in.
         """
-        return self.plant.record(experiment or self.excitation(), rng or np.random.default_rng((*self.seed, 2)))
+        own = np.random.default_rng((*self.seed, 2)) if rng is None else rng
+        return self.plant.record(self.excitation() if experiment is None else experiment, own)
 
 
 def specification() -> Plant:

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from deatwin.plant.arrays import require_generator
+from deatwin.plant.checks import experiment_for
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.catalogue import effect_from
 from deatwin.plant.effects.places import everywhere
@@ -44,7 +46,7 @@ class Plant:
     Raises
     ------
     RigError
-        If an effect occurs twice, or a value has an unknown name or is out of range.
+        If an effect is no `Effect` or occurs twice, or a value has an unknown name or is out of range.
 
     Examples
     --------
@@ -58,6 +60,10 @@ class Plant:
     values: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        for effect in self.effects:
+            if not isinstance(effect, Effect):
+                given = effect.__name__ if isinstance(effect, type) else repr(effect)
+                raise RigError(f"{given} is no effect: give effects one by one, each as an object such as Creep()")
         # Sorted, so that effects given in any order make the same plant.
         object.__setattr__(self, "effects", tuple(sorted(self.effects, key=lambda e: e.name)))
         object.__setattr__(self, "values", MappingProxyType(dict(self.values)))
@@ -111,6 +117,11 @@ class Plant:
         Returns
         -------
         Plant
+
+        Raises
+        ------
+        RigError
+            If something is no effect, or an effect is in the plant already.
         """
         return replace(self, effects=(*self.effects, *effects))
 
@@ -266,21 +277,27 @@ class Plant:
             "channels": timeline.channels,
         }
 
-    def simulate(self, experiment: Experiment, *, progress: Progress | None = None) -> Simulation:
+    def simulate(self, experiment: Experiment | Recording, *, progress: Progress | None = None) -> Simulation:
         """Simulate in free run from rest through the start procedure and all recordings.
 
         Parameters
         ----------
-        experiment : Experiment
-            Experiment to simulate; only its commands are used.
+        experiment : Experiment or Recording
+            Experiment to simulate; only its commands are used. A single recording starts from rest.
         progress : callable, optional
             Function called with the completed share, 0 to 1.
 
         Returns
         -------
         Simulation
+
+        Raises
+        ------
+        DataError
+            If something is no recording, has another sample time than the plant, several inputs, or its command in
+            another unit.
         """
-        timeline = self.timeline(experiment)
+        timeline = self.timeline(experiment_for(self.rig, experiment))
         run = self.runner.run(**self.given(timeline), progress=progress)
         return Simulation.of(run, timeline, self.signals, self.rig.input_unit)
 
@@ -307,16 +324,15 @@ class Plant:
         """
         from deatwin.plant.model_error import discrepancy  # loaded only when needed
 
-        whole = Experiment(recordings=(recording,)) if isinstance(recording, Recording) else recording
-        return discrepancy(self.with_rig(replace(self.rig, further=())), whole)
+        return discrepancy(self.with_rig(replace(self.rig, further=())), experiment_for(self.rig, recording))
 
-    def record(self, experiment: Experiment, rng: np.random.Generator) -> Experiment:
+    def record(self, experiment: Experiment | Recording, rng: np.random.Generator) -> Experiment:
         """Simulate recordings with the rig's measuring chain, or with its sensor noise if it has no chain.
 
         Parameters
         ----------
-        experiment : Experiment
-            Experiment of which only commands and clock are used.
+        experiment : Experiment or Recording
+            Experiment of which only commands and clock are used. A single recording starts from rest.
         rng : numpy.random.Generator
             Random generator for the noise.
 
@@ -327,10 +343,13 @@ class Plant:
 
         Raises
         ------
+        DataError
+            Same as for `simulate`.
         SimulationError
             If the plant pulls in.
         """
-        rig, given = self.rig, experiment
+        require_generator(rng)
+        rig, given = self.rig, (experiment := experiment_for(self.rig, experiment))
         if rig.chain is not None:
             applied = (replace(r, inputs=rig.chain.applied(r.inputs)) for r in experiment.recordings)
             given = replace(experiment, recordings=tuple(applied))

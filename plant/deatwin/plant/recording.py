@@ -1,6 +1,6 @@
 """Recordings and experiments, the common form of all data in deatwin."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, Self
@@ -8,6 +8,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.plant.arrays import read_only, real_numbers, rows_of_signals, seconds
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.formats.optional import require
 from deatwin.plant.files.usual import usual_unit
@@ -46,8 +47,8 @@ class Recording:
     Raises
     ------
     DataError
-        If shapes, names and units do not fit together, two inputs or two outputs have the same name, a value is not
-        finite (in an extra channel: is infinite), or the sample time is not positive.
+        If shapes, names and units do not fit together, two inputs or two outputs have the same name, a value is no real
+        number or not finite (in an extra channel: is infinite), or the sample time is not positive.
     """
 
     inputs: NDArray[np.float64]
@@ -63,16 +64,19 @@ class Recording:
     provenance: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        for what in ("sample_time", "start"):
+            object.__setattr__(self, what, seconds(getattr(self, what), what))
         if not (np.isfinite(self.sample_time) and self.sample_time > 0.0):
             raise DataError(f"sample time {self.sample_time} s: it must be positive")
         if not np.isfinite(self.start):
             raise DataError(f"start of the recording {self.start} s: it must be finite")
-        n = np.asarray(self.inputs).shape[-1] if np.ndim(self.inputs) == 2 else -1
+        n = None
         for kind in ("input", "output"):
-            values = _read_only(getattr(self, f"{kind}s"))
-            names, units = getattr(self, f"{kind}_names"), getattr(self, f"{kind}_units")
-            if values.ndim != 2 or values.shape[1] != n:
-                raise DataError(f"{kind}s have the shape {values.shape}: it must be ({kind} count, samples)")
+            values = read_only(real_numbers(getattr(self, f"{kind}s"), f"{kind}s"))
+            names, units = (_texts(getattr(self, f"{kind}_{what}")) for what in ("names", "units"))
+            if values.ndim != 2 or values.shape[1] != (n := values.shape[1] if n is None else n):
+                wanted = "samples" if n is None else f"{n} samples"
+                raise DataError(f"{kind}s have the shape {values.shape}: it must be ({kind} count, {wanted})")
             if not len(names) == len(units) == len(values):
                 raise DataError(f"{len(values)} {kind}s, {len(names)} names and {len(units)} units of them")
             if len(set(names)) < len(names):
@@ -80,16 +84,19 @@ class Recording:
                 raise DataError(f'two {kind}s of the recording are named "{twice}": give each a name of its own')
             for name, row in zip(names, values, strict=True):
                 _require_finite(name, row)
-            object.__setattr__(self, f"{kind}s", values)
-        extras = {name: _read_only(values) for name, values in self.extras.items()}
+            for what, checked in (("s", values), ("_names", names), ("_units", units)):
+                object.__setattr__(self, f"{kind}{what}", checked)
+        extras = {
+            name: read_only(real_numbers(values, f'extra channel "{name}"')) for name, values in self.extras.items()
+        }
         for name, values in extras.items():
             if values.shape != (n,):
                 raise DataError(f'extra channel "{name}" has the shape {values.shape}: it must be ({n},)')
             if np.isinf(values).any():
                 raise DataError(f'extra channel "{name}" is infinite at sample {int(np.argmax(np.isinf(values)))}')
-        units = {name: self.extra_units.get(name, usual_unit(name)) for name in extras}
+        extra_units = {name: self.extra_units.get(name, usual_unit(name)) for name in extras}
         object.__setattr__(self, "extras", extras)
-        object.__setattr__(self, "extra_units", units)
+        object.__setattr__(self, "extra_units", extra_units)
         object.__setattr__(self, "provenance", dict(self.provenance))
 
     @classmethod
@@ -108,12 +115,13 @@ class Recording:
         extra_units: Mapping[str, str] | None = None,
         provenance: Mapping[str, str] | None = None,
     ) -> Self:
-        """Make a recording from arrays; a one-dimensional array becomes one row.
+        """Make a recording from arrays, columns of a data frame or lists; a one-dimensional array becomes one row.
 
         Parameters
         ----------
         inputs, outputs : (n,) or (rows, n) array_like
-            Samples in SI units. By default a single input is a command in V, and a single output a displacement in m.
+            Samples in SI units, one row for each signal: give the transpose of a table that has a column for each. By
+            default a single input is a command in V, and a single output a displacement in m.
         sample_time : float
             Time between two samples, s.
         start : float
@@ -136,26 +144,26 @@ class Recording:
         Raises
         ------
         DataError
-            Same as for the class.
+            Same as for the class, or if there are more rows than samples, as in a table with a column for each signal.
 
         Examples
         --------
         >>> Recording.from_arrays([1.0, 2.0, 3.0], [0.0, 1e-4, 2e-4], 0.02).outputs.shape
         (1, 3)
         """
-        rows_in, rows_out = (np.atleast_2d(np.asarray(rows, dtype=np.float64)) for rows in (inputs, outputs))
+        rows_in, rows_out = rows_of_signals(inputs, "inputs"), rows_of_signals(outputs, "outputs")
         names_in, units_in = _labels("input", len(rows_in), input_names, input_units, UNSTATED["input"])
         names_out, units_out = _labels("output", len(rows_out), output_names, output_units, UNSTATED["output"])
         return cls(
             inputs=rows_in,
             outputs=rows_out,
-            sample_time=float(sample_time),
-            start=float(start),
+            sample_time=sample_time,
+            start=start,
             input_names=names_in,
             output_names=names_out,
             input_units=units_in,
             output_units=units_out,
-            extras={name: np.asarray(values, dtype=np.float64) for name, values in (extras or {}).items()},
+            extras=dict(extras or {}),  # type: ignore[arg-type]  # the class makes arrays of them
             extra_units=extra_units or {},
             provenance=provenance or {},
         )
@@ -294,15 +302,19 @@ class Experiment:
     Raises
     ------
     DataError
-        If there is no recording, two overlap, or they differ in sample time or signals.
+        If there is no recording, something is none, two overlap, or they differ in sample time or signals.
     """
 
     recordings: tuple[Recording, ...]
 
     def __post_init__(self) -> None:
-        if not self.recordings:
+        given = tuple(self.recordings) if isinstance(self.recordings, Iterable) else (self.recordings,)
+        if not given:
             raise DataError("an experiment needs at least one recording")
-        ordered = tuple(sorted(self.recordings, key=lambda recording: recording.start))
+        for one in given:
+            if not isinstance(one, Recording):
+                raise DataError(f"a {type(one).__name__} is no recording: Recording.from_arrays makes one of arrays")
+        ordered = tuple(sorted(given, key=lambda recording: recording.start))
         for before, after in pairwise(ordered):
             _require_one_clock(before, after)
         object.__setattr__(self, "recordings", ordered)
@@ -361,18 +373,14 @@ def _labels(
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return names and units of the rows, with the defaults that `Recording.from_arrays` documents."""
     if names is None and count == 1:
-        return (single[0],), tuple(units) if units is not None else (single[1],)
-    names = tuple(names) if names is not None else tuple(f"{kind}_{row + 1}" for row in range(count))
-    return tuple(names), tuple(units) if units is not None else ("",) * count
+        return (single[0],), _texts(units) if units is not None else (single[1],)
+    names = _texts(names) if names is not None else tuple(f"{kind}_{row + 1}" for row in range(count))
+    return names, _texts(units) if units is not None else ("",) * count
 
 
-def _read_only(values: ArrayLike) -> NDArray[np.float64]:
-    """Return float64 values as a read-only array, without a copy if they are one already."""
-    array = np.asarray(values, dtype=np.float64)
-    if array.flags.writeable:
-        array = array.copy()
-        array.flags.writeable = False
-    return array
+def _texts(given: Sequence[str]) -> tuple[str, ...]:
+    """Return names or units as a tuple; a text alone is one of them, not a sequence of letters."""
+    return (given,) if isinstance(given, str) else tuple(given)
 
 
 def _require_finite(name: str, values: NDArray[np.float64]) -> None:

@@ -4,6 +4,7 @@ import dataclasses
 import pickle
 
 import numpy as np
+import pandas
 import pytest
 
 from deatwin.plant.checks import check_command_range, check_motion, require_excitation, require_samples
@@ -61,6 +62,17 @@ class TestRecording:
         with pytest.raises(ValueError, match="read-only"):
             recording.outputs[0, 0] = 3.0
 
+    def test_a_data_frame_that_changes_later_changes_no_recording(self) -> None:
+        frame = pandas.DataFrame({"u": np.arange(4.0), "y": np.ones(4)})
+        recording = Recording.from_arrays(frame["u"], frame["y"], 1.0)
+        frame.loc[0, "u"] = 7.0
+        np.testing.assert_array_equal(recording.inputs, [[0.0, 1.0, 2.0, 3.0]])
+        assert recording.section(1, 3).inputs.base is not None  # a section of a recording needs no copy
+
+    def test_a_name_or_a_unit_may_stand_alone(self) -> None:
+        recording = Recording.from_arrays([1.0, 2.0], [0.0, 1.0], 1.0, input_names="voltage", input_units="kV")
+        assert (recording.input_names, recording.input_units) == (("voltage",), ("kV",))
+
     def test_survives_the_way_to_another_process(self) -> None:
         copy = pickle.loads(pickle.dumps(ramp()))
         np.testing.assert_array_equal(copy.outputs, ramp().outputs)
@@ -79,6 +91,10 @@ class TestExperiment:
         assert [recording.start for recording in experiment.recordings] == [0.0, 2.0]
         assert (experiment.start, experiment.n_samples, experiment.sample_time) == (0.0, 200, 0.02)
         assert experiment.end == pytest.approx(4.0)
+
+    def test_a_recording_alone_is_an_experiment(self) -> None:
+        alone = ramp()
+        assert Experiment(recordings=alone).recordings == (alone,)
 
 
 class TestChecks:

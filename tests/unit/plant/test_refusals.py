@@ -4,11 +4,24 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
+import pandas
 import pytest
 
-from deatwin.plant import Experiment, Parameter, ParameterSet, Recording, RigError, Scale
+from deatwin.plant import (
+    Creep,
+    Diaphragm,
+    Experiment,
+    MeasuringChain,
+    Parameter,
+    ParameterSet,
+    Plant,
+    Recording,
+    RigError,
+    Scale,
+    fleet,
+)
 from deatwin.plant.checks import require_excitation
-from deatwin.plant.errors import DataError
+from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.excitation import (
     band_limited_noise,
     linear_chirp,
@@ -23,11 +36,13 @@ from deatwin.plant.excitation import (
     with_alternating_polarity,
     with_rests,
 )
+from deatwin.plant.laws import random_walk
 
 H = 0.02
 RNG = np.random.default_rng(0)
 MASS = Parameter(name="mass", value=3e-3, unit="kg", lower=1e-6, upper=1.0, known=True)
 MODULUS = Parameter(name="shear_modulus", value=25e3, unit="Pa", lower=5e3, upper=200e3)
+PLANT = Plant(rig=Diaphragm())
 arrays = Recording.from_arrays
 
 
@@ -112,6 +127,23 @@ RECORDS: list[tuple[Callable[[], object], str]] = [
         'two inputs .* are named "u": give each',
     ),
     (lambda: arrays(np.ones(5), np.ones((2, 5)), 1.0, output_names=["u", "u"]), 'two outputs .* are named "u"'),
+    *(
+        (
+            lambda table=table: arrays(table, np.ones(5), 1.0),
+            rf"shape \(5, {width}\), more rows than samples.*transpose",
+        )
+        for width, table in ((1, np.ones((5, 1))), (2, pandas.DataFrame({"u": np.ones(5), "v": np.ones(5)})))
+    ),
+    (lambda: arrays([], [], 1.0), "inputs .* no sample"),
+    *(
+        (lambda wrong=wrong: arrays(wrong, [1.0, 2.0], 1.0), "inputs must be an array of real numbers")
+        for wrong in (["a", "b"], ["1", "2"], [1j, 2.0], [None, "b"], [[1.0], [1.0, 2.0]], np.array([1, 2], "M8[s]"))
+    ),
+    (lambda: arrays(np.ma.masked_equal([1.0, 7.0], 7.0), [1.0, 2.0], 1.0), '"command" is nan at sample 1'),
+    *(
+        (lambda h=h: arrays([1.0, 2.0], [1.0, 2.0], h), "sample_time must be one number, in s")
+        for h in (np.arange(2.0), None, pandas.Timedelta("20ms"))
+    ),
     (
         lambda: arrays(np.ones(5), np.ones(5), 1.0, extras={"force": np.ones(3)}),
         r'channel "force" has the shape \(3,\)',
@@ -123,6 +155,13 @@ RECORDS: list[tuple[Callable[[], object], str]] = [
         "output names differ: displacement and force",
     ),
     (lambda: Experiment(recordings=()), "at least one recording"),
+    (lambda: Experiment(recordings=np.ones(3)), "a float64 is no recording: Recording.from_arrays"),
+    (lambda: PLANT.simulate(np.ones(3)), "a ndarray is no recording|a float64 is no recording"),
+    (
+        lambda: PLANT.simulate(ramp(input_names="command", input_units="kV")),
+        "in kV, but the plant .* in V; .* 1000 times",
+    ),
+    (lambda: PLANT.record(arrays(np.ones((2, 5)), np.ones(5), H), RNG), "it has 2 inputs, but the plant takes one"),
     (lambda: require_excitation([still()]), "the input is constant throughout"),
     (lambda: require_excitation([still(), still(start=2.0)]), "constant throughout"),
     (lambda: require_excitation([still(), still(start=2.0, level=3.0)]), "constant"),
@@ -137,6 +176,10 @@ PARAMETERS: list[tuple[Callable[[], object], str]] = [
         "mass = 2 kg is out of range: allowed is 1e-06 to 1 kg",
     ),
     (lambda: ParameterSet([MASS, MASS]), "mass is given twice"),
+    *(
+        (lambda wrong=wrong: PLANT.with_effects(wrong), "is no effect: give effects one by one")
+        for wrong in ("creep", Creep, [Creep()])
+    ),
     *(
         (lambda s=s: Parameter(name="x", value=1.0, unit="1", lower=0.0, upper=2.0, scale=s), "above 0")
         for s in (Scale.LOGARITHMIC, Scale.RECIPROCAL)
@@ -154,3 +197,20 @@ def test_data_that_make_no_sense(act: Callable[[], object], says: str) -> None:
 def test_parameters_that_cannot_be(act: Callable[[], object], says: str) -> None:
     with pytest.raises(RigError, match=says):
         act()
+
+
+@pytest.mark.parametrize(
+    "draw",
+    [
+        lambda seed: PLANT.record(ramp(), seed),
+        lambda seed: fleet()[0].record(ramp(), seed),
+        lambda seed: MeasuringChain().record([0.0], seed, sample_time=H),
+        lambda seed: band_limited_noise(seed, 10.0, H),
+        lambda seed: random_holds(seed, 10.0, H, 1.0, 3.0),
+        lambda seed: random_odd_harmonics(seed, 40.0, 2.0),
+        lambda seed: random_walk(seed, 10.0, 1.0, 4.5),
+    ],
+)
+def test_a_seed_is_no_generator(draw: Callable[[object], object]) -> None:
+    with pytest.raises(ModelError, match=r"rng = 0; it must be a numpy\.random\.Generator"):
+        draw(0)

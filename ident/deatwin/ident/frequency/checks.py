@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.ident.narx.identifier import Identifier
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import read_only
 from deatwin.plant.errors import ModelError
@@ -53,7 +54,10 @@ def whole_number(value: Any, name: str, least: int = 1, most: int | None = None)
 def narx_model(model: Any) -> NarxModel:
     """Return a model, after a check that it is a NarxModel."""
     if not isinstance(model, NarxModel):
-        raise ModelError(f"a {type(model).__name__} is no NarxModel; frf computes the response of a linear model")
+        instead = (
+            "its model_ may be" if isinstance(model, Identifier) else "frf computes the response of a linear model"
+        )
+        raise ModelError(f"a {type(model).__name__} is no NarxModel; {instead}")
     return model
 
 

@@ -26,6 +26,7 @@ from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, s
 from deatwin.plant.errors import DataError, nearest
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
+from deatwin.plant.recording import label
 
 REMAINING = 10.0
 """Multiple of the tolerance that a linear model may still remove from the squared residual of a settled fit, as a
@@ -293,6 +294,8 @@ def descend(
 
 
 def _problem(plant: Plant, records: Records, names: Sequence[str] | None, watch: Watch) -> Problem:
+    if not isinstance(plant, Plant):
+        raise DataError(f"a calibration needs a Plant, not a {type(plant).__name__}: Plant(rig=...) makes one of a rig")
     for name in names or ():
         if name not in plant.parameters.free:
             why = "is known" if name in plant.parameters else f"is no parameter{nearest(name, plant.parameters.free)}"
@@ -300,6 +303,8 @@ def _problem(plant: Plant, records: Records, names: Sequence[str] | None, watch:
     parts = parts_of(records, plant.rig)
     for recording in (recording for part in parts for recording in part.experiment.recordings):
         check_units(recording, plant.rig)
+        if not len(recording.outputs):
+            raise DataError(f"{label(recording)}: it has no output, so there is nothing to calibrate the plant to")
     return Problem(plant=plant, parts=parts, names=tuple(names or plant.parameters.free), watch=watch)
 
 

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from deatwin.plant.checks import experiment_for
 from deatwin.plant.errors import DataError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
@@ -188,19 +189,9 @@ def parts_of(records: Records, rig: Rig) -> tuple[Part, ...]:
     listed = (records,) if isinstance(records, Part | Experiment | Recording) else tuple(records)
     if not listed:
         raise DataError("no recording is given: a calibration needs at least one")
-    whole = iter(whole_parts([_experiment(one) for one in listed if not isinstance(one, Part)], rig))
+    whole = iter(whole_parts([experiment_for(rig, one) for one in listed if not isinstance(one, Part)], rig))
     given = [one if isinstance(one, Part) else next(whole) for one in listed]
     return (*given, *whole)
-
-
-def _experiment(given: object) -> Experiment:
-    if isinstance(given, Recording):
-        return Experiment(recordings=(given,))
-    if isinstance(given, Experiment):
-        return given
-    raise DataError(
-        f"a {type(given).__name__} is no recording: give a Recording, an Experiment, a Part of one, or a list of such"
-    )
 
 
 def reading_times(plant: Plant, parts: Sequence[Part]) -> np.ndarray:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deatwin.ident.narx.operating import read_only
 from deatwin.plant.errors import ModelError
-from deatwin.plant.recording import Recording
+from deatwin.plant.recording import UNSTATED, Recording
 
 Array = NDArray[np.float64]
 
@@ -68,20 +69,53 @@ class Drive:
         )
 
 
-def require_suits(
-    recording: Recording, *, sample_time: float, n_inputs: int, n_outputs: int | None, fewest: int
-) -> None:
-    """Raise ModelError unless a recording has the model's sample time and channels and at least `fewest` samples."""
-    if not math.isclose(recording.sample_time, sample_time, rel_tol=1e-6):
+class Signals(Protocol):
+    """The signals of a model: sample time in s, names and units of inputs and outputs."""
+
+    @property
+    def sample_time(self) -> float: ...
+    @property
+    def input_names(self) -> Sequence[str]: ...
+    @property
+    def output_names(self) -> Sequence[str]: ...
+    @property
+    def input_units(self) -> Sequence[str]: ...
+    @property
+    def output_units(self) -> Sequence[str]: ...
+
+
+def require_suits(recording: Recording, model: Signals, *, with_outputs: bool, fewest: int) -> None:
+    """Raise ModelError unless a recording has the model's sample time, signals and units and `fewest` samples."""
+    if not isinstance(recording, Recording):
         raise ModelError(
-            f"the recording has a sample time of {recording.sample_time:g} s, the model of {sample_time:g} s"
+            f"a {type(recording).__name__} is no recording: give one recording; Recording.from_arrays makes it of arrays"
         )
+    if not math.isclose(recording.sample_time, model.sample_time, rel_tol=1e-6):
+        raise ModelError(
+            f"the recording has a sample time of {recording.sample_time:g} s, the model of {model.sample_time:g} s"
+        )
+    kinds = ("input", "output") if with_outputs else ("input",)
+    wanted = [len(getattr(model, f"{kind}_names")) for kind in kinds]
     rows = (recording.inputs.shape[0], recording.outputs.shape[0])
-    if rows[0] != n_inputs or n_outputs not in (None, rows[1]):
-        held = f"the model {n_inputs}" + ("" if n_outputs is None else f" and {n_outputs}")
+    if wanted != list(rows[: len(kinds)]):
+        held = f"the model {' and '.join(map(str, wanted))}"
         raise ModelError(f"the recording has {rows[0]} inputs and {rows[1]} outputs, {held}")
+    for kind in kinds:
+        names, units, known = (
+            getattr(owner, f"{kind}_{what}")
+            for owner, what in ((recording, "names"), (recording, "units"), (model, "units"))
+        )
+        stated = ["" if pair == UNSTATED[kind] else pair[1] for pair in zip(names, units, strict=True)]
+        for text in units_apart(names, known, stated):
+            raise ModelError(f"{text}: the first is the model's unit; give the recording in it")
     if recording.n_samples < fewest:
         raise ModelError(f"the recording has {recording.n_samples} samples; the model needs at least {fewest}")
+
+
+def units_apart(names: Sequence[str], units: Sequence[str], others: Sequence[str]) -> list[str]:
+    """Return a text for each signal whose two units differ; a unit that was not stated contradicts none."""
+    triples = zip(names, units, others, strict=True)
+    return [f"{name} in {a} and in {b}" for name, a, b in triples if a != b and not {a, b} & {"", "1"}]
 
 
 def _numbers(values: ArrayLike, what: str) -> Array:

@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from deatwin.ident.narx.excess import excess_notes, noisy_products
 from deatwin.ident.narx.late_inputs import LAST_INPUT_LAGS, last_lag, late_inputs
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.origin import about_data, about_rest
-from deatwin.ident.narx.regression import Recordings, Regression, flatten
+from deatwin.ident.narx.regression import Recordings, Regression, flatten, require_no_target
 from deatwin.ident.narx.shapes import own_functions, rebuilt
 from deatwin.ident.narx.terms import Lags, Rule
 from deatwin.plant.errors import ModelError, nearest
@@ -96,6 +96,16 @@ class Identifier:
         for outer, held in inner.items():
             getattr(self, outer).set_params(**held)
         return self
+
+    if not TYPE_CHECKING:  # so that mypy still knows which attributes there are
+
+        def __getattr__(self, name: str) -> Any:
+            """Say of an attribute that is missing where it is; a fitted model predicts, not its estimator."""
+            missing = f"{type(self).__name__} has no attribute {name!r}"
+            if "model_" not in vars(self) and not name.startswith("__"):
+                raise AttributeError(f"{missing}; fit makes its model_")
+            held = not name.startswith("__") and hasattr(self.model_, name)
+            raise AttributeError(f"{missing}; its fitted model has: model_.{name}" if held else missing)
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Another process may not know the registered functions that arguments mention.
@@ -186,7 +196,7 @@ class NarxIdentifier(Identifier, ABC):
     notes_: tuple[str, ...]
     equations_: tuple[NarxIdentifier, ...]
 
-    def fit(self, recordings: Recordings, *, progress: Progress | None = None) -> Self:
+    def fit(self, recordings: Recordings, y: None = None, *, progress: Progress | None = None) -> Self:
         """Choose terms and estimate their parameters.
 
         Ctrl-C ends the search: the best model so far is kept, and ``status_`` says so. If there is no model yet,
@@ -196,6 +206,8 @@ class NarxIdentifier(Identifier, ABC):
         ----------
         recordings : Recording, Experiment, or several
             Training data with a common sample time; each recording starts from its own first lags.
+        y : None
+            Part of scikit-learn's contract; the outputs are those of the recordings.
         progress : callable, optional
             Called with the share done, between 0 and 1, and a description of the current step.
 
@@ -209,6 +221,7 @@ class NarxIdentifier(Identifier, ABC):
         ModelError
             If an argument makes no sense, or the recordings do not suit the estimator.
         """
+        require_no_target(y)
         self._check()
         tell = progress or silent
         chosen = flatten(recordings)

@@ -306,7 +306,7 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
         ModelError
             If the recording does not suit the model, or is too short for the steps.
         """
-        first = self._check(recording, self.n_outputs)
+        first = self._check(recording)
         require_steps(steps, first, recording.n_samples)
         if steps > 1:
             return self._predict_further(recording, steps)
@@ -378,7 +378,7 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
         first = self.table.max_lag
         if isinstance(given, Recording):
             alone = initial is not None or not given.output_names
-            self._check(given, None if alone else self.n_outputs)
+            self._check(given, with_outputs=not alone)
             if not alone:
                 return Drive.recorded(given, first)
         if initial is None:
@@ -393,13 +393,7 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
             fewest=max((v.reach for v in self.table.variables if v.kind == "y"), default=0),
         )
 
-    def _check(self, recording: Recording, n_outputs: int | None) -> int:
+    def _check(self, recording: Recording, with_outputs: bool = True) -> int:
         """Return the first sample that can be computed, after checking that the recording suits."""
-        require_suits(
-            recording,
-            sample_time=self.sample_time,
-            n_inputs=len(self.input_names),
-            n_outputs=n_outputs,
-            fewest=self.table.max_lag + 1,
-        )
+        require_suits(recording, self, with_outputs=with_outputs, fewest=self.table.max_lag + 1)
         return self.table.max_lag

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from deatwin.ident.narx.covariance import covariance_root
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.panels import panels_or_new
+from deatwin.plant.arrays import require_generator
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -111,6 +112,7 @@ class ThetaPosterior:
         -------
         ThetaDraws
         """
+        require_generator(rng)
         model = self.model
         # (1/tau) / E[1/tau]: inverse gamma of mean 1
         if math.isinf(model.theta_dof):

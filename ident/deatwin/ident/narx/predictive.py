@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from deatwin.ident.narx.free_run import March
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.posterior import ThetaPosterior, quantile, regressors
+from deatwin.plant.arrays import require_generator
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, one_unit, status_of, variable
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import ModelError
@@ -209,6 +210,7 @@ def free_run_band(
         If the recording does not suit the model, the level lies outside 0 to 1, the noise is negative, there are fewer
         than 2 draws, or all of them diverge.
     """
+    require_generator(rng)
     tail = (1 - level) / 2
     quantile(level, math.inf)  # raises an error for an invalid level
     if n_draws < 2:

@@ -14,7 +14,7 @@ from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.identifier import NarxIdentifier, Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import Array
-from deatwin.ident.narx.regression import Recordings, Regression, flatten
+from deatwin.ident.narx.regression import Recordings, Regression, flatten, require_no_target
 from deatwin.ident.narx.terms import Term
 from deatwin.ident.narx.trajectory import ThetaTrajectory
 from deatwin.ident.state_space import StateSpace
@@ -34,8 +34,9 @@ class VaryingParameters(NarxIdentifier):
 
     trajectory_: ThetaTrajectory
 
-    def fit(self, recordings: Recordings, *, progress: Progress | None = None) -> Self:
+    def fit(self, recordings: Recordings, y: None = None, *, progress: Progress | None = None) -> Self:
         """Estimate the parameters along time, on `recordings` of one clock; `progress` takes share and step."""
+        require_no_target(y)
         super().fit(Experiment(recordings=flatten(recordings)), progress=progress)
         fitted = [one for one in self.equations_ if isinstance(one, VaryingParameters)]
         if fitted:

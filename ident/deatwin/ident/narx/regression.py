@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.ident.narx.drive import units_apart
 from deatwin.ident.narx.lags import channel_lags
 from deatwin.ident.narx.levels import without_repeated_powers
 from deatwin.ident.narx.model import NarxModel
@@ -36,14 +37,11 @@ def require_alike(recordings: Sequence[Recording]) -> None:
         ):
             differs = f"{counts[0]} and {others[0]} inputs, {counts[1]} and {others[1]} outputs"
         else:
-            units = zip(
+            apart = units_apart(
                 (*first.input_names, *first.output_names),
                 (*first.input_units, *first.output_units),
                 (*record.input_units, *record.output_units),
-                strict=True,
             )
-            # A unit that was not stated contradicts none.
-            apart = [f"{name} in {a} and in {b}" for name, a, b in units if a != b and not {a, b} & {"", "1"}]
             if not apart:
                 continue
             differs = ", ".join(apart)
@@ -243,11 +241,23 @@ def flatten(recordings: Recordings) -> tuple[Recording, ...]:
     if isinstance(recordings, Experiment):
         return tuple(recordings.recordings)
     if isinstance(recordings, str | bytes) or not isinstance(recordings, Iterable):
-        raise ModelError(f"fit takes recordings and experiments, not a {type(recordings).__name__}")
+        raise ModelError(
+            f"fit takes recordings and experiments, not a {type(recordings).__name__}: "
+            "Recording.from_arrays(inputs, outputs, sample_time) makes a recording of arrays"
+        )
     chosen = tuple(record for item in recordings for record in flatten(item))
     if not chosen:
         raise ModelError("no recording was given; fit needs at least one")
     return chosen
+
+
+def require_no_target(y: object) -> None:
+    """Raise ModelError if outputs were given beside the recordings that hold them."""
+    if y is not None:
+        raise ModelError(
+            "fit takes recordings and no y, because recordings hold the outputs: "
+            "Recording.from_arrays(inputs, outputs, sample_time) makes a recording of arrays"
+        )
 
 
 def _functions(written: Sequence[str], record: Recording) -> tuple[Variable, ...]:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.narx.model import NarxModel
+from deatwin.plant.arrays import require_generator
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -77,6 +78,7 @@ class Residual:
         """
         from scipy.signal import lfilter
 
+        require_generator(rng)
         pole = exp(-sample_time / self.correlation_time)
         shocks = rng.standard_normal((count, draws))
         shocks[1:] *= np.sqrt(1.0 - pole**2)

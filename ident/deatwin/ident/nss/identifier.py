@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from deatwin.ident.look.best_linear import best_linear_approximation
 from deatwin.ident.narx.converged import converged
 from deatwin.ident.narx.identifier import FitStatus, Identifier, Progress, silent
-from deatwin.ident.narx.regression import Recordings, flatten, require_alike
+from deatwin.ident.narx.regression import Recordings, flatten, require_alike, require_no_target
 from deatwin.ident.nss.document import weights_of
 from deatwin.ident.nss.linear_start import Lines, in_own_coordinates, linear_start
 from deatwin.ident.nss.model import NonlinearStateSpace
@@ -69,7 +69,7 @@ class StateSpaceIdentifier(Identifier):
     def _require(self) -> None:
         """Raise ModelError unless the arguments make sense."""
 
-    def fit(self, recordings: Recordings, *, progress: Progress | None = None) -> Self:
+    def fit(self, recordings: Recordings, y: None = None, *, progress: Progress | None = None) -> Self:
         """Estimate the weights.
 
         Ctrl-C ends the search: the best model so far is kept, and ``status_`` says so.
@@ -78,6 +78,8 @@ class StateSpaceIdentifier(Identifier):
         ----------
         recordings : Recording, Experiment, or several
             Training data with a common sample time; each recording has its own first state.
+        y : None
+            Part of scikit-learn's contract; the outputs are those of the recordings.
         progress : callable, optional
             Called with the share done, between 0 and 1, and a description of the current step.
 
@@ -93,6 +95,7 @@ class StateSpaceIdentifier(Identifier):
         """
         from threadpoolctl import threadpool_limits
 
+        require_no_target(y)
         chosen = flatten(recordings)
         require_alike(chosen)
         self._require()

@@ -291,6 +291,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         ModelError
             If the recording does not suit the model, the level lies outside 0 to 1, or the run diverges.
         """
+        require_suits(recording, self, with_outputs=True, fewest=2)
         half = quantile(level, math.inf)
         drive, start = self._begun(recording, warmup, None)
         response = self._run(drive, start)
@@ -323,9 +324,9 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         self, given: Recording | ArrayLike, warmup: int | None, initial: ArrayLike | None
     ) -> tuple[Drive, Opening]:
         """Return inputs and initial state of a run."""
-        n, counts = self.n_states, {"n_inputs": len(self.input_names), "n_outputs": len(self.output_names)}
+        n = self.n_states
         if isinstance(given, Recording) and initial is None and given.output_names:
-            require_suits(given, sample_time=self.sample_time, fewest=2, **counts)
+            require_suits(given, self, with_outputs=True, fewest=2)
             wanted = min(_WARMUP_PER_STATE * n, max(given.n_samples // 3, 1)) if warmup is None else warmup
             if not 0 < wanted < given.n_samples:
                 raise ModelError(f"warmup = {wanted}; it must leave something of {given.n_samples} samples")
@@ -339,8 +340,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         if warmup is not None:
             raise ModelError("warmup counts recorded outputs, and none are used here: give initial alone")
         if isinstance(given, Recording):
-            counts["n_outputs"] = len(given.output_names)
-            require_suits(given, sample_time=self.sample_time, fewest=1, **counts)
+            require_suits(given, self, with_outputs=False, fewest=1)
         known = np.zeros(n) if initial is None else np.asarray(initial, dtype=np.float64)
         if known.shape != (n,) or not np.all(np.isfinite(known)):
             raise ModelError(f"initial has the shape {known.shape}; it must be a finite state of shape ({n},)")

@@ -7,6 +7,7 @@ odd ones on odd lines; odd lines that are left out of the excitation show the od
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.plant.arrays import require_generator
 from deatwin.plant.errors import DataError
 from deatwin.plant.excitation.samples import sample_count
 
@@ -79,6 +80,7 @@ def random_odd_harmonics(
     R. Pintelon and J. Schoukens, "System Identification: A Frequency Domain Approach", 2nd edition,
     Wiley-IEEE Press, 2012, chapter 4 (random harmonic grids).
     """
+    require_generator(rng)
     lines = odd_harmonics(period, band)
     if group < 2 or lines.size < group:
         raise DataError(f"groups of {group} among {lines.size} odd harmonics: need at least two a group and one group")
@@ -142,6 +144,7 @@ def random_phase_multisine(
     R. Pintelon and J. Schoukens, "System Identification: A Frequency Domain Approach", 2nd edition,
     Wiley-IEEE Press, 2012, chapter 4.
     """
+    require_generator(rng)
     n = sample_count("period", period, sample_time)
     lines = _checked_lines(harmonics, n)
     shape = _checked_amplitudes(amplitudes, lines.size)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from deatwin.plant.arrays import require_generator
 from deatwin.plant.errors import DataError
 from deatwin.plant.excitation.samples import command_array, sample_count
 
@@ -181,6 +182,7 @@ def _noise(rng: np.random.Generator, n: int, sample_time: float, band: float, va
         raise DataError(
             f"band {band:g} Hz: it must be above 0 and at most half the sample rate, {0.5 / sample_time:g} Hz"
         )
+    require_generator(rng)
     frequency = np.fft.rfftfreq(n, sample_time)
     inside = (frequency > 0.0) & (frequency <= band * (1.0 + 1e-12))
     if not inside.any():

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.plant.arrays import require_generator
 from deatwin.plant.errors import DataError
 from deatwin.plant.excitation.samples import sample_count
 
@@ -43,6 +44,7 @@ def random_holds(
     DataError
         If a range is empty or the duration is shorter than a sample.
     """
+    require_generator(rng)
     n = sample_count("duration", duration, sample_time)
     if not lower < upper or not 0.0 < shortest <= longest < np.inf:
         raise DataError(

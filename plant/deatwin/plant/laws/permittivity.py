@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from deatwin.plant.arrays import require_generator
 from deatwin.plant.errors import DataError
 from deatwin.plant.laws.dielectric import VACUUM_PERMITTIVITY, electric_energy
 
@@ -116,6 +117,7 @@ def random_walk(
     DataError
         If a time or the permittivity is not above 0, or the spread is negative.
     """
+    require_generator(rng)
     if not (duration > 0 and interval > 0 and spread_time > 0 and spread >= 0 and permittivity > 0):
         raise DataError(
             f"random walk over {duration:g} s in steps of {interval:g} s, spread {spread:g} in {spread_time:g} s from "

@@ -91,6 +91,11 @@ def test_recordings_and_experiments_are_taken_as_they_are(turned):
     for wrong, message in (([], "no recording"), ([3.0], "a float is no recording")):
         with pytest.raises(DataError, match=message):
             calibrate(plant, wrong)
+    silent = replace(turned, outputs=np.empty((0, turned.n_samples)), output_names=(), output_units=())
+    with pytest.raises(DataError, match="no output"):
+        calibrate(plant, silent)
+    with pytest.raises(DataError, match="needs a Plant, not a Rotor"):
+        calibrate(plant.rig, turned)
     with pytest.raises(DataError, match="starts = 0"):
         calibrate(plant, turned, starts=0)
 

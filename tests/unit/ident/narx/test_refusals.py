@@ -1,12 +1,16 @@
 """What identifiers refuse to be fitted with, and to, and with what words."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
-from deatwin.ident.narx import Frols, Grow, Narmax, Semp, SvbNarx
+from deatwin.ident.frequency import gfrf
+from deatwin.ident.narx import Frols, Grow, Narmax, Semp, SvbNarx, ThetaSmoother, validate
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.lasso import Lasso
 from deatwin.ident.narx.linear import Arx, OutputError
+from deatwin.ident.nss import Pnlss
 from deatwin.ident.testing import example_recordings
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -80,7 +84,10 @@ DATA = [
     (Frols(), of(np.zeros((0, 50)), LINE), "take input_lags=0"),
     (Frols(), [], "at least one"),
     (Frols(), [RECORD, of(ONES, ONES)], "sample time"),
-    *((Frols(), wrong, "fit takes recordings and experiments") for wrong in ("recording.csv", None, 3.0)),
+    *(
+        (Frols(), wrong, "fit takes recordings and experiments.*Recording.from_arrays")
+        for wrong in ("recording.csv", None, 3.0)
+    ),
     (Lasso(), of(ONES, ONES), "constant"),
     (Semp(output_lags=2, input_lags=2, max_terms=10), SHORT.section(0, 12), "too few"),
     (Grow(), SHORT, "too few"),
@@ -100,3 +107,39 @@ def test_arguments_that_make_no_sense(identifier, says):
 def test_data_that_nothing_can_be_learned_from(identifier, data, says):
     with pytest.raises(ModelError, match=says):
         identifier.fit(data)
+
+
+@pytest.mark.parametrize("identifier", [Frols(), ThetaSmoother(terms=["y(k-1)"]), Arx(), Pnlss(states=1)], ids=repr)
+def test_outputs_beside_the_recordings(identifier):
+    with pytest.raises(ModelError, match=r"no y.*Recording\.from_arrays"):
+        identifier.fit(LINE, ONES)
+
+
+@pytest.mark.parametrize(
+    "identifier", [Fixed(terms=["y(k-1)", "u(k-1)"]), Arx(), Pnlss(states=1, degrees=[])], ids=repr
+)
+def test_a_fitted_model_refuses_what_it_cannot_take(identifier):
+    metres = dataclasses.replace(RECORD, output_units=("m",), output_names=("way",))
+    model = identifier.fit(metres).model_
+    for wrong, says in (
+        (LINE, "a ndarray is no recording"),
+        ([metres], "a list is no recording"),
+        (dataclasses.replace(metres, output_units=("mm",)), "way in m and in mm"),
+        (dataclasses.replace(metres, input_units=("kV",), input_names=("volts",)), f"volts in {RECORD.input_units[0]}"),
+    ):
+        with pytest.raises(ModelError, match=says):
+            model.free_run_band(wrong) if isinstance(identifier, Pnlss) else model.predict(wrong)
+    unstated = Recording.from_arrays(RECORD.inputs, RECORD.outputs, RECORD.sample_time)
+    assert model.simulate(unstated).status.ok
+
+
+def test_an_estimator_says_where_to_find_what_its_model_has():
+    with pytest.raises(AttributeError, match="no attribute 'predict'; fit makes its model_"):
+        Frols().predict  # noqa: B018
+    fitted = Frols().fit(RECORD)
+    with pytest.raises(AttributeError, match=r"its fitted model has: model_\.predict"):
+        validate(fitted, RECORD)
+    with pytest.raises(AttributeError, match=r"no attribute 'coef_'$"):
+        fitted.coef_  # noqa: B018
+    with pytest.raises(ModelError, match="a Frols is no NarxModel; its model_"):
+        gfrf(fitted, 1, [1.0])

@@ -26,6 +26,7 @@ from deatwin.ident.frequency.uncertainty.parameters import (
 )
 from deatwin.ident.frequency.uncertainty.regions import Uncertain, plot_draws
 from deatwin.ident.narx.operating import read_only
+from deatwin.plant.arrays import require_generator
 from deatwin.plant.datasets import Metadata, attribute, variable
 from deatwin.plant.errors import ModelError
 
@@ -183,8 +184,7 @@ def sample(
     """
     response = response_of(model, quantity, level)
     n_draws = whole_number(n_draws, "n_draws", 2)
-    if not isinstance(rng, np.random.Generator):
-        raise ModelError(f"rng = {rng!r}; it must be a numpy.random.Generator, as numpy.random.default_rng(0)")
+    require_generator(rng)
     require_memory(2 * n_draws * response.values.size, "these draws; take fewer, or fewer frequencies (at_points)")
     found = evaluate(model, quantity, response, draw_theta(model, rng, n_draws))
     kept = found.exists & (found.stable == response.status.ok)

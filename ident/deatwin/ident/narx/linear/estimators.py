@@ -16,7 +16,7 @@ from deatwin.ident.narx.linear.model import LinearModel
 from deatwin.ident.narx.linear.polynomials import Orders, per_input
 from deatwin.ident.narx.linear.search import Minimum, PredictionErrorLoss, minimise
 from deatwin.ident.narx.linear.start import starting_points
-from deatwin.ident.narx.regression import Recordings, Regression, flatten
+from deatwin.ident.narx.regression import Recordings, Regression, flatten, require_no_target
 from deatwin.ident.narx.terms import Term, TermTable, Variable
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -40,7 +40,7 @@ class LinearIdentifier(Identifier):
     model_: LinearModel
     status_: FitStatus
 
-    def fit(self, recordings: Recordings, *, progress: Progress | None = None) -> Self:
+    def fit(self, recordings: Recordings, y: None = None, *, progress: Progress | None = None) -> Self:
         """Estimate the polynomials.
 
         Ctrl-C ends the search: the best model so far is kept, and ``status_`` says so.
@@ -49,6 +49,8 @@ class LinearIdentifier(Identifier):
         ----------
         recordings : Recording, Experiment, or several
             Training data with one output and a common sample time; each recording has its own initial state.
+        y : None
+            Part of scikit-learn's contract; the outputs are those of the recordings.
         progress : callable, optional
             Called with the share done, between 0 and 1, and a description of the current step.
 
@@ -64,6 +66,7 @@ class LinearIdentifier(Identifier):
         """
         from threadpoolctl import threadpool_limits
 
+        require_no_target(y)
         chosen = flatten(recordings)
         if chosen[0].outputs.shape[0] != 1:
             raise ModelError(

@@ -287,7 +287,7 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
         if warmup is not None:
             raise ModelError("warmup counts recorded outputs, and none are used here: give initial alone")
         if isinstance(given, Recording):
-            self._require(given, outputs=None)
+            self._require(given, with_outputs=False)
         return Drive.of(
             given,
             initial,
@@ -339,13 +339,12 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
             provenance=self.provenance,
         )
 
-    def _require(self, recording: Recording, outputs: int | None = 1) -> None:
+    def _require(self, recording: Recording, with_outputs: bool = True) -> None:
         """Raise ModelError unless a recording has the model's sample time and signals."""
         require_suits(
             recording,
-            sample_time=self.sample_time,
-            n_inputs=len(self.b),
-            n_outputs=outputs,
+            self,
+            with_outputs=with_outputs,
             fewest=self.orders.first + self.orders.nd + self.poles.size + 1,
         )
 

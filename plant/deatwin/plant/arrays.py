@@ -1,0 +1,61 @@
+"""What a user gives as samples and times, as read-only float arrays and numbers; anything else raises one clear error."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deatwin.plant.errors import DataError, ModelError
+
+
+def seconds(value: object, what: str) -> float:
+    """Return one number of seconds; DataError for anything else, such as a time vector."""
+    try:
+        return float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        raise DataError(
+            f"{what} must be one number, in s; got a {type(value).__name__} (of evenly spaced times t, sample_time is "
+            "t[1] - t[0], and start is t[0])"
+        ) from None
+
+
+def real_numbers(values: ArrayLike, what: str) -> NDArray[np.float64]:
+    """Return real numbers as an array, with NaN where a masked array hides a value; DataError for anything else."""
+    try:
+        given = np.ma.filled(values.astype(np.float64), np.nan) if isinstance(values, np.ma.MaskedArray) else values
+        array = np.asarray(given)
+        if array.dtype.kind not in "biufO":
+            raise TypeError
+        return np.asarray(array, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise DataError(f"{what} must be an array of real numbers, with rows of the same length") from None
+
+
+def rows_of_signals(values: ArrayLike, what: str) -> NDArray[np.float64]:
+    """Return signals as rows; DataError if there is no sample, or if they stand in columns."""
+    rows = np.atleast_2d(real_numbers(values, what))
+    if len(rows) and not rows.shape[1]:
+        raise DataError(f"{what} have the shape {rows.shape}: there is no sample")
+    if rows.ndim == 2 and rows.shape[1] < rows.shape[0]:
+        raise DataError(
+            f"{what} have the shape {rows.shape}, more rows than samples: there must be a row for each signal; "
+            "transpose a table with a column for each"
+        )
+    return rows
+
+
+def read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return values as a read-only array, without a copy if nobody can change them."""
+    part: object = array
+    # The columns of a data frame are read-only views of an array that changes with the frame.
+    while isinstance(part, np.ndarray):
+        if part.flags.writeable:
+            array = array.copy()
+            array.flags.writeable = False
+            break
+        part = part.base
+    return array
+
+
+def require_generator(rng: object) -> None:
+    """Raise ModelError for anything but a generator of NumPy, such as a seed."""
+    if not isinstance(rng, np.random.Generator):
+        raise ModelError(f"rng = {rng!r}; it must be a numpy.random.Generator, as numpy.random.default_rng(0)")
