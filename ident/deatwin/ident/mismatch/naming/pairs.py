@@ -28,30 +28,51 @@ def barely(search: Search) -> Naming:
 
 
 def with_a_second(search: Search, naming: Naming) -> Naming:
-    """Return the decision of a search or, if it is a single effect, a decision for a pair that is far likelier.
+    """Return the decision of a search, or a decision for a pair that is likelier than the best single effect.
 
-    Otherwise the best of the pairs that are likelier than the single effect becomes an alternative.
+    Beside an adequate single effect, a pair must be far likelier; otherwise the best of the likelier pairs becomes an
+    alternative. A single effect that leaves more, but no more than an error of its law may, is not named, so any
+    likelier pair is the better answer.
     """
     # An adequate single effect may imitate two. So the most promising pairs are fitted and compared with the single
     # effects, whose laws may be inexact.
-    first = naming.best
+    first = naming.best or _nearly_all(search)
     if first is None or len(first.effects) > 1:
         return naming
+    alone = naming.best is not None
+    least, good = (STRONG, _is_adequate) if alone else (0.0, suffices)
     elsewhere = [alternative for alternative in naming.alternatives if not search.is_own(alternative)]
+    if not alone:
+        search.screen(first.effects)
     scale = Scale(problem=search.problem, base=search.tried[()], noise=search.noise)
     search.with_each(_promising(search, scale))
     best = max(odds := _odds(search, scale, first), key=odds.__getitem__, default=None)
-    if best is not None and odds[best] > STRONG:
+    if best is not None and odds[best] > least:
         search.fit_fewer(best)  # earlier fits of single effects may be rough
         search.replacing(best, best)
         odds = _odds(search, scale, first)
-    surely = [search.tried[names] for names, value in odds.items() if value > STRONG]
-    found = search.decision([pair for pair in surely if pair.adequate and search.counts(pair)], lambda _: True)
+    surely = [search.tried[names] for names, value in odds.items() if value > least]
+    enough = [pair for pair in surely if good(pair, search.tried[()]) and search.counts(pair)]
+    found = search.decision(enough, lambda _: True)
     if found.best is not None:
         return found
+    if not alone:
+        return replace(naming, candidates=tuple(search.tried.values()), noise=search.noise)
     likelier = [search.tried[names] for names, value in odds.items() if value > 0.0]
     possible = sorted((pair for pair in likelier if search.is_possible(pair)), key=lambda pair: -scale.weight(pair))
     return _with_all(search, naming, first, elsewhere).as_likely(possible[:1])
+
+
+def _is_adequate(candidate: Candidate, base: Candidate) -> bool:
+    return candidate.adequate
+
+
+def _nearly_all(search: Search) -> Candidate | None:
+    """Return the likeliest single effect that leaves no more than an error of its law may, or None."""
+    base = search.tried[()]
+    alone = [c for names, c in search.tried.items() if len(names) == 1 and not c.calibration.given_up]
+    possible = [c for c in alone if errs_by_its_law(c, base) and search.counts(c)]
+    return max(possible, key=lambda c: c.evidence, default=None)
 
 
 def with_doubt(search: Search, naming: Naming) -> Naming:
@@ -83,7 +104,7 @@ def _promising(search: Search, scale: Scale) -> dict[Names, list[str]]:
         (
             (weights[c.effects] + odds + relief.get(other, 0.0) - highest, c.effects, other)
             for c in alone
-            for other, odds in scale.promises(c, search.known()).items()
+            for other, odds in scale.promises(c, search.known(c.effects)).items()
         ),
         key=lambda one: -one[0],
     )

@@ -45,6 +45,7 @@ class Search(Tried):
         super().__init__(problem, base, fitted)
         self.leads: dict[str, Lead] = {}
         self._known = known
+        self._own: dict[Names, tuple[Calibration, Sequence[LinearisedResponse]]] = {}
         self._gone_on: set[Names] = set()
         self._replaced: dict[tuple[Names, Names], Calibration] = {}
         self._responses: dict[str, list[LinearisedResponse]] = {}
@@ -57,13 +58,26 @@ class Search(Tried):
         other.unscreened = [name for name in self.unscreened if (name,) not in self.tried]
         return other
 
-    def known(self) -> Sequence[LinearisedResponse]:
-        """Return the linearised responses of all effects in the base plant of this variant."""
+    def known(self, names: Names = ()) -> Sequence[LinearisedResponse]:
+        """Return the linearised responses of all effects in the plant of a set if it was screened, else in the base plant
+        of this variant.
+        """
+        own = self._own.get(names)
+        if own is not None and own[0] is self.tried[names].calibration:
+            return own[1]
         if self._known is None:
             fit = self.tried[()].calibration
             self._known = linearised_responses(self.problem, fit, self.problem.effects, fit)
             self.unscreened = self._not_in(self._known)
         return self._known
+
+    def screen(self, names: Names) -> None:
+        """Compute the linearised responses of all further effects in the plant of a set."""
+        # Those in the base plant are poor if the set moves the plant far from it, but each of the new ones takes a
+        # plant of its own to be compiled.
+        fit = self.tried[names].calibration
+        free = [effect for effect in self.problem.effects if fit.plant.lacks(effect)]
+        self._own[names] = fit, linearised_responses(self.problem, fit, free, fit)
 
     def _not_in(self, known: Sequence[LinearisedResponse]) -> list[str]:
         seen = {response.effect.name for response in known}
@@ -221,6 +235,8 @@ class Search(Tried):
         if not names:
             return leads(self.known(), fit)
         free = [effect for effect in further if fit.plant.lacks(effect)]
+        if self.known(names) is not self.known():
+            return leads([f for f in self.known(names) if f.effect.name in {e.name for e in free}], fit)
         looking = sought_in(fit, free, self.problem.fitted)
         again = linearised_responses(self.problem, base, looking, fit)
         others = {e.name for e in free} - {e.name for e in looking}
