@@ -203,7 +203,7 @@ def resample(
     sample_time : float
         New sample time, s.
     timepts : (n,) array_like, optional
-        True times of the rows, s; by default those of the recording's clock.
+        True times of the rows, s; by default, the times on the recording's clock.
     reading : ReadingTime
         Time within a row at which the reading is taken; relevant if the new sample time is longer.
 

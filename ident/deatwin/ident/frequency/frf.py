@@ -36,7 +36,7 @@ def frf(model: LinearModel, omega: ArrayLike, *, channel: int = 0) -> FrequencyR
     Returns
     -------
     FrequencyResponse
-        Response H_1, output unit by input unit; its operating point is zero input.
+        Response H_1, output unit per input unit; its operating point is zero input.
 
     Raises
     ------

@@ -70,8 +70,8 @@ def best_linear_approximation(
     Raises
     ------
     DataError
-        If a recording is not periodic, has too few periods, or a period is no whole number of samples; if another input
-        moves, the inputs differ in size, or no line is excited in all.
+        If a recording is not periodic, has too few periods, or a period is not a whole number of samples; if another
+        input moves, the inputs differ in size, or no line is excited in all.
     ModelError
         If the recordings do not fit together.
 

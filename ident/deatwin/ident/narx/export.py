@@ -98,8 +98,8 @@ def narx_source(
     Raises
     ------
     ModelError
-        If the name is no C identifier, the rest values do not fit the model's signals, or the model has noise terms
-        only.
+        If the name is not a C identifier, the rest values do not fit the model's signals, or the model has only noise
+        terms.
     """
     require_identifier(name)
     quiet = model.deterministic

@@ -32,7 +32,7 @@ class FitStatus(Enum):
     Estimators that search for the least error by its gradient (`Grow`, `OutputError`, `Armax`, `BoxJenkins`, `Pnlss`,
     `Cascade`) end ``DONE`` only if the gradient is small: a further Gauss-Newton step would move the parameters by less
     than a twentieth of their standard deviations (relative offset of Bates and Watts, 1981), or the fit is exact. The
-    minimum may be a local one; how much it betters a linear model is a question of its error.
+    minimum may be a local one; its error shows how much better it is than a linear model.
     """
 
     DONE = "done"
@@ -171,8 +171,8 @@ class NarxIdentifier(Identifier, ABC):
         more than 1 % above that of least squares on the same terms, the plant reacts to an input later than the model's
         largest lag of that input, or products of several noisy outputs may stand for the noise.
     equations_ : tuple of NarxIdentifier
-        Fitted estimator of each output if there are several, otherwise empty. Further learned attributes of a class are
-        then on these estimators.
+        Fitted estimator of each output if there are several, otherwise empty. The other learned attributes of a class
+        then belong to these estimators.
     """
 
     output_lags: Lags

@@ -79,7 +79,7 @@ def read_recordings(
     rig: RigFile | None = None,
     readings: Sequence[Reading] = (),
 ) -> tuple[Recording, ...]:
-    """Read the recordings of a file; the file name extension gives the format.
+    """Read the recordings in a file; the file name extension determines the format.
 
     Parameters
     ----------
@@ -92,8 +92,8 @@ def read_recordings(
     time_column : str, optional
         Header or position of the times; by default the column called ``time`` or similar, else the one with a unit of
         time. The unit comes from the header or follows an equals sign, ``"Timestamp=ms"``; otherwise it is the second.
-        For dates, ``"Date=dmy"`` or ``mdy`` gives the order. Dates and Unix times put the clock's zero at the first
-        sample; the provenance holds its date as ``clock_began``.
+        For dates, ``"Date=dmy"`` or ``mdy`` gives the order. With dates and Unix times, the clock's zero is at the
+        first sample, whose date is kept in the provenance as ``clock_began``.
     allow_gaps : bool, default False
         If True, split the record at its gaps and keep the clock; otherwise a gap is an error.
     dt : float, optional

@@ -225,9 +225,10 @@ def compare(
     out physics, only models with the same terms, fitted in the same way to records with similar excitation, should have
     equal parameters, and only `robust` covariances describe their scatter.
 
-    The test has two limits. Changes that average out over a band are missed, such as a resonance that moves within it
-    (bands no wider than the resonance show it). And a response with only two parameters has the same p-value in every
-    band, because each band determines both parameters: then only ``least`` and the sizes distinguish the bands.
+    The test has two limits. Changes that average out over a band are missed, such as a resonance that moves within the
+    band; bands no wider than the resonance reveal such a change. And a response with only two parameters has the same
+    p-value in every band, because each band determines both parameters: then only ``least`` and the sizes distinguish
+    the bands.
 
     Parameters
     ----------

@@ -203,7 +203,7 @@ def estimate_dead_time(
     interval then covers all of them. An input of a few sines may not determine the dead time at all (`POOR`).
 
     A periodic input is tested for feedback by the differences between its periods: nonlinear distortion is the same in
-    all periods and no sign of a loop, and a loop without noise cannot be detected.
+    all periods and is not a sign of a loop, and a loop without noise cannot be detected.
 
     At most 20 000 samples are used, from the beginning of each recording. Decimated recordings are not tested for
     feedback: after a zero-phase filter each sample depends on later ones.
