@@ -199,7 +199,7 @@ def _experiment(given: object) -> Experiment:
     if isinstance(given, Experiment):
         return given
     raise DataError(
-        f"a {type(given).__name__} is no recording: give a Recording, an Experiment, a Part of one, or a list of such"
+        f"a {type(given).__name__} is not a recording: give a Recording, an Experiment, a Part of one, or a list of such"
     )
 
 

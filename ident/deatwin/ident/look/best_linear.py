@@ -147,7 +147,7 @@ def _samples_of(record: Recording, period: float | None, channel: int) -> int:
     n = round(found) if period is not None else whole_multiple(found, record.n_samples, _OFF_CLOCK)
     if n < 4 or (period is not None and abs(found - n) * (record.n_samples // n) > 0.5) or 2 * n > record.n_samples:
         raise DataError(
-            f"{label(record)}: a period of {found:.6g} samples is no whole number of at least 4, so that its lines leak; "
+            f"{label(record)}: a period of {found:.6g} samples is not a whole number of at least 4, so that its lines leak; "
             "generate and sample the input by one clock"
         )
     return n

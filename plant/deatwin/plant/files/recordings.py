@@ -300,11 +300,11 @@ def _by_ending(path: str | Path, ways: Mapping[str, Way], verb: str) -> Way:
     if ending == ".gz" and verb == "read" and ways.get(name.with_suffix("").suffix.lower()) is ways[".csv"]:
         return ways[".csv"]
     if ending in _PACKED and verb == "read":
-        raise DataError(f"{path}: it is packed; unpack it, and give the file that is in it")
+        raise DataError(f"{path}: it is packed; unpack it, and give the file inside it")
     if ending == ".xls" and verb == "read":
         raise DataError(f'{path}: files ".xls" cannot be read; save the sheet as .xlsx or .csv')
     if ending not in ways:
-        kind = f'files "{ending}"' if ending else "files without an ending"
+        kind = f'files "{ending}"' if ending else "files without an extension"
         hint = "; give a text file one of these, and export other tables to one" if verb == "read" else ""
         raise DataError(f"{path}: {kind} cannot be {verb}; known are {', '.join(ways)}{hint}")
     return ways[ending]

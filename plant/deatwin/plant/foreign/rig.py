@@ -106,7 +106,7 @@ class ForeignRig(Rig):
         known = ParameterSet(self.parameters)
         for name in self.varying:
             if name not in known:
-                raise RigError(f"{name} varies, but is no parameter{nearest(name, known)}")
+                raise RigError(f"{name} varies, but is not a parameter{nearest(name, known)}")
 
     @property
     def start(self) -> StartProcedure:

@@ -202,7 +202,7 @@ def _table(rows: list[Row]) -> Table:
             "model": lambda row: row.model,
             "size": lambda row: row.size,
             "error": lambda row: row.said or f"{row.error:.3g} {row.unit}",
-            "time to learn (s)": lambda row: f"{row.seconds:.1f}",
+            "training time (s)": lambda row: f"{row.seconds:.1f}",
             "published": lambda row: said(row.task),
         },
     )

@@ -209,7 +209,7 @@ def test_labels_stay_on_the_figure_and_raise_powers(pyplot):
 def test_points_that_do_not_belong_together_are_not_joined(pyplot):
     grid = propagate(MODEL, partial(gfrf, order=2, omega=frequency_grid(OMEGA, OMEGA)))
     for draw in (grid.plot_gain, grid.plot_phase):
-        with pytest.raises(ModelError, match=r"are no line, .*plot_map"):
+        with pytest.raises(ModelError, match=r"are not a line, .*plot_map"):
             draw()
     lines = propagate(MODEL, partial(output_spectrum, excitation=PERIOD, order=2))
     for drawn in (grid.plot(), lines.plot(), lines.plot_gain()):

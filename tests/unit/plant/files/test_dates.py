@@ -100,7 +100,7 @@ def test_day_and_month_that_nothing_tells(tmp_path: Path) -> None:
 
 def test_a_cell_that_is_no_date(tmp_path: Path) -> None:
     cells = stamps("%d.%m.%Y %H:%M:%S")
-    with pytest.raises(DataError, match=r'row 9, column "Time": "31.12.2025 25:00:00" is no date'):
+    with pytest.raises(DataError, match=r'row 9, column "Time": "31.12.2025 25:00:00" is not a date'):
         read_recording(written(tmp_path, [*cells[:7], "31.12.2025 25:00:00", *cells[8:]]))
     cells = stamps("%H:%M:%S.~")
     for wrong in ("noon", "12:60:00"):
@@ -132,7 +132,7 @@ def test_a_column_that_counts_the_rows_is_no_clock_beside_a_sample_time(tmp_path
     found = read_recording(path, dt=STEP)
     assert the_clock(found) == (STEP, STEP * 39)
     assert "counts the rows" in found.provenance["clock"]
-    with pytest.raises(DataError, match='said to be in "samples", which is no known unit of time'):
+    with pytest.raises(DataError, match='said to be in "samples", which is not a known unit of time'):
         read_recording(path, dt=STEP, time_column="#1")
     with pytest.raises(DataError, match="keep the stated sample time"):
         read_recording(path, dt=STEP, time_column="#1=s")
