@@ -152,7 +152,9 @@ def plan_resampling(
         if (clock := _clock(timepts[first:last], timepts[0], sample_time, factor)).size > factor
     ]
     if not found:
-        raise DataError(f"{where(0)}: no two samples of {sample_time:g} s fit into the record; choose a shorter sample time")
+        raise DataError(
+            f"{where(0)}: no two samples of {sample_time:g} s fit into the record; choose a shorter sample time"
+        )
     return Resampling(
         sample_time=sample_time,
         factor=factor,

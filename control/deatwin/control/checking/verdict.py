@@ -239,5 +239,9 @@ def _stable(rows: Sequence[MarginRow], unit: str) -> str:
 def _finding(subject: str, value: float, limit: Limit, text: str) -> Finding:
     verdict = limit.judge(value)
     if verdict is not Verdict.PASS:
-        text = f"{text[:-1]}; {limit.wanted} is required)" if text.endswith(")") else f"{text} ({limit.wanted} is required)"
+        text = (
+            f"{text[:-1]}; {limit.wanted} is required)"
+            if text.endswith(")")
+            else f"{text} ({limit.wanted} is required)"
+        )
     return Finding(subject=subject, value=value, verdict=verdict, text=text, room=limit.room(value))

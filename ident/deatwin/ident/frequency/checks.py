@@ -53,7 +53,7 @@ def whole_number(value: Any, name: str, least: int = 1, most: int | None = None)
 def narx_model(model: Any) -> NarxModel:
     """Return a model, after a check that it is a NarxModel."""
     if not isinstance(model, NarxModel):
-        raise ModelError(f"a {type(model).__name__} is no NarxModel; frf computes the response of a linear model")
+        raise ModelError(f"a {type(model).__name__} is not a NarxModel; frf computes the response of a linear model")
     return model
 
 

@@ -296,7 +296,9 @@ def descend(
 def _problem(plant: Plant, records: Records, names: Sequence[str] | None, watch: Watch) -> Problem:
     for name in names or ():
         if name not in plant.parameters.free:
-            why = "is known" if name in plant.parameters else f"is not a parameter{nearest(name, plant.parameters.free)}"
+            why = (
+                "is known" if name in plant.parameters else f"is not a parameter{nearest(name, plant.parameters.free)}"
+            )
             raise DataError(f"{name} {why}; parameters that can be fitted: {', '.join(plant.parameters.free)}")
     parts = parts_of(records, plant.rig)
     for recording in (recording for part in parts for recording in part.experiment.recordings):

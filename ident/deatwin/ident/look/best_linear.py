@@ -196,7 +196,7 @@ def _distinct(runs: Sequence[_Realisation]) -> list[_Realisation]:
             if not 1.0 / _SAME_SIZE <= sizes[1] / sizes[0] <= _SAME_SIZE:
                 raise DataError(
                     f"inputs whose rms differ, {np.sqrt(2) * sizes[0]:.4g} and {np.sqrt(2) * sizes[1]:.4g}: the best "
-                    "linear approximation depends on the size; give recordings of one size"
+                    "linear approximation depends on the size; give recordings with inputs of the same size"
                 )
             n = 2 * mean.size + 2
             alike = np.fft.irfft(np.concatenate([[0.0], mean * first.conj(), [0.0]]), n) * n / 2.0

@@ -37,14 +37,14 @@ class FitStatus(Enum):
 
     DONE = "done"
     HELD_OUT = (
-        "the search was ended, as intended, where the error on the held-out samples no longer fell: the parameters are "
+        "the search ended, as intended, when the error on the held-out samples no longer fell: the parameters are "
         "not those of the least error on the training data"
     )
     NOT_CONVERGED = (
-        "the search ended before the gradient was small: its parameters may still move, and their covariance does not "
-        "hold; allow more steps, or fewer terms"
+        "the search ended before the gradient was small: its parameters may still move, and their covariance is not "
+        "valid; allow more steps, or fewer terms"
     )
-    INTERRUPTED = "interrupted: the model is the best that was found until then; fit again for the whole search"
+    INTERRUPTED = "interrupted: the model is the best that had been found; fit again to complete the search"
     EDGE_OF_STABILITY = (
         "the best stable model has a pole at the edge of stability: the output integrates, or does not follow from the "
         "input alone, because the plant is unstable or the recording was made in a loop; use Armax"

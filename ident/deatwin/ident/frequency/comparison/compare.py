@@ -29,9 +29,11 @@ class Agreement(Enum):
     The value of each member is a text that advises the user.
     """
 
-    ALIKE = "no difference can be shown: in this band either may stand for the other"
+    ALIKE = "no difference can be shown: in this band, each may be used in place of the other"
     DRIFT = "the means differ, but a drift within a record may be the cause: compare at the same age"
-    DIFFERENT = "the two differ by more than chance and drift explain: in this band neither stands for the other"
+    DIFFERENT = (
+        "the two differ by more than chance and drift explain: in this band, neither may be used in place of the other"
+    )
 
     @property
     def ok(self) -> bool:

@@ -39,7 +39,7 @@ regression takes a second."""
 class DeadTimeStatus(Enum):
     """Outcome of a dead-time estimation. The value of each member is a sentence that advises the user."""
 
-    FOUND = "the recordings tell at which lag the input begins to act"
+    FOUND = "the recordings show at which lag the input begins to act"
     AT_ONCE = (
         "the input acts within the sample, if the recording was not made in a loop: a controller that answers within "
         "the sample looks the same"
