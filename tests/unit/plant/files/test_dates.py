@@ -85,11 +85,11 @@ def test_day_and_month_that_nothing_tells(tmp_path: Path) -> None:
     assert "clock_began" not in found.provenance
     first = (tmp_path / "log.csv").rename(tmp_path / "first.csv")
     files = [first, written(tmp_path, stamps("%d/%m/%Y %H:%M:%S.~", early + timedelta(seconds=60)))]
-    with pytest.raises(DataError, match=r"first.csv and .*log.csv: the dates of some .* --time-column NAME=dmy"):
+    with pytest.raises(DataError, match=r"first.csv and .*log.csv: some of their dates .* --time-column NAME=dmy"):
         read_experiment(files)
     assert [one.start for one in read_experiment(files, time_column="Time=mdy").recordings] == [0.0, 60.0]
     path = written(tmp_path, stamps("%d/%m/%Y %H:%M:%S.~", late))
-    with pytest.raises(DataError, match='state it: --time-column "Time=dmy" or --time-column "Time=mdy"'):
+    with pytest.raises(DataError, match='state the order: --time-column "Time=dmy" or --time-column "Time=mdy"'):
         read_recording(path)
     assert the_clock(read_recording(path, time_column="Time=dmy")) == (STEP, STEP * 39)
     with pytest.raises(DataError, match=r"a gap from 4\.75 s to 2\.5056e\+06 s"):  # 5 June to 5 July: 29 days
