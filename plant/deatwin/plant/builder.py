@@ -248,10 +248,11 @@ class Builder:
         state : casadi.SX
             Symbol that `state` returned.
         after : casadi.SX, optional
-            State of the same scale whose value at the end of the sample before it takes and keeps; it has a rate of zero,
-            and all states written after it are such, too. By default `state` begins at zero.
+            State of the same scale. `state` takes its value at the end of the previous sample and keeps it; the rate of
+            `state` is zero, and so are the rates of all states written later. By default `state` begins at zero.
         at_rest : float
-            For a state that begins at zero: what it reaches at rest, over a sample at its rate of the sample's end.
+            For a state that begins at zero: the value that it reaches at rest, over a sample with the rate at the
+            sample's end.
         """
         names = {n: s.symbol for n, s in self.written.states.items()}
         name, source = (next((n for n, one in names.items() if is_same(one, each)), "") for each in (state, after))
@@ -267,7 +268,7 @@ class Builder:
         Parameters
         ----------
         rewrite : callable
-            Takes the reading, SI, and this builder; returns the reading that results.
+            Function that takes the reading, SI, and this builder, and returns the resulting reading.
         """
         self._last.append(rewrite)
 
@@ -445,7 +446,7 @@ class Builder:
         output : symbol
             Reading of the rig, SI.
         further : sequence of str
-            Names of its further readings.
+            Names of the rig's further readings.
 
         Returns
         -------
@@ -454,8 +455,8 @@ class Builder:
         Raises
         ------
         RigError
-            If an effect acts on a signal that the rig does not have, a further reading is of no signal of it, or
-            equations are missing.
+            If an effect acts on a signal that the rig does not have, a further reading does not belong to any of its
+            signals, or equations are missing.
         """
         for effect in self._effects:
             if (effect.place, effect.signal) not in self._offered:

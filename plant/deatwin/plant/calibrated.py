@@ -244,7 +244,9 @@ def _require_calibration(plant: Plant, names: tuple[str, ...], covariance: np.nd
     free = plant.parameters.free
     for name in names:
         if name not in free:
-            raise ModelError(f"calibration.names: {clipped(name)} is no free parameter (those are {', '.join(free)})")
+            raise ModelError(
+                f"calibration.names: {clipped(name)} is not a free parameter (those are {', '.join(free)})"
+            )
     if len(set(names)) < len(names):
         raise ModelError("calibration.names: a parameter stands there twice")
     if (np.abs(covariance) > LARGEST**2).any():

@@ -46,7 +46,7 @@ class Plant:
     Raises
     ------
     RigError
-        If an effect is no `Effect` or occurs twice, or a value has an unknown name or is out of range.
+        If an effect is not an `Effect` or occurs twice, or a value has an unknown name or is out of range.
 
     Examples
     --------
@@ -63,7 +63,7 @@ class Plant:
         for effect in self.effects:
             if not isinstance(effect, Effect):
                 given = effect.__name__ if isinstance(effect, type) else repr(effect)
-                raise RigError(f"{given} is no effect: give effects one by one, each as an object such as Creep()")
+                raise RigError(f"{given} is not an effect: give effects one by one, each as an object such as Creep()")
         # Sorted, so that effects given in any order make the same plant.
         object.__setattr__(self, "effects", tuple(sorted(self.effects, key=lambda e: e.name)))
         object.__setattr__(self, "values", MappingProxyType(dict(self.values)))
@@ -121,7 +121,7 @@ class Plant:
         Raises
         ------
         RigError
-            If something is no effect, or an effect is in the plant already.
+            If something is not an effect, or an effect is in the plant already.
         """
         return replace(self, effects=(*self.effects, *effects))
 
@@ -294,7 +294,7 @@ class Plant:
         Raises
         ------
         DataError
-            If something is no recording, has another sample time than the plant, several inputs, or its command in
+            If something is not a recording, has another sample time than the plant, several inputs, or its command in
             another unit.
         """
         timeline = self.timeline(experiment_for(self.rig, experiment))

@@ -192,7 +192,7 @@ def _stated(rig: Rig, commands: np.ndarray) -> Discrepancy:
 def _computed(plant: Plant, finer: Rig, experiment: Experiment, commands: np.ndarray) -> Discrepancy:
     simulation = plant.with_rig(finer).simulate(experiment).require()
     if lost := [event for event in simulation.events if event.status is RunStatus.TENSION_LOST]:
-        raise SimulationError(f"the film's finer equations are no measure here: {lost[0]}")
+        raise SimulationError(f"the film's finer equations cannot serve as a measure here: {lost[0]}")
     fine = np.concatenate([y[0] for y in simulation.outputs])
     fit = _Refit(plant, experiment, fine)
     before = _rms(fit.residuals(fit.start))

@@ -42,7 +42,7 @@ class Reading:
     Raises
     ------
     RigError
-        If a number is out of range, or the name is no text.
+        If a number is out of range, or the name is not a string.
     """
 
     name: str

@@ -47,7 +47,7 @@ class Recording:
     Raises
     ------
     DataError
-        If shapes, names and units do not fit together, two inputs or two outputs have the same name, a value is no real
+        If shapes, names and units do not fit together, two inputs or two outputs have the same name, a value is not a real
         number or not finite (in an extra channel: is infinite), or the sample time is not positive.
     """
 
@@ -313,7 +313,7 @@ class Experiment:
             raise DataError("an experiment needs at least one recording")
         for one in given:
             if not isinstance(one, Recording):
-                raise DataError(f"a {type(one).__name__} is no recording: Recording.from_arrays makes one of arrays")
+                raise DataError(f"a {type(one).__name__} is not a recording: Recording.from_arrays makes one of arrays")
         ordered = tuple(sorted(given, key=lambda recording: recording.start))
         for before, after in pairwise(ordered):
             _require_one_clock(before, after)

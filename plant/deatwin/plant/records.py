@@ -45,7 +45,7 @@ def plain(value: Any) -> Any:
 def read(record: type[_Record], data: Any) -> _Record:
     """Make a record from its plain data; KeyError for a missing key, TypeError or ValueError for a wrong value."""
     if not isinstance(data, Mapping):
-        raise TypeError(f"{record.__name__} is no mapping: {data!r:.80}")
+        raise TypeError(f"{record.__name__} is not a mapping: {data!r:.80}")
     hints, found = _hints(record), {}
     for each in fields(record):  # type: ignore[arg-type]
         name = _name(each)
@@ -84,7 +84,7 @@ def _value(hint: Any, value: Any) -> Any:
     if issubclass(hint, Enum):
         return hint(value)
     if hint is float and not isfinite(_of((int, float), value)):
-        raise ValueError(f"{value} is no finite number")
+        raise ValueError(f"{value} is not a finite number")
     return _of((int, float) if hint is float else hint, value)
 
 

@@ -152,7 +152,9 @@ def plan_resampling(
         if (clock := _clock(timepts[first:last], timepts[0], sample_time, factor)).size > factor
     ]
     if not found:
-        raise DataError(f"{where(0)}: no two samples of {sample_time:g} s fit into the record; resample it faster")
+        raise DataError(
+            f"{where(0)}: no two samples of {sample_time:g} s fit into the record; choose a shorter sample time"
+        )
     return Resampling(
         sample_time=sample_time,
         factor=factor,
@@ -203,7 +205,7 @@ def resample(
     sample_time : float
         New sample time, s.
     timepts : (n,) array_like, optional
-        True times of the rows, s; by default those of the recording's clock.
+        True times of the rows, s; by default, the times on the recording's clock.
     reading : ReadingTime
         Time within a row at which the reading is taken; relevant if the new sample time is longer.
 

@@ -108,7 +108,7 @@ class Material:
         Raises
         ------
         RigError
-            If the data are incomplete, or name an energy that is not known here.
+            If the data are incomplete, or name an unknown energy.
         """
         try:
             return cls(

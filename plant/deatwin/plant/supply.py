@@ -39,10 +39,10 @@ class Supply:
     current_limit : float, optional
         :math:`I_+`, A; None if it is never reached.
     sink_current : float, optional
-        :math:`I_-`, A: 0 for a converter that cannot take current back, whose film then falls through `bleed_resistance`
-        alone. None if it is `current_limit`.
+        :math:`I_-`, A: 0 for a converter that cannot sink current, so that the film discharges through
+        `bleed_resistance` alone. None if it equals `current_limit`.
     series_resistance : float
-        R, ohm. The default has no noticeable influence on a film of some nanofarads.
+        R, ohm. The default has no noticeable influence on a film of a few nanofarads.
     bleed_resistance : float, optional
         :math:`R_b` across the film, ohm: a probe, a divider, a bleeder; None if there is none.
     parallel_capacitance : float
@@ -51,7 +51,7 @@ class Supply:
     Raises
     ------
     RigError
-        If a value cannot be.
+        If a value is physically impossible.
     """
 
     current_limit: float | None = None

@@ -79,7 +79,7 @@ def narx_model(file: str | Path) -> NarxModel:
     document = read_json(file)
     if isinstance(document, dict) and document.get("schema") == STATES:
         raise ModelError(
-            f"{file}: this command takes NARX models, and a nonlinear state space is none: identify the same recordings "
+            f"{file}: this command takes NARX models, and a nonlinear state space is not one: identify the same recordings "
             "with --method frols or grow; the state space runs in Python (deatwin.ident.nss.NonlinearStateSpace.load)"
         )
     return NarxModel.load(file)

@@ -228,7 +228,7 @@ def _tests(validation: Validation) -> Drawing:
     drawn = [t for t in validation.tests if t.output == 0 and t.name != "ee'" and t.other in (None, 0)]
     with draw((7.4, 1.7 * len(drawn))) as figure:
         validation.plot(list(figure.subplots(len(drawn), 1, squeeze=False)[:, 0]))
-        caption = "Correlations of the one-step residual with itself and with the input; grey: range of 95 % of the values that chance gives."
+        caption = "Correlations of the one-step residual with itself and with the input; grey: 95 % of the values expected by chance lie in this range."
         return Drawing.of(figure, "tests", "Residual tests", caption, drawn_table(figure))
 
 

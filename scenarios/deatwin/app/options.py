@@ -16,7 +16,7 @@ RigSource = Annotated[
         metavar="RIG", help="Rig file (.toml), FMU (.fmu), amended model.json, or module:function that returns a Plant."
     ),
 ]
-OutFolder = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; made if absent.")]
+OutFolder = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; created if absent.")]
 InputColumn = Annotated[
     str | None,
     typer.Option(
@@ -66,7 +66,7 @@ Resample = Annotated[
     typer.Option(
         metavar="SECONDS",
         callback=positive("{:g} is not a positive number"),
-        help="Resample uneven or too many samples to an even clock with this sample time.",
+        help="Resample uneven or too frequent samples to an even clock with this sample time.",
     ),
 ]
 Experiments = Annotated[

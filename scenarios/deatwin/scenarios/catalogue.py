@@ -132,7 +132,7 @@ STORIES = (
         sizes=("short", "standard", "full"),
         times=(3, 15, 55),
         resumes=True,
-        line="tests designs on rigs that the check does not know: the benefit of an inverse, and how often the verdict is right",
+        line="tests designs on rigs that are unknown to the check: the benefit of an inverse, and how often the verdict is right",
     ),
     Story(
         name="real-data",

@@ -48,7 +48,7 @@ class TimeLeft:
         if self._share > 1.0 - 1e-9:  # sums of shares are rounded
             return ""
         seconds = self.seconds
-        return "some minutes left" if seconds is None else f"about {duration_in_words(seconds)} left"
+        return "a few minutes left" if seconds is None else f"about {duration_in_words(seconds)} left"
 
 
 def duration_in_words(seconds: float) -> str:

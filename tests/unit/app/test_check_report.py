@@ -19,7 +19,7 @@ def test_numbers_that_are_far_off_are_told_so_in_the_table_and_limits_are_told_a
             ("tracking", 101.0),
             ("limit cycle", 10.1),
             ("plant", None),
-            ("steady error", np.inf),
+            ("steady-state error", np.inf),
         )
     ]
     wanted = Specification(overshoot=Limit(good=20.0, poor=50.0, unit="%"), reserve=0.0)

@@ -76,7 +76,7 @@ def test_a_short_recording_gives_a_model(tmp_path: Path, capsys: pytest.CaptureF
     write_csv(tmp_path / "r.csv", {"time_s": 0.1 * np.arange(samples), "command_V": u, "displacement_mm": y})
     assert main(["identify", str(tmp_path / "r.csv"), "--out", str(tmp_path / "m.json"), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert f"r.csv: {samples} samples tell no spectrum" in found["notes"][-1]
+    assert f"r.csv: {samples} samples do not determine the spectrum" in found["notes"][-1]
     assert found["unseen"][0]["validation"].startswith("residuals not tested: ")
     assert found["unseen"][0]["failed_tests"] is None
     if samples == 40:

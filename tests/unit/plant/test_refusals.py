@@ -155,8 +155,8 @@ RECORDS: list[tuple[Callable[[], object], str]] = [
         "output names differ: displacement and force",
     ),
     (lambda: Experiment(recordings=()), "at least one recording"),
-    (lambda: Experiment(recordings=np.ones(3)), "a float64 is no recording: Recording.from_arrays"),
-    (lambda: PLANT.simulate(np.ones(3)), "a ndarray is no recording|a float64 is no recording"),
+    (lambda: Experiment(recordings=np.ones(3)), "a float64 is not a recording: Recording.from_arrays"),
+    (lambda: PLANT.simulate(np.ones(3)), "a ndarray is not a recording|a float64 is not a recording"),
     (
         lambda: PLANT.simulate(ramp(input_names="command", input_units="kV")),
         "in kV, but the plant .* in V; .* 1000 times",
@@ -177,7 +177,7 @@ PARAMETERS: list[tuple[Callable[[], object], str]] = [
     ),
     (lambda: ParameterSet([MASS, MASS]), "mass is given twice"),
     *(
-        (lambda wrong=wrong: PLANT.with_effects(wrong), "is no effect: give effects one by one")
+        (lambda wrong=wrong: PLANT.with_effects(wrong), "is not an effect: give effects one by one")
         for wrong in ("creep", Creep, [Creep()])
     ),
     *(

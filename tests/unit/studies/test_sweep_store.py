@@ -30,7 +30,7 @@ def test_a_result_is_not_written_into_a_folder_sealed_anew_nor_over_one_that_is_
     store.put("one", {"x": 2})
     assert store.get("one")["x"] == 1
     (tmp_path / "seal.json").write_text(json.dumps(SweepSeal(schema="s", parts={}).to_dict()))
-    with pytest.raises(DataError, match="sealed anew"):
+    with pytest.raises(DataError, match="resealed since"):
         store.put("two", {"x": 1})
 
 

@@ -105,7 +105,7 @@ def check(
         Further operating points at which margins are judged, in the input's unit; by default five that cover the commands
         needed by the check's references. The controller's own operating point is always included.
     closed_loop_time : float, optional
-        Wanted time constant lambda of the closed loop for the default design, s; see `lambda_tuning`.
+        Desired time constant lambda of the closed loop for the default design, s; see `lambda_tuning`.
     command_limits : (float, float), optional
         Least and largest command, in its unit; the range of the training data by default.
     recording : Recording, optional

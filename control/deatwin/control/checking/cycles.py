@@ -65,7 +65,7 @@ _Found = tuple[str, LimitCycle, float]
 def _judged(what: str, cycle: LimitCycle, share: float, specification: Specification) -> Finding:
     limit = specification.limit_cycle if cycle.stable else specification.safe_region
     verdict = limit.judge(share)
-    wanted = "" if verdict is Verdict.PASS else f" ({limit.wanted} of a step is wanted)"
+    wanted = "" if verdict is Verdict.PASS else f" ({limit.wanted} of a step is required)"
     kind = "a limit cycle" if cycle.stable else "an unstable limit cycle, beyond which the loop does not return,"
     text = (
         f"describing functions predict {kind} at {cycle.frequency_Hz:.2g} Hz, with an "

@@ -81,7 +81,7 @@ def require_pair(model: NarxModel, plant: Plant) -> None:
     if abs(model.sample_time / rig.sample_time - 1.0) > 1e-6:
         raise ModelError(
             f"the model is sampled every {model.sample_time:g} s, the rig every {rig.sample_time:g} s; a "
-            "NARX model is not resampled: identify it at the rig's rate, or correct sample_rate_Hz in the "
+            "NARX model cannot be resampled: identify it at the rig's rate, or correct sample_rate_Hz in the "
             "rig file"
         )
     if "deviations_from" in model.provenance:
@@ -91,8 +91,8 @@ def require_pair(model: NarxModel, plant: Plant) -> None:
         )
     if model.output_names[0] in {reading.name for reading in rig.further}:
         raise ModelError(
-            f"the model predicts the {model.output_names[0].replace('_', ' ')}, and a check closes the loop on the rig's first "
-            f"reading, the {rig.output_name.replace('_', ' ')}: identify a model of that"
+            f"the model predicts the {model.output_names[0].replace('_', ' ')}, but a check closes the loop on the rig's first "
+            f"reading, the {rig.output_name.replace('_', ' ')}: identify a model of that reading"
         )
     for signal, unit, known in (
         ("input", model.input_units[0], rig.input_unit),

@@ -74,7 +74,7 @@ def judge_training(model: NarxModel, points: Sequence[float], commands: NDArray[
     outside = least < low or most > high
     text = (
         f"the loop works from {least:.3g} to {most:.3g}, "
-        f"{'beyond' if outside else 'inside'} the training data, which go from {low:.3g} to {high:.3g}"
+        f"{'beyond' if outside else 'inside'} the training data, which range from {low:.3g} to {high:.3g}"
     )
     verdict = Verdict.MARGINAL if outside else Verdict.PASS
     return Finding(subject="training data", value=None, verdict=verdict, text=text)

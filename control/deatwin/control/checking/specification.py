@@ -149,8 +149,8 @@ class Specification:
     safe_region : Limit
         Amplitude of a predicted unstable limit cycle, as a share of a step; steps have to stay inside it.
     reserve : float
-        Part of the limits of overshoot, steady error, ripple and saturation that a check holds back, because the plant
-        on which it tries the controller is not the actuator itself (our choice).
+        Part of the limits of overshoot, steady-state error, ripple and saturation that a check holds in reserve,
+        because the plant on which it tries the controller is not the actuator itself (our choice).
 
     Raises
     ------

@@ -107,8 +107,8 @@ def judge_runs(runs: Runs, sine_predicted: float, specification: Specification) 
     times = amount(ratio, ".2f", " times")
     measured = (
         ("overshoot", steps.overshoot, spec.overshoot, f"steps overshoot by {over}"),
-        ("steady error", steps.steady_error, spec.steady_error, f"steps end {off} from the reference"),
-        ("ripple", steps.ripple, spec.ripple, f"the output still moves by {moves} of the step long after it"),
+        ("steady-state error", steps.steady_error, spec.steady_error, f"steps end {off} from the reference"),
+        ("ripple", steps.ripple, spec.ripple, f"the output still moves by {moves} of the step long after the step"),
         ("saturation", saturated, spec.saturated, f"{100 * saturated:.0f} % of the commands are at a limit"),
         ("tracking", ratio, spec.tracking, f"the error on a slow sine is {times} the predicted one"),
     )
@@ -166,7 +166,7 @@ def _beyond(trained: tuple[float, float] | None, achieved: ClosedLoop) -> str:
     unit, size = written_amplitude(achieved.output_unit)
     ends = " to ".join(f"{value / size:.3g}" for value in (low, high))
     data = " to ".join(f"{value / size:.3g}" for value in trained)
-    return f", whose output goes from {ends} {unit} and leaves the training data of {data} {unit}"
+    return f", whose output ranges from {ends} {unit} and leaves the training data of {data} {unit}"
 
 
 def _failed(runs: Runs, run: ClosedLoop) -> Finding:
@@ -239,5 +239,9 @@ def _stable(rows: Sequence[MarginRow], unit: str) -> str:
 def _finding(subject: str, value: float, limit: Limit, text: str) -> Finding:
     verdict = limit.judge(value)
     if verdict is not Verdict.PASS:
-        text = f"{text[:-1]}; {limit.wanted} is wanted)" if text.endswith(")") else f"{text} ({limit.wanted} is wanted)"
+        text = (
+            f"{text[:-1]}; {limit.wanted} is required)"
+            if text.endswith(")")
+            else f"{text} ({limit.wanted} is required)"
+        )
     return Finding(subject=subject, value=value, verdict=verdict, text=text, room=limit.room(value))

@@ -39,7 +39,7 @@ class Controller(ABC):
     command_min, command_max : float
         Least and largest command, in its unit.
     closed_loop_time : float
-        Wanted time constant of the closed loop, s.
+        Desired time constant of the closed loop, s.
 
     Raises
     ------

@@ -35,7 +35,7 @@ _STEPS = 60  # Largest number of steps: bisection reaches rounding in 60, Newton
 class StaticCurve(Described):
     """Strictly monotone curve of the output at rest over a constant input, with its inverse.
 
-    A monotone cubic interpolates the points (Fritsch and Carlson); beyond them the end values are held.
+    A monotone cubic interpolant (Fritsch and Carlson) passes through the points; beyond them the end values are held.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ class StaticCurve(Described):
         Returns
         -------
         ndarray
-            Static gain, output unit by input unit.
+            Static gain, output unit per input unit.
         """
         return np.asarray(self._forward(np.clip(value, self.inputs[0], self.inputs[-1]), 1), dtype=np.float64)
 

@@ -35,7 +35,7 @@ class Law:
     c : ndarray, shape (n,)
         Output vector C, in the input's unit.
     d : ndarray, shape (2,)
-        Direct term D, input unit by output unit.
+        Direct term D, input unit per output unit.
 
     Raises
     ------
@@ -76,7 +76,7 @@ class Law:
         c : array_like, shape (n,)
             Output vector C, in the input's unit.
         d : float
-            Direct term from the error, input unit by output unit.
+            Direct term from the error, input unit per output unit.
         """
         column = np.asarray(b, dtype=np.float64)
         return cls(
@@ -121,7 +121,7 @@ class Law:
         Parameters
         ----------
         gain : float
-            Multiplier of the reference, input unit by output unit.
+            Multiplier of the reference, input unit per output unit.
         """
         return Law(a=self.a, b=self.b, c=self.c, d=self.d + np.array([gain, 0.0]))
 
@@ -143,7 +143,7 @@ class Law:
         Returns
         -------
         ndarray of complex, shape (n,)
-            Frequency response, input unit by output unit.
+            Frequency response, input unit per output unit.
         """
         numerator, denominator = self.feedback
         shift = np.exp(-1j * np.asarray(omega, dtype=np.float64) * sample_time)
@@ -163,7 +163,8 @@ class Law:
         Returns
         -------
         float
-            Largest relative difference from a ten-thousandth of half the sampling rate up to half the sampling rate.
+            Largest relative difference at frequencies between a ten-thousandth of half the sampling rate and half the
+            sampling rate.
         """
         angles = np.geomspace(1e-4, 1.0, 25) * np.pi
         z = np.exp(1j * angles)[:, None, None]

@@ -102,8 +102,8 @@ def hinf(
     max_sensitivity : float
         Upper bound on the sensitivity.
     effort : float
-        Upper bound on the command that a reference asks for, relative to the command that holds it at rest; beyond
-        twice the bandwidth the command has to fall.
+        Upper bound on the command that a reference causes, relative to the command that holds it at rest; beyond twice
+        the bandwidth the command has to fall.
 
     Returns
     -------

@@ -30,7 +30,7 @@ _FILTER_SHARE = 0.1
 class FirstOrderDelay:
     """A model with one lag and a delay, as lambda tuning needs it: ``gain * exp(-delay s) / (time_constant s + 1)``."""
 
-    gain: float  # Static gain, output unit by input unit
+    gain: float  # Static gain, output unit per input unit
     time_constant: float  # Time constant of the lag, s
     delay: float  # Delay, s
 

@@ -23,11 +23,11 @@ class PidGains:
     Parameters
     ----------
     proportional : float
-        Proportional gain K_p, input unit by output unit.
+        Proportional gain K_p, input unit per output unit.
     integral : float
-        Integral gain K_i, input unit by output unit and second.
+        Integral gain K_i, input unit per output unit and per second.
     derivative : float
-        Derivative gain K_d, input unit by output unit, times second.
+        Derivative gain K_d, input unit per output unit, times second.
     filter_time : float
         Time constant T_f of the derivative's filter, s.
 
@@ -152,7 +152,7 @@ def pid(linear: LinearModel, gains: PidGains, command_limits: Limits, closed_loo
     command_limits : (float, float)
         Least and largest command, in its unit.
     closed_loop_time : float
-        Wanted closed-loop time constant, s.
+        Desired closed-loop time constant, s.
 
     Returns
     -------

@@ -27,7 +27,7 @@ class States:
     a: Array  # shape (n, n): A
     b: Array  # shape (n,): B; the states are in the input's unit
     c: Array  # shape (n,): C
-    gain: float  # Static gain, output unit by input unit
+    gain: float  # Static gain, output unit per input unit
 
     @classmethod
     def of(cls, linear: LinearModel) -> States:

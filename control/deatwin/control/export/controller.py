@@ -120,10 +120,10 @@ def _head(controller: Controller, asked: Signal, command: Signal) -> str:
     unit = f" {command.unit}" if command.unit else ""
     return comment(
         [
-            f"{controller.name} controller ({controller.kind}), a sample of {controller.sample_time:g} s a call.",
-            f"u[0]: {asked}; u[1]: reading, likewise; y[0]: {command}.",
+            f"{controller.name} controller ({controller.kind}), with one sample of {controller.sample_time:g} s per call.",
+            f"u[0] is the {asked}; u[1] is the reading, in the same unit; y[0] is the {command}.",
             f"The command stays between {controller.command_min:g} and {controller.command_max:g}{unit}; the loop is to be "
-            f"closed where the actuator rests at {controller.operating_input:g}{unit}.",
-            "Do not compile with -ffast-math, which takes away the test for readings that are not finite.",
+            f"closed when the actuator rests at {controller.operating_input:g}{unit}.",
+            "Do not compile with -ffast-math, which disables the test for readings that are not finite.",
         ]
     )

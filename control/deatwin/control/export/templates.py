@@ -13,14 +13,15 @@ typedef ${N}_REAL ${n}_real;
 #define ${N}_SAMPLE_TIME $sample_time /* s */
 
 typedef struct {
-    ${n}_real x[$size]; /* of the law */
-    ${n}_real smooth; /* command as the schedule sees it */
-    ${n}_real command; /* of the last sample */
+    ${n}_real x[$size]; /* These are the states of the law. */
+    ${n}_real smooth; /* This is the smoothed command, which selects the law. */
+    ${n}_real command; /* This is the command of the last sample. */
 } ${n}_state;
 
-void ${n}_init(${n}_state *state); /* as the loop is closed: the actuator rests at $operating_input */
+void ${n}_init(${n}_state *state); /* Call this when the loop is closed: the actuator rests at $operating_input. */
 int ${n}_step(${n}_state *state, const ${n}_real *u, ${n}_real *y);
-/* u[0] reference, u[1] reading, y[0] command. 0: done; 1: u is not finite, state and command stay as they were. */
+/* u[0] is the reference, u[1] the reading, y[0] the command. Returns 0 if done, and 1 if u is not finite; the state and
+ * the command are then unchanged. */
 
 $tables
 
@@ -39,7 +40,7 @@ static ${n}_real ${n}_limited(${n}_real value, ${n}_real low, ${n}_real high)
 """
 
 LAW = """
-/* v = u0 + C x + D w, inside the limits; x = A x + B w + L (limited v - v), which stops windup at a limit. */
+/* The command is v = u0 + C x + D w within the limits; x = A x + B w + L (limited v - v) prevents windup at a limit. */
 static ${n}_real ${n}_law(${n}_real *x, ${n}_real asked, ${n}_real seen)
 {
     ${n}_real next[$size];
@@ -60,7 +61,7 @@ _STEP_BEGINS = """
 int ${n}_step(${n}_state *state, const ${n}_real *u, ${n}_real *y)
 {
     const ${n}_real asked = u[0] - (${n}_real)$operating_output, seen = u[1] - (${n}_real)$operating_output;
-    const int finite = asked - asked == 0 && seen - seen == 0; /* not so: infinite, or not a number */
+    const int finite = asked - asked == 0 && seen - seen == 0; /* This is 0 if a value is infinite or not a number. */
 """
 
 _STEP_ENDS = """    y[0] = state->command;
@@ -72,7 +73,8 @@ LINEAR_STEP = f"""{_STEP_BEGINS}    if (finite) state->command = ${{n}}_law(stat
 {_STEP_ENDS}"""
 
 CURVE = """
-/* The constant input that holds an output: monotone cubics between points, inverted by Newton's method in a bracket. */
+/* This returns the constant input that holds an output: monotone cubics between the points are inverted by Newton's
+ * method in a bracket. */
 static ${n}_real ${n}_inverse(${n}_real wanted)
 {
     const ${n}_real unit = (${n}_real)$largest * (${n}_real)(sizeof(${n}_real) > 4 ? 4.44e-16 : 2.4e-7);
@@ -107,7 +109,7 @@ INVERSE_STEP = f"""{_STEP_BEGINS}    if (finite)
 {_STEP_ENDS}"""
 
 SCHEDULE = """
-/* Entries of the laws between two points of the schedule. */
+/* These macros interpolate the entries of the laws between two points of the schedule. */
 #define ${N}_AMONG(t, i) (${n}_##t[k][i] + share * (${n}_##t[k + 1][i] - ${n}_##t[k][i]))
 #define ${N}_WITHIN(t, i, j) (${n}_##t[k][i][j] + share * (${n}_##t[k + 1][i][j] - ${n}_##t[k][i][j]))
 """

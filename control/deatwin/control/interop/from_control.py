@@ -55,7 +55,7 @@ def from_control(
 
     if not isinstance(system, control.TransferFunction | control.StateSpace):
         raise ControlError(
-            f"a {type(system).__name__} is no transfer function or state space: give a tf, ss or zpk of "
+            f"a {type(system).__name__} is not a transfer function or state space: give a tf, ss or zpk of "
             "python-control, of a nonlinear system what control.linearize makes of it"
         )
     if system.ninputs != 1 or system.noutputs != 1:

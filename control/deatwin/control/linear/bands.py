@@ -89,7 +89,7 @@ class FamilyBands(Described):
 
     @cached_property
     def static_gain(self) -> Banded:
-        """G(1), output unit by input unit, arrays of shape (n_points,)."""
+        """G(1), output unit per input unit, arrays of shape (n_points,)."""
         return Banded.over_samples(self.family.static_gains)
 
     @property

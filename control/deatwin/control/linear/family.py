@@ -40,7 +40,7 @@ class LinearFamily:
     operating_outputs : ndarray, shape (n_points, n_samples)
         Outputs at rest, in their unit; NaN if there is no equilibrium.
     numerators : ndarray, shape (n_points, n_samples, n_b)
-        Coefficients b_0, b_1, ..., output unit by input unit; zero if there is no equilibrium.
+        Coefficients b_0, b_1, ..., output unit per input unit; zero if there is no equilibrium.
     denominators : ndarray, shape (n_points, n_samples, n_a + 1)
         Coefficients 1, a_1, a_2, ...; 1, 0, 0, ... if there is no equilibrium.
     exists : ndarray of bool, shape (n_points, n_samples)
@@ -48,7 +48,7 @@ class LinearFamily:
     stable : ndarray of bool, shape (n_points, n_samples)
         True if there is a stable equilibrium.
     has_gain : ndarray of bool, shape (n_points, n_samples)
-        True if there is an equilibrium with a static gain that is known and more than rounding.
+        True if there is an equilibrium with a static gain that is known and larger than the rounding error.
     sample_time : float
         Sampling time, s.
     input_name, output_name, input_unit, output_unit : str
@@ -157,7 +157,7 @@ class LinearFamily:
 
     @cached_property
     def static_gains(self) -> Array:
-        """G(1), output unit by input unit, shape (n_points, n_samples); NaN without an equilibrium."""
+        """G(1), output unit per input unit, shape (n_points, n_samples); NaN without an equilibrium."""
         if self.realisations:
             known = [[np.nan if one is None else one.static_gain for one in row] for row in self.realisations]
             return _read_only(known, np.float64)

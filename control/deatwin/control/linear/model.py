@@ -73,7 +73,7 @@ class LinearModel(Described):
     Parameters
     ----------
     numerator : ndarray, shape (n_b,)
-        Coefficients b_0, b_1, ..., output unit by input unit.
+        Coefficients b_0, b_1, ..., output unit per input unit.
     denominator : ndarray, shape (n_a + 1,)
         Coefficients 1, a_1, a_2, ...
     covariance : ndarray, shape (n_b + n_a, n_b + n_a)
@@ -198,7 +198,7 @@ class LinearModel(Described):
         is_stable : bool
             True if the equilibrium is stable, including modes that the input does not excite.
         least_gain : float
-            Largest static gain that may be rounding, output unit by input unit.
+            Largest static gain that may be mere rounding error, output unit per input unit.
         """
         if not is_stable:
             detail = f"largest pole {abs(self.poles).max(initial=0.0):.4g}"
@@ -259,14 +259,14 @@ class LinearModel(Described):
 
     @property
     def static_gain(self) -> float:
-        """G(1), output unit by input unit."""
+        """G(1), output unit per input unit."""
         if self.realisation is not None:
             return self.realisation.static_gain
         return float(self.numerator.sum() / self.denominator.sum())
 
     @property
     def static_gain_deviation(self) -> float:
-        """Standard deviation of the static gain, output unit by input unit."""
+        """Standard deviation of the static gain, output unit per input unit."""
         if self.realisation is not None:
             return 0.0
         slopes = np.concatenate([np.ones(self.numerator.size), np.full(self.denominator.size - 1, -self.static_gain)])
@@ -284,7 +284,7 @@ class LinearModel(Described):
         Returns
         -------
         ndarray of complex, shape (n,)
-            Frequency response, output unit by input unit.
+            Frequency response, output unit per input unit.
         """
         delay = np.exp(-1j * np.asarray(omega, dtype=np.float64) * self.sample_time)
         if self.realisation is not None:
@@ -303,7 +303,7 @@ class LinearModel(Described):
         Returns
         -------
         ndarray, shape (count,)
-            Response, output unit by input unit; the input steps at the first sample.
+            Response, output unit per input unit; the input steps at the first sample.
         """
         from scipy.signal import lfilter
 

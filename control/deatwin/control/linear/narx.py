@@ -25,8 +25,8 @@ def linearise(model: NarxModel, operating_input: float | None = None) -> LinearM
     Parameters
     ----------
     model : NarxModel
-        Identified model. Lags count samples of its recording. When within a sample the reading was taken is ignored
-        here; see `LinearModel.in_loop`.
+        Identified model. Lags count samples of its recording. The instant within a sample at which the reading was
+        taken is ignored here; see `LinearModel.in_loop`.
     operating_input : float, optional
         Constant input, in its unit; the centre of the training data by default.
 

@@ -34,7 +34,7 @@ class Realisation:
     a: Array  # shape (n, n): A, for states of similar size
     b: Array  # shape (n, n_lags): B, one column per lag of the input, per unit of the input
     c: Array  # shape (n,): C, in the output's unit
-    d: Array  # shape (n_lags,): D, output unit by input unit
+    d: Array  # shape (n_lags,): D, output unit per input unit
 
     @cached_property
     def modes(self) -> Complex:
@@ -43,7 +43,7 @@ class Realisation:
 
     @cached_property
     def static_gain(self) -> float:
-        """Return C (I - A)^-1 B + D, output unit by input unit; infinite if a mode integrates."""
+        """Return C (I - A)^-1 B + D, output unit per input unit; infinite if a mode integrates."""
         try:
             return float(self.c @ self._rest(self.b.sum(axis=1)) + self.d.sum())
         except np.linalg.LinAlgError:

@@ -56,7 +56,7 @@ class ClosedLoop(Described):
     timepts : ndarray, shape (n,)
         Time since the loop was closed, ascending, s.
     reference : ndarray, shape (n,)
-        Wanted output, in its unit.
+        Desired output, in its unit.
     output : ndarray, shape (n,)
         Noise-free reading at the instant at which the command is chosen, in its unit.
     measured : ndarray, shape (n,)
@@ -118,7 +118,7 @@ class ClosedLoop(Described):
 
     @property
     def effort(self) -> float:
-        """Mean total variation of the command, input unit by second."""
+        """Mean total variation of the command, input unit per second."""
         if self.command.size < 2:
             return 0.0
         return float(np.abs(np.diff(self.command)).sum() / (self.timepts[-1] - self.timepts[0]))
@@ -265,7 +265,7 @@ def closed_loop(
     controller : Controller
         Controller with the plant's sampling time.
     reference : array_like, shape (n,)
-        Wanted output, in its unit.
+        Desired output, in its unit.
     rng : numpy.random.Generator
         Random generator for the sensor noise.
     settle : float

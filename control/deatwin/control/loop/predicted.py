@@ -50,7 +50,7 @@ class PredictedLoop(Described):
     timepts : ndarray, shape (n,)
         Time since the loop was closed, s.
     reference : ndarray, shape (n,)
-        Wanted output, in its unit.
+        Desired output, in its unit.
     outputs : ndarray, shape (draws, n)
         Outputs of the draws that did not diverge, in the output's unit.
     commands : ndarray, shape (draws, n)
@@ -217,7 +217,7 @@ def predict_loop(
     controller : Controller
         Controller to run.
     reference : array_like, shape (n,)
-        Wanted output, in its unit.
+        Desired output, in its unit.
     reading : ReadingTime
         Instant within a row at which its reading is taken.
     residual : Residual

@@ -43,7 +43,7 @@ class SineResponse:
     omega : ndarray, shape (m,)
         Angular frequencies, rad/s.
     values : ndarray of complex, shape (n, m)
-        Response from a command to the reading before the next one, output unit by input unit; NaN if the plant failed.
+        Response from a command to the reading before the next one, output unit per input unit; NaN if the plant failed.
 
     Raises
     ------

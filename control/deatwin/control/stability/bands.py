@@ -199,7 +199,7 @@ def band_margins(
     linear : LinearModel
         Model of the actuator as the controller sees it (`LinearModel.in_loop`), with its covariance.
     feedback_numerator, feedback_denominator : array_like, shapes (n,) and (m,)
-        Coefficients of z^0, z^-1, ... of the controller's feedback, input unit by output unit; taken as exact.
+        Coefficients of z^0, z^-1, ... of the controller's feedback, input unit per output unit; taken as exact.
     level : float
         Probability of the band, between 0 and 1.
 

@@ -57,7 +57,7 @@ def narx_model(model: Any) -> NarxModel:
         instead = (
             "its model_ may be" if isinstance(model, Identifier) else "frf computes the response of a linear model"
         )
-        raise ModelError(f"a {type(model).__name__} is no NarxModel; {instead}")
+        raise ModelError(f"a {type(model).__name__} is not a NarxModel; {instead}")
     return model
 
 

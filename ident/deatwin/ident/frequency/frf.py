@@ -36,7 +36,7 @@ def frf(model: LinearModel, omega: ArrayLike, *, channel: int = 0) -> FrequencyR
     Returns
     -------
     FrequencyResponse
-        Response H_1, output unit by input unit; its operating point is zero input.
+        Response H_1, output unit per input unit; its operating point is zero input.
 
     Raises
     ------
@@ -44,7 +44,7 @@ def frf(model: LinearModel, omega: ArrayLike, *, channel: int = 0) -> FrequencyR
         If the model has no such input, or the frequencies are not real numbers in that range.
     """
     if not isinstance(model, LinearModel):
-        raise ModelError(f"a {type(model).__name__} is no LinearModel; gfrf computes the responses of a NarxModel")
+        raise ModelError(f"a {type(model).__name__} is not a LinearModel; gfrf computes the responses of a NarxModel")
     channel = whole_number(channel, "channel", 0, len(model.b) - 1)
     frequencies = checked_frequencies(omega, model.sample_time)
     point, angle = _at_rest(model), frequencies * model.sample_time

@@ -167,7 +167,7 @@ class FrequencyResponse(Described, Frozen):
         return read_only(parts @ self.theta_cov @ parts.swapaxes(1, 2))
 
     def at_points(self, chosen: NDArray[Any] | slice) -> FrequencyResponse:
-        """Return the response at some of its points.
+        """Return the response at selected points.
 
         Parameters
         ----------

@@ -68,7 +68,7 @@ class Calibration(Described):
     starts : int
         Number of points from which fits began.
     agreed : int
-        Number of starts that ended with the same, least error.
+        Number of starts that ended with the same smallest error.
     equals : tuple of tuple of float
         Other values of the fitted parameters, in the order of `names`, SI, at which fits ended with the same error.
     reach : tuple of tuple of float
@@ -226,8 +226,9 @@ def calibrate(
 
     A descent ends in the nearest minimum. So further fits follow on growing initial parts of the record: first from the
     same values, then from a low-discrepancy sequence of points in the parameters' ranges, which is the same in every
-    run. The search ends when two starts agree on the least error, at about three times the cost of one fit. Errors
-    agree if a 95 % interval could hold both; if the parameters then do not agree, the result holds both.
+    run. The search ends when two starts agree on the least error, at about three times the cost of one fit. Two errors
+    agree if a single 95 % interval could contain both; if the parameters nevertheless disagree, the result contains
+    both solutions.
 
     Ctrl-C ends the search: the best parameters so far are kept, and `status` says so. Before the first simulation has
     ended KeyboardInterrupt is raised.
@@ -237,8 +238,8 @@ def calibrate(
     plant : Plant
         Plant with starting values.
     records : Part, Experiment or Recording, or a sequence of such
-        Data to fit; all samples of experiments and recordings are used, of all readings that the rig has and they
-        hold. Each one starts from rest.
+        Data to fit. All samples of experiments and recordings are used, for every reading of the rig that they contain.
+        Each experiment or recording starts from rest.
     names : sequence of str, optional
         Names of the parameters to fit; all free ones by default.
     starts : int
@@ -246,10 +247,10 @@ def calibrate(
     evaluations : int
         Largest number of simulations of the whole record in each fit.
     tolerance : float, optional
-        Relative change of the squared residual at which the fit has settled. By default the fit goes on until it is
-        within a tenth of a standard error of its minimum, which in a long record takes smaller changes.
+        Relative change of the squared residual at which the fit has settled. By default the fit continues until it is
+        within a tenth of a standard error of its minimum, which requires smaller changes if the record is long.
     hopeless : float
-        Rms residual, SI; a fit is given up if its linearised minimum stays above it.
+        Rms residual, SI; a fit is abandoned if its linearised minimum stays above this value.
     progress : callable, optional
         Called after each simulation with the share done, between 0 and 1, and a description of the current step.
 
@@ -298,7 +299,9 @@ def _problem(plant: Plant, records: Records, names: Sequence[str] | None, watch:
         raise DataError(f"a calibration needs a Plant, not a {type(plant).__name__}: Plant(rig=...) makes one of a rig")
     for name in names or ():
         if name not in plant.parameters.free:
-            why = "is known" if name in plant.parameters else f"is no parameter{nearest(name, plant.parameters.free)}"
+            why = (
+                "is known" if name in plant.parameters else f"is not a parameter{nearest(name, plant.parameters.free)}"
+            )
             raise DataError(f"{name} {why}; parameters that can be fitted: {', '.join(plant.parameters.free)}")
     parts = parts_of(records, plant.rig)
     for recording in (recording for part in parts for recording in part.experiment.recordings):

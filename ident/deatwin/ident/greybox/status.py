@@ -10,8 +10,10 @@ class FitStatus(Enum):
 
     SETTLED = "the fit settled"
     STOPPED = "the fit used up its evaluations: its parameters may still move"
-    INTERRUPTED = "the fit was interrupted: its parameters are the best that were found until then"
-    UNSETTLED = "the fit stopped where its gradient is not small: start it elsewhere, or go on with a smaller tolerance"
+    INTERRUPTED = "the fit was interrupted: its parameters are the best that had been found"
+    UNSETTLED = (
+        "the fit stopped where its gradient is not small: start it elsewhere, or continue with a smaller tolerance"
+    )
     OTHER_MINIMA = (
         "the error has several minima, and only one of the starts came to the least that was found: "
         "give starting values that are nearer, or more starts"
@@ -20,7 +22,7 @@ class FitStatus(Enum):
         "other values of the parameters leave the same error: narrow their ranges, or write the equations so that only "
         "one of them is possible"
     )
-    GIVEN_UP = "the fit was given up: even its linearised minimum leaves far more than another fit does"
+    GIVEN_UP = "the fit was abandoned: even its linearised minimum leaves a far larger error than another fit does"
     IMPOSSIBLE = "the plant cannot be simulated at its starting values: it pulls in or finds no state of rest"
 
     @property

@@ -34,11 +34,11 @@ class BestLinearApproximation(Frozen):
     frequencies : ndarray, shape (n_lines,)
         Excited lines, Hz.
     response : ndarray of complex, shape (n_lines,)
-        Best linear approximation, output unit by input unit.
+        Best linear approximation, output unit per input unit.
     variance : ndarray, shape (n_lines,)
-        Variance of `response`, E|G - E G|^2, by noise and distortion.
+        Variance of `response`, E|G - E G|^2, due to noise and distortion.
     noise_variance : ndarray, shape (n_lines,)
-        The part of it that noise causes, which more periods would lower.
+        Part of `variance` that is due to noise; more periods would reduce it.
     dof : float
         Degrees of freedom of `variance`.
     complete : bool
@@ -119,7 +119,7 @@ class BestLinearApproximation(Frozen):
         Returns
         -------
         ndarray, shape (n_lines,)
-            Radius in output unit by input unit.
+            Radius in output unit per input unit.
         """
         from scipy.special import fdtri
 

@@ -70,8 +70,8 @@ def best_linear_approximation(
     Raises
     ------
     DataError
-        If a recording is not periodic, has too few periods, or a period is no whole number of samples; if another input
-        moves, the inputs differ in size, or no line is excited in all.
+        If a recording is not periodic, has too few periods, or a period is not a whole number of samples; if another
+        input moves, the inputs differ in size, or no line is excited in all.
     ModelError
         If the recordings do not fit together.
 
@@ -147,7 +147,7 @@ def _samples_of(record: Recording, period: float | None, channel: int) -> int:
     n = round(found) if period is not None else whole_multiple(found, record.n_samples, _OFF_CLOCK)
     if n < 4 or (period is not None and abs(found - n) * (record.n_samples // n) > 0.5) or 2 * n > record.n_samples:
         raise DataError(
-            f"{label(record)}: a period of {found:.6g} samples is no whole number of at least 4, so that its lines leak; "
+            f"{label(record)}: a period of {found:.6g} samples is not a whole number of at least 4, so that its lines leak; "
             "generate and sample the input by one clock"
         )
     return n
@@ -196,7 +196,7 @@ def _distinct(runs: Sequence[_Realisation]) -> list[_Realisation]:
             if not 1.0 / _SAME_SIZE <= sizes[1] / sizes[0] <= _SAME_SIZE:
                 raise DataError(
                     f"inputs whose rms differ, {np.sqrt(2) * sizes[0]:.4g} and {np.sqrt(2) * sizes[1]:.4g}: the best "
-                    "linear approximation depends on the size; give recordings of one size"
+                    "linear approximation depends on the size; give recordings with inputs of the same size"
                 )
             n = 2 * mean.size + 2
             alike = np.fft.irfft(np.concatenate([[0.0], mean * first.conj(), [0.0]]), n) * n / 2.0

@@ -51,7 +51,7 @@ def calibrate_material(tests: Sequence[MaterialTest], about: Mapping[str, Any] |
     Parameters
     ----------
     tests : sequence of MaterialTest
-        Tests of one material, of one specimen or several.
+        Tests of one material, on one or more specimens.
     about : mapping, optional
         Properties that tests cannot determine, in the form of the section ``[material]`` of a rig file: ``name``,
         ``permittivity``, ``breakdown``, ``density_kg_m3``. If it contains an ``energy``, no other is tried; for a

@@ -79,7 +79,7 @@ def _on_times(data: Observations, fitted: Fit) -> Iterator[str]:
         why = (
             "all tests are pulls at one rate, which bends a curve as elasticity does" if pulls else "no test has times"
         )
-        yield f"{why}: the material has no branches, whatever it does in time"
+        yield f"{why}: the material has no branches, even if it relaxes"
         return
     shortest, longest = data.relaxation
     shown = max(clock[1] for block in data.blocks if (clock := block.test.clock) is not None)
@@ -95,13 +95,13 @@ def _on_errors(data: Observations, noise: Noise) -> Iterator[str]:
     if len(data.specimens) > 1 and noise.scatter > 0.005:
         yield f"the {len(data.specimens)} specimens differ by {100 * noise.scatter:.1f} % (one deviation), which the intervals allow for"
     elif len(data.specimens) == 1:
-        yield "one specimen: how far others differ is not in the intervals"
+        yield "there is only one specimen: the intervals do not include how much others differ"
     repeats = max(noise.repeats)
     if repeats > 2.0:
         worst = data.blocks[int(np.argmax(noise.repeats))].test.name
         yield (
-            f"residuals hang together, most in {worst}, where {repeats:.0f} samples count as one: the material does not "
-            "follow the tests within their noise, and the intervals are wider by that"
+            f"residuals are correlated, most in {worst}, where {repeats:.0f} samples count as one: the material does not "
+            "follow the tests to within their noise, and the intervals are widened accordingly"
         )
 
 

@@ -43,7 +43,7 @@ class CalibratedMaterial:
     Parameters
     ----------
     section : mapping
-        The section ``[material]`` of a rig file; the range of each parameter is its interval of 95 %.
+        The section ``[material]`` of a rig file; the range of each parameter is its 95 % interval.
     quantities : tuple of Quantity
         Parameters of the energy, then modulus and time of each branch from the fastest on: ``name``, ``value``, ``low``,
         ``high``, ``unit``.

@@ -30,7 +30,9 @@ def stated_energy(about: Mapping[str, Any]) -> EnergyStart | str | None:
     _checked({"name": "film", "energy": "neo_hookean", "parameters": {"shear_modulus": 1e5}} | _without_energy(about))
     if energy is None:
         if "parameters" in about:
-            raise RigError('[material]: parameters are of an energy; name it, as in energy = "gent", or leave them out')
+            raise RigError(
+                '[material]: parameters belong to an energy; name it, as in energy = "gent", or leave them out'
+            )
         return None
     try:
         law = energy_named(str(energy))

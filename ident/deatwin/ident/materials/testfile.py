@@ -185,7 +185,7 @@ def _incomplete(one: Mapping[str, Any]) -> Iterator[str]:
         return
     for name in (*_DYNAMIC, "modulus"):
         if name in one:
-            yield f'"{name}" is of a dma test, and this one is of the kind {one["kind"]}'
+            yield f'"{name}" belongs to a dma test, but this test is of the kind {one["kind"]}'
     for names in ((*STRETCHES, "held_stretch"), STRESSES, ("time", "rate_1_s")):
         given = [name for name in names if name in one]
         if len(given) > 1:

@@ -130,7 +130,7 @@ def _hardly_shown(findings: Findings) -> Iterator[str]:
     ):
         yield (
             f"{'+'.join(best.effects)} would explain the recordings, but with a cycle of which they show less than a "
-            "quarter: any slow change looks like that"
+            "quarter, which looks like any slow change"
         )
 
 

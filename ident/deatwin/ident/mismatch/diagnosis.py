@@ -302,6 +302,6 @@ class Diagnosis(Described):
         Raises
         ------
         ModelError
-            If the file is no such diagnosis.
+            If the file is not a diagnosis.
         """
         return read_document(path, SCHEMA, cls.from_dict)

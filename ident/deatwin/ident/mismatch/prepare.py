@@ -55,7 +55,7 @@ def prepare(
     Raises
     ------
     ModelError
-        If one of the effects is no effect.
+        If one of the given effects is not an `Effect`.
     SimulationError
         If the plant cannot be simulated on the recordings.
     """

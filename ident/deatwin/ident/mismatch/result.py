@@ -246,7 +246,7 @@ class VerificationSummary:
     transfer : tuple of TransferSummary
         Results for each record, if there are several, and for each third of the amplitudes.
     constancy : tuple of ConstancySummary or None
-        Test of constancy of each effect that is no event.
+        Test of constancy for each effect that is not an event.
     """
 
     holds: bool
@@ -336,7 +336,7 @@ class FreeFormSummary:
     before, after : float
         Rms error on held-out data, without and with it.
     gain_low : float or None
-        Lower 95 % bound of the decrease of this error.
+        Lower 95 % bound of the decrease of this rms error on held-out data.
     """
 
     place: str

@@ -98,7 +98,7 @@ def band_excited(recordings: Sequence[Recording]) -> tuple[dict[str, str], tuple
             try:
                 found.append(excitation(record))
             except DataError as error:
-                faults.append(f"{error}; the model does not say up to which frequency it can be relied upon")
+                faults.append(f"{error}; the model does not state up to which frequency it is reliable")
     return (Excitation.joined(found).provenance, ()) if found else ({}, tuple(faults))
 
 

@@ -22,7 +22,9 @@ eps kappa; a covariance that would lose more than half of its digits to cancella
 (`transformed`)."""
 
 
-def covariance_of(values: ArrayLike, names: Sequence[object], complaint: str = "theta_cov is no covariance") -> Array:
+def covariance_of(
+    values: ArrayLike, names: Sequence[object], complaint: str = "theta_cov is not a covariance"
+) -> Array:
     """Return a covariance (n, n), symmetric and read-only; ModelError if its correlations are indefinite."""
     given = np.asarray(values, dtype=np.float64)
     if not given.any():

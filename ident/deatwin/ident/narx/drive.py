@@ -88,7 +88,7 @@ def require_suits(recording: Recording, model: Signals, *, with_outputs: bool, f
     """Raise ModelError unless a recording has the model's sample time, signals and units and `fewest` samples."""
     if not isinstance(recording, Recording):
         raise ModelError(
-            f"a {type(recording).__name__} is no recording: give one recording; Recording.from_arrays makes it of arrays"
+            f"a {type(recording).__name__} is not a recording: give one recording; Recording.from_arrays makes it of arrays"
         )
     if not math.isclose(recording.sample_time, model.sample_time, rel_tol=1e-6):
         raise ModelError(

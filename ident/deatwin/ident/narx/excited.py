@@ -220,7 +220,9 @@ def _power(recording: Recording) -> NDArray[np.float64]:
     if not np.ptp(command) > 0.0:
         raise DataError(f"{label(recording)}: the input is constant: it excites nothing")
     if command.size < _FEWEST:
-        raise DataError(f"{label(recording)}: {command.size} samples tell no spectrum of the input; {_FEWEST} would")
+        raise DataError(
+            f"{label(recording)}: {command.size} samples do not determine the spectrum of the input; {_FEWEST} would"
+        )
     # A trend, or ends that do not meet, would look like power at all frequencies.
     timepts = np.linspace(-1.0, 1.0, command.size)
     trend = np.polynomial.Polynomial.fit(timepts, command, 1)(timepts)

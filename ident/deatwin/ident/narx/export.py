@@ -22,14 +22,14 @@ typedef ${N}_REAL ${n}_real;
 #define ${N}_SAMPLE_TIME $sample_time /* s */
 
 typedef struct {
-    ${n}_real y[$outputs][$y_lags]; /* y[i][l - 1] is output i of l samples ago */
-    ${n}_real u[$inputs][$u_lags]; /* u[i][l - 1] is input i of l samples ago */
-    ${n}_real last[$outputs]; /* outputs of the last sample */
-    int diverged; /* 1 from the sample on whose outputs left the range that can be meant */
+    ${n}_real y[$outputs][$y_lags]; /* y[i][l - 1] is output i, l samples ago. */
+    ${n}_real u[$inputs][$u_lags]; /* u[i][l - 1] is input i, l samples ago. */
+    ${n}_real last[$outputs]; /* These are the outputs of the last sample. */
+    int diverged; /* This is 1 from the sample on whose outputs left the plausible range. */
 } ${n}_state;
 
-void ${n}_init(${n}_state *state); /* at rest */
-int ${n}_step(${n}_state *state, const ${n}_real *u, ${n}_real *y); /* 0: done; 1: diverged, y holds the last outputs */
+void ${n}_init(${n}_state *state); /* The model starts at rest. */
+int ${n}_step(${n}_state *state, const ${n}_real *u, ${n}_real *y); /* Returns 0 if done, and 1 if the run diverged; y then holds the last outputs. */
 
 $tables
 $functions
@@ -53,7 +53,7 @@ int ${n}_step(${n}_state *state, const ${n}_real *u, ${n}_real *y)
     int i, l;
     if (!state->diverged) {
 $sums
-        for (i = 0; i < $outputs; i++) /* not a number is beyond the limit too */
+        for (i = 0; i < $outputs; i++) /* A value that is not a number is beyond the limit, too. */
             if (!($distance > -limit && $distance < limit)) state->diverged = 1;
     }
     if (!state->diverged) {
@@ -98,8 +98,8 @@ def narx_source(
     Raises
     ------
     ModelError
-        If the name is no C identifier, the rest values do not fit the model's signals, or the model has noise terms
-        only.
+        If the name is not a C identifier, the rest values do not fit the model's signals, or the model has only noise
+        terms.
     """
     require_identifier(name)
     quiet = model.deterministic
@@ -164,7 +164,7 @@ def _head(model: NarxModel, inputs: tuple[Signal, ...], outputs: tuple[Signal, .
     names = model.input_names, model.output_names
     return comment(
         [
-            f"NARX model, a sample of {model.sample_time:g} s a call.",
+            f"NARX model, with one sample of {model.sample_time:g} s a call.",
             *(written(model.terms, model.theta, model.equations, *names) + origins(model)).splitlines(),
             *(f"u[{k}]: {signal}" for k, signal in enumerate(inputs)),
             *(f"y[{k}]: {signal}" for k, signal in enumerate(outputs)),

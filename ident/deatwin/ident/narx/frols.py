@@ -45,7 +45,7 @@ class Frols(CandidateSearch):
         Largest degree of a candidate.
     functions : sequence of str
         Functions of lagged signals that join the lagged signals, as ``["|u(k-1)|", "sat(y(k-1),0.5)"]``; see
-        `register_function`. A candidate holds each of them once at most.
+        `register_function`. A candidate contains each of them at most once.
     rule : callable, optional
         Function of a `Term` that returns True if it is a candidate; see `deatwin.ident.narx.rules`.
     max_terms : int

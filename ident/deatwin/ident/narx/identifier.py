@@ -32,19 +32,19 @@ class FitStatus(Enum):
     Estimators that search for the least error by its gradient (`Grow`, `OutputError`, `Armax`, `BoxJenkins`, `Pnlss`,
     `Cascade`) end ``DONE`` only if the gradient is small: a further Gauss-Newton step would move the parameters by less
     than a twentieth of their standard deviations (relative offset of Bates and Watts, 1981), or the fit is exact. The
-    minimum may be a local one; how much it betters a linear model is a question of its error.
+    minimum may be a local one; its error shows how much better it is than a linear model.
     """
 
     DONE = "done"
     HELD_OUT = (
-        "the search was ended, as intended, where the error on the held-out samples no longer fell: the parameters are "
+        "the search ended, as intended, when the error on the held-out samples no longer fell: the parameters are "
         "not those of the least error on the training data"
     )
     NOT_CONVERGED = (
-        "the search ended before the gradient was small: its parameters may still move, and their covariance does not "
-        "hold; allow more steps, or fewer terms"
+        "the search ended before the gradient was small: its parameters may still move, and their covariance is not "
+        "valid; allow more steps, or fewer terms"
     )
-    INTERRUPTED = "interrupted: the model is the best that was found until then; fit again for the whole search"
+    INTERRUPTED = "interrupted: the model is the best that had been found; fit again to complete the search"
     EDGE_OF_STABILITY = (
         "the best stable model has a pole at the edge of stability: the output integrates, or does not follow from the "
         "input alone, because the plant is unstable or the recording was made in a loop; use Armax"
@@ -181,8 +181,8 @@ class NarxIdentifier(Identifier, ABC):
         more than 1 % above that of least squares on the same terms, the plant reacts to an input later than the model's
         largest lag of that input, or products of several noisy outputs may stand for the noise.
     equations_ : tuple of NarxIdentifier
-        Fitted estimator of each output if there are several, otherwise empty. Further learned attributes of a class are
-        then on these estimators.
+        Fitted estimator of each output if there are several, otherwise empty. The other learned attributes of a class
+        then belong to these estimators.
     """
 
     output_lags: Lags

@@ -48,7 +48,7 @@ class Narmax(NarxIdentifier):
         a fit does not change it.
     noise_terms : sequence of Term or str, or mapping of str to such sequences, optional
         Noise terms, as ``["e(k-1)", "e(k-2)"]``; for several outputs those of each equation, as ``{"y1": ["e1(k-1)"],
-        "y2": []}``. If omitted, they are chosen by the arguments that follow.
+        "y2": []}``. If omitted, they are chosen as the following arguments specify.
     noise_lags : int or sequence of int
         Lags of e in samples: a number n for 1..n, or a list of lags.
     noise_degree : int

@@ -34,8 +34,8 @@ class BandStatus(Enum):
 
     OK = "done"
     DIVERGED = (
-        "some draws of the posterior diverged in free run and were left out, so that the band is too narrow: "
-        "stay within the operating range of the model, or learn from more data"
+        "some draws of the posterior diverged in free run and were left out, so the band is too narrow: "
+        "stay within the operating range of the model, or identify it from more data"
     )
 
     @property

@@ -31,9 +31,9 @@ class PruningStep(Described):
     terms : tuple of Term
         The terms fitted in this step.
     indices : ndarray of int, shape (n_terms,)
-        Their positions among the candidates.
+        Positions of these terms among the candidates.
     relevance : ndarray, shape (n_terms,)
-        1 / E[alpha] of each, for regressors of root mean square about 1.
+        1 / E[alpha] of each term, for regressors with a root mean square of about 1.
     threshold : float
         Terms whose relevance does not exceed it are pruned next.
     bounds : tuple of float

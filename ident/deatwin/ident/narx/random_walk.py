@@ -32,7 +32,7 @@ class ThetaSmoother(VaryingParameters):
 
     The model is theta(k+1) = theta(k) + w(k), y(k) = phi(k)'theta(k) + e(k); the variances of w and e are estimated
     unless given. The filter starts at the least squares estimate with a covariance so wide that it has the weight of
-    1e-4 of one sample. The walk continues over a gap between recordings.
+    1e-4 of one sample. The random walk continues over a gap between recordings.
 
     Parameters
     ----------
@@ -59,7 +59,8 @@ class ThetaSmoother(VaryingParameters):
     trajectory_ : ThetaTrajectory
         Smoothed theta(t), given the whole record; its bands treat the variances as known.
     filtered_ : ThetaTrajectory
-        Filtered theta(t), given the samples up to t; with several outputs it is on each of ``equations_``.
+        Filtered theta(t), given the samples up to t; with several outputs, it belongs to each estimator in
+        ``equations_``.
     model_ : NarxModel
         Model at the last sample.
 

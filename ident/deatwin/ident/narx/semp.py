@@ -49,13 +49,13 @@ class Semp(CandidateSearch):
     - A term is a candidate only if it lowers the one-step error significantly (F test at ``significance`` divided by
       the number of candidates); it is pruned when it no longer does and the free run is no worse without it.
 
-    Additions end when no candidate is left, at ``max_terms``, or when the SRR is below ``threshold``. Two further
-    steps, also not published and switched off by ``max_exchanges=0``, follow. A term is exchanged for a candidate that
-    improves the free run, or that lowers the one-step error with a free run no worse. Once, the search also continues
-    from the model of the forward regression that simulates best, if it simulates better than the present one, because
-    adding single terms cannot always find a resonance, for example. The result is the last step, or, if its free run is
-    far off in a few sections only, which a test over sections cannot see, the last step whose mean squared error is at
-    most twice the smallest.
+    Additions end when no candidate is left, at ``max_terms``, or when the SRR is below ``threshold``. Two further steps
+    follow, which are not part of the published method either; ``max_exchanges=0`` switches them off. A term is
+    exchanged for a candidate that improves the free run, or that lowers the one-step error with a free run no worse.
+    Once, the search also continues from the model of the forward regression that simulates best, if it simulates better
+    than the present one, because adding single terms cannot always find a resonance, for example. The result is the
+    last step, or, if its free run is far off in a few sections only, which a test over sections cannot see, the last
+    step whose mean squared error is at most twice the smallest.
 
     Least squares and the F test are valid for white one-step errors. If these are not white, for example because of
     noise on the readings, the model is extended (single output only, and not with ``max_exchanges=0``): its parameters
@@ -87,8 +87,8 @@ class Semp(CandidateSearch):
     path_ : tuple of SempStep
         Steps of the search.
     refined_ : bool
-        True if the parameters were refined to the smallest free-run error; with several outputs this and all that
-        follows are on each of ``equations_``.
+        True if the parameters were refined to the smallest free-run error; with several outputs, this attribute and all
+        that follow belong to each estimator in ``equations_``.
     srr_ : ndarray, shape (n_steps,)
         Simulation error reduction ratio of each step before pruning, dimensionless.
     msse_ : ndarray, shape (n_steps,)

@@ -123,7 +123,7 @@ def register_function(name: str, function: Function, slope: Function | None = No
     Raises
     ------
     ModelError
-        If the name is no word, or belongs to a function that is built in.
+        If the name is not a word, or belongs to a built-in function.
 
     Examples
     --------

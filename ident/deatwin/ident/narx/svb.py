@@ -99,8 +99,8 @@ class SvbNarx(CandidateSearch):
     terms_ : tuple of Term
         Terms of the model.
     settled_ : bool
-        True if the parameters converged within ``max_iterations``; with several outputs this and all that follows are
-        on each of ``equations_``.
+        True if the parameters converged within ``max_iterations``; with several outputs, this attribute and all that
+        follow belong to each estimator in ``equations_``.
     lower_bound_ : float
         Lower bound of the model on ln p(y) in nats, in the scaling above.
     relevance_ : ndarray, shape (n_terms,)

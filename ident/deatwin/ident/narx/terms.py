@@ -133,7 +133,7 @@ def generate_terms(
     n_inputs, n_outputs : int
         Number of channels; a single channel is written without a number.
     functions : sequence of Variable
-        Functions of lagged signals that join the lagged signals; a candidate holds each of them once at most.
+        Functions of lagged signals that join the lagged signals; a candidate contains each of them at most once.
     rule : callable, optional
         Function of a `Term` that returns True if it is a candidate; see `deatwin.ident.narx.rules`.
 

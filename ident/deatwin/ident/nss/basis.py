@@ -168,4 +168,4 @@ def _number(text: str, term: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise ModelError(f"the term {term!r}: {text!r} is no number") from None
+        raise ModelError(f"the term {term!r}: {text!r} is not a number") from None

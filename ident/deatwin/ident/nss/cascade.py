@@ -51,8 +51,8 @@ class Cascade(StateSpaceIdentifier):
     feedthrough : bool
         True if the linear block that ends the path acts within the sample.
     held_out : float
-        Share of each recording, at its end, that is held out: the search stops when the error there no longer falls.
-        With 0, all samples are fitted.
+        Share of each recording, at its end, that is held out: the search stops when the error on this part no longer
+        falls. With 0, all samples are fitted.
     max_steps : int
         Largest number of steps of a search.
 

@@ -216,8 +216,8 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
             Inputs in the model's units. The first outputs of a recording determine the first state, unless it has none
             or ``initial`` is given.
         warmup : int, optional
-            Number of recorded samples that do so, at least 1; they do not count as computed. Defaults to ten for each
-            state, or a third of the recording if that is less.
+            Number of recorded samples that determine the first state, at least 1; they do not count as computed.
+            Defaults to ten for each state, or a third of the recording if that is less.
         initial : array_like, shape (n_states,), optional
             First state. Without it and without recorded outputs, the run starts from zero.
 
@@ -262,7 +262,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         Raises
         ------
         ModelError
-            If the recording does not suit the model, or the steps are none.
+            If the recording does not suit the model, or the number of steps is below 1.
         """
         if not 0 < steps < recording.n_samples:
             raise ModelError(f"steps = {steps}; it must be at least 1 and less than the recording's samples")

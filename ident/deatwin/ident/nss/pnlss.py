@@ -22,9 +22,9 @@ class Pnlss(StateSpaceIdentifier):
     The search starts from a linear state space. Subspace identification gives it from the best linear approximation if
     the input is periodic, else from the samples; it is then refined on the free run. Its state is transformed into the
     first output, its change, and so on, each with an rms value of about one and uncorrelated with the ones before, so
-    that x1 is roughly the output and x2 its rate. Then all weights are fitted by Levenberg's and Marquardt's method with exact
-    sensitivities. The free run over the end of each recording, which is not fitted at first, ends the search; then all
-    samples are fitted, for as many steps if it had risen.
+    that x1 is roughly the output and x2 its rate. Then all weights are fitted by Levenberg's and Marquardt's method
+    with exact sensitivities. The end of each recording is not fitted at first, and its free-run error ends the search.
+    Then all samples are fitted, and if that error had risen, with the same number of steps.
 
     Parameters
     ----------
@@ -46,8 +46,8 @@ class Pnlss(StateSpaceIdentifier):
     feedthrough : bool
         True if inputs act on the output within the sample.
     held_out : float
-        Share of each recording, at its end, that is held out: the search stops when the error there no longer falls.
-        With 0, all samples are fitted.
+        Share of each recording, at its end, that is held out: the search stops when the error on this part no longer
+        falls. With 0, all samples are fitted.
     max_steps : int
         Largest number of steps of a search.
     seed : int

@@ -69,7 +69,8 @@ class Site:
     alone : Alone
         Ability of a single reading to distinguish this place from others.
     covered_by : str
-        Name of another effect that does the same there: a plant that takes it has no such place of this effect.
+        Name of another effect that does the same at this place: on a plant that accepts it, this effect does not have
+        this place.
     """
 
     place: Enum
@@ -170,7 +171,7 @@ class Effect(ABC):
 
     @property
     def cause(self) -> str:
-        """Name of the effect, whatever its place; `name` is this one at the first place."""
+        """Name of the effect at any place; at the first place, `name` is the same."""
         return self.name.removesuffix(f"_at_{self.placed_at}") if self.placed_at else self.name
 
     def placed(self, at: str) -> Effect:

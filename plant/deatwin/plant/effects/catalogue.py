@@ -44,7 +44,7 @@ def _loaded(point: EntryPoint) -> type[Effect]:
     """Return the effect class of an entry point; raise `RigError` if a diagnosis cannot use it."""
     kind = point.load()
     if not (isinstance(kind, type) and issubclass(kind, Effect)):
-        raise RigError("it is no subclass of deatwin.plant.Effect")
+        raise RigError("it is not a subclass of deatwin.plant.Effect")
     if missing := [
         name for name in ("name", "family", "place", "signal", "strength", "wording") if not hasattr(kind, name)
     ]:

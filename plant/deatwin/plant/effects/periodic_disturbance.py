@@ -97,7 +97,8 @@ class PeriodicDisturbance(Effect):
     def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
         """Return up to three such effects, at the lines of `residual`, SI, over `timepts`, s, within range.
 
-        Behind a plant, which shifts a tone: the strongest line only, at several phases, with this effect's amplitude.
+        If the plant lies between the tone and the reading, and so shifts its phase, only the strongest line is used, at
+        several phases, with this effect's amplitude.
         """
         ranges = {p.name: (p.lower, p.upper) for p in self.describe()}
         slowest, fastest = ranges["frequency"]

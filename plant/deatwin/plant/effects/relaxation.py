@@ -70,7 +70,7 @@ class Relaxation(Effect):
         return signal - self.own("stiffness", build) * (displacement - damper)
 
     def starts(self, timepts: np.ndarray, residual: np.ndarray) -> tuple[Effect, ...]:
-        """Return such effects with times from samples to the length of `timepts`, s, whatever the `residual`."""
+        """Return such effects with times between a few samples and the length of `timepts`, s, for any `residual`."""
         steps = np.diff(np.unique(timepts))
         if not steps.size:
             return ()

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Resonance(Effect):
-    r"""A second mass hangs on the ball by a spring and a damper.
+    r"""A second mass is attached to the ball by a spring and a damper.
 
     .. math:: m_2\ddot x_2 = -F, \qquad F = m_2\omega^2(x_2 - y) + 2\zeta m_2\omega(\dot x_2 - \dot y), \qquad
               \omega = 2\pi f

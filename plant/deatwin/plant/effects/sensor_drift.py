@@ -51,7 +51,7 @@ class SensorDrift(Effect):
     Parameters
     ----------
     change : float
-        a, the final change, in the unit of the signal; of a gain relative to it.
+        a, the final change, in the unit of the signal; for a gain, relative to the gain.
     time : float
         :math:`\tau` in s.
 

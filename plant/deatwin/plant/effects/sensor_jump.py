@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class SensorJump(Effect):
-    r"""All readings shift by a constant from some time on, for example because the sensor was knocked.
+    r"""From some time on, all readings are shifted by a constant, for example because the sensor was knocked.
 
     .. math:: y \to y + \frac{a}{1 + e^{-(t - t_0)/(h/4)}}
 

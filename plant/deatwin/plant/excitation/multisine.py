@@ -73,7 +73,7 @@ def random_odd_harmonics(
     Raises
     ------
     DataError
-        If the group has fewer than two members, or the band holds less than one group.
+        If a group has fewer than two members, or the band contains less than one group.
 
     References
     ----------

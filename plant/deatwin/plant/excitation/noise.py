@@ -94,7 +94,7 @@ def two_level_noise(
     rng : numpy.random.Generator
         Random generator for the noise.
     duration : float
-        Length, s; rounded to whole samples. The last segment ends with it.
+        Length, s; rounded to whole samples. The last segment ends with the signal.
     sample_time : float
         Time between two samples, s.
     means : sequence of float

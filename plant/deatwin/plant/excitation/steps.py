@@ -26,7 +26,7 @@ def random_holds(
     rng : numpy.random.Generator
         Random generator for levels and times.
     duration : float
-        Length, s; rounded to whole samples. The last hold ends with it and may be shorter than `shortest`.
+        Length, s; rounded to whole samples. The last hold ends with the signal and may be shorter than `shortest`.
     sample_time : float
         Time between two samples, s.
     lower, upper : float

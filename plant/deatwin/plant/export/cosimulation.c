@@ -15,10 +15,10 @@ typedef struct {
     model_state state;
     double values[VARIABLES];
     double start;
-    long count; /* samples since start */
+    long count; /* This counts the samples since the start. */
 } instance_t;
 
-static const double OFF_GRID = 1e-6; /* of a sample: what rounding may leave of a communication point */
+static const double OFF_GRID = 1e-6; /* A communication point may miss a sample by this share of a sample, because of rounding. */
 
 FMI3_Export const char *fmi3GetVersion(void) { return "3.0"; }
 
@@ -40,7 +40,7 @@ FMI3_Export fmi3Instance fmi3InstantiateCoSimulation(
     instance_t *m;
     (void)name; (void)resources; (void)visible; (void)logging; (void)events; (void)early; (void)required;
     (void)n_required; (void)environment; (void)log; (void)update;
-    if (strcmp(token, MODEL_TOKEN) != 0) return NULL; /* another model's description */
+    if (strcmp(token, MODEL_TOKEN) != 0) return NULL; /* The description belongs to another model. */
     m = (instance_t *)malloc(sizeof(instance_t));
     if (m) fmi3Reset(m);
     return m;
@@ -94,7 +94,7 @@ FMI3_Export fmi3Status fmi3SetFloat64(
     size_t i;
     if (n_values != n_references) return fmi3Error;
     for (i = 0; i < n_references; i++) {
-        if (references[i] < 1 || references[i] >= FIRST_OUTPUT) return fmi3Error; /* inputs only */
+        if (references[i] < 1 || references[i] >= FIRST_OUTPUT) return fmi3Error; /* Only inputs can be set. */
         m->values[references[i]] = values[i];
     }
     return fmi3OK;
@@ -114,7 +114,7 @@ FMI3_Export fmi3Status fmi3DoStep(
     *event = fmi3False;
     *terminate = fmi3False;
     *early = fmi3False;
-    /* The importer's points of time must be samples. */
+    /* The importer's communication points must coincide with samples. */
     if (fabs(samples - whole) > OFF_GRID * (1.0 + fabs(whole) * 1e-3) || whole < (double)m->count) return fmi3Error;
     for (i = 0; i < MODEL_INPUTS; i++) u[i] = (model_real)m->values[1 + i];
     while (status == fmi3OK && (double)m->count < whole) {
@@ -134,7 +134,7 @@ FMI3_Export fmi3Status fmi3GetFMUState(fmi3Instance i, fmi3FMUState *s) { (void)
 FMI3_Export fmi3Status fmi3SetFMUState(fmi3Instance i, fmi3FMUState s) { (void)i; (void)s; return fmi3Error; }
 FMI3_Export fmi3Status fmi3FreeFMUState(fmi3Instance i, fmi3FMUState *s) { (void)i; (void)s; return fmi3Error; }
 
-/* What FMI 3.0 asks a library to have, and this kind of FMU never uses. */
+/* FMI 3.0 requires these functions, which this kind of FMU never uses. */
 #define UNUSED(function, ...) FMI3_Export fmi3Status function(__VA_ARGS__) { return fmi3Error; }
 #define REFERENCES fmi3Instance i, const fmi3ValueReference r[], size_t n
 #define OF_TYPE(type) \

@@ -43,7 +43,7 @@ def export_model_exchange(plant: Plant, path: str | Path, *, name: str = "plant"
     """Export a plant as an FMU for model exchange, with its source and a binary for this computer.
 
     The importing tool holds the inputs: the command is a discrete input that changes at events. The readings and the
-    watched signals (``signal.film_voltage``) are outputs, but for readings that are means over a sample, such as a
+    watched signals (``signal.film_voltage``) are outputs, except for readings that are means over a sample, such as a
     current; the independent variable is the experiment's clock.
 
     Parameters

@@ -30,17 +30,17 @@ _STATE = """
 typedef double ${n}_real;
 
 typedef struct {
-    double x[$x]; /* states: $states */
-    double z[$z]; /* algebraic coordinates: $coordinates */
-    double past[$past]; /* commands of the samples before */
-    double y[$outputs]; /* outputs after the last sample that was solved */
-    double stored[$stored]; /* what the further readings are rates of, after that sample */
-    double start; /* clock time at which the first sample begins, s; set it after init where it is not 0 */
-    long count; /* samples so far */
+    double x[$x]; /* The states are: $states. */
+    double z[$z]; /* The algebraic coordinates are: $coordinates. */
+    double past[$past]; /* These are the commands of the previous samples. */
+    double y[$outputs]; /* These are the outputs after the last solved sample. */
+    double stored[$stored]; /* The further readings are rates of these quantities, which are given after that sample. */
+    double start; /* The first sample begins at this clock time, s; set it after init if it is not 0. */
+    long count; /* This counts the samples so far. */
 } ${n}_state;
 
-void ${n}_init(${n}_state *state); /* at rest under a command of $rest_command */
-int ${n}_step(${n}_state *state, const double *u, double *y); /* 0: done; 1: not solved, the state stays */
+void ${n}_init(${n}_state *state); /* The plant starts at rest under a command of $rest_command. */
+int ${n}_step(${n}_state *state, const double *u, double *y); /* Returns 0 if done, and 1 if the sample could not be solved; the state is then unchanged. */
 """
 
 _BODY = """
@@ -56,7 +56,7 @@ void ${n}_init(${n}_state *state)
     state->count = 0;
 }
 
-/* A sample in some steps of equal length: 0 where each is solved. */
+/* This computes a sample in a number of steps of equal length, and returns 0 if each of them is solved. */
 static int ${n}_in_steps(const ${n}_state *before, ${n}_state *after, const double *inputs, int number)
 {
     const double width = ${N}_SAMPLE_TIME / number;
@@ -76,7 +76,7 @@ static int ${n}_in_steps(const ${n}_state *before, ${n}_state *after, const doub
         arg[6] = ${n}_p; arg[7] = ${n}_c;
         res[0] = after->x; res[1] = after->z; res[2] = read; res[3] = after->y + 1 + $further; res[4] = &error;
         if (${n}_sample(arg, res, iw, w, 0)) return 1;
-        /* Not a number fails too. */
+        /* A value that is not a number fails, too. */
         if (!(error <= $settled) || !(read[0] - read[0] == 0.0)) return 1;
     }
     after->y[0] = read[0];

@@ -177,7 +177,7 @@ def on_one_clock(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
     files = " and ".join(label(recording) for recording in recordings)
     if None in dates and len(dates) > 1 and any(one.provenance.get("times") == DATES for one in recordings):
         raise DataError(
-            f"{files}: the dates of some may have the day or the month first, and none shows which; state it for all: "
+            f"{files}: some of their dates may have the day or the month first, and none shows which; state the order for all: "
             f"--time-column NAME={ORDERS[0]} or NAME={ORDERS[1]}"
         )
     if None in dates or len(set(dates)) < 2:
@@ -185,7 +185,7 @@ def on_one_clock(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
     try:
         began = [moment(str(date)) for date in dates]
     except ValueError:
-        raise DataError(f"{files}: their {STARTED} are no dates; give the recordings one running clock") from None
+        raise DataError(f"{files}: their {STARTED} are not dates; give the recordings one running clock") from None
     if len({date.tzinfo for date in began}) > 1:
         raise DataError(f"{files}: some of their dates have an offset from UTC and others have none; give all the same")
     first = min(began)

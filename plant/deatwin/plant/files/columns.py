@@ -142,7 +142,7 @@ def _no_header(table: Table, fault: str, roles: Collection[str]) -> DataError:
     timed = NO_OPTIONS if times is None else times_options(table, times)
     clock = f"{timed} (or --dt SECONDS)" if timed else "--dt SECONDS"
     return DataError(
-        f"{table.path}, row {table.row(0)}: no header, so {fault}; name the columns by their places, for example "
+        f"{table.path}, row {table.row(0)}: no header, so {fault}; name the columns by their positions, for example "
         f"{f'{said} {clock}'.strip()}, or put a header above: {header_line(len(table.headers), table.delimiter, times)}",
         said | timed,
     )
@@ -183,7 +183,7 @@ def with_readings(table: Table, readings: Iterable[Reading], taken: set[int]) ->
         if reading.unit and not (unit or table.own_unit(column)):
             raise DataError(
                 f'{table.path}: the column "{table.shown(column)}" of the reading "{reading.name}" gives no unit; state '
-                f'it behind the name of the column in the rig: "{table.unmistakable(column)}={reading.unit}"'
+                f'it after the name of the column in the rig: "{table.unmistakable(column)}={reading.unit}"'
             )
     table = replace(table, names=tuple(names), units=tuple(units))
     return in_units(table, {column: reading.unit for column, reading in found.items() if reading.unit}), found

@@ -147,7 +147,7 @@ class CsvTable(Table):
             try:
                 rows = list(csv.reader(self.lines, delimiter=self.delimiter, skipinitialspace=True))
             except csv.Error:
-                raise DataError(f"{self.path}: a quote that is not closed, or a cell without end") from None
+                raise DataError(f"{self.path}: a quote that is not closed, or a cell that does not end") from None
         else:
             rows = [line.split(self.delimiter) for line in self.lines]
         if len(rows) != len(self.lines):
@@ -203,7 +203,7 @@ class CsvTable(Table):
                     and column >= line.count(self.delimiter) + 1
                     and (sample == last or column not in missing)
                 ):
-                    ends = "; the file breaks off there: take the row out" if sample == last else ""
+                    ends = "; the file ends within it: remove the row" if sample == last else ""
                     return DataError(f"{place}: the row has {len(row)} of {len(self.headers)} cells{ends}")
                 cell = row[column] if column < len(row) else ""
                 if column in missing and _is_absent(cell):

@@ -306,7 +306,7 @@ def _no_layout(lines: list[str], rows: list[int], delimiter: str, path: str) -> 
                 return DataError(f"{path}, row {rows[place[0]]}: {formula(place[1])}")
             row = next((k for k in range(1, len(cells)) if len(cells[k]) == max(map(len, cells))), 0)
             first = next((cell for cell in cells[row] if cell), "")
-            found = f', and in row {rows[row]} "{clipped(first, 40)}" is no number' if row else ""
+            found = f', and in row {rows[row]} "{clipped(first, 40)}" is not a number' if row else ""
             return DataError(
                 f"{path}: a header but no samples: no row holds numbers{found}"
                 if row

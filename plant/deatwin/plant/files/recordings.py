@@ -79,7 +79,7 @@ def read_recordings(
     rig: RigFile | None = None,
     readings: Sequence[Reading] = (),
 ) -> tuple[Recording, ...]:
-    """Read the recordings of a file; the file name extension gives the format.
+    """Read the recordings in a file; the file name extension determines the format.
 
     Parameters
     ----------
@@ -92,8 +92,8 @@ def read_recordings(
     time_column : str, optional
         Header or position of the times; by default the column called ``time`` or similar, else the one with a unit of
         time. The unit comes from the header or follows an equals sign, ``"Timestamp=ms"``; otherwise it is the second.
-        For dates, ``"Date=dmy"`` or ``mdy`` gives the order. Dates and Unix times put the clock's zero at the first
-        sample; the provenance holds its date as ``clock_began``.
+        For dates, ``"Date=dmy"`` or ``mdy`` gives the order. With dates and Unix times, the clock's zero is at the
+        first sample, whose date is kept in the provenance as ``clock_began``.
     allow_gaps : bool, default False
         If True, split the record at its gaps and keep the clock; otherwise a gap is an error.
     dt : float, optional
@@ -300,11 +300,11 @@ def _by_ending(path: str | Path, ways: Mapping[str, Way], verb: str) -> Way:
     if ending == ".gz" and verb == "read" and ways.get(name.with_suffix("").suffix.lower()) is ways[".csv"]:
         return ways[".csv"]
     if ending in _PACKED and verb == "read":
-        raise DataError(f"{path}: it is packed; unpack it, and give the file that is in it")
+        raise DataError(f"{path}: it is packed; unpack it, and give the file inside it")
     if ending == ".xls" and verb == "read":
         raise DataError(f'{path}: files ".xls" cannot be read; save the sheet as .xlsx or .csv')
     if ending not in ways:
-        kind = f'files "{ending}"' if ending else "files without an ending"
+        kind = f'files "{ending}"' if ending else "files without an extension"
         hint = "; give a text file one of these, and export other tables to one" if verb == "read" else ""
         raise DataError(f"{path}: {kind} cannot be {verb}; known are {', '.join(ways)}{hint}")
     return ways[ending]

@@ -154,7 +154,7 @@ def with_times(table: Table, column: int, unit: str) -> Table:
         either = [ReadOptions(time_column=f"{table.unmistakable(column)}={order}") for order in ORDERS]
         raise DataError(
             f'{table.path}: the dates in the column "{table.shown(column)}" may have the day or the month first, and '
-            f"none of them shows which; state it: {' or '.join(map(str, either))}",
+            f"none of them shows which; state the order: {' or '.join(map(str, either))}",
             either[0],
         )
     return replace(table, units=units, scales={column: scale} if scale else {})
@@ -168,7 +168,7 @@ def require_unit(table: Table, column: int, times: Floats) -> None:
     if said := "" if table.units[column] else table.own_unit(column):
         like = options.get(said.lower(), NO_OPTIONS)  # only capitals differ; any other unit is the user's to state
         raise DataError(
-            f'{place} are said to be in "{clipped(said)}", which is no known unit of time; state one, such as '
+            f'{place} are said to be in "{clipped(said)}", which is not a known unit of time; state one, such as '
             f"{like or options['s']} (known are {', '.join(TIME_UNITS)})",
             like,
         )
@@ -188,13 +188,13 @@ def no_times(table: Table, taken: set[int]) -> DataError:
         offers = times_options(table, others[0]) if others else NO_OPTIONS
         return DataError(
             f"{table.path}, row {table.row(0)}: no header, so it is unknown which column holds the times; name it by its "
-            f"place ({offers or '--time-column PLACE'}), or give the sample time in seconds: --dt, in Python dt",
+            f"position ({offers or '--time-column POSITION'}), or give the sample time in seconds: --dt, in Python dt",
             offers,
         )
     likely = likely_times(table, taken)
     offers = times_options(table, likely[0]) if len(likely) == 1 else NO_OPTIONS
     advice = (
-        f"the times need this name, or a unit: (s) behind or below their name; or name them: "
+        f"the times need this name, or a unit: (s) after or below their name; or name them: "
         f"{offers or '--time-column NAME'}; "
         "for evenly sampled values without times give the sample time in seconds: --dt, in Python dt"
     )

@@ -74,7 +74,7 @@ class TimeScale:
         try:
             date = moment(cell, self.order)
         except ValueError:
-            return f'"{clipped(cell)}" is no date, such as 2024-05-01 12:00:00.25 or 1.5.2024 12:00:00'
+            return f'"{clipped(cell)}" is not a date, such as 2024-05-01 12:00:00.25 or 1.5.2024 12:00:00'
         if (date.tzinfo is None) != (self.began.tzinfo is None):
             return f'"{clipped(cell)}": of the dates, some have an offset from UTC and others have none'
         return ""

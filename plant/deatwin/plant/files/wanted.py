@@ -26,7 +26,7 @@ def require_known_units(table: Table, columns: Sequence[int]) -> None:
         if column not in table.wanted and is_misspelt(said):
             known = [unit for unit in UNITS if unit not in ("", "C")]
             raise DataError(
-                f'{table.path}: the column "{table.shown(column)}" is in "{clipped(said)}", which is no known unit'
+                f'{table.path}: the column "{table.shown(column)}" is in "{clipped(said)}", which is not a known unit'
                 f"{nearest(said, known)} (capitals count; known are {', '.join(known)})"
             )
 
@@ -147,7 +147,7 @@ def _another_unit(table: Table, column: int, unit: str, wanted: str, taken: Coll
     # Only names that differ in capitals are offered, because any other letter may change the size.
     hint = nearest(unit, (like for like in likes if like.lower() == unit.lower())) if unit not in UNITS else ""
     if hint:
-        return DataError(f'{fault}{hint} (one of {", ".join(likes)} must stand behind its name, as in "{better}")')
+        return DataError(f'{fault}{hint} (one of {", ".join(likes)} must stand after its name, as in "{better}")')
     wrong = "" if unit in UNITS else f'; or state the unit that is meant: "{table.unmistakable(column)}=UNIT"'
     return DataError(f"{fault}; name a column in one of {', '.join(likes)}{example}{wrong}")
 

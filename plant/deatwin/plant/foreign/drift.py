@@ -29,7 +29,7 @@ class ParameterDrift(Effect):
     time : float
         :math:`\tau` in s.
     parameter : str
-        Name of the plant's parameter that drifts. The effect is called by it, ``drift_of_stiffness``.
+        Name of the plant's parameter that drifts. The effect is named after it, as in ``drift_of_stiffness``.
 
     References
     ----------

@@ -40,7 +40,7 @@ belongs to the sample that ends."""
 
 @dataclass(frozen=True, kw_only=True)
 class FmuModel:
-    """An FMU as ``model(parameters, inputs, time) -> readings``, instantiated anew for each call.
+    """An FMU as ``model(parameters, inputs, time) -> readings``, instantiated afresh for each call.
 
     Inputs and readings are in SI units, parameters in those that the FMU declares.
 
@@ -49,7 +49,7 @@ class FmuModel:
     path : str
         The FMU.
     digest : str
-        SHA-256 of the file: results belong to this content.
+        SHA-256 of the file, which identifies the content to which results belong.
     inputs : tuple of str
         Variables that are inputs.
     output : str
@@ -105,7 +105,7 @@ class FmuModel:
         Raises
         ------
         RigError
-            If the file is no FMU, or has no such variable or kind.
+            If the file is not an FMU, or has no such variable or kind.
         """
         where, digest = os.path.abspath(path), _digest(path)
         described, _ = _unpacked(where, digest)
@@ -138,7 +138,8 @@ class FmuModel:
         Returns
         -------
         str
-            Unit of the same kind as the FMU's; that itself if it is not known here, ``"1"`` if there is none.
+            SI unit of the same kind as the FMU's unit; the FMU's own unit if it is not known here, ``"1"`` if there is
+            none.
         """
         text = dict(self.units)[name]
         return self._unit(name).si or text or "1"

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ForeignRig(Rig):
-    """A rig whose readings come from a Python callable.
+    """A rig whose readings are computed by a Python callable.
 
     The callable is ``model(parameters, inputs, time) -> readings``: `parameters` maps names to values, `inputs` the
     names of the command and of the channels to arrays of shape (n,), `time` has shape (n,), s. The readings, shape
@@ -36,14 +36,14 @@ class ForeignRig(Rig):
 
     Effects act on the command before the callable gets it (its mean over each sample), on the readings that come back,
     and on the parameters in `varying`. Derivatives are central differences, which worker processes compute side by side
-    if the callable can be pickled. An error or a crash of the callable ends only the simulation that met it.
+    if the callable can be pickled. An error or a crash of the callable ends only the simulation in which it occurs.
 
     Parameters
     ----------
     model : callable
         The model; a function, or an object that can be hashed.
     parameters : tuple of Parameter
-        Its parameters, with values, units and ranges.
+        Parameters of the model, with values, units and ranges.
     sizes : Sizes
         Typical command, reading and time constant of the motion; they scale the ranges of effects.
     input_name, input_unit : str
@@ -106,7 +106,7 @@ class ForeignRig(Rig):
         known = ParameterSet(self.parameters)
         for name in self.varying:
             if name not in known:
-                raise RigError(f"{name} varies, but is no parameter{nearest(name, known)}")
+                raise RigError(f"{name} varies, but is not a parameter{nearest(name, known)}")
 
     @property
     def start(self) -> StartProcedure:

@@ -46,7 +46,7 @@ class Formula:
     Raises
     ------
     RigError
-        If the text is no such formula.
+        If the text is not such a formula.
 
     Examples
     --------

@@ -90,7 +90,7 @@ class Rig(ABC):
     further : tuple of Reading
         Further readings, taken at the same instants as the first one.
     supply : Supply, optional
-        Known limits of the voltage source, for rigs with electrodes; None for one that gives any current.
+        Known limits of the voltage source, for rigs with electrodes; None for a source of unlimited current.
     """
 
     sample_time: float
@@ -152,7 +152,7 @@ class Rig(ABC):
         Returns
         -------
         tuple of Parameter
-            None by default: the start procedure tells.
+            None by default, because the start procedure determines the start.
         """
         return ()
 
@@ -250,8 +250,8 @@ class Rig(ABC):
     def effects(self) -> tuple[Effect, ...]:
         """Return the effects that a model of this rig may lack: the whole catalogue, at the sizes of this rig.
 
-        A rig that is no film actuator also gets those of machines: relaxation, dead zone, backlash, and dry friction
-        that depends on speed and direction.
+        A rig that is not a film actuator also gets the effects of machines: relaxation, dead zone, backlash, and dry
+        friction that depends on speed and direction.
 
         A rig with physics of its own overrides this method to add its own effects.
 
@@ -290,9 +290,7 @@ class Rig(ABC):
 
     @property
     def share_of_motion(self) -> float:
-        """Rms error of the rig's equations in any of its readings, at least, as a share of how much the reading
-        varies.
-        """
+        """Rms error of the rig's equations that every reading has at least, as a share of the reading's variation."""
         return max(self.model_share, SOLVED)
 
     def rivals(self) -> tuple[Rig, ...]:

@@ -155,7 +155,7 @@ def load_material(path: str | Path) -> Material:
 
 def _material_of(file: TomlFile) -> Material:
     if "material" not in file.data:
-        raise RigError(f"{file.path}: this is no material file: it has no section [material]")
+        raise RigError(f"{file.path}: this is not a material file: it has no section [material]")
     found, mistakes = read_material(file.data["material"])
     if found is None:
         places = [Mistake(text=said, at=("material", *at), line_of=("material", *at)) for at, said in mistakes]

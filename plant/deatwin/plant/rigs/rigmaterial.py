@@ -182,7 +182,7 @@ def _base(reader: _Reader) -> Material | None:
         known = (*MATERIALS, *ENERGIES)
         reader.told(
             ("name",) if name else (),
-            f'"{clipped(name)}" is no published material{nearest(name, known)} (known: {", ".join(MATERIALS)}); a '
+            f'"{clipped(name)}" is not a published material{nearest(name, known)} (known: {", ".join(MATERIALS)}); a '
             'material of your own needs its energy, as in energy = "gent"',
         )
         return None

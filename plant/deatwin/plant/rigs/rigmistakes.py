@@ -70,7 +70,7 @@ def _kind(name: object) -> tuple[str, list[Mistake]]:
         return name, []
     hint = nearest(name[:100], KINDS) if isinstance(name, str) else ""
     said = f'"{clipped(name)}"' if isinstance(name, str) else kind_of(name)
-    text = f"{said} is no kind of rig{hint} (known: {_listed(KINDS)})"
+    text = f"{said} is not a kind of rig{hint} (known: {_listed(KINDS)})"
     return next(iter(_offered(hint, KINDS)), "diaphragm"), [Mistake(text=f"kind: {text}", line_of=("kind",))]
 
 
@@ -158,7 +158,7 @@ def _of_supply(drive: object, called: str) -> Iterator[Mistake]:
     limits = {key.field for key in DRIVE.values()} & {field.name for field in fields(Supply)}
     for name in (name for name, key in DRIVE.items() if key.field in limits and name in drive):
         yield Mistake(
-            text="the recordings hold the film's own voltage, whatever gave it; leave the key out",
+            text="the recordings hold the film's own voltage, so the drive's limits do not apply; leave the key out",
             at=(called, name),
             line_of=(called, name),
         )

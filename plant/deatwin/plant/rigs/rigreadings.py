@@ -42,7 +42,7 @@ def unit_fault(name: str, unit: object) -> str:
     if wanted is None or not isinstance(unit, str) or not unit.strip() or UNITS[find_unit(unit)].si == wanted:
         return ""
     likes = [known for known, one in UNITS.items() if one.si == wanted]
-    return f'"{unit[:20]}" is no unit of the {name.replace("_", " ")}; it must be one of {", ".join(likes)}'
+    return f'"{unit[:20]}" is not a unit of the {name.replace("_", " ")}; it must be one of {", ".join(likes)}'
 
 
 def readings_of(sections: Mapping[str, Mapping[str, Any]]) -> tuple[Reading, ...]:

@@ -124,7 +124,7 @@ _KINDS: Mapping[str, _Kind] = {
     **_MARGINS,
     "plant": _Kind(group=_OF_RUNS),
     "overshoot": _percent(group=_OF_RUNS, limit="overshoot"),
-    "steady error": _percent(group=_OF_RUNS, limit="steady_error"),
+    "steady-state error": _percent(group=_OF_RUNS, limit="steady_error"),
     "ripple": _percent(group=_OF_RUNS, limit="ripple"),
     "saturation": _percent(group=_OF_RUNS, limit="saturated"),
     "tracking": _Kind(group=_OF_RUNS, form=".2f", unit=" times", limit="tracking"),

@@ -59,7 +59,7 @@ ClosedLoopTime = Annotated[
     typer.Option(
         callback=positive("give a positive number of seconds"),
         metavar="SECONDS",
-        help="Wanted time constant of the closed loop; by default as fast as model and recording allow.",
+        help="Desired time constant of the closed loop; by default as fast as model and recording allow.",
     ),
 ]
 OperatingInput = Annotated[

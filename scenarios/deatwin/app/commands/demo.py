@@ -11,7 +11,7 @@ from deatwin.app.options import Jobs, Json, Quiet, Seed, complete_effects
 from deatwin.app.working import results
 from deatwin.studies.voice import Voice
 
-OutFolder = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; made if absent.")]
+OutFolder = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; created if absent.")]
 Concealed = Annotated[
     str,
     typer.Option("--effect", metavar="NAME", autocompletion=complete_effects, help="The catalogue effect to conceal."),

@@ -92,7 +92,9 @@ def doctor(warm: Warm = False, jobs: Jobs = -1, as_json: Json = False, quiet: Qu
         voice.say(f"{label:{width}} {text}")
     compiled = _warm(voice, jobs) if warm else 0
     if warm:
-        voice.say(f"{compiled} plants are compiled" if program else "nothing was compiled: there is no compiler")
+        voice.say(
+            f"{compiled} plants are compiled" if program else "nothing was compiled, because there is no compiler"
+        )
     voice.result({**found, "compiled": compiled})
 
 

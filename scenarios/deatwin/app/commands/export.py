@@ -49,7 +49,7 @@ To = Annotated[
 OutFile = Annotated[Path, typer.Option("--out", metavar="FILE", help="File to write: .c for --to c, else .fmu.")]
 Name = Annotated[
     str | None,
-    typer.Option(metavar="NAME", help="Prefix of all names in the C code; by default from the file's own name."),
+    typer.Option(metavar="NAME", help="Prefix of all names in the C code; by default taken from the file name."),
 ]
 
 

@@ -41,7 +41,7 @@ class Method(StrEnum):
 _AHEAD = (Method.SVB, Method.FROLS)
 """Methods that choose the terms by the prediction one step ahead; the others use the free run."""
 
-Recordings = Annotated[list[Path], typer.Argument(metavar="REC...", help="Recordings of one sample time.")]
+Recordings = Annotated[list[Path], typer.Argument(metavar="REC...", help="Recordings with the same sample time.")]
 ModelFile = Annotated[Path, typer.Option("--out", metavar="NARX.json", help="The model.")]
 MethodOption = Annotated[
     Method,

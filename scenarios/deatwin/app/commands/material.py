@@ -17,7 +17,7 @@ TestsFile = Annotated[Path, typer.Argument(metavar="TESTS.toml", help="The tests
 def material(
     context: typer.Context, tests: TestsFile, out: OutFolder, as_json: Json = False, quiet: Quiet = False
 ) -> None:
-    """Calibrate a film's material on tests of coupons: pulls, cycles, relaxations, dynamic moduli.
+    """Calibrate a film's material on coupon tests: pulls, cycles, relaxations, dynamic moduli.
 
     Writes into DIR: material.toml, which a rig file can name as its material; material.json; report.html; figures with
     their data; and run.json.

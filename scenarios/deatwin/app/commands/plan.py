@@ -54,7 +54,7 @@ def plan(
 
     Example: deatwin plan rig.toml steps.csv --out planned
 
-    To get an input suggested: deatwin plan rig.toml --seconds 120 --out planned
+    To have an input suggested: deatwin plan rig.toml --seconds 120 --out planned
     """
     if commands is not None and seconds is not None:
         raise typer.BadParameter(

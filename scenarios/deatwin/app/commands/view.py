@@ -16,8 +16,8 @@ MOST_MEGABYTES = 2000.0
 Folder = Annotated[
     Path, typer.Argument(metavar="DIR", help="Folder with recordings, rig files and results; nothing else is shown.")
 ]
-Port = Annotated[int, typer.Option(min=0, max=65535, help="Port of this machine; 0 takes any that is free.")]
-NoBrowser = Annotated[bool, typer.Option("--no-browser", help="Print the address and open no browser.")]
+Port = Annotated[int, typer.Option(min=0, max=65535, help="Port on this machine; 0 takes any free port.")]
+NoBrowser = Annotated[bool, typer.Option("--no-browser", help="Print the address without opening a browser.")]
 
 
 def _size(value: float) -> float:

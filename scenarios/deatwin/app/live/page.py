@@ -88,7 +88,7 @@ class View:
                 max_file_size=self.most_bytes,
                 on_upload=self.take,
                 on_rejected=lambda: self.complain(
-                    f"not taken: larger than {megabytes:g} MB (--upload-limit), or none of {', '.join(UPLOADS)}"
+                    f"refused: larger than {megabytes:g} MB (--upload-limit), or none of {', '.join(UPLOADS)}"
                 ),
             )
             .props(f'accept="{",".join(UPLOADS)}" flat color="transparent" text-color="inherit"')

@@ -144,7 +144,7 @@ class _Truth:
         room = min(OPERATING - LIMITS[0], LIMITS[1] - OPERATING)
         measured = sine_response(plant, OPERATING, room * np.array(AMPLITUDES), omega)
         if measured is None:
-            raise RuntimeError("the actuator did not live through the sines that measure it")
+            raise RuntimeError("the actuator did not survive the sines that measure it")
         return cls(plant=plant, omega=omega, response=measured.values[-1])
 
     def achieved(self, controller: Controller, steps: ClosedLoop) -> tuple[float, ...]:

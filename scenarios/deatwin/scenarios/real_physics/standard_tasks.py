@@ -202,7 +202,7 @@ def _table(rows: list[Row]) -> Table:
             "model": lambda row: row.model,
             "size": lambda row: row.size,
             "error": lambda row: row.said or f"{row.error:.3g} {row.unit}",
-            "time to learn (s)": lambda row: f"{row.seconds:.1f}",
+            "training time (s)": lambda row: f"{row.seconds:.1f}",
             "published": lambda row: said(row.task),
         },
     )
@@ -229,7 +229,7 @@ def _drawn(rows: list[Row]) -> Drawing:
             figure,
             "errors",
             "Errors of free runs over the goals",
-            "Left of the dotted line a goal is reached; runs that are off by more than a hundred times the goal are left "
+            "Left of the dotted line a goal is reached; runs whose error is more than a hundred times the goal are left "
             "out. Tests are numbered from above in the data.",
             columns,
         )

@@ -20,7 +20,7 @@ POINTS = np.linspace(-1.0, 1.0, N)
 
 
 def curve(points: Array) -> Array:
-    """The true curve, which is no polynomial."""
+    """The true curve, which is not a polynomial."""
     return np.asarray(np.sin(np.pi * points) + 0.5 * np.cos(2 * points))
 
 

@@ -37,7 +37,7 @@ def require_file(path: Path) -> Path:
 def require_samples(path: Path, found: int, needed: int) -> None:
     """Raise an error for a file with too few samples, because it is truncated or another version."""
     if found < needed:
-        raise DataError(f"{path}: it has {found} samples; the published file has at least {needed}: get it anew")
+        raise DataError(f"{path}: it has {found} samples; the published file has at least {needed}: download it again")
 
 
 def csv_columns(path: Path, names: Sequence[str]) -> Array:

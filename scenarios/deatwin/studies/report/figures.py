@@ -118,7 +118,7 @@ def _residual(view: _View, further: str = "") -> Drawing:
         svg = inline(figure, name, title)
     caption = f"Measured minus simulated {which}. Grey: held-out samples, to which nothing was fitted."
     if any("mismatch" in text for text in handles[1]):
-        caption += " Ochre: where the mismatch lies; the stronger, the larger its share."
+        caption += " Ochre: where the mismatch lies; the stronger the colour, the larger the share of the mismatch."
     data = f"figures/time_{further}.csv" if further else "figures/time.csv"
     return Drawing(name=name, title=title, caption=caption, svg=svg, data=data)
 

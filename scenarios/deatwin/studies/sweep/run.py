@@ -64,7 +64,7 @@ def run_sweep(
     Raises
     ------
     DataError
-        If another process is running these cases, or a case ends its worker again and again.
+        If another process is running these cases, or a case repeatedly kills its worker.
     KeyboardInterrupt
         If the user interrupts; the text says how many cases are done, and where they are.
     Exception

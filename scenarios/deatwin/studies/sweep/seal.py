@@ -58,7 +58,7 @@ class SweepSeal:
         Raises
         ------
         DataError
-            If it is no seal, or was altered.
+            If the content is not a seal, or was altered.
         """
         try:
             seal, stated = cls(schema=data["cases"], parts=dict(data["parts"])), data["hash"]
@@ -106,7 +106,7 @@ class SweepSeal:
         return "; ".join(told)
 
     def stamp(self, name: str) -> dict[str, Any]:
-        """Schema, hash of the seal and name, with which the file of a case begins."""
+        """Schema, hash of the seal, and name of the case: the entries with which the file of a case begins."""
         return {"schema": self.schema, "seal": self.hash, "name": name}
 
 

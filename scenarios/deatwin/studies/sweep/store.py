@@ -85,10 +85,10 @@ class CaseStore:
         Raises
         ------
         DataError
-            If the folder has been sealed anew since, or the file cannot be written.
+            If the folder has been resealed in the meantime, or the file cannot be written.
         """
         if self._sealed_as() != self.sealed_as:
-            raise DataError(f"{self.folder}: sealed anew since this case was begun; its result is not written")
+            raise DataError(f"{self.folder}: resealed since this case was begun; its result is not written")
         path = self.path(name)
         if path.exists():
             return

@@ -42,8 +42,8 @@ def test_sentences_on_runs_near_the_limits_hold_the_numbers():
     """Twice 0.4 above the step at most, 0.4 in the mean and as rms; the error is then 0.4 √2 in rms."""
     found = texts(0.4, sine_predicted=0.4 * 2**0.5 / 7.0)
     assert "plant model, steps overshoot by 80 % (" in found["overshoot"]
-    assert "plant model, steps end 40.0 % from the reference" in found["steady error"]
-    assert "plant model, the output still moves by 40.0 % of the step long after it" in found["ripple"]
+    assert "plant model, steps end 40.0 % from the reference" in found["steady-state error"]
+    assert "plant model, the output still moves by 40.0 % of the step long after the step" in found["ripple"]
     assert "plant model, the error on a slow sine is 7.00 times the predicted one" in found["tracking"]
 
 
@@ -52,14 +52,14 @@ def test_sentences_on_runs_far_off_are_short_and_the_numbers_stay(size):
     found = {f.subject: f for f in judge_runs(off_by(size), 1e-3, Specification())}
     for subject, says in (
         ("overshoot", ", steps overshoot by more than 1000 % ("),
-        ("steady error", ", steps end more than 1000 % from the reference"),
-        ("ripple", ", the output still moves by more than 1000 % of the step long after it"),
+        ("steady-state error", ", steps end more than 1000 % from the reference"),
+        ("ripple", ", the output still moves by more than 1000 % of the step long after the step"),
         ("tracking", ", the error on a slow sine is more than 100 times the predicted one"),
     ):
         assert says in found[subject].text
         assert found[subject].verdict is Verdict.FAIL
     assert found["overshoot"].value == pytest.approx(2 * size)
-    assert found["steady error"].value == pytest.approx(size)
+    assert found["steady-state error"].value == pytest.approx(size)
     assert found["ripple"].value == pytest.approx(size)
     assert found["tracking"].value == pytest.approx(size * 2**0.5 / 1e-3)
 

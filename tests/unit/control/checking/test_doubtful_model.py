@@ -182,7 +182,7 @@ def test_a_loop_that_leaves_the_training_data_is_at_most_marginal(checked, exact
     found = checked(exact(), rig, command_limits=(-10.0, 10.0), closed_loop_time=FAST)
     judged = {f.subject: f for f in found.findings}["training data"]
     assert judged.verdict is Verdict.MARGINAL
-    assert "beyond the training data, which go from -1 to 1" in judged.text
+    assert "beyond the training data, which range from -1 to 1" in judged.text
 
 
 def test_a_recording_in_another_unit_is_noticed(checked, exact, rig, fast):

@@ -45,7 +45,7 @@ def test_an_exact_model_of_a_sound_loop_passes(subjects, passed):
         "excitation",
         "model in closed loop",
         "overshoot",
-        "steady error",
+        "steady-state error",
         "ripple",
         "saturation",
         "tracking",
@@ -114,7 +114,7 @@ def test_a_specification_that_cannot_be_met_fails_with_its_reason(checked, exact
     found = checked(exact(), rig, controller=fast, specification=wanted)
     assert found.verdict is Verdict.FAIL
     assert "the gain margin is" in found.reason
-    assert "at least 2000 is wanted" in found.reason
+    assert "at least 2000 is required" in found.reason
     document_of(found, tmp_path)
 
 

@@ -1,4 +1,4 @@
-"""Overshoot, steady error, ripple, effort of runs that are written down by hand."""
+"""Overshoot, steady-state error, ripple and effort of runs that are written down by hand."""
 
 import numpy as np
 import pytest

@@ -164,9 +164,9 @@ def test_raw_errors_are_model_errors():
         ("omega is empty", lambda: frf(LINEAR, [])),
         ("half the sampling rate", lambda: frf(LINEAR, [np.nan])),
         ("channel = 'a'", lambda: frf(LINEAR, OMEGA, channel="a")),
-        ("NarxModel is no LinearModel; gfrf", lambda: frf(MODEL, OMEGA)),
-        ("LinearModel is no NarxModel; frf", lambda: gfrf(LINEAR, 1, OMEGA)),
-        ("LinearModel is no NarxModel; frf", lambda: output_spectrum(LINEAR, PERIOD, 1)),
+        ("NarxModel is not a LinearModel; gfrf", lambda: frf(MODEL, OMEGA)),
+        ("LinearModel is not a NarxModel; frf", lambda: gfrf(LINEAR, 1, OMEGA)),
+        ("LinearModel is not a NarxModel; frf", lambda: output_spectrum(LINEAR, PERIOD, 1)),
         ("form = \\[\\]", lambda: gfrf(MODEL, 1, OMEGA, form=[])),
         ("level must be real numbers; got text", lambda: propagate(MODEL, H_1, level="a")),
         ("level must be real numbers; got text", lambda: H_1(MODEL).band("a")),
@@ -209,7 +209,7 @@ def test_labels_stay_on_the_figure_and_raise_powers(pyplot):
 def test_points_that_do_not_belong_together_are_not_joined(pyplot):
     grid = propagate(MODEL, partial(gfrf, order=2, omega=frequency_grid(OMEGA, OMEGA)))
     for draw in (grid.plot_gain, grid.plot_phase):
-        with pytest.raises(ModelError, match=r"are no line, .*plot_map"):
+        with pytest.raises(ModelError, match=r"are not a line, .*plot_map"):
             draw()
     lines = propagate(MODEL, partial(output_spectrum, excitation=PERIOD, order=2))
     for drawn in (grid.plot(), lines.plot(), lines.plot_gain()):

@@ -229,7 +229,7 @@ def test_two_that_do_the_same_are_both_undetermined_and_the_others_are_not():
 
 
 @pytest.mark.parametrize(
-    ("name", "said"), [("width", "width is no parameter"), ("stifness", 'did you mean "stiffness"')]
+    ("name", "said"), [("width", "width is not a parameter"), ("stifness", 'did you mean "stiffness"')]
 )
 def test_a_name_that_cannot_be_fitted_is_refused(plant, name, said):
     experiment = recorded(plant, noise_command(0, 50))

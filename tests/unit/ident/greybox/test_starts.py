@@ -88,7 +88,7 @@ def test_recordings_and_experiments_are_taken_as_they_are(turned):
     plant = Plant(rig=Rotor(), values=TRUE)
     given = (turned, experiment, part, [turned], [experiment], [part])
     assert len({calibrate(plant, one, starts=1).rms for one in given}) == 1
-    for wrong, message in (([], "no recording"), ([3.0], "a float is no recording")):
+    for wrong, message in (([], "no recording"), ([3.0], "a float is not a recording")):
         with pytest.raises(DataError, match=message):
             calibrate(plant, wrong)
     silent = replace(turned, outputs=np.empty((0, turned.n_samples)), output_names=(), output_units=())

@@ -61,7 +61,7 @@ def test_an_eigenvalue_below_zero_is_refused_in_any_units(seed, n, decades):
     wrong = q * np.r_[-(10.0**decades), np.ones(n - 1)] @ q.T
     units = 10.0 ** rng.uniform(-6, 6, n)  # by the law of inertia they leave the sign of the eigenvalue
     with pytest.raises(
-        ModelError, match=r"theta_cov is no covariance: .* (must not be negative|have the negative eigenvalue .*)"
+        ModelError, match=r"theta_cov is not a covariance: .* (must not be negative|have the negative eigenvalue .*)"
     ):
         model_of((wrong + wrong.T) * np.outer(units, units))
 
@@ -96,7 +96,7 @@ def test_the_offender_is_named(wrong, says):
     assert says in str(caught.value)
     padded = np.zeros((3, 3))
     padded[:2, :2] = wrong
-    with pytest.raises(ModelError, match="theta_cov is no covariance"):
+    with pytest.raises(ModelError, match="theta_cov is not a covariance"):
         LinearModel(a=[1.0, -0.6], b=[[0.0, 0.3]], sample_time=0.1, theta_cov=padded)
 
 

@@ -122,8 +122,8 @@ def test_a_fitted_model_refuses_what_it_cannot_take(identifier):
     metres = dataclasses.replace(RECORD, output_units=("m",), output_names=("way",))
     model = identifier.fit(metres).model_
     for wrong, says in (
-        (LINE, "a ndarray is no recording"),
-        ([metres], "a list is no recording"),
+        (LINE, "a ndarray is not a recording"),
+        ([metres], "a list is not a recording"),
         (dataclasses.replace(metres, output_units=("mm",)), "way in m and in mm"),
         (dataclasses.replace(metres, input_units=("kV",), input_names=("volts",)), f"volts in {RECORD.input_units[0]}"),
     ):
@@ -141,5 +141,5 @@ def test_an_estimator_says_where_to_find_what_its_model_has():
         validate(fitted, RECORD)
     with pytest.raises(AttributeError, match=r"no attribute 'coef_'$"):
         fitted.coef_  # noqa: B018
-    with pytest.raises(ModelError, match="a Frols is no NarxModel; its model_"):
+    with pytest.raises(ModelError, match="a Frols is not a NarxModel; its model_"):
         gfrf(fitted, 1, [1.0])

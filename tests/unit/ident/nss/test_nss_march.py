@@ -107,7 +107,7 @@ def test_a_run_ends_where_it_leaves_the_limit(loop):
         ("x3", "'x3'; there are x1, x2, u1, u2, s1, s2"),
         ("x1^0", "power"),
         ("sin(x1)", "no function is called 'sin'"),
-        ("sat(x1,a)", "'a' is no number"),
+        ("sat(x1,a)", "'a' is not a number"),
         ("x1*x2", "neither a power as x1\\^2 nor a function"),
         ("", "needs a power or a function"),
     ],

@@ -126,7 +126,7 @@ class Heavy(Creep):
 @pytest.mark.parametrize(
     ("kind", "name", "said"),
     [
-        (dict, "odd", "it is no subclass of deatwin.plant.Effect"),
+        (dict, "odd", "it is not a subclass of deatwin.plant.Effect"),
         (Creep, "crawl", "the class calls itself 'creep'; entry point and class need the same name"),
         (Odd, "creep", "KeyError: 'amount'"),
         (Heavy, "heavy", "it must describe each of its fields and its strength"),

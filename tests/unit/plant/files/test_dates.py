@@ -85,11 +85,11 @@ def test_day_and_month_that_nothing_tells(tmp_path: Path) -> None:
     assert "clock_began" not in found.provenance
     first = (tmp_path / "log.csv").rename(tmp_path / "first.csv")
     files = [first, written(tmp_path, stamps("%d/%m/%Y %H:%M:%S.~", early + timedelta(seconds=60)))]
-    with pytest.raises(DataError, match=r"first.csv and .*log.csv: the dates of some .* --time-column NAME=dmy"):
+    with pytest.raises(DataError, match=r"first.csv and .*log.csv: some of their dates .* --time-column NAME=dmy"):
         read_experiment(files)
     assert [one.start for one in read_experiment(files, time_column="Time=mdy").recordings] == [0.0, 60.0]
     path = written(tmp_path, stamps("%d/%m/%Y %H:%M:%S.~", late))
-    with pytest.raises(DataError, match='state it: --time-column "Time=dmy" or --time-column "Time=mdy"'):
+    with pytest.raises(DataError, match='state the order: --time-column "Time=dmy" or --time-column "Time=mdy"'):
         read_recording(path)
     assert the_clock(read_recording(path, time_column="Time=dmy")) == (STEP, STEP * 39)
     with pytest.raises(DataError, match=r"a gap from 4\.75 s to 2\.5056e\+06 s"):  # 5 June to 5 July: 29 days
@@ -100,7 +100,7 @@ def test_day_and_month_that_nothing_tells(tmp_path: Path) -> None:
 
 def test_a_cell_that_is_no_date(tmp_path: Path) -> None:
     cells = stamps("%d.%m.%Y %H:%M:%S")
-    with pytest.raises(DataError, match=r'row 9, column "Time": "31.12.2025 25:00:00" is no date'):
+    with pytest.raises(DataError, match=r'row 9, column "Time": "31.12.2025 25:00:00" is not a date'):
         read_recording(written(tmp_path, [*cells[:7], "31.12.2025 25:00:00", *cells[8:]]))
     cells = stamps("%H:%M:%S.~")
     for wrong in ("noon", "12:60:00"):
@@ -132,7 +132,7 @@ def test_a_column_that_counts_the_rows_is_no_clock_beside_a_sample_time(tmp_path
     found = read_recording(path, dt=STEP)
     assert the_clock(found) == (STEP, STEP * 39)
     assert "counts the rows" in found.provenance["clock"]
-    with pytest.raises(DataError, match='said to be in "samples", which is no known unit of time'):
+    with pytest.raises(DataError, match='said to be in "samples", which is not a known unit of time'):
         read_recording(path, dt=STEP, time_column="#1")
     with pytest.raises(DataError, match="keep the stated sample time"):
         read_recording(path, dt=STEP, time_column="#1=s")

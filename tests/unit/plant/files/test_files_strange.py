@@ -67,8 +67,8 @@ def test_it_is_read_rightly(tmp_path: Path, kind: str) -> None:
 
 
 REFUSED = {
-    "cells with units": (["0.00 s,0.1 V,3 mm", "0.02 s,0.2 V,4 mm"], 'in row 2 "0.00 s" is no number'),
-    "a row that breaks off": ([*ROWS, "0.80,0.1"], "row 42, .* 2 of 3 cells; the file breaks off there"),
+    "cells with units": (["0.00 s,0.1 V,3 mm", "0.02 s,0.2 V,4 mm"], 'in row 2 "0.00 s" is not a number'),
+    "a row that breaks off": ([*ROWS, "0.80,0.1"], "row 42, .* 2 of 3 cells; the file ends within it"),
     "rows that run backwards": (ROWS[::-1], "the rows run backwards: put them in order"),
     "an Excel file of dates": (with_times([f"{45413.5 + t / 86400:.10f}" for t in T]), '"Time=day" or .*"Time=s"'),
     "ticks": (with_times([str(3 * k) for k in range(40)]), 'said to be in "ticks", .* such as .*"Time .ticks.=s"'),

@@ -116,7 +116,7 @@ def test_faults_of_columns_are_said(tmp_path: Path) -> None:
         ("[readings.current]\nnoise = 1\n", r'\[readings.current\]: the key "unit" is missing'),
         (
             '[readings.current]\nunit = "pF"\nnoise = 1\n',
-            r'unit: "pF" is no unit of the current; it must be one of A, mA',
+            r'unit: "pF" is not a unit of the current; it must be one of A, mA',
         ),
         ('[readings.current]\nunit = "nA"\nnoise = 0\n', r"\[readings.current\] noise: 0 is out of range"),
         ('[readings.current]\nunit = "nA"\nnoize = 1\nnoise = 1\n', 'unknown key "noize"; did you mean "noise"'),

@@ -186,7 +186,7 @@ def test_a_unit_is_stated_behind_the_column(tmp_path: Path, asked: str) -> None:
     assert read(written(tmp_path, "speed"), asked, "mm") == ("speed", "mm", [1.0, 2.0, -3.0])
     with pytest.raises(DataError, match=r"is in V, but is said to be in mm; leave =mm out"):
         read(written(tmp_path, "speed_V"), asked.replace("speed", "speed_V"))
-    with pytest.raises(DataError, match='is in "MM", which is no known unit; did you mean "mm"'):
+    with pytest.raises(DataError, match='is in "MM", which is not a known unit; did you mean "mm"'):
         read(written(tmp_path, "speed"), asked.upper().replace("SPEED", "speed"))
     assert read(written(tmp_path, "speed"), asked.replace("mm", "widgets/h"))[1] == "widgets/h"
 

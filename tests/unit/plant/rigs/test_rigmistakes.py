@@ -174,7 +174,7 @@ WITH_OWN = DISC.replace('material = "Elastosil 2030"\n', "") + OWN
         (WITH_OWN, "time_s = 5", "times = 5", 'branch 1 lacks "time_s"'),
         (WITH_OWN, "field_MV_m", "field", 'unknown key "field"'),
         (WITH_OWN, "density_kg_m3 = 1100", "density_kg_m3 = 0", "a density"),
-        (WITH_OWN, 'energy = "gent"\n', "", '"mine" is no published material'),
+        (WITH_OWN, 'energy = "gent"\n', "", '"mine" is not a published material'),
     ],
 )
 def test_each_kind_of_mistake(tmp_path: Path, text: str, old: str, new: str, told: str) -> None:

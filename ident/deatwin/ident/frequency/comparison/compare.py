@@ -29,9 +29,11 @@ class Agreement(Enum):
     The value of each member is a text that advises the user.
     """
 
-    ALIKE = "no difference can be shown: in this band either may stand for the other"
+    ALIKE = "no difference can be shown: in this band, each may be used in place of the other"
     DRIFT = "the means differ, but a drift within a record may be the cause: compare at the same age"
-    DIFFERENT = "the two differ by more than chance and drift explain: in this band neither stands for the other"
+    DIFFERENT = (
+        "the two differ by more than chance and drift explain: in this band, neither may be used in place of the other"
+    )
 
     @property
     def ok(self) -> bool:
@@ -225,9 +227,10 @@ def compare(
     out physics, only models with the same terms, fitted in the same way to records with similar excitation, should have
     equal parameters, and only `robust` covariances describe their scatter.
 
-    The test has two limits. Changes that average out over a band are missed, such as a resonance that moves within it
-    (bands no wider than the resonance show it). And a response with only two parameters has the same p-value in every
-    band, because each band determines both parameters: then only ``least`` and the sizes distinguish the bands.
+    The test has two limits. Changes that average out over a band are missed, such as a resonance that moves within the
+    band; bands no wider than the resonance reveal such a change. And a response with only two parameters has the same
+    p-value in every band, because each band determines both parameters: then only ``least`` and the sizes distinguish
+    the bands.
 
     Parameters
     ----------

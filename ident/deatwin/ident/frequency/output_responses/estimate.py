@@ -56,7 +56,7 @@ def nofrf(
         One period of the input as deviations from the operating input, at the model's sampling time, in the input's
         unit; see `design_excitation`.
     order : int
-        Wanted order n, from 1 to 20.
+        Desired order n, from 1 to 20.
     levels : array_like, shape (n_levels,), optional
         Factors of the excitation; by default Chebyshev nodes of both signs, twice as many as orders. The error caused
         by orders that were not fitted can only be estimated with at least two more levels than orders.

@@ -84,7 +84,7 @@ class Nofrf(Described, Frozen):
     order : int
         Requested order n.
     orders : tuple of FrequencyResponse, length N
-        Responses G_1, ..., G_N, each at the lines at which it exists, in output unit by power of the input unit.
+        Responses G_1, ..., G_N, each at the lines at which it exists, in output unit per power of the input unit.
         Derivatives, covariances and values at other parameters are those of the exact G_n.
     outputs : tuple of FrequencyResponse, length N
         Orders Y_n = G_n U_n of the output, at level 1 and at all lines.
@@ -142,7 +142,7 @@ class Nofrf(Described, Frozen):
 
     @property
     def values(self) -> Complex:
-        """Values of that response, complex, shape (n,), in output unit by power of the input unit."""
+        """Values of that response, complex, shape (n,), in output unit per power of the input unit."""
         return self.response.values
 
     @property

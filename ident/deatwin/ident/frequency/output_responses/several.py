@@ -31,7 +31,7 @@ def nofrf_of_inputs(
 
     The model is simulated with each input at levels of its own, in all combinations. At each line, the parts of the
     output are separated by how they grow with these levels, because each is proportional to a power of each input.
-    `nofrf_exact` has the same responses from the equations.
+    `nofrf_exact` computes the same responses from the equations.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def nofrf_of_inputs(
     excitation : array_like, shape (n_inputs, n_samples)
         One period of the inputs as deviations from the operating input, at the model's sampling time, in their units.
     order : int
-        Largest sum of the powers, at least 1.
+        Largest total order of the responses, which is the sum of the powers of all inputs; at least 1.
     operating_input : array_like, shape (n_inputs,), optional
         Constant inputs about which the model is analysed, in their units; the centre of the training data by default.
 

@@ -274,7 +274,7 @@ def _axis(uncertain: Uncertain) -> tuple[Array, str]:
         return uncertain.frequency_Hz, "frequency (Hz)"
     if not _goes_one_way(_sums(uncertain)):
         raise ModelError(
-            f"the points of {uncertain.label} are no line, the sums of their frequencies going up and down; draw gain "
+            f"the points of {uncertain.label} are not a line, the sums of their frequencies going up and down; draw gain "
             "and doubt as a map, `response.plot()` (plot_map), or take points along a line with `at_points`"
         )
     return _sums(uncertain), "frequency of the output, sum of the tones' (Hz)"

@@ -46,8 +46,8 @@ class SampleStatus(Enum):
 
     OK = "all draws have the operating point, with the model's stability"
     LOST = (
-        "some draws have no equilibrium or another stability and are left out: what is shown holds on the condition "
-        "that the operating point is that of the model; identify on more data or leave out terms"
+        "some draws have no equilibrium or another stability and are left out: the result is valid only if the true "
+        "operating point is like that of the model; identify on more data or leave out terms"
     )
 
     @property

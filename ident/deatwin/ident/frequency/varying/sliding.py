@@ -39,14 +39,14 @@ class SlidingStatus(Enum):
     The value of each member is a text that advises the user.
     """
 
-    STEADY = "neither mean nor gain changes by more than chance: constant parameters may do"
-    DRIFTING = "mean or gain changes along the record: constant parameters will not do, let them vary with time"
+    STEADY = "neither mean nor gain changes by more than chance: constant parameters may suffice"
+    DRIFTING = "mean or gain changes along the record: constant parameters do not suffice, so let them vary with time"
     SHORT = (
-        "neighbouring tenths of a window are correlated, so that the bands are too narrow and their changes may be "
-        "chance: take longer windows"
+        "neighbouring tenths of a window are correlated, so the bands are too narrow and the changes may be "
+        "chance: use longer windows"
     )
-    STILL = "the input stands still in nearly all windows, or the output does: nothing says whether the gain changes"
-    FEW = "the record holds a single window, which tells no change: take shorter windows"
+    STILL = "the input or the output is constant in nearly all windows, so it is unknown whether the gain changes"
+    FEW = "the record contains a single window, which cannot show a change: use shorter windows"
 
     @property
     def ok(self) -> bool:

@@ -68,8 +68,7 @@ class Detection(Described):
     Parameters
     ----------
     p_value : float
-        Probability of statistics at least as large, all of them together, if nothing is missing; at least 1 / (number
-        of draws + 1).
+        Joint probability of statistics at least as large if nothing is missing; at least 1 / (number of draws + 1).
     statistics : tuple of Statistic
         Statistics, one for each group.
     size : float
@@ -79,7 +78,7 @@ class Detection(Described):
     noise, model_error : float
         Sensor noise and model error, rms, SI.
     certain : bool
-        True if the size alone proves a mismatch, whatever the scatter.
+        True if the size alone proves a mismatch, regardless of the scatter.
     taken_up : Calibration or None
         Plant fitted to all data, if it then leaves no mismatch; else None.
     sensor : NoiseFloor
@@ -157,7 +156,7 @@ class Detection(Described):
         size alone.
 
         Model errors vary slowly, so a short record contains few independent ones, and chance alone makes large ones
-        likely. A mismatch that vanishes once all data are fitted is no missing physics: the parameters were not known
+        likely. A mismatch that vanishes once all data are fitted is not missing physics: the parameters were not known
         well enough.
         """
         return counts(self.p_value, self.size, self.practical, self.certain) and self.taken_up is None

@@ -53,7 +53,7 @@ class Naming(Described):
     distances : tuple of Distance
         Distances from the best to each other explanation.
     failed : tuple of str
-        Effects and sets of effects with which no fit could be simulated; this is no evidence against them.
+        Effects and sets of effects with which no fit could be simulated; this is not evidence against them.
     """
 
     candidates: tuple[Candidate, ...]

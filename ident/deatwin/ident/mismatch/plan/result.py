@@ -86,9 +86,9 @@ class TellingReading(SensorOffer):
     noise_source : str
         Source of this value.
     tells : tuple of tuple of str
-        Pairs of effects, at their typical strengths, that it distinguishes.
+        Pairs of effects, at their typical strengths, that this reading distinguishes.
     left : int
-        Number of pairs that remain undistinguished without it.
+        Number of pairs that remain undistinguished without this reading.
     """
 
     tells: tuple[tuple[str, ...], ...]
@@ -106,7 +106,7 @@ class ExperimentPlan:
     unit : str
         Unit of all changes of the readings.
     noise, model_error : float
-        Sensor noise and model error of the plant, rms, in that unit.
+        Sensor noise and model error of the plant, rms, in the plan's unit.
     seconds : float
         Length of the input, s.
     waveform : str

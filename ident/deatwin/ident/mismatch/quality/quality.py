@@ -188,7 +188,7 @@ class DataQuality(Described):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Return remarks that are no faults: limits, jumps, coarse steps, gaps."""
+        """Return remarks on features that are not faults: limits, jumps, coarse steps, gaps."""
         found = [*self._described(self.clipped, "the reading is at a limit"), *self._described(self.jumps, "jumps")]
         for what, readings in (("is much noisier than elsewhere", self.bursts), ("is stuck", self.stuck_further)):
             for name, masks in readings.items():
@@ -283,7 +283,7 @@ def check_quality(plant: Plant, experiments: Experiment | Sequence[Experiment]) 
     Raises
     ------
     DataError
-        If there is nothing to diagnose: no recording, no output, a constant input, or an argument that is no
+        If there is nothing to diagnose: no recording, no output, a constant input, or an argument that is not an
         experiment.
     ModelError
         If there is no plant, or there are too few samples for its parameters.
@@ -337,7 +337,7 @@ def _listed(experiments: Experiment | Sequence[Experiment]) -> tuple[Experiment,
 
 
 def confirm(checked: DataQuality, readings: Sequence[Sequence[np.ndarray]]) -> DataQuality:
-    """Keep only outliers and jumps that also appear in the residual, because fast motion of the plant is no fault.
+    """Keep only outliers and jumps that also appear in the residual, because fast motion of the plant is not a fault.
 
     Parameters
     ----------

@@ -73,7 +73,7 @@ class Base(Described):
         Parameters
         ----------
         chosen : Candidate
-            One of them, judged anew.
+            One of these interpretations, newly judged.
 
         Returns
         -------

@@ -51,7 +51,7 @@ class Verification(Described):
     transfers : tuple of Transfer
         Results for each record, if there are several, and for each third of the amplitudes.
     constancies : tuple of Constancy
-        Test of constancy of each effect that is no event.
+        Test of constancy for each effect that is not an event.
     noise : float
         Sensor noise, rms.
     output_unit : str

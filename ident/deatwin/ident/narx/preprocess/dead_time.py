@@ -39,7 +39,7 @@ regression takes a second."""
 class DeadTimeStatus(Enum):
     """Outcome of a dead-time estimation. The value of each member is a sentence that advises the user."""
 
-    FOUND = "the recordings tell at which lag the input begins to act"
+    FOUND = "the recordings show at which lag the input begins to act"
     AT_ONCE = (
         "the input acts within the sample, if the recording was not made in a loop: a controller that answers within "
         "the sample looks the same"
@@ -203,7 +203,7 @@ def estimate_dead_time(
     interval then covers all of them. An input of a few sines may not determine the dead time at all (`POOR`).
 
     A periodic input is tested for feedback by the differences between its periods: nonlinear distortion is the same in
-    all periods and no sign of a loop, and a loop without noise cannot be detected.
+    all periods and is not a sign of a loop, and a loop without noise cannot be detected.
 
     At most 20 000 samples are used, from the beginning of each recording. Decimated recordings are not tested for
     feedback: after a zero-phase filter each sample depends on later ones.

@@ -47,10 +47,10 @@ class SamplingStatus(Enum):
     DECIMATE = "sampled faster than a NARX model needs: decimate by the factor"
     TOO_SLOW = "sampled slowly: the first minimum lies before 10 samples; below 5, dynamics are lost: sample faster"
     FAST_PART = (
-        "the sampling time suits: decimated, the output's fastest part would keep fewer than 10 samples a period"
+        "the sampling time suits: decimated, the output's fastest part would keep fewer than 10 samples per period"
     )
     NO_MINIMUM = (
-        "the correlation functions reach neither a minimum nor zero over the lags that the record can tell: "
+        "the correlation functions reach neither a minimum nor zero at the lags that the record can show: "
         "give more lags or a longer record, or choose the factor by hand"
     )
 

@@ -35,7 +35,7 @@ class FindingKind(Enum):
 
     TREND = "include a slow input or time in the model, or fit a stationary section"
     DRIFT = "fit a stationary section, or let parameters vary in time"
-    OUTLIERS = "look at these samples; leave them out if the reading was disturbed"
+    OUTLIERS = "inspect these samples; leave them out if the reading was disturbed"
     QUANTISATION = "the noise is not normal and not white: use a finer range"
     CLIPPING = "leave these samples out, or model the limit"
     FEW_LEVELS = "let the input take more levels, or keep its powers in the model below their number"
@@ -208,7 +208,7 @@ def _slow(channel: _Channel, level: float) -> Iterator[Finding]:
         where = np.arange(worst * length, (worst + 1) * length)
         text = (
             f"a slow drift: means over {duration / _SEGMENTS:.3g} s wander by {channel.amount(np.sqrt(spread))} rms, "
-            f"of which chance makes {channel.amount(np.sqrt(chance))}; the farthest is {channel.amount(left[worst])} "
+            f"of which chance explains {channel.amount(np.sqrt(chance))}; the farthest is {channel.amount(left[worst])} "
             f"off, from {channel.record.timepts[where[0]]:.4g} s on"
         )
         yield channel.finding(FindingKind.DRIFT, where, left[worst], text)

@@ -122,7 +122,7 @@ class Sections(Described):
     recordings : tuple of Recording
         Recordings that were examined.
     training, validation : Recording
-        Chosen sections, on the clock of the recordings.
+        Chosen sections; their times refer to the clock of the recordings.
     stretches : tuple of Stretch
         Stretches that passed the tests, longest first.
     tests : tuple of tuple of StationarityTest
@@ -131,7 +131,7 @@ class Sections(Described):
         Length of a segment of each recording in s.
     correlation_time_s : tuple of float
         Longest correlation time within the segments of each recording, in s. Segments should be fifteen times as long:
-        at ten times, twice as many stationary records fail as ``level`` states.
+        if they are only ten times as long, twice as many stationary records fail as ``level`` states.
     level : float
         Share of stationary recordings that fail the tests.
     status : SectionStatus

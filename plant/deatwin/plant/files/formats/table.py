@@ -129,7 +129,7 @@ class Table(ABC):
         if len(found) > 1:
             different = len({self.headers[k] for k in found}) == len(found) <= _LISTED
             whole = " or ".join(f'"{self.shown(k)}"' for k in found)
-            place = f"its place, for example #{next(filter(works, found), found[0]) + 1}"
+            place = f"its position, for example #{next(filter(works, found), found[0]) + 1}"
             raise DataError(
                 f'{self.path}: the column "{clipped(wanted)}" occurs {len(found)} times; name one by '
                 f"{f'its whole header, {whole}' if different else place}"
