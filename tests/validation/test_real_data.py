@@ -10,7 +10,6 @@ import pytest
 from deatwin.ident.narx import NarxModel
 from deatwin.scenarios.real_data import LARGEST_ERROR, MOST_TERMS, SETS, judge, run
 from deatwin.scenarios.real_data.published import DOCUMENTED, documented_errors
-from deatwin.studies.folder import ResultFolder
 from deatwin.studies.public.black_boxes import FROLS, GROWN, LINEAR, REFINED, SEMP, Outcome, attempt
 from deatwin.studies.public.records import buck, cascaded_tanks, silverbox
 from deatwin.studies.stories import Setting
@@ -102,13 +101,10 @@ def test_a_model_that_misses_does_not_pass() -> None:
 
 
 @pytest.mark.study
-def test_the_page(tmp_path: Path) -> None:
+def test_the_page(setting: Setting, tmp_path: Path) -> None:
     for name in SETS:
         required(name)
-    setting = Setting(
-        folder=ResultFolder(tmp_path), data=DATA, command=["test"], jobs=-1, seed=0, progress=lambda share, text: None
-    )
-    result = run(setting)
+    result = run(replace(setting, data=DATA, jobs=-1))
     missed = [row["measure"] for row in result["measures"] if not row["passed"]]
     assert len(missed) == 1 and missed[0].startswith("Buck converter"), result["measures"]
     page = (tmp_path / "report.html").read_text(encoding="utf-8").replace("\xa0", " ")
