@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from made_diagnoses import DIAGNOSIS
 from strips import pulled, strip, write
 
 from deatwin.plant import CalibratedPlant
@@ -44,33 +45,13 @@ def write_lab(folder: Path) -> str:
         write(folder / name, pulled(plant, 3, 7))
     recording = (folder / "new.csv").read_text(encoding="utf-8")
     (folder / "new.csv").unlink()
-    former = {
-        "schema": "deatwin/diagnosis/2",
+    former = DIAGNOSIS | {
         "output": {"name": "force", "unit": "N"},
-        "verdict": "named",
-        "noise": 0.002,
-        "model_error": 0.05,
-        "detect": {"p_value": 0.0, "excess": 0.1, "smallest_detectable": {}},
-        "locate": {"time": [], "frequency": [], "region": [], "place": []},
-        "causes": [
-            {
-                "effect": "creep",
-                "family": "film",
-                "probability": 0.98,
-                "share_explained": 0.97,
-                "parameters": {"time": {"value": 25.0, "low": 24.0, "high": 26.0, "unit": "s"}},
-            }
-        ],
-        "set": ["creep"],
-        "indistinguishable": [],
-        "next_experiment": None,
-        "free_form": None,
         "sentence": "The film keeps creeping with a time constant of 25 s.",
         "fit": {
             "fitted": {"before": 0.17, "after": 0.002},
             "unseen": {"before": 0.14, "after": 0.002, "gain_low": 0.1},
         },
-        "warnings": [],
     }
     (folder / "former").mkdir()
     (folder / "former" / "diagnosis.json").write_text(json.dumps(former), encoding="utf-8")

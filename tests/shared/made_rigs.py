@@ -1,11 +1,11 @@
-"""What rigs that tests make have in common, and one that pulls in."""
+"""What rigs that tests make have in common, a mass on a spring, and a plate that pulls in."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from deatwin.plant import Parameter, Rig
+from deatwin.plant import Parameter, Place, Rig
 from deatwin.plant.builder import Builder
 
 
@@ -21,6 +21,36 @@ class Bare(Rig):
     input_unit: ClassVar[str] = "V"
     output_name: ClassVar[str] = "displacement"
     output_unit: ClassVar[str] = "m"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pushed(Bare):
+    """A mass between spring and damper, pushed by `push` newtons a volt; a stiffness of zero leaves it free."""
+
+    noise: float = 0.0
+    mass: float = 3e-3
+    damping: float = 0.05
+    stiffness: float = 30.0
+    push: float = 6e-3
+
+    kind: ClassVar[str] = "pushed mass"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (
+            Parameter(name="mass", value=self.mass, unit="kg", lower=1e-4, upper=10.0),
+            Parameter(name="damping", value=self.damping, unit="N s/m", lower=0.0, upper=10.0),
+            Parameter(name="stiffness", value=self.stiffness, unit="N/m", lower=0.0, upper=1e3),
+        )
+
+    def write(self, build: Builder) -> Any:
+        y = build.watch("displacement", build.state("position", scale=1e-3))
+        v = build.watch("velocity", build.state("velocity", scale=0.05))
+        command = build.watch("acting", build.place(Place.DRIVE, "command", build.command))
+        force = -build.parameter("stiffness") * y - build.parameter("damping") * v
+        build.rate(y, v)
+        build.rate(v, self.push * command + build.place(Place.BALL, "force", force), mass=build.parameter("mass"))
+        return build.place(Place.SENSOR, "reading", y)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,10 +1,8 @@
 """The plants of the stories with real recordings: closed forms, other integrators, and sections of the records."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
+from public_recordings import recordings
 from runs import readings
 from scipy.integrate import solve_ivp
 
@@ -13,14 +11,6 @@ from deatwin.ident.greybox.parts import Part
 from deatwin.plant import Experiment, Plant
 from deatwin.scenarios.real_physics import bouc_wen, cascaded_tanks, emps, silverbox
 from deatwin.scenarios.real_physics.signals import derivatives, held
-
-DATA = Path(os.environ.get("DEATWIN_DATA") or Path(__file__).parents[2].parent / "shared" / "data")
-
-
-def needs(name: str) -> pytest.MarkDecorator:
-    return pytest.mark.skipif(
-        not (DATA / name).is_dir(), reason=f"the recordings {name} are absent: DEATWIN_DATA names their folder"
-    )
 
 
 def rms(values: np.ndarray) -> float:
@@ -160,9 +150,7 @@ CASES = {
 def test_the_documented_physics_lowers_the_error_on_a_section(story: str) -> None:
     # By how much at least is far from what it does on the whole records (0.08, 0.04, 0.26, 0.5): sections are poorer.
     module, folder, samples, share = CASES[story]
-    if not (DATA / folder).is_dir():
-        pytest.skip(f"the recordings {folder} are absent: DEATWIN_DATA names their folder")
-    own = module.case(DATA / folder)
+    own = module.case(recordings(folder))
     record = own.fitted[0].recordings[0]
     part = [Part.whole(Experiment(recordings=(record.section(0, min(samples, record.n_samples)),)))]
     effect = next(e for e in own.plant.rig.effects() if e.name in own.documented[:1])
@@ -171,20 +159,17 @@ def test_the_documented_physics_lowers_the_error_on_a_section(story: str) -> Non
     assert amended.rms < share * base.rms
 
 
-@needs("cascaded_tanks")
 def test_nothing_that_judges_is_fitted() -> None:
-    own = cascaded_tanks.case(DATA / "cascaded_tanks")
+    own = cascaded_tanks.case(recordings("cascaded_tanks"))
     fitted, judged = own.fitted[0].recordings[0].outputs, own.held_out[0].measured
     assert not np.array_equal(fitted[0][: judged.size], judged)
 
 
-@needs("silverbox")
 def test_the_arrow_head_is_not_in_what_is_diagnosed() -> None:
     assert silverbox.FITTED.start > silverbox.ARROW_HEAD.stop
 
 
-@needs("emps")
 def test_the_rest_of_a_record_begins_where_the_fit_ends() -> None:
-    own = emps.case(DATA / "emps")
+    own = emps.case(recordings("emps"))
     assert own.held_out[1].first == own.fitted[0].recordings[0].n_samples
     assert own.held_out[1].measured.size + own.held_out[1].first == own.held_out[1].experiment.recordings[0].n_samples

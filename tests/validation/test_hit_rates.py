@@ -3,7 +3,7 @@
 What is demanded is stated in `deatwin.scenarios.svb_benchmark.page`; the whole study is marked as such.
 """
 
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +13,6 @@ from deatwin.scenarios.svb_benchmark import run
 from deatwin.scenarios.svb_benchmark.draws import compare, covered, try_out
 from deatwin.scenarios.svb_benchmark.methods import VARIATIONAL
 from deatwin.scenarios.svb_benchmark.study import WHITE
-from deatwin.studies.folder import ResultFolder
 from deatwin.studies.stories import Setting
 
 SEED = 11
@@ -54,11 +53,8 @@ def test_structures_are_found(system: str, method: str, least: int) -> None:
 
 
 @pytest.mark.study
-def test_all_stated_measures_are_reached(tmp_path: Path) -> None:
-    setting = Setting(
-        folder=ResultFolder(tmp_path), data=None, command=["test"], jobs=2, seed=0, progress=lambda share, text: None
-    )
-    result = run(setting)
+def test_all_stated_measures_are_reached(setting: Setting) -> None:
+    result = run(replace(setting, jobs=2))
     assert len(result["measures"]) >= 20
     # Known: on S6 the clean-up keeps every true term in about 87 of 100 draws, the stricter of two oracles in 93.
     missed = [row["measure"] for row in result["measures"] if not row["passed"]]

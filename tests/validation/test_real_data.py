@@ -1,39 +1,31 @@
 """Free runs on public recordings: SysIdentPy's converter, the Silverbox, the tanks and the positioning system."""
 
-import os
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from public_recordings import DATA, recordings
 
 from deatwin.ident.narx import NarxModel
 from deatwin.scenarios.real_data import LARGEST_ERROR, MOST_TERMS, SETS, judge, run
 from deatwin.scenarios.real_data.published import DOCUMENTED, documented_errors
-from deatwin.studies.folder import ResultFolder
 from deatwin.studies.public.black_boxes import FROLS, GROWN, LINEAR, REFINED, SEMP, Outcome, attempt
 from deatwin.studies.public.records import buck, cascaded_tanks, silverbox
 from deatwin.studies.stories import Setting
 
-DATA = Path(os.environ.get("DEATWIN_DATA") or Path(__file__).parents[2].parent / "shared" / "data")
-
-
-def required(name: str) -> None:
-    if not (DATA / name).is_dir():
-        pytest.skip(f"the recordings {name} are absent: DEATWIN_DATA names the folder that holds them")
-
 
 def test_a_documented_model_runs_as_its_authors_run_it() -> None:
     # SysIdentPy 0.9.0's own predict of these parameters on buck_valid: 0.6549432736167407 V rms from the third sample.
-    required("buck_converter")
     name = next(iter(DOCUMENTED))
-    assert documented_errors(buck(DATA / "buck_converter").test)[name] == pytest.approx(0.654943273616741, rel=1e-12)
+    assert documented_errors(buck(recordings("buck_converter")).test)[name] == pytest.approx(
+        0.654943273616741, rel=1e-12
+    )
 
 
 def test_the_converter_is_run_better_than_by_the_documented_frols() -> None:
     # Of signals as they are, both find the same terms: test_sysidentpy. Here voltages are counted from their means.
-    required("buck_converter")
-    data = buck(DATA / "buck_converter")
+    data = buck(recordings("buck_converter"))
     plain, refined = attempt(FROLS, data), attempt(REFINED, data)
     assert isinstance(plain.model, NarxModel) and isinstance(refined.model, NarxModel)
     assert len(plain.model.terms) == len(next(iter(DOCUMENTED.values())))
@@ -42,8 +34,7 @@ def test_the_converter_is_run_better_than_by_the_documented_frols() -> None:
 
 
 def test_the_silverbox_reaches_beyond_what_it_was_learned_from() -> None:
-    required("silverbox")
-    whole = silverbox(DATA / "silverbox")
+    whole = silverbox(recordings("silverbox"))
     data = replace(whole, train=whole.train.section(0, 24_576))  # of 86,750 samples, which take 18 s
     assert np.abs(data.test.outputs).max() > 1.2 * np.abs(data.train.outputs).max()
     found = attempt(GROWN, data)
@@ -53,16 +44,14 @@ def test_the_silverbox_reaches_beyond_what_it_was_learned_from() -> None:
 
 
 def test_semp_of_the_tanks_runs_better_than_any_linear_model() -> None:
-    required("cascaded_tanks")
-    data = cascaded_tanks(DATA / "cascaded_tanks")
+    data = cascaded_tanks(recordings("cascaded_tanks"))
     assert attempt(SEMP, data).free_run <= 0.45  # V; 0.596 of the linear output-error model
     own = replace(data, candidates=replace(data.candidates, output_lags=2, input_lags=(1, 2)))
     assert attempt(SEMP, own).free_run <= 0.45
 
 
 def test_nothing_of_the_test_recording_is_learned() -> None:
-    required("buck_converter")
-    data = buck(DATA / "buck_converter")
+    data = buck(recordings("buck_converter"))
     other = replace(data, test=data.train)
     for method in (FROLS, LINEAR, REFINED):
         one, two = attempt(method, data).model, attempt(method, other).model
@@ -72,17 +61,14 @@ def test_nothing_of_the_test_recording_is_learned() -> None:
 
 @pytest.mark.parametrize("name", SETS)
 def test_recordings_are_parted(name: str) -> None:
-    required(name)
-    data = SETS[name](DATA / name)
+    data = SETS[name](recordings(name))
     assert data.train.sample_time == data.test.sample_time
     assert min(data.train.n_samples, data.test.n_samples) > 900
     assert all(path.is_file() for path in data.files)
 
 
 def test_a_model_that_misses_does_not_pass() -> None:
-    required("silverbox")
-    required("buck_converter")
-    sets = [silverbox(DATA / "silverbox"), buck(DATA / "buck_converter")]
+    sets = [silverbox(recordings("silverbox")), buck(recordings("buck_converter"))]
     poor = Outcome(
         data="",
         method="",
@@ -102,13 +88,10 @@ def test_a_model_that_misses_does_not_pass() -> None:
 
 
 @pytest.mark.study
-def test_the_page(tmp_path: Path) -> None:
+def test_the_page(setting: Setting, tmp_path: Path) -> None:
     for name in SETS:
-        required(name)
-    setting = Setting(
-        folder=ResultFolder(tmp_path), data=DATA, command=["test"], jobs=-1, seed=0, progress=lambda share, text: None
-    )
-    result = run(setting)
+        recordings(name)
+    result = run(replace(setting, data=DATA, jobs=-1))
     missed = [row["measure"] for row in result["measures"] if not row["passed"]]
     assert len(missed) == 1 and missed[0].startswith("Buck converter"), result["measures"]
     page = (tmp_path / "report.html").read_text(encoding="utf-8").replace("\xa0", " ")

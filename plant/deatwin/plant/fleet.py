@@ -215,7 +215,7 @@ def fleet(seed: int = 0) -> tuple[Actuator, ...]:
     return tuple(
         Actuator(
             name=f"DEA {number}",
-            plant=_fabricate(np.random.default_rng((seed, number, 0))).with_effects(*history.effects),
+            plant=fabricated(np.random.default_rng((seed, number, 0))).with_effects(*history.effects),
             story=history.story,
             seed=(seed, number),
         )
@@ -223,10 +223,10 @@ def fleet(seed: int = 0) -> tuple[Actuator, ...]:
     )
 
 
-def _fabricate(rng: np.random.Generator) -> Plant:
-    """Fabricate an actuator: each quantity is drawn within its tolerance."""
+def fabricated(rng: np.random.Generator, wider: float = 1.0) -> Plant:
+    """Fabricate an actuator: each quantity is drawn within its tolerance times `wider`."""
     wished = specification()
-    factors = {name: 1 + t.share * rng.uniform(-1, 1) for name, t in TOLERANCES.items()}
+    factors = {name: 1 + wider * t.share * rng.uniform(-1, 1) for name, t in TOLERANCES.items()}
     geometry = {n: f * getattr(wished.rig, n) for n, f in factors.items() if hasattr(wished.rig, n)}
     values = {n: f * wished.parameters[n].value for n, f in factors.items() if n not in geometry}
     return wished.with_rig(replace(wished.rig, **geometry)).with_values(values)

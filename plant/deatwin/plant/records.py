@@ -42,6 +42,15 @@ def plain(value: Any) -> Any:
     return value
 
 
+def finite(data: Any) -> Any:
+    """Return plain data with None in place of numbers that JSON does not have."""
+    if isinstance(data, Mapping):
+        return {key: finite(one) for key, one in data.items()}
+    if isinstance(data, (tuple, list)):
+        return [finite(one) for one in data]
+    return None if isinstance(data, float) and not isfinite(data) else data
+
+
 def read(record: type[_Record], data: Any) -> _Record:
     """Make a record from its plain data; KeyError for a missing key, TypeError or ValueError for a wrong value."""
     if not isinstance(data, Mapping):

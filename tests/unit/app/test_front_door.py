@@ -165,7 +165,6 @@ FILES = {
     "dates.csv": table("time,command_V,displacement_mm", samples=0) + stamped("2024-05-01 12:00:0{}") + "soon,1,2\n",
     "day.csv": table("time,command_V,displacement_mm", samples=0) + stamped("5/6/24 12:00:0{}"),
     "days.csv": table("time,command_V,displacement_mm", samples=0) + "5/6/24 23:59:59,1,2\n6/6/24 00:00:00,1,2\n",
-    "good.lvm": LVM,
     "fake.lvm": table(),
     "bar.lvm": LVM.replace("Tab", "Bar"),
     "frequency.lvm": LVM.replace("Time\tTime\t", "Frequency\tFrequency\t"),

@@ -20,6 +20,7 @@ from deatwin.plant.amplitudes import amount, written_amplitude
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, columns, document, several
 from deatwin.plant.documents import Saved
 from deatwin.plant.drawing import axes_or_new
+from deatwin.plant.records import finite
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -73,12 +74,12 @@ def to_document(check: Check) -> dict[str, Any]:
         **{name: getattr(check, name) for name in _PLAIN},
         "operating": {**asdict(check.operating), "status": check.operating.status.name.lower()},
         "controller": None if check.controller is None else controller_to_dict(check.controller),
-        "margins": None if check.margins is None else _finite(asdict(check.margins)),
-        "least_margins": _finite(check.least_margins) if check.table else None,
-        "table": [_finite(asdict(row)) for row in check.table],
+        "margins": None if check.margins is None else finite(asdict(check.margins)),
+        "least_margins": finite(check.least_margins) if check.table else None,
+        "table": [finite(asdict(row)) for row in check.table],
         "measures": {name: {m: getattr(run, m) for m in _MEASURES[name]} for name, run in runs.items()},
         "caveats": list(check.caveats),
-        "findings": [_finite({**asdict(f), "verdict": f.verdict.value}) for f in check.findings],
+        "findings": [finite({**asdict(f), "verdict": f.verdict.value}) for f in check.findings],
         **{name: runs[name].to_dict() if name in runs else None for name in _RUNS},
         "others": {name: run.to_dict() for name, run in check.others.items()},
         "predicted": None
@@ -106,10 +107,6 @@ def from_document(document: Mapping[str, Any]) -> dict[str, Any]:
         **{name: None if document[name] is None else ClosedLoop.from_dict(document[name]) for name in _RUNS},
         "others": {name: ClosedLoop.from_dict(run) for name, run in document["others"].items()},
     }
-
-
-def _finite(values: dict[str, Any]) -> dict[str, Any]:
-    return {k: None if isinstance(v, float) and not isfinite(v) else v for k, v in values.items()}
 
 
 def _infinite(values: Mapping[str, Any]) -> dict[str, Any]:

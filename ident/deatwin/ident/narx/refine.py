@@ -120,12 +120,18 @@ def extend(
     ModelError
         If the model has several outputs or noise terms, or its free run diverges.
     """
+    larger = extensions(model, flatten(recordings), candidates, max_terms=max_terms)
+    return _path(model, larger, max_terms - len(model.terms), progress)
+
+
+def _path(model: NarxModel, found: Iterator[NarxModel], steps: int, progress: Progress | None) -> tuple[NarxModel, ...]:
+    """Collect models until an interrupt; the model alone if it comes before the first of them."""
     path: list[NarxModel] = []
     with suppress(KeyboardInterrupt):
-        for larger in extensions(model, flatten(recordings), candidates, max_terms=max_terms):
-            path.append(larger)
+        for each in found:
+            path.append(each)
             if progress is not None and len(path) > 1:
-                progress((len(path) - 1) / max(max_terms - len(model.terms), 1), f"{len(larger.terms)} terms")
+                progress((len(path) - 1) / max(steps, 1), f"{len(each.terms)} terms")
     return tuple(path) or (model,)
 
 
@@ -175,13 +181,8 @@ def prune(
     ModelError
         If the model has several outputs or noise terms, or its free run diverges.
     """
-    path: list[NarxModel] = []
-    with suppress(KeyboardInterrupt):
-        for smaller in prunings(model, flatten(recordings), n_terms=n_terms):
-            path.append(smaller)
-            if progress is not None and len(path) > 1:
-                progress((len(path) - 1) / (len(model.terms) - n_terms), f"{len(smaller.terms)} terms")
-    return tuple(path) or (model,)
+    smaller = prunings(model, flatten(recordings), n_terms=n_terms)
+    return _path(model, smaller, len(model.terms) - n_terms, progress)
 
 
 def prunings(model: NarxModel, recordings: tuple[Recording, ...], *, n_terms: int) -> Iterator[NarxModel]:

@@ -10,19 +10,10 @@ from typing import Any
 import numpy as np
 
 from deatwin.ident.greybox import Part, calibrate
-from deatwin.plant import (
-    Diaphragm,
-    Effect,
-    Experiment,
-    Parameter,
-    Plant,
-    Recording,
-    Scale,
-    SimulationError,
-    effect_named,
-)
+from deatwin.plant import Diaphragm, Effect, Experiment, Parameter, Plant, Rig, Scale, SimulationError, effect_named
 from deatwin.plant.excitation import band_limited_noise, random_holds
 from deatwin.scenarios.concealed_physics.cases import IntervalSpec
+from deatwin.studies.missing_physics.case import experiment_of
 
 RIG_SPREAD, EFFECT_SPREAD = 0.1, 0.4
 """Half widths within which the logarithms of true values are drawn around the typical ones."""
@@ -60,7 +51,7 @@ def _simulable(spec: IntervalSpec, rng: np.random.Generator) -> tuple[Plant, Exp
     """Return true plant and commands, drawn again until the plant can be simulated."""
     for _ in range(ATTEMPTS):
         plant = _drawn(effect_named(spec.effect), rng)
-        silent = _commands(rng, plant.rig.sample_time)
+        silent = _commands(rng, plant.rig)
         if plant.simulate(silent).status.ok:
             return plant, silent
     raise SimulationError(f"{spec.effect}: none of {ATTEMPTS} plants that were drawn can follow the commands")
@@ -83,15 +74,12 @@ def _moved(parameter: Parameter, by: float) -> float:
     return parameter.scale.to_value(min(max(at, least + room), most - room))
 
 
-def _commands(rng: np.random.Generator, sample_time: float) -> Experiment:
+def _commands(rng: np.random.Generator, rig: Rig) -> Experiment:
     """Return band-limited noise followed by holds, which excite fast and slow effects."""
-    noise = band_limited_noise(rng, SECONDS / 2, sample_time)
-    holds = random_holds(rng, SECONDS / 2, sample_time, lower=1.1, upper=3.75)
+    noise = band_limited_noise(rng, SECONDS / 2, rig.sample_time)
+    holds = random_holds(rng, SECONDS / 2, rig.sample_time, lower=1.1, upper=3.75)
     commands = np.concatenate([noise, holds])
-    record = Recording.from_arrays(
-        commands, np.zeros_like(commands), sample_time, input_names=("command",), output_names=("displacement",)
-    )
-    return Experiment(recordings=(record,))
+    return experiment_of(rig, commands, np.zeros_like(commands))
 
 
 def _read(plant: Plant, silent: Experiment, coloured: bool, rng: np.random.Generator) -> Experiment:

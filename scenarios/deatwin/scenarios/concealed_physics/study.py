@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -13,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from deatwin.plant.interrupts import obeying
-from deatwin.plant.records import plain
+from deatwin.plant.records import finite, plain
 from deatwin.scenarios.concealed_physics.cases import IntervalSpec, case_specs, interval_specs, size_named
 from deatwin.scenarios.concealed_physics.examine import examine
 from deatwin.scenarios.concealed_physics.generator.specimens import CaseSpec
@@ -48,15 +47,7 @@ class Store(CaseStore):
 
     def put(self, name: str, result: Mapping[str, Any]) -> None:
         """Write the result of a case, with non-finite numbers as None; an existing result is kept."""
-        super().put(name, _finite(dict(result)))
-
-
-def _finite(data: Any) -> Any:
-    if isinstance(data, dict):
-        return {key: _finite(value) for key, value in data.items()}
-    if isinstance(data, (list, tuple)):
-        return [_finite(value) for value in data]
-    return None if isinstance(data, float) and not math.isfinite(data) else data
+        super().put(name, finite(dict(result)))
 
 
 EFFORT = {"clean": 0.5, "interval": 0.15, "tie": 2.0}  # Work of a case of that kind; others take 1

@@ -30,7 +30,8 @@ from deatwin.control.stability.bandwidth import bandwidth_Hz
 from deatwin.ident.narx import Fixed, Frols, NarxModel, Semp, SvbNarx, free_run_residual
 from deatwin.plant import CalibratedPlant, DeatwinError, Plant, ReadingTime, Recording
 from deatwin.plant.excitation import band_limited_noise
-from deatwin.scenarios.control_check.rigs import calibrated, fabricated, linear_feedback, recorded
+from deatwin.plant.fleet import fabricated
+from deatwin.scenarios.control_check.rigs import WIDER, calibrated, linear_feedback, recorded
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -120,7 +121,7 @@ class Matters:
 
 def compare_models(rng: np.random.Generator) -> Matters:
     """Record an actuator, model it in five ways, design a controller on each, and run all loops."""
-    plant = fabricated(rng)
+    plant = fabricated(rng, WIDER)
     recording = recorded(plant, band_limited_noise(rng, 120.0, plant.rig.sample_time, band=2.0), rng)
     truth = _Truth.of(plant)
     noise = int(rng.integers(2**32))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,7 @@ from deatwin.plant import (
     specification,
 )
 from deatwin.plant.excitation import band_limited_noise
-from deatwin.plant.fleet import TOLERANCES
+from deatwin.plant.fleet import fabricated
 from deatwin.studies.missing_physics.case import experiment_of
 
 WIDER = 2.0  # Multiple of the tolerances of the fleet, which is of one batch: these rigs are not
@@ -66,7 +66,7 @@ class Bench:
 def random_bench(rng: np.random.Generator) -> Bench:
     """Fabricate a rig and record it."""
     concealed = _concealed(rng) if rng.uniform() < CONCEALED else ()
-    plant = fabricated(rng).with_effects(*concealed)
+    plant = fabricated(rng, WIDER).with_effects(*concealed)
     band = float(rng.uniform(0.8, 4.0))
     commands = band_limited_noise(rng, float(rng.uniform(60.0, 120.0)), plant.rig.sample_time, band=band)
     recording = recorded(plant, commands, rng)
@@ -77,15 +77,6 @@ def recorded(plant: Plant, commands: NDArray[np.float64], rng: np.random.Generat
     """Record one sequence of commands from rest. Shapes: `commands` (n,)."""
     silent = experiment_of(plant.rig, commands, np.zeros_like(commands))
     return plant.record(silent, rng).recordings[0]
-
-
-def fabricated(rng: np.random.Generator) -> Plant:
-    """Fabricate a rig with twice the tolerances of one batch of actuators."""
-    wished = specification()
-    factors = {name: 1.0 + WIDER * t.share * rng.uniform(-1.0, 1.0) for name, t in TOLERANCES.items()}
-    geometry = {n: f * getattr(wished.rig, n) for n, f in factors.items() if hasattr(wished.rig, n)}
-    values = {n: f * wished.parameters[n].value for n, f in factors.items() if n not in geometry}
-    return wished.with_rig(replace(wished.rig, **geometry)).with_values(values)
 
 
 def _concealed(rng: np.random.Generator) -> tuple[Effect, ...]:

@@ -79,19 +79,20 @@ def test_a_recording_tells_band_and_residual(checked, exact, rig, fast):
         checked(exact(), rig, controller=fast, recording=Recording.from_arrays(np.zeros(90), np.zeros(90), H))
 
 
+@pytest.fixture
+def divergent(trained, known):
+    """p y + 8 y³ grows without end beyond |y| = sqrt((1 - p)/8) = 0.33."""
+    terms = {"y(k-1)": POLE, "y(k-1)^3": 8.0, "u(k)": SLOPE * (1 - POLE)}
+    return NarxModel.from_terms(terms, sample_time=H, operating=trained, provenance=known)
+
+
 def test_a_model_whose_free_run_diverges_on_the_recording_fails_with_the_reason(
-    checked, document_of, trained, known, rig, tmp_path
+    checked, document_of, divergent, rig, tmp_path
 ):
-    """p y + 8 y³ grows without end beyond |y| = 0.33; a step to 1 V takes the linear part to 2."""
-    model = NarxModel.from_terms(
-        {"y(k-1)": POLE, "y(k-1)^3": 8.0, "u(k)": SLOPE * (1 - POLE)},
-        sample_time=H,
-        operating=trained,
-        provenance=known,
-    )
+    """A step to 1 V takes the linear part to 2."""
     command = np.repeat([0.0, 1.0, 0.0, 1.0], 50)
     steps = Recording.from_arrays(command, SLOPE * command, H)
-    found = checked(model, rig, recording=steps)
+    found = checked(divergent, rig, recording=steps)
     assert (found.verdict, found.worst_case.subject) == (Verdict.FAIL, "model")
     assert "the model's free run fails on the recording: the free run diverged" in found.reason
     assert found.controller is found.margins is None and found.operating.static_gain == pytest.approx(SLOPE)
@@ -105,15 +106,9 @@ def test_a_model_whose_free_run_diverged_where_it_was_identified_fails(checked, 
     assert "from which it was identified" in found.reason
 
 
-def test_a_model_whose_own_loops_all_diverge_fails(checked, document_of, trained, known, rig, tmp_path):
-    """p y + 8 y³ grows without end beyond |y| = sqrt((1 - p)/8) = 0.33; the references go to 0.6."""
-    model = NarxModel.from_terms(
-        {"y(k-1)": POLE, "y(k-1)^3": 8.0, "u(k)": SLOPE * (1 - POLE)},
-        sample_time=H,
-        operating=trained,
-        provenance=known,
-    )
-    found = checked(model, rig)
+def test_a_model_whose_own_loops_all_diverge_fails(checked, document_of, divergent, rig, tmp_path):
+    """The references go to 0.6."""
+    found = checked(divergent, rig)
     assert found.verdict is Verdict.FAIL
     assert "100 % of the model's own closed loops diverge" in found.reason
     assert found.predicted is None

@@ -1,21 +1,19 @@
 """Materials that are calibrated on made-up tests hold the truth in their intervals, and say what was not tested."""
 
 import json
-import os
 from collections import Counter
 from pathlib import Path
 
 import numpy as np
 import pytest
 from made_coupons import TRUE, gent_pull, held, made_tests
+from public_recordings import recordings
 from scipy.stats import binom
 
 from deatwin.ident.materials import MaterialTest, calibrate_material
 from deatwin.ident.materials.observations import samples_kept
 from deatwin.plant import DataError, Experiment, Recording, RigError, load_plant
 from deatwin.plant.files import write_csv, write_text_atomic
-
-DATA = Path(os.environ.get("DEATWIN_DATA", Path(__file__).parents[5] / "shared" / "data"))
 
 
 def covered(sets: int, seed: int, **sizes: float) -> tuple[Counter[str], Counter[str]]:
@@ -179,16 +177,13 @@ def test_held_stretches_in_a_file(tmp_path: Path) -> None:
     assert [one.low < true < one.high for one, true in zip(times_found, (2.0, 60.0), strict=True)] == [True, True]
 
 
-@pytest.mark.skipif(
-    not (DATA / "soft_materials").is_dir(), reason="the public recordings are not here (see DEATWIN_DATA)"
-)
 def test_a_measured_silicone_has_its_published_constants(tmp_path: Path) -> None:
     """Dragon Skin 30, whose Yeoh constants `deatwin.plant.published` found by least squares up to 200 %."""
     from deatwin.ident.materials import read_material_tests
 
     write_text_atomic(
         tmp_path / "tests.toml",
-        f'[material]\nenergy = "yeoh"\n[[tests]]\nkind = "tension"\nfile = \'{DATA / "soft_materials" / "Dragon Skin 30.csv"}\'\n'
+        f'[material]\nenergy = "yeoh"\n[[tests]]\nkind = "tension"\nfile = \'{recordings("soft_materials") / "Dragon Skin 30.csv"}\'\n'
         'strain = "Engineering Strain=1"\nstress = "Engineering Stress"\n',
     )
     listed = read_material_tests(tmp_path / "tests.toml")

@@ -1,18 +1,13 @@
 """Effects at the ball, on a mass between spring and damper for which there are closed forms."""
 
-from dataclasses import dataclass
-from typing import Any, ClassVar
-
 import numpy as np
 import pytest
-from made_rigs import Bare
+from made_rigs import Pushed
 from runs import readings
 from scipy.integrate import cumulative_trapezoid, solve_ivp, trapezoid
 from scipy.optimize import brentq
 
-from deatwin.plant import Hysteresis, Parameter, Plant
-from deatwin.plant.builder import Builder
-from deatwin.plant.effects.base import Place
+from deatwin.plant import Hysteresis, Plant
 from deatwin.plant.effects.coulomb_friction import CoulombFriction
 from deatwin.plant.effects.cubic_stiffness import CubicStiffness
 from deatwin.plant.effects.end_stop import EndStop
@@ -22,34 +17,13 @@ from deatwin.plant.effects.resonance import Resonance
 MASS, STIFFNESS, SAMPLE = 3e-3, 30.0, 0.02  # the ball on its film: 16 Hz
 
 
-@dataclass(frozen=True, kw_only=True)
-class Mass(Bare):
-    """A force on a mass between spring and damper; one newton of command moves it by 1/30 m."""
-
-    damper: float = 0.05
-
-    kind: ClassVar[str] = "mass"
-    input_name: ClassVar[str] = "force"
-    input_unit: ClassVar[str] = "N"
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter(name="damping", value=self.damper, unit="N s/m", lower=0.0, upper=10.0),)
-
-    def write(self, build: Builder) -> Any:
-        position = build.watch("displacement", build.state("position", scale=1e-3))
-        velocity = build.watch("velocity", build.state("velocity", scale=0.05))
-        force = build.place(Place.BALL, "force", -build.parameter("damping") * velocity)
-        build.rate(position, velocity)
-        build.rate(velocity, (build.command - STIFFNESS * position + force) / MASS)
-        return build.place(Place.SENSOR, "reading", position)
-
-
 pytestmark = pytest.mark.usefixtures("uncompiled")
 
 
-def move(commands, *effects, **rig):
-    return readings(Plant(rig=Mass(**rig), effects=effects), commands)
+def move(commands, *effects, damper=0.05, **more):
+    """Readings under forces in newtons."""
+    rig = Pushed(mass=MASS, damping=damper, stiffness=STIFFNESS, push=1.0, **more)
+    return readings(Plant(rig=rig, effects=effects), commands)
 
 
 def integrated(commands, force, damper=0.05):

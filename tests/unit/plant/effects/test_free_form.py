@@ -1,14 +1,12 @@
 """The free form: its off value, its derivatives, its functions against their textbook forms, and its file."""
 
 import json
-from dataclasses import dataclass
 from importlib.resources import files
-from typing import Any, ClassVar
 
 import jsonschema
 import numpy as np
 import pytest
-from made_rigs import Bare
+from made_rigs import Pushed
 from slopes import slope_errors
 
 from deatwin.plant import (
@@ -16,13 +14,11 @@ from deatwin.plant import (
     CubicStiffness,
     Diaphragm,
     ModelError,
-    Parameter,
     Plant,
     RigError,
     catalogue,
     effect_named,
 )
-from deatwin.plant.builder import Builder
 from deatwin.plant.effects.base import Place
 from deatwin.plant.effects.free_form import FreeForm
 from deatwin.plant.effects.primitives import (
@@ -56,27 +52,10 @@ CORNER = 0.01
 NOISE = np.random.default_rng(3).uniform(-3, 3, 25).repeat(6)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Mass(Bare):
-    """1 kg between a spring of 400 N/m, a damper and the command, 1 N a volt."""
-
-    kind: ClassVar[str] = "mass"
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter(name="stiffness", value=400.0, unit="N/m", lower=1.0, upper=1e5),)
-
-    def write(self, build: Builder) -> Any:
-        x = build.watch("displacement", build.state("position", scale=1e-2))
-        v = build.watch("velocity", build.state("speed", scale=0.1))
-        build.rate(x, v)
-        build.rate(v, build.command - build.parameter("stiffness") * x + build.place(Place.BALL, "force", -4.0 * v))
-        return build.place(Place.SENSOR, "reading", x)
-
-
 @pytest.fixture
 def mass() -> Plant:
-    return Plant(rig=Mass())
+    """1 kg between a spring of 400 N/m, a damper and the command, 1 N a volt."""
+    return Plant(rig=Pushed(mass=1.0, damping=4.0, stiffness=400.0, push=1.0))
 
 
 def read(plant, experiment):

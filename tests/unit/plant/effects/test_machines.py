@@ -1,26 +1,23 @@
 """Effects of machines: each against its law, by another way of solving it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
-from typing import Any, ClassVar
+from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 import pytest
-from made_rigs import Bare
+from made_rigs import Pushed
 from scipy.linalg import expm
 from slopes import slope_errors
 
 from deatwin.plant import (
     Backlash,
-    Builder,
     Coupon,
     DeadZone,
     Diaphragm,
     DryFriction,
     Effect,
     Experiment,
-    Parameter,
-    Place,
     Plant,
     Recording,
     Rig,
@@ -33,35 +30,6 @@ COMMANDS = np.repeat(RNG.uniform(-1.0, 1.0, 30), 5)
 MACHINES = ("backlash", "coulomb_friction", "dead_zone", "relaxation")
 
 pytestmark = pytest.mark.usefixtures("uncompiled")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Pushed(Bare):
-    """A mass between spring and damper; a stiffness of zero leaves it free."""
-
-    noise: float = 0.0
-    stiffness: float = 30.0
-    damping: float = 0.05
-    mass: float = 3e-3
-
-    kind: ClassVar[str] = "pushed mass"
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="mass", value=self.mass, unit="kg", lower=1e-4, upper=1.0),
-            Parameter(name="damping", value=self.damping, unit="N s/m", lower=0.0, upper=10.0),
-            Parameter(name="stiffness", value=self.stiffness, unit="N/m", lower=0.0, upper=1e3),
-        )
-
-    def write(self, build: Builder) -> Any:
-        y = build.watch("displacement", build.state("position", scale=1e-3))
-        v = build.watch("velocity", build.state("velocity", scale=0.05))
-        command = build.watch("acting", build.place(Place.DRIVE, "command", build.command))
-        force = -build.parameter("stiffness") * y - build.parameter("damping") * v
-        build.rate(y, v)
-        build.rate(v, 6e-3 * command + build.place(Place.BALL, "force", force), mass=build.parameter("mass"))
-        return build.place(Place.SENSOR, "reading", y)
 
 
 @pytest.fixture(autouse=True)
