@@ -46,14 +46,16 @@ def with_a_second(search: Search, naming: Naming) -> Naming:
         search.screen(first.effects)
     scale = Scale(problem=search.problem, base=search.tried[()], noise=search.noise)
     search.with_each(_promising(search, scale))
-    best = max(odds := _odds(search, scale, first), key=odds.__getitem__, default=None)
-    if best is not None and odds[best] > least:
-        search.fit_fewer(best)  # earlier fits of single effects may be rough
-        search.replacing(best, best)
-        odds = _odds(search, scale, first)
+    odds = _odds(search, scale, first)
+    for enough, further in ((0.0, search.fit_fewer), (least, lambda names: search.replacing(names, names))):
+        # Earlier fits of single effects may be rough; then effects that act alike may be as likely.
+        best = max(odds, key=odds.__getitem__, default=None)
+        if best is not None and odds[best] > enough:
+            further(best)
+            odds = _odds(search, scale, first)
     surely = [search.tried[names] for names, value in odds.items() if value > least]
-    enough = [pair for pair in surely if good(pair, search.tried[()]) and search.counts(pair)]
-    found = search.decision(enough, lambda _: True)
+    explaining = [pair for pair in surely if good(pair, search.tried[()]) and search.counts(pair)]
+    found = search.decision(explaining, lambda _: True)
     if found.best is not None:
         return found
     if not alone:
@@ -127,7 +129,9 @@ def _odds(search: Search, scale: Scale, first: Candidate) -> dict[Names, float]:
         if len(names) != 2 or pair.calibration.given_up:
             continue
         odds = scale.of_two(pair, search.tried[first.effects])
-        if odds > 0.0:  # otherwise fits of its own two effects, each of which costs time, would change nothing
+        if odds > 0.0:  # otherwise further fits, each of which costs time, would change nothing
+            pair = search.no_worse(names)
+            odds = scale.of_two(pair, search.tried[first.effects])
             alone = [c for c in search.without_one(names) if errs_by_its_law(c, search.tried[()])]
             odds = min([odds, *(scale.of_two(pair, c) for c in alone if c.effects != first.effects)])
         found[names] = odds

@@ -181,7 +181,7 @@ def _tried(problem: DiagnosisProblem, trial: Trial, hopeless: float) -> Calibrat
             again = _better(again, further(again, problem.fitted, **ROUGHLY, hopeless=hopeless))
         found = _better(found, again)
     if found.status.ok and not found.given_up and found.rms > FAILED_SEARCH * trial.without.rms:
-        found = _better(found, roughly(_with_little(trial), problem.fitted, hopeless))
+        found = _better(found, roughly(with_little(trial), problem.fitted, hopeless))
     for start in _otherwise(trial):
         if found.status.ok:
             break
@@ -215,7 +215,7 @@ def _better(one: Calibration, other: Calibration) -> Calibration:
     return other if other.status.ok and (not one.status.ok or other.rms < one.rms) else one
 
 
-def _with_little(trial: Trial) -> Plant:
+def with_little(trial: Trial) -> Plant:
     """Return the plant fitted without the new effects, with the smallest strength of them that `_otherwise` tries."""
     without = trial.without.plant.with_rig(trial.start.rig)  # with the same model error
     return with_fitted(without, _stronger(trial, min(OTHERWISE, key=abs)) or trial.start)

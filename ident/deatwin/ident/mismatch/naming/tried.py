@@ -13,7 +13,7 @@ from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
 from deatwin.ident.mismatch.naming.criteria import TRIFLE, acts, explained, gained, held_back_by, takes_most
 from deatwin.ident.mismatch.naming.decide import Distances, Naming, decide, with_distances
 from deatwin.ident.mismatch.naming.refit_all_data import settled_on_everything
-from deatwin.ident.mismatch.naming.trial import Fitted, Trial, refitted, run_trials, unbiased_like
+from deatwin.ident.mismatch.naming.trial import Fitted, Trial, refitted, run_trials, unbiased_like, with_little
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.plant.model import Plant
 
@@ -217,7 +217,22 @@ class Tried:
         """Fit `several` subsets of the set `full` from its values."""
         plants = [self.plant_of(full, rest) for rest in several]
         # A fit that fails from these values may succeed from others, so it is not recorded as lost.
+        self.refit(plants)
+
+    def refit(self, plants: Sequence[Plant]) -> None:
+        """Fit plants from their present values; keep each fit that leaves less than the known one."""
         self._know(refitted(self.problem, plants, self.noise, self.fitted))
+
+    def no_worse(self, names: Names) -> Candidate:
+        """Return the candidate of a set, refitted from the values of a subset if that leaves less."""
+        # A subset is a special case, so the fit of the set, which began elsewhere, has missed its minimum.
+        subsets = [rest for rest in each_without_one(names) if rest in self.tried]
+        best = min(subsets, key=lambda rest: self.tried[rest].calibration.rms, default=None)
+        if best is not None and self.tried[best].calibration.rms < self.tried[names].calibration.rms:
+            plant = self.tried[names].calibration.plant
+            trial = Trial(start=plant, biased=plant, without=self.tried[best].calibration)
+            self.refit([with_little(trial)])
+        return self.tried[names]
 
     def plant_of(self, full: Names, rest: Names) -> Plant:
         """Return the plant of the set `full` with the effects of `rest` only, not refitted."""

@@ -158,7 +158,7 @@ def held(
     filled = np.interp(np.arange(reading.size), known, reading[known])
     residual = filled - simulated
     alive = max(noise, min(map(noise_of_bends, (filled, residual))), resolution(reading[known]) / 2)
-    far, moved = SPIKE_DEVIATIONS * alive, MOVES * np.ptp(command)
+    far, ends = SPIKE_DEVIATIONS * alive, (filled.max(), filled.min())
     returns = np.flatnonzero(jumps(filled) & jumps(residual))
     steps = np.delete(np.abs(np.diff(filled, prepend=filled[0])), returns)
     fastest = max(steps.max(), np.abs(np.diff(simulated)).max())
@@ -172,8 +172,10 @@ def held(
             continue
         if back < reading.size and abs(residual[back]) >= abs(value - simulated[back]):
             continue
+        # A strip that goes slack, a stop or a saturation holds a reading at the end of its range, as in `stuck`.
+        at_end = any(abs(value - end) <= far for end in ends)
         if is_fault or (
-            np.ptp(command[missed]) > moved
+            np.ptp(command[missed]) > (FROZEN if at_end else MOVES) * np.ptp(command)
             and not _may_be_held(filled, command, sample_time, (first, int(back)), far / 2)
         ):
             mask[first:back] = True

@@ -4,6 +4,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
+from tests.unit.ident.mismatch.naming.conftest import Nominal
 
 from deatwin.ident.mismatch.naming import name
 from deatwin.ident.mismatch.naming.candidate import Candidate
@@ -36,6 +37,7 @@ class Known(Search):
         self.tried.update({c.effects: c for c in candidates})
         self.replaced, self.better = {c.effects: c for c in replaced}, {c.effects: c for c in better}
         self.asked: dict[tuple[str, ...], list[str]] = {}
+        self.screened: list[tuple[str, ...]] = []
 
     def with_distances(self, naming, competing):
         return naming
@@ -45,6 +47,12 @@ class Known(Search):
 
     def with_each(self, chosen):
         self.asked = chosen
+
+    def screen(self, names):
+        self.screened.append(names)
+
+    def refit(self, plants):
+        self.tried.update(self.better)
 
     def fit_from(self, full, several):
         self.tried.update({rest: self.better[rest] for rest in several if rest in self.better})
@@ -164,6 +172,47 @@ def test_what_lets_the_rig_be_nearer_to_its_nominal_values_is_tried(leaving, can
     scale(promised={CLIP: {"sensor_lag": -5.0, "mullins": -1.0}}, bends=bends)
     decided(search)
     assert search.asked == {CLIP: ["sensor_lag"]}
+
+
+def undecided(search: Search) -> Naming:
+    """The decision after a look for a second effect, if no single effect was adequate."""
+    return with_a_second(search, replace(first_alone(search), best=None, probabilities={}))
+
+
+@pytest.mark.parametrize("odds", [1.0, 10.0])
+def test_beside_an_effect_that_leaves_little_but_too_much_a_likelier_pair_is_the_answer(leaving, scale, odds):
+    """Of 21 units of power the clipping leaves 2.3, which its law may; the model error is 1.44."""
+    scale(odds=odds)
+    search = Known(*leaving(5.0, (2.7, 3.2), 4.6, 2.2))
+    assert undecided(search).best is search.tried[PAIR]
+    assert search.screened == [CLIP]
+
+
+@pytest.mark.parametrize(
+    ("clip", "pair", "odds"),
+    [((2.7, 3.2), 2.2, -1.0), ((2.7, 3.2), (2.6, 4.0), 9.0), (3.2, 2.2, 9.0)],
+    ids=["the pair is less likely", "the pair leaves too much", "the clipping leaves more than its law may"],
+)
+def test_otherwise_there_is_no_answer_as_before(leaving, scale, clip, pair, odds):
+    scale(odds=odds)
+    search = Known(*leaving(5.0, clip, 4.6, pair))
+    assert undecided(search).best is None
+
+
+def as_built(candidate: Candidate) -> Candidate:
+    """The same with a plant that takes other values."""
+    plant = Nominal()
+    plant.rig, plant.effects, plant.parameters = candidate.calibration.plant.rig, (), {}
+    return replace(candidate, calibration=SimpleNamespace(**vars(candidate.calibration) | {"plant": plant}))
+
+
+def test_a_pair_that_leaves_more_than_one_of_its_effects_is_fitted_again(leaving, candidate):
+    """The likelihood counts a pair's fit only if it is at its minimum, which leaves no more than either effect."""
+    search = Known(*map(as_built, leaving(5.0, 3.0, 4.6, 3.01)), better=(candidate(*PAIR, rms=2.2),))
+    assert decided(search).best is search.tried[PAIR]
+    assert search.tried[PAIR].calibration.rms == pytest.approx(2.2)
+    kept = Known(*leaving(5.0, 3.0, 4.6, 2.9), better=(candidate(*PAIR, rms=2.2),))
+    assert kept.no_worse(PAIR).calibration.rms == pytest.approx(2.9)
 
 
 def test_an_answer_that_stands_knows_all_that_was_tried_since(leaving, scale):

@@ -64,6 +64,17 @@ def test_a_hold_of_part_of_a_second_is_found(samples: int) -> None:
     assert sum(map(bool, found)) >= 9
 
 
+def test_a_strip_that_goes_slack_is_not_held() -> None:
+    """Its force stays at zero, the end of its range, while a plant that pushes as well as pulls goes on."""
+    rng = np.random.default_rng(90)
+    command = np.concatenate([np.linspace(0.0, 1.0, SIZE // 2), np.linspace(1.0, -0.3, SIZE - SIZE // 2)])
+    simulated = lag(command)
+    noise = NOISE * rng.standard_normal(SIZE)
+    assert marked(np.maximum(simulated, 0.0) + noise, simulated, command).size == 0
+    frozen = np.where(np.arange(SIZE) < SIZE - 700, simulated, simulated[SIZE - 700])
+    assert marked(frozen + noise, simulated, command).size > 600
+
+
 def friction(command: np.ndarray, level: float) -> np.ndarray:
     """Where a lag comes whose drive must exceed a level before it moves on, and which then lacks it."""
     place, found = 0.0, np.zeros(command.size)
