@@ -123,7 +123,7 @@ def plan_resampling(
         row = int(np.argmax(steps <= 0.0))
         raise DataError(
             f"{where(row + 1)}: times do not increase: {timepts[row + 1]:.9g} s follows {timepts[row]:.9g} s; "
-            "take out rows that stand twice, and put the others in order"
+            "remove repeated rows, and put the others in order"
         )
     usual = float(np.median(steps))
     if usual > _FINEST * (1.0 + _SAME) * sample_time:
@@ -153,7 +153,8 @@ def plan_resampling(
     ]
     if not found:
         raise DataError(
-            f"{where(0)}: no two samples of {sample_time:g} s fit into the record; choose a shorter sample time"
+            f"{where(0)}: no stretch of the record is long enough for two samples {sample_time:g} s apart; "
+            "choose a shorter sample time"
         )
     return Resampling(
         sample_time=sample_time,

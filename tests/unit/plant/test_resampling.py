@@ -174,7 +174,7 @@ def test_whole_numbers_without_a_unit_raise_a_question(tmp_path: Path) -> None:
         ([0.0, 0.1, 0.2], 0.009, "take one of 0.01 s or more"),
         ([0.0, 0.2, 0.1], 0.1, "sample 2: times do not increase"),
         ([0.0, 0.1, 0.2], 0.0, "must be positive"),
-        ([0.0, 0.1, 0.2], 5.0, "no two samples"),
+        ([0.0, 0.1, 0.2], 5.0, "long enough for two samples"),
     ],
 )
 def test_what_cannot_be_resampled(times: list[float], step: float, says: str) -> None:

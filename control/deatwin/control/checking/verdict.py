@@ -126,7 +126,7 @@ def judge_draws(predicted: PredictedLoop, specification: Specification) -> Findi
 def judge_width(predicted: PredictedLoop, step: float, specification: Specification) -> Finding:
     """Judge whether the predicted band is narrow enough; a wide band would contain any run."""
     share = float(np.median(predicted.half_width)) / abs(step)
-    text = f"the predicted band extends {amount(share, '.3g', ' steps')} to either side"
+    text = f"the predicted band extends {amount(share, '.3g', ' times')} the height of the step to either side"
     return _finding("width of the prediction", share, specification.width, text)
 
 

@@ -90,15 +90,16 @@ def _ambiguous(diagnosis: Diagnosis) -> str:
     without = [f"the same without {_joined(absent)}" for absent in _absent(known, diagnosis.rivals)]
     beside = _beside(known, diagnosis.rivals)
     also = [f"the same and also {_joined(more)}" for more in beside]
-    instead = {name for rival in diagnosis.rivals if not set(rival) > set(known) for name in rival}
-    only_beside = {name for more in beside for name in more} - instead
+    replacing = {name for rival in diagnosis.rivals if not set(rival) > set(known) for name in rival}
+    only_beside = {name for more in beside for name in more} - replacing
     others = [
         _plain(name) + _elsewhere(name, diagnosis) for name in diagnosis.names if name not in {*known, *only_beside}
     ]
-    rivals = "".join(f", or {other}" for other in (*without, *also, *others))
+    rivals = (*without, *also, *others)
+    instead = f"; alternative{'s' * (len(rivals) > 1)}: {', or '.join(rivals)}" if rivals else ""
     which = "the first explanation" if len(known) == 1 else f"the first {COUNTED[len(known)].lower()}"
     return (
-        f"Something is missing, and these recordings cannot decide what: {'either' if rivals else 'perhaps'} {guess}{rivals}; "
+        f"Something is missing, and these recordings cannot decide what: perhaps {guess}{instead}; "
         f"with {which} {_gain(diagnosis)}{_next(diagnosis)}."
     )
 

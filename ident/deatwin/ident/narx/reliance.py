@@ -122,7 +122,7 @@ class Reliance:
 
     @property
     def scarcity(self) -> str:
-        """Sentence without a full stop on too few training samples; empty if there were enough, or if unknown."""
+        """Warning that there were too few training samples, without a final full stop; empty if enough or unknown."""
         if self.samples_per_parameter is None or self.samples_per_parameter >= _ENOUGH:
             return ""
         return (

@@ -108,7 +108,7 @@ def _not_increasing(timepts: Floats, where: Callable[[int], str]) -> DataError:
     at = np.flatnonzero(steps <= 0.0) + 1
     row = int(at[0])
     more = f" ({len(at)} such rows in all)" if len(at) > 1 else ""
-    advice, offers = "take the rows out that stand twice, or correct their times", NO_OPTIONS
+    advice, offers = "remove the repeated rows, or correct their times", NO_OPTIONS
     if (back := steps < 0.0).any():
         row = int(np.argmax(back)) + 1
         restarts = timepts[row] <= timepts[0] + np.median(np.abs(steps))

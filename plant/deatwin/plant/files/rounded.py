@@ -56,7 +56,7 @@ def rounded_clock(timepts: Floats, stated: float | None = None) -> Rounded | Non
 
 
 def each_as_often(timepts: Floats) -> bool:
-    """Return whether every time, except the first and last, is repeated in the same number of rows."""
+    """Return whether all timestamps, except the first and last, appear in the same number of rows, two at least."""
     often = np.diff(np.flatnonzero(np.diff(timepts) > 0.0))
     return bool(often.size and often[0] > 1 and (often == often[0]).all())
 

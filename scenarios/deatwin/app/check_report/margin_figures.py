@@ -98,7 +98,7 @@ def _draw(
         caption = "The lines show the margins at the estimated parameters."
         if samples > 1:
             caption += " The shading reaches down to the 2.5 % quantile of the draws (thin line), which is judged."
-        caption += " A margin at the upper edge is unbounded. At zero, or at the lower edge, the loop is unstable."
+        caption += " A margin at the upper edge is unbounded. Where a margin is zero, or at the lower edge, the loop is unstable."
         return Drawing.of(figure, name, title, caption, _columns(rows, place, column, measures))
 
 

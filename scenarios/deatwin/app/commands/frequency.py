@@ -49,7 +49,7 @@ def frequency(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Compute frequency responses of an identified model at an operating point, with bands: FRF, GFRFs, NOFRFs.
+    """Compute frequency responses (FRF, GFRFs, NOFRFs) of an identified model at an operating point, with bands.
 
     Writes report.html, figures and their data (figures/*.svg and *.csv) and run.json into DIR.
 

@@ -81,7 +81,12 @@ def test_a_band_of_any_width_is_told():
         output_unit="m",
     )
     half = float(np.median(band.half_width))
-    for steps, says in ((99.7, "99.7 steps"), (7.0, "7 steps"), (101.0, "more than 100 steps"), (3e8, "more than 100")):
+    for steps, says in (
+        (99.7, "99.7 times the height of the step"),
+        (7.0, "7 times"),
+        (101.0, "more than 100 times"),
+        (3e8, "more than 100"),
+    ):
         found = judge_width(replace(band, outputs=spread * steps / half), 1.0, Specification())
         assert f"extends {says}" in found.text
         assert found.value == pytest.approx(steps)

@@ -141,7 +141,7 @@ def test_a_column_that_counts_the_rows_is_no_clock_beside_a_sample_time(tmp_path
 @pytest.mark.parametrize(
     ("times", "says"),
     [
-        ([*range(20), 19, *range(20, 40)], "row 22: .*; take the rows out that stand twice"),
+        ([*range(20), 19, *range(20, 40)], "row 22: .*; remove the repeated rows"),
         ([*range(20), 25, 24, *range(26, 40)], "row 23: .* put the rows in order"),
         ([*range(20), *range(20)], "row 22: .* starts again: give each run its own file"),
     ],

@@ -141,11 +141,12 @@ class ExperimentPlan:
         """The plan in one sentence."""
         seen = [one for one in self.effects if one.visible]
         alone = [one for one in seen if not one.alike]
+        told = "all" if len(alone) == len(seen) else f"{len(alone) or 'none'}"
         of = f" of {self.seconds:.3g} s"
         what = f"the best input that was tried ({self.waveform}{of})" if self.waveform else f"this input{of}"
         return (
-            f"with {what}, {len(seen)} of {len(self.effects)} effects would be found at their typical strengths, "
-            f"and {len(alone)} of them distinguished from all others{self._more}"
+            f"with {what}, {len(seen)} of {len(self.effects)} effects would be found at their typical strengths"
+            f"{f', and {told} of these would also be distinguished from all others' if seen else ''}{self._more}"
         )
 
     @property
