@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from deatwin.ident.narx.excess import excess_notes, noisy_products
-from deatwin.ident.narx.late_inputs import LAST_INPUT_LAGS, last_lag, late_inputs
+from deatwin.ident.narx.late_inputs import LAST_INPUT_LAGS, constant_inputs, last_lag, late_inputs
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.origin import about_data, about_rest
 from deatwin.ident.narx.regression import Recordings, Regression, flatten, require_no_target
@@ -232,7 +232,7 @@ class NarxIdentifier(Identifier, ABC):
         last = ", ".join(str(last_lag(data[0].table.terms, column)) for column in range(len(chosen[0].inputs)))
         told = {"candidates": candidates, LAST_INPUT_LAGS: last}
         self.model_ = replace(model, provenance={**model.provenance, **told})
-        self.notes_ = self._notes(chosen)
+        self.notes_ = constant_inputs(chosen) + self._notes(chosen)
         return self
 
     def _learn_all(self, data: list[Regression], progress: Progress) -> NarxModel:

@@ -1,4 +1,4 @@
-"""Inputs that act only after the last lag at which a model has them.
+"""Inputs that act only after the last lag at which a model has them, or that are constant.
 
 Box and Jenkins' correlation of prewhitened signals costs a few sums, so that every fit and every validation can ask. It
 takes the slow beginning of a plant for a dead time, so what it suspects is put to `estimate_dead_time`.
@@ -32,6 +32,16 @@ _FEW = 3000
 """Most samples for the estimate of a dead time, which then takes less than a second; far fewer determine it to one
 sample."""
 _WHITENING = 10  # Lags of the autoregression that whitens a signal
+
+
+def constant_inputs(recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """Return a sentence for each input that is constant in all recordings."""
+    values = np.concatenate([record.inputs for record in recordings], axis=1)
+    return tuple(
+        f'the input "{name}" is constant, so the model does not show how the output depends on it'
+        for name, spread in zip(recordings[0].input_names, np.ptp(values, axis=1), strict=True)
+        if spread == 0.0
+    )
 
 
 def late_inputs(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str, ...]:

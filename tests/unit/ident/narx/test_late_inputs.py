@@ -45,6 +45,16 @@ def test_lags_that_reach_it_say_nothing_and_short_or_exact_records_neither():
     assert Frols(degree=1, max_terms=3).fit(late(25, n=40)).notes_ == ()
 
 
+def test_a_constant_input_is_told():
+    rng = np.random.default_rng(6)
+    y = lfilter([1.0], [1.0, -0.9], rng.normal(size=400))
+    inputs = np.vstack([np.ones(400), rng.normal(size=400)])
+    record = Recording.from_arrays(inputs, y, 0.1, input_names=["bias", "u"], output_names=["y"])
+    for identifier in (Frols(degree=1), Semp(degree=1), SvbNarx(degree=1)):
+        told = [note for note in identifier.fit(record).notes_ if "is constant" in note]
+        assert told == ['the input "bias" is constant, so the model does not show how the output depends on it']
+
+
 def test_of_two_inputs_the_late_one_is_named():
     rng = np.random.default_rng(5)
     u = rng.normal(size=(2, 1000))
