@@ -294,7 +294,7 @@ def test_the_table_says_all_and_nothing_in_it_is_markup(root: Path) -> None:
         "9.80 → 2.05 µm",
         "2.00 µm",
         64 * "a",
-        "made from different recordings",
+        "The results are for different recordings",
         'href="results/two/report.html"',
         "&lt;b&gt;one",
         "&lt;i&gt;.csv",

@@ -53,7 +53,7 @@ def test_each_kind_of_model_becomes_a_file_of_c(run: Run, model: str, said: str,
 def test_units_of_a_check_are_in_the_source(run: Run) -> None:
     run("check.json", "--to", "c", "--out", "pi.c")
     head = Path("pi.c").read_text(encoding="utf-8").split("*/")[0]
-    assert "u[0]: reference (mm)" in head and "between 1 and 4 V" in head
+    assert "u[0] is the reference (mm)" in head and "between 1 and 4 V" in head
 
 
 def test_the_result_for_machines_names_inputs_and_outputs(run: Run) -> None:
