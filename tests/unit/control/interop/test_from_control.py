@@ -72,10 +72,10 @@ def test_its_status_says_what_a_controller_could_not_be_designed_on(system, stat
         (control.tf([1.0], [1.0], None), "continuous"),
         (control.ss(0.5 * np.eye(2), np.eye(2), np.eye(2), np.zeros((2, 2)), H), "2 inputs and 2 outputs"),
         (control.tf([1.0, 0.0, 0.0], [1.0, 0.5], H), "improper"),
-        (control.frd([1.0], [1.0], H), "no transfer function or state space"),
+        (control.frd([1.0], [1.0], H), "not a transfer function or state space"),
         (control.nlsys(lambda t, x, u, p: x, inputs=1, outputs=1, states=1, dt=H), "linearize"),
         (control.tf([np.nan], [1.0, 0.5], H), "finite"),
-        (np.ones(3), "no transfer function"),
+        (np.ones(3), "not a transfer function"),
     ],
 )
 def test_another_system_is_one_clear_error(system, said):
