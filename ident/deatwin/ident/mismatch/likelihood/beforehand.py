@@ -163,7 +163,7 @@ def touching(width: float, value: float) -> tuple[float, float]:
 def strength_deviation(effect: Effect) -> float:
     """Return the half width of the prior of an effect's strength, in its unit; a share is at most 1."""
     typical = effect.described(effect.strength)
-    return 1.0 if abs(typical.value) == 1.0 else AMPLITUDE * abs(typical.value)
+    return 1.0 if typical.unit == "1" and abs(typical.value) == 1.0 else AMPLITUDE * abs(typical.value)
 
 
 def _width(parameter: Parameter) -> float:

@@ -1,4 +1,4 @@
-"""Pairs in which one effect counts for little: for less than the model error, or beside an adequate single effect."""
+"""Pairs in which one effect counts for little: for less than the model error, or beside one that explains nearly all."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def _odds(search: Search, scale: Scale, first: Candidate) -> dict[Names, float]:
         if len(names) != 2 or pair.calibration.given_up:
             continue
         odds = scale.of_two(pair, search.tried[first.effects])
-        if odds > 0.0:  # otherwise further fits, each of which costs time, would change nothing
+        if odds > 0.0:  # otherwise further fits, each of which costs time, would hardly make the pair likely
             pair = search.no_worse(names)
             odds = scale.of_two(pair, search.tried[first.effects])
             alone = [c for c in search.without_one(names) if errs_by_its_law(c, search.tried[()])]

@@ -138,8 +138,8 @@ def with_fitted(nominal: Plant, fitted: Plant) -> Plant:
 def unbiased_like(problem: DiagnosisProblem, fitted: Plant) -> Plant:
     """Return the nominal plant in the rig variant of a fitted one, with its effects at unbiased values."""
     # A fit without the next effect biases the values of the others too: next to a drift that is missing, a relaxation
-    # becomes far slower, and from there a fit may end in another valley. So effects begin at typical values. What only
-    # the data can tell is kept: directions, thresholds, times of events and periods.
+    # becomes far slower, and from there a fit may end in another valley. So effects begin at typical values. What a fit
+    # cannot find is kept: directions, and all values of effects with events, thresholds or periods.
     nominal = problem.nominal.with_rig(fitted.rig)
     typical = {effect.name: effect for effect in problem.everywhere}
     begun = with_fitted(nominal, fitted)

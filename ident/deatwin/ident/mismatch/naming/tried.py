@@ -13,7 +13,7 @@ from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
 from deatwin.ident.mismatch.naming.criteria import TRIFLE, acts, explained, gained, held_back_by, takes_most
 from deatwin.ident.mismatch.naming.decide import Distances, Naming, decide, with_distances
 from deatwin.ident.mismatch.naming.refit_all_data import settled_on_everything
-from deatwin.ident.mismatch.naming.trial import Fitted, Trial, refitted, run_trials, unbiased_like, with_little
+from deatwin.ident.mismatch.naming.trial import Fitted, Trial, refitted, run_trials, with_fitted, with_little
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.plant.model import Plant
 
@@ -200,11 +200,13 @@ class Tried:
         return better
 
     def fit_some(self, full: Names, rest: Names) -> None:
-        """Fit the subset `rest` of the set `full`, from its values and from unbiased ones."""
+        """Fit the subset `rest` of the set `full`, from the values of `full`, with nominal and with fitted values of the
+        rig.
+        """
+        # The values of the larger set are the least biased that are known; only the rig's own begin anew.
         plant = self.plant_of(full, rest)
-        self.attempt(
-            [Trial(start=unbiased_like(self.problem, plant), biased=plant, without=self.tried[()].calibration)]
-        )
+        start = with_fitted(self.problem.nominal.with_rig(plant.rig), plant)
+        self.attempt([Trial(start=start, biased=plant, without=self.tried[()].calibration)])
 
     def fit_fewer(self, full: Names) -> list[Names]:
         """Fit `full` without each of its effects in turn, from its values; return the sets that could be fitted."""

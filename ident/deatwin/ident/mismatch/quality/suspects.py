@@ -172,8 +172,10 @@ def held(
             continue
         if back < reading.size and abs(residual[back]) >= abs(value - simulated[back]):
             continue
-        # A strip that goes slack, a stop or a saturation holds a reading at the end of its range, as in `stuck`.
-        at_end = any(abs(value - end) <= far for end in ends)
+        # A strip that goes slack, a stop or a saturation holds a reading at the end of its range, as in `stuck`; it gets
+        # there without a jump.
+        jumped = np.isin((first - 1, first), returns).any()
+        at_end = not jumped and any(abs(value - end) <= far for end in ends)
         if is_fault or (
             np.ptp(command[missed]) > (FROZEN if at_end else MOVES) * np.ptp(command)
             and not _may_be_held(filled, command, sample_time, (first, int(back)), far / 2)

@@ -71,8 +71,10 @@ def test_a_strip_that_goes_slack_is_not_held() -> None:
     simulated = lag(command)
     noise = NOISE * rng.standard_normal(SIZE)
     assert marked(np.maximum(simulated, 0.0) + noise, simulated, command).size == 0
-    frozen = np.where(np.arange(SIZE) < SIZE - 700, simulated, simulated[SIZE - 700])
-    assert marked(frozen + noise, simulated, command).size > 600
+    last = np.arange(SIZE) >= SIZE - 700
+    assert marked(np.where(last, simulated[~last][-1], simulated) + noise, simulated, command).size > 600
+    lost = np.where(last, simulated.min(), simulated)  # it jumps to the end of its range
+    assert marked(lost + noise, simulated, command).size > 600
 
 
 def friction(command: np.ndarray, level: float) -> np.ndarray:
