@@ -1,4 +1,4 @@
-"""What a user gives as samples and times, as read-only float arrays and numbers; anything else raises one clear error."""
+"""Turn samples and times that a user gives into read-only float arrays and numbers, or raise one clear error."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

@@ -47,8 +47,8 @@ class Recording:
     Raises
     ------
     DataError
-        If shapes, names and units do not fit together, two inputs or two outputs have the same name, a value is not a real
-        number or not finite (in an extra channel: is infinite), or the sample time is not positive.
+        If shapes, names and units do not fit together, two inputs or two outputs have the same name, a value is not a
+        real number or not finite (in an extra channel: is infinite), or the sample time is not positive.
     """
 
     inputs: NDArray[np.float64]
@@ -302,7 +302,7 @@ class Experiment:
     Raises
     ------
     DataError
-        If there is no recording, something is none, two overlap, or they differ in sample time or signals.
+        If there is no recording, something is not a recording, two overlap, or they differ in sample time or signals.
     """
 
     recordings: tuple[Recording, ...]

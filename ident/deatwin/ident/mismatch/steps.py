@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import isfinite
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
@@ -29,7 +28,7 @@ from deatwin.ident.mismatch.result import (
 from deatwin.ident.mismatch.verdict import FittedParameter
 from deatwin.plant.amplitudes import amplitude_unit
 from deatwin.plant.calibrated import CalibratedPlant
-from deatwin.plant.records import Json, plain
+from deatwin.plant.records import Json, finite, plain
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +104,7 @@ FreeFormSummary
 
     def to_dict(self) -> dict[str, Any]:
         """Return the step as stored in its file; numbers that no fit determines are None."""
-        found: dict[str, Any] = _finite(plain(self.result))
+        found: dict[str, Any] = finite(plain(self.result))
         return found
 
 
@@ -181,14 +180,6 @@ def _remainder(problem: DiagnosisProblem, form: Candidate) -> FormSummary:
 def _form(problem: DiagnosisProblem, fit: Calibration) -> dict[str, Any]:
     """Return the interpretation of the rig file where it differs from the file, or the file is silent."""
     return differences([problem.nominal.rig, fit.plant.rig])[1]
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(one) for key, one in value.items()}
-    if isinstance(value, list):
-        return [_finite(one) for one in value]
-    return None if isinstance(value, float) and not isfinite(value) else value
 
 
 def _size(problem: DiagnosisProblem) -> float:

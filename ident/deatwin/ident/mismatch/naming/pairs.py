@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from deatwin.ident.mismatch.naming.candidate import Candidate
@@ -40,22 +40,22 @@ def with_a_second(search: Search, naming: Naming) -> Naming:
     if first is None or len(first.effects) > 1:
         return naming
     alone = naming.best is not None
-    least, good = (STRONG, _is_adequate) if alone else (0.0, suffices)
+    least = STRONG if alone else 0.0
     elsewhere = [alternative for alternative in naming.alternatives if not search.is_own(alternative)]
     if not alone:
         search.screen(first.effects)
     scale = Scale(problem=search.problem, base=search.tried[()], noise=search.noise)
     search.with_each(_promising(search, scale))
     odds = _odds(search, scale, first)
-    for enough, further in ((0.0, search.fit_fewer), (least, lambda names: search.replacing(names, names))):
-        # Earlier fits of single effects may be rough; then effects that act alike may be as likely.
-        best = max(odds, key=odds.__getitem__, default=None)
-        if best is not None and odds[best] > enough:
-            further(best)
-            odds = _odds(search, scale, first)
+    if (best := _likeliest(odds, 0.0)) is not None:
+        search.fit_fewer(best)  # earlier fits of single effects may be rough
+        odds = _odds(search, scale, first)
+    if (best := _likeliest(odds, least)) is not None:
+        search.replacing(best, best)
+        odds = _odds(search, scale, first)
     surely = [search.tried[names] for names, value in odds.items() if value > least]
-    explaining = [pair for pair in surely if good(pair, search.tried[()]) and search.counts(pair)]
-    found = search.decision(explaining, lambda _: True)
+    enough = [pair for pair in surely if (pair.adequate if alone else suffices(pair, search.tried[()]))]
+    found = search.decision([pair for pair in enough if search.counts(pair)], lambda _: True)
     if found.best is not None:
         return found
     if not alone:
@@ -65,15 +65,21 @@ def with_a_second(search: Search, naming: Naming) -> Naming:
     return _with_all(search, naming, first, elsewhere).as_likely(possible[:1])
 
 
-def _is_adequate(candidate: Candidate, base: Candidate) -> bool:
-    return candidate.adequate
+def _likeliest(odds: Mapping[Names, float], least: float) -> Names | None:
+    """Return the pair with the largest odds if these exceed `least`, else None."""
+    best = max(odds, key=odds.__getitem__, default=None)
+    return best if best is not None and odds[best] > least else None
+
+
+def _single_effects(search: Search) -> list[Candidate]:
+    """Return the fits of single effects that were not given up."""
+    return [c for names, c in search.tried.items() if len(names) == 1 and not c.calibration.given_up]
 
 
 def _nearly_all(search: Search) -> Candidate | None:
     """Return the likeliest single effect that leaves no more than an error of its law may, or None."""
     base = search.tried[()]
-    alone = [c for names, c in search.tried.items() if len(names) == 1 and not c.calibration.given_up]
-    possible = [c for c in alone if errs_by_its_law(c, base) and search.counts(c)]
+    possible = [c for c in _single_effects(search) if errs_by_its_law(c, base) and search.counts(c)]
     return max(possible, key=lambda c: c.evidence, default=None)
 
 
@@ -85,8 +91,7 @@ def with_doubt(search: Search, naming: Naming) -> Naming:
     if pair is None or len(pair.effects) != 2:
         return naming
     scale = Scale(problem=search.problem, base=search.tried[()], noise=search.noise)
-    alone = [c for names, c in search.tried.items() if len(names) == 1 and not c.calibration.given_up]
-    possible = sorted((c for c in alone if search.is_possible(c)), key=lambda c: -scale.weight(c))
+    possible = sorted(filter(search.is_possible, _single_effects(search)), key=lambda c: -scale.weight(c))
     possible = [c for c in possible if errs_by_its_law(c, search.tried[()])]
     asked = [c for k, c in enumerate(possible) if k == 0 or c.effects[0] in pair.effects]
     return naming.as_likely([c for c in asked if scale.of_two(pair, c) < STRONG])
@@ -96,7 +101,7 @@ def _promising(search: Search, scale: Scale) -> dict[Names, list[str]]:
     """Return, for each single effect, the others that make the likeliest pairs with it, to first order."""
     # A biased base fit hides the effect that it imitates, as a biased damping hides a lag. So an effect also gains the
     # nats by which it brings the rig's parameters nearer to their nominal values.
-    alone = [c for names, c in search.tried.items() if len(names) == 1 and not c.calibration.given_up]
+    alone = _single_effects(search)
     weights = {c.effects: scale.weight(c) for c in alone}
     highest, tried = max(weights.values(), default=0.0), {frozenset(names) for names in search.tried}
     biased = scale.biased(search.tried[()])
@@ -130,8 +135,9 @@ def _odds(search: Search, scale: Scale, first: Candidate) -> dict[Names, float]:
             continue
         odds = scale.of_two(pair, search.tried[first.effects])
         if odds > 0.0:  # otherwise further fits, each of which costs time, would hardly make the pair likely
-            pair = search.no_worse(names)
-            odds = scale.of_two(pair, search.tried[first.effects])
+            again = search.no_worse(names)
+            if again.calibration is not pair.calibration:
+                pair, odds = again, scale.of_two(again, search.tried[first.effects])
             alone = [c for c in search.without_one(names) if errs_by_its_law(c, search.tried[()])]
             odds = min([odds, *(scale.of_two(pair, c) for c in alone if c.effects != first.effects)])
         found[names] = odds

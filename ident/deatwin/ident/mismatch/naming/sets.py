@@ -235,8 +235,8 @@ class Search(Tried):
         if not names:
             return leads(self.known(), fit)
         free = [effect for effect in further if fit.plant.lacks(effect)]
-        if self.known(names) is not self.known():
-            return leads([f for f in self.known(names) if f.effect.name in {e.name for e in free}], fit)
+        if (own := self.known(names)) is not self.known():
+            return leads([f for f in own if f.effect.name in [e.name for e in free]], fit)
         looking = sought_in(fit, free, self.problem.fitted)
         again = linearised_responses(self.problem, base, looking, fit)
         others = {e.name for e in free} - {e.name for e in looking}

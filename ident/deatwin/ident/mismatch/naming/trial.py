@@ -181,7 +181,7 @@ def _tried(problem: DiagnosisProblem, trial: Trial, hopeless: float) -> Calibrat
             again = _better(again, further(again, problem.fitted, **ROUGHLY, hopeless=hopeless))
         found = _better(found, again)
     if found.status.ok and not found.given_up and found.rms > FAILED_SEARCH * trial.without.rms:
-        found = _better(found, roughly(with_little(trial), problem.fitted, hopeless))
+        found = _better(found, roughly(with_little(trial.start, trial.without), problem.fitted, hopeless))
     for start in _otherwise(trial):
         if found.status.ok:
             break
@@ -215,23 +215,23 @@ def _better(one: Calibration, other: Calibration) -> Calibration:
     return other if other.status.ok and (not one.status.ok or other.rms < one.rms) else one
 
 
-def with_little(trial: Trial) -> Plant:
+def with_little(start: Plant, without: Calibration) -> Plant:
     """Return the plant fitted without the new effects, with the smallest strength of them that `_otherwise` tries."""
-    without = trial.without.plant.with_rig(trial.start.rig)  # with the same model error
-    return with_fitted(without, _stronger(trial, min(OTHERWISE, key=abs)) or trial.start)
+    bare = without.plant.with_rig(start.rig)  # with the same model error
+    return with_fitted(bare, _stronger(start, without, min(OTHERWISE, key=abs)) or start)
 
 
 def _otherwise(trial: Trial) -> Iterator[Plant]:
     """Yield the plant with other strengths of its new effects, within their ranges."""
     for share in OTHERWISE:
-        moved = _stronger(trial, share)
+        moved = _stronger(trial.start, trial.without, share)
         if moved is not None:
             yield moved
 
 
-def _stronger(trial: Trial, share: float) -> Plant | None:
+def _stronger(plant: Plant, without: Calibration, share: float) -> Plant | None:
     """Return the plant with a share of the strengths of its new effects; None if none is within its range."""
-    plant, before = trial.start, trial.without.plant.effect_names
+    before = without.plant.effect_names
     new = [plant.parameters[f"{e.name}.{e.strength}"] for e in plant.effects if e.name not in before]
     moved = {p.name: share * p.value for p in new if p.lower <= share * p.value <= p.upper}
     return plant.with_values(moved) if moved else None

@@ -231,9 +231,7 @@ class Tried:
         subsets = [rest for rest in each_without_one(names) if rest in self.tried]
         best = min(subsets, key=lambda rest: self.tried[rest].calibration.rms, default=None)
         if best is not None and self.tried[best].calibration.rms < self.tried[names].calibration.rms:
-            plant = self.tried[names].calibration.plant
-            trial = Trial(start=plant, biased=plant, without=self.tried[best].calibration)
-            self.refit([with_little(trial)])
+            self.refit([with_little(self.tried[names].calibration.plant, self.tried[best].calibration)])
         return self.tried[names]
 
     def plant_of(self, full: Names, rest: Names) -> Plant:
