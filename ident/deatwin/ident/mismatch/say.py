@@ -96,7 +96,8 @@ def _ambiguous(diagnosis: Diagnosis) -> str:
         _plain(name) + _elsewhere(name, diagnosis) for name in diagnosis.names if name not in {*known, *only_beside}
     ]
     rivals = (*without, *also, *others)
-    instead = f"; alternative{'s' * (len(rivals) > 1)}: {', or '.join(rivals)}" if rivals else ""
+    # in the same clause, because a report's headline ends at the first semicolon
+    instead = f", or alternatively {', or '.join(rivals)}" if rivals else ""
     which = "the first explanation" if len(known) == 1 else f"the first {COUNTED[len(known)].lower()}"
     return (
         f"Something is missing, and these recordings cannot decide what: perhaps {guess}{instead}; "

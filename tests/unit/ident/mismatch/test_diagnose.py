@@ -249,7 +249,7 @@ def test_a_doubt_of_one_of_two_effects_ends_as_ambiguous(doubted):
     assert certain["electrode_rc"] == pytest.approx(0.95)  # of both explanations, a margin left for others
     assert certain["creep"] == pytest.approx(0.95 / 2)
     assert doubted.rivals == (("electrode_rc",),)
-    assert "; alternative: the same without creep; with the first two" in doubted.sentence
+    assert ", or alternatively the same without creep; with the first two" in doubted.sentence
 
 
 def test_a_rival_on_another_form_of_the_rig_has_its_own_distance():

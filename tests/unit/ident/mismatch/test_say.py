@@ -294,21 +294,21 @@ def test_each_verdict_says_only_what_it_may():
 @pytest.mark.parametrize(
     ("rivals", "also", "said"),
     [
-        ((("sensor_jump",),), (), "-11.0); alternative: the same without creep; with the first two the error"),
+        ((("sensor_jump",),), (), "-11.0), or alternatively the same without creep; with the first two the error"),
         (
             (("sensor_jump",), ("creep",)),
             (),
-            "-11.0); alternatives: the same without creep, or the same without sensor jump; with the",
+            "-11.0), or alternatively the same without creep, or the same without sensor jump; with the",
         ),
         (
             (("sensor_jump", "delay"), ("delay",)),
             ("delay",),
-            "-11.0); alternative: delay; with the first two the error",
+            "-11.0), or alternatively delay; with the first two the error",
         ),
         (
             (("sensor_jump",), ("creep", "delay")),
             ("delay",),
-            "-11.0); alternatives: the same without creep, or delay; with",
+            "-11.0), or alternatively the same without creep, or delay; with",
         ),
     ],
 )
@@ -320,10 +320,13 @@ def test_a_rival_that_lacks_one_of_two_effects_is_said_beside_those_of_other_nam
 @pytest.mark.parametrize(
     ("rivals", "said"),
     [
-        ((("creep",),), "; alternative: the same without sensor jump and electrode rc; with the first three the error"),
+        (
+            (("creep",),),
+            ", or alternatively the same without sensor jump and electrode rc; with the first three the error",
+        ),
         (
             (("creep", "electrode_rc"), ("creep", "sensor_jump")),
-            "; alternatives: the same without sensor jump, or the same without electrode rc; with the first three the error",
+            ", or alternatively the same without sensor jump, or the same without electrode rc; with the first three the error",
         ),
     ],
 )
@@ -335,8 +338,8 @@ def test_a_rival_that_lacks_two_of_three_effects_is_not_two_that_lack_one(rivals
 @pytest.mark.parametrize(
     ("rivals", "said"),
     [
-        ((("creep", "delay"),), "); alternative: the same and also delay; with the first explanation"),
-        ((("delay",), ("creep", "delay")), "); alternatives: the same and also delay, or delay; with"),
+        ((("creep", "delay"),), "), or alternatively the same and also delay; with the first explanation"),
+        ((("delay",), ("creep", "delay")), "), or alternatively the same and also delay, or delay; with"),
     ],
 )
 def test_a_rival_with_a_further_effect_is_not_that_effect_alone(rivals, said):
@@ -477,4 +480,4 @@ def test_every_number_of_a_real_diagnosis_is_a_field():
 def test_an_explanation_that_may_be_absent_is_said_to_be(low: float, said: bool) -> None:
     weak = replace(CREEP, parameters={**CREEP.parameters, "modulus": replace(CREEP.parameters["modulus"], low=low)})
     sentence = made_up(Verdict.AMBIGUOUS, weak).sentence
-    assert (", which may be absent since its 95 % interval includes zero; alternative: delay;" in sentence) is said
+    assert (", which may be absent since its 95 % interval includes zero, or alternatively delay;" in sentence) is said
