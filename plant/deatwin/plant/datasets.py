@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import reprlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from enum import Enum
@@ -93,7 +94,33 @@ PART_COORDINATES: Mapping[str, Metadata] = {
 """Coordinates of a covariance of complex values."""
 
 
-class Described:
+class _Brief(reprlib.Repr):
+    """Short forms of the values of a result."""
+
+    def repr_ndarray(self, values: np.ndarray, level: int) -> str:
+        """Show a long array by its shape."""
+        return repr(values) if values.size <= self.maxlist else f"<array {values.shape}>"
+
+
+_BRIEF = _Brief()
+_BRIEF.maxother = _BRIEF.maxstring = 80
+
+
+class Brief:
+    """Base of results that show long arrays by their shapes."""
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        if "__repr__" not in vars(cls):  # a dataclass keeps it; its own one would print every array
+            cls.__repr__ = Brief.__repr__  # type: ignore[method-assign]
+
+    def __repr__(self) -> str:
+        shown = fields(self) if is_dataclass(self) else ()
+        values = (f"{each.name}={_BRIEF.repr(getattr(self, each.name))}" for each in shown if each.repr)
+        return f"{type(self).__name__}({', '.join(values)})"
+
+
+class Described(Brief):
     """Base of results whose fields describe, by metadata, how they are stored in a dataset."""
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {}  # Metadata of properties and of values from `Entry.of`

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from deatwin.plant.datasets import clock, dataset
+from deatwin.plant.datasets import Brief, clock, dataset
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.limits import Event, film_events
 from deatwin.plant.simulate import Run, RunStatus
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Simulation:
+class Simulation(Brief):
     """Simulated recordings of an experiment.
 
     Parameters

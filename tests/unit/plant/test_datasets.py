@@ -181,3 +181,10 @@ def test_an_actuation_curve_stands_over_its_command(kept):
     np.testing.assert_array_equal(back[reading], curve.readings)
     assert back[reading].attrs["units"] == "m" and back["command"].attrs["units"] == "V"
     assert back.attrs["end"] == "COMMAND"
+
+
+def test_a_result_shows_long_arrays_by_their_shapes():
+    plant = Plant(rig=Diaphragm())
+    blank = Recording.from_arrays(np.full(200, 3e3), np.zeros(200), 0.02)
+    shown = repr(plant.simulate(Experiment(recordings=(blank,))))
+    assert len(shown) < 1000 and "<array (" in shown and "status=<RunStatus." in shown
