@@ -244,8 +244,8 @@ def _run(trials: Mapping[str, Any], outcomes: Sequence[Outcome]) -> list[str]:
     words = [
         f"{len(outcomes)} trials with seed {trials['seed']} (sources `{trials['code'][:12]}`).",
         trials["remark"],
-        f"In {without} trials the check said fail because no design met the specification on the model. {passed} designs "
-        f"passed the check, and {broke} break a limit on the true rig. True rates are stated with 95 % confidence "
+                f"In {without} trials the check said fail because no design met the specification on the model. {passed} designs "
+        f"passed the check. {broke} designs break a limit on the true rig. Bounds of the true rate have 95 % confidence "
         "(Clopper and Pearson).",
     ]
     return [" ".join(word for word in words if word)]
