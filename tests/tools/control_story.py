@@ -53,28 +53,28 @@ def story_blocks(data: Mapping[str, Any]) -> dict[str, list[str]]:
             "",
             *markdown_table(["measure", "demanded", "reached", "met"], measures),
             "",
-            "The next table shows, for each controller on each plant, the rms error when it tracks the tones, how many "
-            "times larger PI's error is, and the margins of the loop with the identified model. An oracle is designed on "
-            "the true plant.",
+            "The next table shows, for each controller on each plant, the rms error when it tracks the tones, the factor "
+            "by which the error of a PI controller is larger, and the margins of the loop with the identified model. An "
+            "*oracle* is the same design made from the true plant.",
             "",
             *table["tracking"],
             "",
-            "The last table is for one scheduled design on six actuators. Overshoot, and the rms motion in "
-            "the last third of each level, are shares of the step.",
+            "The last table shows one scheduled design on six actuators. The overshoot, and the rms motion in the last "
+            "third of each level, are stated in per cent of the step.",
             "",
             *table["fleet"],
         ],
         "models": [
             f"{whence} Each row is a model of the same actuator. For each model, a controller was designed by "
-            "lambda tuning with the same closed-loop time. Each cell gives the predicted value with its 95 % band, then "
-            "the value on the true actuator, which lies inside the band (✓) or outside (✗).",
+            "lambda tuning with the same closed-loop time. Each cell gives the predicted value with its 95 % band; then "
+            "follows the value on the true actuator, which lies inside the band (✓) or outside (✗).",
             "",
             *table["models"],
         ],
         "concealed-effects": [
-            f"{whence} Each row is a design for a rig with an effect that its base model lacks. *Reason* is the check's "
+            f"{whence} Each row is a design for a rig with an effect that the base model lacks. *Reason* is the check's "
             "first reason for its verdict. The last column judges the design on the true rig by the full limits; the "
-            "check keeps a fifth of them in reserve.",
+            "check itself tightens them by a fifth.",
             "",
             *table["concealed"],
         ],

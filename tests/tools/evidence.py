@@ -107,9 +107,9 @@ def _of_trials(trials: Mapping[str, Any]) -> tuple[dict[str, list[str]], list[st
     head = [
         "trials",
         "passed",
-        "of these, inside the band",
-        "did not pass, of those that break a limit",
-        "did not pass, of those that are sound",
+        "passed designs: inside the band",
+        "designs that break a limit: did not pass",
+        "sound designs: did not pass",
     ]
     row = [
         "[control check](control-check.md)",
@@ -245,7 +245,7 @@ def _run(trials: Mapping[str, Any], outcomes: Sequence[Outcome]) -> list[str]:
         f"{len(outcomes)} trials with seed {trials['seed']} (sources `{trials['code'][:12]}`).",
         trials["remark"],
         f"In {without} trials the check said fail because no design met the specification on the model. {passed} designs "
-        f"passed the check, and {broke} break a limit on the true rig. True rates are stated with 95 % confidence "
+        f"passed the check. {broke} designs break a limit on the true rig. Bounds of the true rate have 95 % confidence "
         "(Clopper and Pearson).",
     ]
     return [" ".join(word for word in words if word)]

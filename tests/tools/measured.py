@@ -187,10 +187,11 @@ def _recordings(rows: Rows) -> list[str]:
     return [
         *markdown_table(head, cells),
         "",
-        "The black box is the NARX model with the smallest error on the same held-out recording. It is chosen on this "
-        f"recording, which favours it; its error is smaller than the plant's on {ahead} of {beside}. In a closed loop, "
-        "the controller corrects errors of the model, so closed-loop errors are much smaller than open-loop ones. "
-        "(Most published errors of EMPS are open-loop errors, of some millimetres.)",
+        "The column *held-out error* gives the error of the plant without and with the named effect. The black box is "
+        "the NARX model with the smallest error on the same held-out recording. This choice favours the black box; its "
+        f"error is smaller than the plant's on {ahead} of {beside}. In a closed loop, the controller corrects errors of "
+        "the model, so closed-loop errors are much smaller than open-loop errors. (Most published errors of EMPS are "
+        "open-loop errors, of some millimetres.)",
     ]
 
 
