@@ -280,7 +280,8 @@ def test_the_same_case_is_the_same_bytes_and_another_run_has_other_noise(knocked
 
 
 def test_the_key_has_every_effect_of_the_catalogue_once_and_nothing_twice():
-    assert Counter(names[0] for names in KEY.values()) == Counter(e.name for e in catalogue())
+    first = Counter(names[0] for names in KEY.values())
+    assert first == Counter(e.name for e in catalogue()), "key.toml needs a form of each effect: see CONTRIBUTING.md"
     assert set(KEY) | set(OUTSIDE) == set(MECHANISMS) and not set(KEY) & set(OUTSIDE)
     assert all(set(names) <= {e.name for e in catalogue()} for names in KEY.values())
     assert all(KEY[mechanism][0] in names for _, names, mechanism, _ in TIES)

@@ -143,7 +143,7 @@ def test_seed_and_jobs_reach_the_story(at_work: Path, capsys: pytest.CaptureFixt
 
 def test_effects_and_sizes_are_completed() -> None:
     assert complete_effects("") == sorted(effect.name for effect in catalogue())
-    assert complete_effects("electrode_") == ["electrode_loss", "electrode_rc"]
+    assert complete_effects("electrode_r") == ["electrode_rc"]
     assert complete_sizes(SimpleNamespace(args=["concealed-physics"]), "") == ["tiny", "long", "standard", "full"]  # type: ignore[arg-type]
     assert complete_sizes(SimpleNamespace(args=["vhb4910"]), "") == []  # type: ignore[arg-type]
     assert "tiny" in complete_sizes(SimpleNamespace(args=[]), "t")  # type: ignore[arg-type]
@@ -153,7 +153,7 @@ def test_effects_and_sizes_are_completed() -> None:
     ("typed", "offered"),
     [
         ("deatwin scenario ", set(stories())),
-        ("deatwin demo --effect electrode_", {"electrode_loss", "electrode_rc"}),
+        ("deatwin demo --effect electrode_r", {"electrode_rc"}),
         ("deatwin simulate rig.toml in.csv --effect cre", {"creep"}),
         ("deatwin scenario concealed-physics --size ", {"tiny", "long", "standard", "full"}),
         ("deatwin identify --method s", {"svb", "semp"}),

@@ -14,7 +14,8 @@ DATA = json.loads((Path(__file__).parents[3] / "docs/data/signatures.json").read
 
 def test_every_effect_of_the_catalogue_has_a_signature_at_each_place():
     plant = Diaphragm().with_effects()
-    assert set(DATA["added_um"]) == {effect.name for effect in everywhere(catalogue()) if plant.accepts(effect)}
+    seen = {effect.name for effect in everywhere(catalogue()) if plant.accepts(effect)}
+    assert set(DATA["added_um"]) == seen, "run: python tests/tools/signatures.py docs"
 
 
 def test_a_jump_is_its_height_from_its_time_on():
