@@ -18,7 +18,7 @@ PLANT = Plant(rig=Diaphragm()).with_effects(Creep())
 def fit_of(rms: float, plant: Plant | None = None) -> SimpleNamespace:
     """A settled fit, by default of the rig alone."""
     known = plant or Plant(rig=Diaphragm())
-    return SimpleNamespace(status=FitStatus.SETTLED, rms=rms, given_up=False, plant=known, at_bound=())
+    return SimpleNamespace(status=FitStatus.SETTLED, rms=rms, foreseen=rms, given_up=False, plant=known, at_bound=())
 
 
 @pytest.mark.parametrize(
@@ -59,7 +59,7 @@ def test_a_fit_that_leaves_more_than_without_the_effect_begins_where_there_is_li
 @pytest.mark.parametrize("rms, ended", [(4.0, 2.1), (5.0, 5.0)])  # 4.0^2 is less than half of 6.4^2, 5.0^2 more
 def test_a_fit_that_already_takes_most_of_the_mismatch_is_not_given_up(monkeypatch, rms, ended):
     """As that of a lag whose size is off by a factor of twenty, and whose linearised minimum says little."""
-    given_up = SimpleNamespace(status=FitStatus.GIVEN_UP, rms=rms, given_up=True, plant=None, at_bound=())
+    given_up = SimpleNamespace(status=FitStatus.GIVEN_UP, rms=rms, foreseen=rms, given_up=True, plant=None, at_bound=())
     monkeypatch.setattr(trial, "search", lambda *_: given_up)
     monkeypatch.setattr(trial, "further", lambda *_, **__: fit_of(2.1))
     monkeypatch.setattr(trial, "at_its_time", lambda fit, *_, **__: fit)
