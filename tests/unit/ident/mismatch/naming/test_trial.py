@@ -8,7 +8,7 @@ from made_fits import made_fit
 
 from deatwin.ident.greybox import Calibration, FitStatus
 from deatwin.ident.mismatch.naming import trial
-from deatwin.ident.mismatch.naming.trial import Trial, _otherwise, _tried, refitted, run_trials, unbiased_like
+from deatwin.ident.mismatch.naming.trial import Trial, _is_near, _otherwise, _tried, refitted, run_trials, unbiased_like
 from deatwin.plant import Creep, CubicStiffness, Diaphragm, PeriodicDisturbance, Plant, SensorJump, catalogue
 from deatwin.plant.effects import Effect
 
@@ -96,6 +96,13 @@ def test_what_ran_out_of_simulations_on_its_way_to_the_best_is_carried_to_the_en
     monkeypatch.setattr(trial, "judge", lambda problem, fit, noise: fit)
     assert run_trials(SimpleNamespace(jobs=1), list(fits.values()), 0.5) == list(fits.values())
     assert finished == [fits["best"], fits["on its way"], fits["beside"]]
+
+
+@pytest.mark.parametrize("linearised, near", [(2.82, True), (2.84, False)])  # 2.83 is the root of 2.0^2 + (4.0 / 2)^2
+def test_what_may_leave_hardly_more_than_the_model_error_beyond_the_best_is_carried_to_the_end(linearised, near):
+    fit = rough(3.5, linearised, FitStatus.STOPPED)
+    fit.plant.rig.model_error = 4.0
+    assert _is_near(fit, 2.0) is near
 
 
 def strengths(plant: Plant, *before: Effect) -> list[dict[str, float]]:
