@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from deatwin.ident.greybox.covariance import RANK, covariance
-from deatwin.ident.greybox.minimum import EVALUATIONS, Interrupted, minimise, settled_at
+from deatwin.ident.greybox.minimum import CLOSE, EVALUATIONS, Interrupted, minimise, settled_at
 from deatwin.ident.greybox.parts import Records, parts_of
 from deatwin.ident.greybox.problem import Problem, Response
 from deatwin.ident.greybox.starts import EXACT, STARTS, Search, least, with_better
@@ -134,8 +134,14 @@ class Calibration(Described):
 
     @property
     def within_reach(self) -> float:
-        """Rms residual, SI; for a fit that ran out of simulations, the value predicted by its linear model."""
+        """Rms residual, SI; for a fit that stopped before its minimum, the value predicted by its linear model."""
         return linearised_rms(self.residuals, self.jacobian) if self.status is FitStatus.STOPPED else self.rms
+
+    @property
+    def foreseen(self) -> float:
+        """Rms residual, SI, that a fit will leave: `within_reach` unless its linear model is far from its minimum."""
+        reach = self.within_reach
+        return reach if self.rms**2 <= CLOSE * reach**2 else self.rms
 
     @property
     def movable(self) -> np.ndarray:
@@ -285,13 +291,16 @@ def descend(
     evaluations: int = EVALUATIONS,
     tolerance: float | None = None,
     hopeless: float = np.inf,
+    foreseen: float = 0.0,
     response: Response | None = None,
 ) -> Calibration:
-    """Calibrate by a single descent, which an interrupt ends; `response` may give residuals and Jacobian at its
-    start.
+    """Calibrate by a single descent, which an interrupt ends.
+
+    It also ends if the linear models of two successive points agree on the minimum within the share `foreseen`.
+    `response` may give residuals and Jacobian at its start.
     """
     problem = replace(_problem(plant, records, None, unwatched()), response=response)
-    return _calibrated(problem, 1, evaluations=evaluations, tolerance=tolerance, hopeless=hopeless)
+    return _calibrated(problem, 1, evaluations=evaluations, tolerance=tolerance, hopeless=hopeless, foreseen=foreseen)
 
 
 def _problem(plant: Plant, records: Records, names: Sequence[str] | None, watch: Watch) -> Problem:
@@ -312,9 +321,9 @@ def _problem(plant: Plant, records: Records, names: Sequence[str] | None, watch:
 
 
 def _calibrated(
-    problem: Problem, starts: int, *, evaluations: int, tolerance: float | None, hopeless: float
+    problem: Problem, starts: int, *, evaluations: int, tolerance: float | None, **options: float
 ) -> Calibration:
-    search = least(problem, starts, evaluations, tolerance, hopeless)
+    search = least(problem, starts, evaluations=evaluations, tolerance=tolerance, **options)
     if search is None:
         return _impossible(problem)
     fit = _calibration(problem, search)

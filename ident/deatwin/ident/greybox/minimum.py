@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.status import FitStatus
-from deatwin.ident.greybox.tangent import linearised_rms
+from deatwin.ident.greybox.tangent import bounded_fit, linearised_rms
 
 EVALUATIONS = 30
 NEAR, MOST = 0.01, 1e-4
@@ -20,6 +20,8 @@ LOOKS = 2
 """Points, each better than all before, whose linear models must predict too high a minimum before a fit is given up.
 One does not suffice: far from the minimum its prediction may be wrong, and a rejected trial point may be farther away
 still."""
+CLOSE = 2.0
+"""Largest ratio of the squared residual to the one that the linear model predicts: farther away it is not trusted."""
 SAME = 1e-6  # Distance of two points that count as one, in coordinates, which are about logarithms of the values
 
 
@@ -43,12 +45,17 @@ class Interrupted(KeyboardInterrupt):
 
 
 def minimise(
-    problem: Problem, *, evaluations: int = EVALUATIONS, tolerance: float | None = None, hopeless: float = np.inf
+    problem: Problem,
+    *,
+    evaluations: int = EVALUATIONS,
+    tolerance: float | None = None,
+    hopeless: float = np.inf,
+    foreseen: float = 0.0,
 ) -> Minimum | None:
-    """Minimise the squared residuals of a problem, as `calibrate` does, which says more of the result."""
+    """Minimise the squared residuals of a problem, as `descend` does, which says more of the result."""
     # Only smooth coordinates move: when an event passes a sample, its derivative no longer predicts the readings, and
     # the trust region would shrink to nothing.
-    cost = _Memory(problem, hopeless)
+    cost = _Memory(problem, hopeless, foreseen)
     start, (lower, upper) = cost.part(problem.start()), (cost.part(ends) for ends in problem.bounds())
     first = cost(start)
     if first is None:
@@ -72,8 +79,8 @@ def minimise(
         )
     except _NowhereToGo:
         return None
-    except _GivenUp as end:
-        return cost.minimum(end.x, end.found, FitStatus.GIVEN_UP)
+    except _Ended as end:
+        return cost.minimum(end.x, end.found, end.status)
     except KeyboardInterrupt:
         raise Interrupted(cost.minimum(*(cost.lowest or (start, first)), FitStatus.INTERRUPTED)) from None
     found = cost(solution.x)
@@ -91,20 +98,22 @@ class _NowhereToGo(Exception):
     """Raised if the starting point cannot be simulated."""
 
 
-class _GivenUp(Exception):
-    """Raised, with the best point, when the fit will clearly not be good enough."""
+class _Ended(Exception):
+    """Raised, with the best point, when further simulations are not worth their time."""
 
-    def __init__(self, x: np.ndarray, found: tuple[np.ndarray, np.ndarray]) -> None:
+    def __init__(self, x: np.ndarray, found: tuple[np.ndarray, np.ndarray], status: FitStatus) -> None:
         super().__init__()
-        self.x, self.found = x, found
+        self.x, self.found, self.status = x, found, status
 
 
 class _Memory:
     """Residuals and Jacobian of the last simulation and of the best one, which the solver may request again."""
 
-    def __init__(self, problem: Problem, hopeless: float) -> None:
-        self.problem, self.hopeless = problem, hopeless
+    def __init__(self, problem: Problem, hopeless: float, foreseen: float) -> None:
+        self.problem, self.hopeless, self.foreseen = problem, hopeless, foreseen
         self._smooth, self._start = problem.smooth(), problem.start()
+        self._lower, self._upper = map(self.part, problem.bounds())
+        self._predicted = np.inf
         self.evaluations = 0
         self._looks: list[np.ndarray] = []
         self._last: tuple[np.ndarray, tuple[np.ndarray, np.ndarray] | None] | None = None
@@ -143,17 +152,28 @@ class _Memory:
         return found
 
     def _look(self, x: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray) -> None:
-        """Give up if the first points show that the minimum is too high."""
-        if not np.isfinite(self.hopeless):
-            return
-        if linearised_rms(residuals, jacobian[:, self._smooth]) <= self.hopeless:
-            self.hopeless = np.inf  # the fit remains worth its simulations
+        """End the fit if the first points show that its minimum is too high, or if two of them agree on it."""
+        if not (np.isfinite(self.hopeless) or self.foreseen):
             return
         # A start on a bound is moved inside by a tiny margin, which does not make it another point.
-        if not any(np.allclose(x, seen, rtol=0.0, atol=SAME) for seen in self._looks):
-            self._looks.append(x.copy())
-        if len(self._looks) == LOOKS:
-            raise _GivenUp(x.copy(), (residuals, jacobian))
+        if any(np.allclose(x, seen, rtol=0.0, atol=SAME) for seen in self._looks):
+            return
+        self._looks.append(x.copy())
+        before, self._predicted = self._predicted, linearised_rms(residuals, jacobian[:, self._smooth])
+        if self._predicted <= self.hopeless:
+            self.hopeless = np.inf  # the fit remains worth its simulations
+        elif len(self._looks) == LOOKS:
+            raise _Ended(x.copy(), (residuals, jacobian), FitStatus.GIVEN_UP)
+        agree = abs(self._predicted - before) < self.foreseen * self._predicted
+        if agree and self._is_near(x, residuals, jacobian[:, self._smooth]):
+            raise _Ended(x.copy(), (residuals, jacobian), FitStatus.STOPPED)
+
+    def _is_near(self, x: np.ndarray, residuals: np.ndarray, slopes: np.ndarray) -> bool:
+        """Return whether the linear model's minimum is near, and is hardly higher within the bounds."""
+        least = self._predicted**2
+        if np.mean(residuals**2) > CLOSE * least:
+            return False
+        return bounded_fit(residuals, slopes, self._lower - x, self._upper - x)[0] < 2.0 * self.foreseen * least
 
     def residuals(self, x: np.ndarray) -> np.ndarray:
         found = self(x)

@@ -39,9 +39,10 @@ class Search:
     equals: tuple[np.ndarray, ...] = ()
 
 
-def least(problem: Problem, starts: int, evaluations: int, tolerance: float | None, hopeless: float) -> Search | None:
-    """Fit from the given values and then, as far as needed, through growing openings and from other points."""
-    options: dict[str, Any] = {"evaluations": evaluations, "tolerance": tolerance, "hopeless": hopeless}
+def least(problem: Problem, starts: int, **options: Any) -> Search | None:
+    """Fit from the given values and then, as far as needed, through growing openings and from other points; `options`
+    as for `minimise`.
+    """
     problem.watch.begin("fit from the given values")
     first = minimise(problem, **options)
     if first is None or not problem.smooth().any() or first.status is FitStatus.GIVEN_UP:

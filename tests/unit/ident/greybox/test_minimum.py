@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from deatwin.ident.greybox import FitStatus
-from deatwin.ident.greybox.minimum import LOOKS, minimise
+from deatwin.ident.greybox.minimum import CLOSE, LOOKS, minimise
 
 
 class Bowl:
@@ -84,6 +84,32 @@ def test_a_start_on_a_bound_counts_as_one_look():
     assert lost.status is FitStatus.GIVEN_UP
     assert lost.evaluations == 3  # on the bound, off it by a hair, and one step on
     assert lost.coordinates == pytest.approx(0.4, abs=0.5)
+
+
+def test_a_fit_ends_where_two_linear_models_foresee_its_minimum():
+    tray = Tray([0.9, 0.1], lambda x: False)
+    ended = minimise(tray, foreseen=0.01)
+    assert ended.status is FitStatus.STOPPED and ended.evaluations == LOOKS < minimise(tray).evaluations
+    assert np.mean(ended.residuals**2) <= CLOSE * 25.0 / 4
+
+
+class Steep(Tray):
+    """A tray in which the distance from the target counts a hundred times as much, and the target is out of bounds."""
+
+    def bounds(self):
+        return np.full_like(self._start, 0.6), np.ones_like(self._start)
+
+    def evaluate(self, x):
+        left, jacobian = super().evaluate(x)
+        weights = np.append(np.full(x.size, 10.0), np.ones(2))
+        return weights * left, weights[:, None] * jacobian
+
+
+def test_no_minimum_is_foreseen_beyond_a_bound():
+    """Both models predict 25 / 4, but at the bounds 2 * 2**2 / 4 remain in addition."""
+    ended = minimise(Steep([0.9, 0.7], lambda x: False), foreseen=0.01)
+    assert ended.status is FitStatus.SETTLED
+    assert ended.coordinates == pytest.approx(0.6, abs=1e-6)
 
 
 class Saturating(Bowl):

@@ -151,7 +151,7 @@ def _enough(search: Search, stage: Sequence[Names]) -> Naming:
 
 
 def _settled(search: Search, stage: Sequence[Names]) -> Naming:
-    sets = [names for names in stage if len(names) <= MOST_NEARLY and not search.is_padded(names)]
+    sets = search.unpadded([names for names in stage if len(names) <= MOST_NEARLY])
 
     def hopeful(candidate: Candidate) -> bool:
         most = explained(candidate, search.tried[()]) > MOST
@@ -169,5 +169,4 @@ def _nearly_explains(search: Search, candidate: Candidate) -> bool:
 
 
 def _among(search: Search, stage: Sequence[Names], good: Callable[[Candidate], bool]) -> Naming:
-    competing = [names for names in stage if not search.is_padded(names)]  # finding this out may require fits
-    return search.decision([search.tried[names] for names in competing], good)
+    return search.decision([search.tried[names] for names in search.unpadded(stage)], good)

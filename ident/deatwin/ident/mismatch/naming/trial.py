@@ -10,6 +10,7 @@ import numpy as np
 from deatwin.ident.greybox.fit import Calibration, descend
 from deatwin.ident.greybox.status import FitStatus
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
+from deatwin.ident.mismatch.naming.decide import ALTERNATIVE_SHARE
 from deatwin.ident.mismatch.naming.screen import Lead
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.refit.search import (
@@ -21,7 +22,6 @@ from deatwin.ident.mismatch.refit.search import (
     further,
     in_a_wider_range,
     in_its_gap,
-    is_promising,
     roughly,
     search,
 )
@@ -35,8 +35,7 @@ FAILED_SEARCH = 1.02
 FEW = 4
 """Number of simulations that show whether a start from the biased plant is promising."""
 NEAR = 1.1
-"""Ratio to the best rms residual within which a fit, or its linearised minimum, must be to be completed; fits that
-leave hardly anything are always completed."""
+"""Ratio to the best rms residual within which a fit, or its linearised minimum, must be to be completed."""
 HOPELESS = 1.5
 """Ratio of a fit's linearised minimum to the rms residual of another fit above which the fit is given up. In fits to
 all samples the linearised minimum at the first point is mostly within 15 % of the final value."""
@@ -105,12 +104,18 @@ def run_trials(
                     fitted(found, None)
             if finished is not None:
                 finished(done / len(trials))
-        alternative = min([alternative, *(fit.rms for fit in fits)])
-    near = [k for k, fit in enumerate(fits) if fit.within_reach < NEAR * alternative or is_promising(fit, noise)]
+        alternative = min([alternative, *(fit.foreseen for fit in fits)])
+    near = [k for k, fit in enumerate(fits) if _is_near(fit, alternative)]
     longest_first = sorted(range(len(fits)), key=lambda k: k not in near)
     jobs = [(problem, fits[k], noise, k in near) for k in longest_first]
     ended = dict(zip(longest_first, run_jobs(_ended, jobs, workers=problem.jobs), strict=True))
     return _told([ended[k] for k in range(len(fits))], fitted)
+
+
+def _is_near(fit: Calibration, alternative: float) -> bool:
+    """Return whether a fit may leave hardly more than an `alternative`, rms, SI, or no more than the model error more."""
+    error = ALTERNATIVE_SHARE * fit.plant.rig.model_error
+    return fit.within_reach < max(NEAR * alternative, float(np.hypot(alternative, error)))
 
 
 def refitted(
@@ -175,12 +180,12 @@ def _tried(problem: DiagnosisProblem, trial: Trial, hopeless: float) -> Calibrat
             found, further(found, problem.fitted, **ROUGHLY)
         )  # the linearised minimum is least accurate far from the minimum
     # The plant without the effect is a special case, so a worse fit means that the search failed.
-    if not found.status.ok or found.rms > FAILED_SEARCH * trial.promised:
+    if not found.status.ok or found.foreseen > FAILED_SEARCH * trial.promised:
         again = descend(trial.biased, problem.fitted, evaluations=FEW, tolerance=ROUGH, hopeless=hopeless)
         if again.status is FitStatus.STOPPED and _better(found, again) is again:
             again = _better(again, further(again, problem.fitted, **ROUGHLY, hopeless=hopeless))
         found = _better(found, again)
-    if found.status.ok and not found.given_up and found.rms > FAILED_SEARCH * trial.without.rms:
+    if found.status.ok and not found.given_up and found.foreseen > FAILED_SEARCH * trial.without.rms:
         found = _better(found, roughly(with_little(trial.start, trial.without), problem.fitted, hopeless))
     for start in _otherwise(trial):
         if found.status.ok:
@@ -212,7 +217,7 @@ def _finished(problem: DiagnosisProblem, fit: Calibration) -> Calibration:
 
 def _better(one: Calibration, other: Calibration) -> Calibration:
     """Return the fit that leaves less; if one failed, the other."""
-    return other if other.status.ok and (not one.status.ok or other.rms < one.rms) else one
+    return other if other.status.ok and (not one.status.ok or other.foreseen < one.foreseen) else one
 
 
 def with_little(start: Plant, without: Calibration) -> Plant:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -120,20 +120,39 @@ class Tried:
 
     def each_counts(self, names: Names) -> bool:
         """Return whether each effect of `names` removes more than the model error and 5 % of the mismatch's power."""
+        return all(self._counts_beside(names, less) for less in self.without_one(names))
+
+    def _counts_beside(self, names: Names, less: Candidate) -> bool:
+        """Return whether the effect of `names` that a candidate lacks removes enough."""
         least = max(self.error_power(names), TRIFLE * self.missing([()]))
-        return all(gained(self.tried[names], less) >= least for less in self.without_one(names))
+        return gained(self.tried[names], less) >= least
 
     def without_one(self, names: Names) -> Iterator[Candidate]:
         """Yield the candidates without one effect of `names`, the known ones first, because each other one takes a fit."""
         for rest in sorted(each_without_one(names), key=lambda rest: rest not in self.tried):
-            if rest not in self.tried and "+".join(rest) not in self.failed:
+            if self._is_open(rest):
                 self.fit_some(names, rest)
             if rest in self.tried:
                 yield self.tried[rest]
 
-    def is_padded(self, names: Names) -> bool:
-        """Return whether `names` removes most of the mismatch, but contains an effect that does not count."""
-        return len(names) > 1 and self.takes_most(names) and not self.each_counts(names)
+    def _is_open(self, names: Names) -> bool:
+        """Return whether a set has neither been fitted nor failed."""
+        return names not in self.tried and "+".join(names) not in self.failed
+
+    def unpadded(self, stage: Sequence[Names]) -> list[Names]:
+        """Return the sets of a `stage` without those that remove most of the mismatch, but with an effect that does not
+        count.
+        """
+        # The fits that this takes are made side by side.
+        asked = [names for names in stage if len(names) > 1 and self.takes_most(names)]
+        subsets: dict[Names, Names] = {}
+        for names in asked:
+            fewer = each_without_one(names)
+            if all(self._counts_beside(names, self.tried[rest]) for rest in fewer if rest in self.tried):
+                subsets = {rest: names for rest in fewer if self._is_open(rest)} | subsets
+        self.fit_subsets(subsets)
+        padded = {names for names in asked if not self.each_counts(names)}
+        return [names for names in stage if names not in padded]
 
     def is_own(self, candidate: Candidate) -> bool:
         """Return whether a candidate was fitted in this search, in this variant of the plant."""
@@ -188,6 +207,8 @@ class Tried:
 
     def _know(self, found: Sequence[Candidate]) -> list[Names]:
         """Keep the candidates `found` unless a better fit is known; return their sets."""
+        if not found:
+            return []
         better = []
         for candidate in found:
             known = self.tried.get(candidate.effects)
@@ -203,10 +224,16 @@ class Tried:
         """Fit the subset `rest` of the set `full`, from the values of `full`, with nominal and with fitted values of the
         rig.
         """
+        self.fit_subsets({rest: full})
+
+    def fit_subsets(self, subsets: Mapping[Names, Names]) -> None:
+        """Fit subsets, each of the set to which it is mapped, as `fit_some` does."""
         # The values of the larger set are the least biased that are known; only the rig's own begin anew.
-        plant = self.plant_of(full, rest)
-        start = with_fitted(self.problem.nominal.with_rig(plant.rig), plant)
-        self.attempt([Trial(start=start, biased=plant, without=self.tried[()].calibration)])
+        plants = [self.plant_of(full, rest) for rest, full in subsets.items()]
+        starts = [with_fitted(self.problem.nominal.with_rig(plant.rig), plant) for plant in plants]
+        without = self.tried[()].calibration
+        pairs = zip(starts, plants, strict=True)
+        self.attempt([Trial(start=start, biased=plant, without=without) for start, plant in pairs])
 
     def fit_fewer(self, full: Names) -> list[Names]:
         """Fit `full` without each of its effects in turn, from its values; return the sets that could be fitted."""

@@ -17,8 +17,11 @@ OPENING_SAMPLES = 2000
 OPENING_EVALUATIONS = 8
 ROUGH = 3e-3
 """Tolerance of a rough fit, as a share of the squared residual: 0.15 % of the residual."""
-ROUGHLY: Mapping[str, Any] = {"evaluations": 10, "tolerance": ROUGH}
-"""Largest number of simulations, and tolerance, of a rough fit."""
+FORESEEN = 0.01
+"""Relative difference of the rms residuals that two successive linear models predict, below which a rough fit ends:
+decisions on rough fits allow ten times as much."""
+ROUGHLY: Mapping[str, Any] = {"evaluations": 10, "tolerance": ROUGH, "foreseen": FORESEEN}
+"""Largest number of simulations, and tolerances, of a rough fit."""
 DECIDING = 1e-3
 """Relative change of the squared residual that affects no decision: a tenth of a nat in a hundred blocks."""
 SETTLED, EVALUATIONS = 1e-6, 60
@@ -42,7 +45,7 @@ PROMISING = 1.3
 def approach(start: Plant, parts: Sequence[Part]) -> Calibration:
     """Fit the opening of each experiment only, as a cheap start for further fits."""
     openings = [opening(part, OPENING_SAMPLES) for part in parts]
-    return descend(start, openings, evaluations=OPENING_EVALUATIONS, tolerance=ROUGH)
+    return descend(start, openings, evaluations=OPENING_EVALUATIONS, tolerance=ROUGH, foreseen=FORESEEN)
 
 
 def roughly(near: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Calibration:
@@ -52,7 +55,7 @@ def roughly(near: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Cal
 
 def is_promising(rough: Calibration, noise: float) -> bool:
     """Return whether a rough fit leaves little more than noise, SI, and model error."""
-    return bool(rough.rms**2 < PROMISING * (noise**2 + rough.plant.rig.model_error**2))
+    return bool(rough.foreseen**2 < PROMISING * (noise**2 + rough.plant.rig.model_error**2))
 
 
 def settle(near: Plant, parts: Sequence[Part], noise: float) -> Calibration:
@@ -111,7 +114,7 @@ def in_a_wider_range(fit: Calibration, unbiased: Plant, parts: Sequence[Part], h
     if not further:
         return fit
     again = search(unbiased.with_values(further), parts, hopeless)
-    gains = again.status.ok and again.rms**2 < (1.0 - ROUGH) * fit.rms**2
+    gains = again.status.ok and again.foreseen**2 < (1.0 - ROUGH) * fit.foreseen**2
     return in_a_wider_range(again, unbiased, parts, hopeless) if gains else fit
 
 

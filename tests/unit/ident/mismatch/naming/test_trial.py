@@ -8,7 +8,7 @@ from made_fits import made_fit
 
 from deatwin.ident.greybox import Calibration, FitStatus
 from deatwin.ident.mismatch.naming import trial
-from deatwin.ident.mismatch.naming.trial import Trial, _otherwise, _tried, refitted, run_trials, unbiased_like
+from deatwin.ident.mismatch.naming.trial import Trial, _is_near, _otherwise, _tried, refitted, run_trials, unbiased_like
 from deatwin.plant import Creep, CubicStiffness, Diaphragm, PeriodicDisturbance, Plant, SensorJump, catalogue
 from deatwin.plant.effects import Effect
 
@@ -18,7 +18,7 @@ PLANT = Plant(rig=Diaphragm()).with_effects(Creep())
 def fit_of(rms: float, plant: Plant | None = None) -> SimpleNamespace:
     """A settled fit, by default of the rig alone."""
     known = plant or Plant(rig=Diaphragm())
-    return SimpleNamespace(status=FitStatus.SETTLED, rms=rms, given_up=False, plant=known, at_bound=())
+    return SimpleNamespace(status=FitStatus.SETTLED, rms=rms, foreseen=rms, given_up=False, plant=known, at_bound=())
 
 
 @pytest.mark.parametrize(
@@ -59,7 +59,7 @@ def test_a_fit_that_leaves_more_than_without_the_effect_begins_where_there_is_li
 @pytest.mark.parametrize("rms, ended", [(4.0, 2.1), (5.0, 5.0)])  # 4.0^2 is less than half of 6.4^2, 5.0^2 more
 def test_a_fit_that_already_takes_most_of_the_mismatch_is_not_given_up(monkeypatch, rms, ended):
     """As that of a lag whose size is off by a factor of twenty, and whose linearised minimum says little."""
-    given_up = SimpleNamespace(status=FitStatus.GIVEN_UP, rms=rms, given_up=True, plant=None, at_bound=())
+    given_up = SimpleNamespace(status=FitStatus.GIVEN_UP, rms=rms, foreseen=rms, given_up=True, plant=None, at_bound=())
     monkeypatch.setattr(trial, "search", lambda *_: given_up)
     monkeypatch.setattr(trial, "further", lambda *_, **__: fit_of(2.1))
     monkeypatch.setattr(trial, "at_its_time", lambda fit, *_, **__: fit)
@@ -96,6 +96,13 @@ def test_what_ran_out_of_simulations_on_its_way_to_the_best_is_carried_to_the_en
     monkeypatch.setattr(trial, "judge", lambda problem, fit, noise: fit)
     assert run_trials(SimpleNamespace(jobs=1), list(fits.values()), 0.5) == list(fits.values())
     assert finished == [fits["best"], fits["on its way"], fits["beside"]]
+
+
+@pytest.mark.parametrize("linearised, near", [(2.82, True), (2.84, False)])  # 2.83 is the root of 2.0^2 + (4.0 / 2)^2
+def test_what_may_leave_hardly_more_than_the_model_error_beyond_the_best_is_carried_to_the_end(linearised, near):
+    fit = rough(3.5, linearised, FitStatus.STOPPED)
+    fit.plant.rig.model_error = 4.0
+    assert _is_near(fit, 2.0) is near
 
 
 def strengths(plant: Plant, *before: Effect) -> list[dict[str, float]]:

@@ -31,6 +31,23 @@ def test_a_fit_that_cannot_be_had_is_tried_once(candidate, search_over, monkeypa
     assert asked == [("delay",)]
 
 
+def test_what_padding_asks_of_several_sets_is_fitted_at_once(candidate, search_over, monkeypatch):
+    """Each pair lacks a fit of one of its effects; delay alone leaves as little as the pair with creep."""
+    base, creep = candidate(rms=5.0), candidate("creep", rms=4.0)
+    pairs = [candidate("creep", "delay", rms=2.1), candidate("creep", "mullins", rms=2.1)]
+    search = search_over(base, creep, *pairs)
+    asked: list[dict] = []
+
+    def fit(subsets):
+        asked.append(dict(subsets))
+        for alone in (candidate("delay", rms=2.1), candidate("mullins", rms=4.0)):
+            search.tried[alone.effects] = alone
+
+    monkeypatch.setattr(search, "fit_subsets", fit)
+    assert search.unpadded([pair.effects for pair in pairs]) == [("creep", "mullins")]
+    assert asked == [{("delay",): ("creep", "delay"), ("mullins",): ("creep", "mullins")}]
+
+
 def test_an_effect_that_does_little_by_itself_is_no_cause(candidate, search_over):
     """The fit with it is better since the one without had not found its minimum; from there it had to do 3.6."""
     base = candidate(rms=5.7)

@@ -182,7 +182,7 @@ def test_a_dead_time_beyond_the_usual_is_found_in_a_wider_range():
     late_plant = plant.with_effects(Delay())
     fit = search.search(late_plant, [part])
     assert "delay.time" in fit.at_bound
-    wider = in_a_wider_range(fit, late_plant, [part])
+    wider = finish(in_a_wider_range(fit, late_plant, [part]), [part])
     assert wider.plant.parameters["delay.time"].value == pytest.approx(0.3, abs=0.002)
     assert wider.rms == pytest.approx(plant.rig.noise, rel=0.1)
     assert in_a_wider_range(wider, late_plant, [part]) is wider  # it lies inside
