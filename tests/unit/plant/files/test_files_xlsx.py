@@ -38,6 +38,22 @@ def test_sheet(tmp_path: Path, dates: bool) -> None:
     assert recording.provenance.get("clock_began") == ("2024-05-01T12:00:00" if dates else None)
 
 
+@pytest.mark.parametrize("header", ["duty (%)", "duty"])
+@pytest.mark.parametrize("shown", ["0.0%", "General"])
+def test_percentages(tmp_path: Path, header: str, shown: str) -> None:
+    """A cell that holds 0.5 and shows 50.0 % is half the range, whatever the header says; one that shows 50 is 50."""
+    made = openpyxl.Workbook()
+    made.active.append(["time (s)", header, "x (mm)"])
+    duties = [0.07, 0.5, 0.625, 0.4]
+    for k, duty in enumerate(duties):
+        given = duty if shown == "0.0%" or header == "duty" else 100 * duty
+        made.active.append([0.02 * k, given, k])
+        made.active.cell(row=k + 2, column=2).number_format = shown
+    made.save(path := tmp_path / "rec.xlsx")
+    read = read_recording(path, input_column=header, output_column="x (mm)")
+    np.testing.assert_allclose(read.inputs, [duties], rtol=1e-15)
+
+
 def test_several_sheets(tmp_path: Path) -> None:
     path = book(tmp_path / "rec.xlsx", dates=False)
     made = openpyxl.load_workbook(path)

@@ -61,12 +61,23 @@ def _lines(values: Any, formulas: Any) -> list[tuple[int, str]]:
     lines = []
     for sheet in (values, formulas):
         sheet.reset_dimensions()  # the size stated in the file may be wrong, and is not needed
-    rows = zip(*(sheet.iter_rows(values_only=True) for sheet in (values, formulas)), strict=True)
-    for row, (cells, written) in enumerate(rows, 1):
-        texts = [_text(source if cell is None else cell) for cell, source in zip(cells, written, strict=True)]
+    in_percent: set[int] = set()  # columns with a header that contains "%"
+    for row, (cells, written) in enumerate(
+        zip(values.iter_rows(), formulas.iter_rows(values_only=True), strict=True), 1
+    ):
+        in_percent |= {k for k, cell in enumerate(cells) if isinstance(cell.value, str) and "%" in cell.value}
+        known = (_shown(cell) if k in in_percent else cell.value for k, cell in enumerate(cells))
+        texts = [_text(source if cell is None else cell) for cell, source in zip(known, written, strict=True)]
         if any(texts):
             lines.append((row, "\t".join(texts)))
     return lines
+
+
+def _shown(cell: Any) -> object:
+    """Return the value of a cell in a column of percentages: 50 for 0.5 that a workbook shows as 50 %."""
+    if isinstance(cell.value, int | float) and "%" in cell.number_format:
+        return float(f"{100 * cell.value:.15g}")
+    return cell.value
 
 
 def _text(cell: object) -> str:
