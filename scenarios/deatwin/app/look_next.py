@@ -16,6 +16,8 @@ from deatwin.plant.files.understood import Understood
 
 LEAST = 20  # Least samples: `deatwin identify` fits 14 of them and holds out 6; fewer leave nothing to judge a model by
 
+_FEW_FREQUENCIES = "steps, ramps or single tones"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Seen:
@@ -47,19 +49,34 @@ def next_step(seen: Sequence[Seen], rig: str | None = None) -> Next:
         return _fault(*read[0]) or Next(sentence="")
     first, look = usable[0]
     alike = [(file, other) for file, other in usable if file.options == first.options and _alike(other, look)]
-    left_out = "" if len(alike) == len(seen) else f" ({len(seen) - len(alike)} of the files left out: they differ)"
+    different = len(seen) - len(alike)
+    files = "1 file" if different == 1 else f"{different} files"
+    left_out = f" (without {files} with other columns, units or sample times, or with a fault)" if different else ""
     if rig is not None:
         return _diagnosis(rig, alike, left_out)
-    records = [record for _, other in alike for record in other.recordings]
-    words, choice = [*(file.path for file, _ in alike), *first.options], look.sampling
+    rich = [(file, other) for file, other in alike if _has_many_frequencies(other)]
+    used = rich or alike
+    paths, best = [file.path for file, _ in used], used[0][1]
+    kept = [file.path for file, _ in alike if file.path not in paths]
+    records = [record for _, other in used for record in other.recordings]
+    words, choice = [*paths, *first.options], best.sampling
     if choice is not None and advised(records, choice):
         words += ["--decimate", "auto"]
-    if degree_remarks(look.best_linear, 2):  # 2 is the degree unless one is given
+    if degree_remarks(best.best_linear, 2):  # 2 is the degree unless one is given
         words += ["--degree", "3"]
-    return Next(
-        sentence=f"identify a model from the data alone{left_out}",
-        command=shlex.join(["deatwin", "identify", *words, "--out", "narx.json"]),
-    )
+    sentence = f"identify a NARX model, which needs no rig file{left_out}"
+    if kept:
+        sentence += f"; keep {', '.join(kept)} to test it, because a fit to {_FEW_FREQUENCIES} may diverge"
+    if not rich:
+        words += ["--method", "semp"]
+        sentence += (
+            f"; --method semp, because with {_FEW_FREQUENCIES} the default method may find a model that diverges"
+        )
+    return Next(sentence=sentence, command=shlex.join(["deatwin", "identify", *words, "--out", "narx.json"]))
+
+
+def _has_many_frequencies(look: Look) -> bool:
+    return any(pattern.shape is InputShape.NOISE for pattern in look.patterns)
 
 
 def _diagnosis(rig: str, alike: Sequence[tuple[Understood, Look]], left_out: str) -> Next:
