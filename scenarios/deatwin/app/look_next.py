@@ -41,9 +41,9 @@ def next_step(seen: Sequence[Seen], rig: str | None = None) -> Next:
     if not read:
         file = next((one.file for one in seen if one.file.placeholders), None)
         if file is None:
-            return Next(sentence="change what the error names, and look again")
+            return Next(sentence="correct the file as the error message says, and look again")
         command = shlex.join(["deatwin", "look", file.path, *file.options])
-        return Next(sentence="the file does not say its sample time: put it in place of SECONDS", command=command)
+        return Next(sentence="the file does not state its sample time: write it in place of SECONDS", command=command)
     usable = [(file, look) for file, look in read if not _fault(file, look)]
     if not usable:
         return _fault(*read[0]) or Next(sentence="")
@@ -90,7 +90,7 @@ def _diagnosis(rig: str, alike: Sequence[tuple[Understood, Look]], left_out: str
             said = f"is in {units[0]}" if units[0] else "gives no unit"
             like = "mm" if wanted == "m" else wanted
             return Next(
-                sentence=f"the rig's {role} is in {wanted}, and {names[0]} {said}: name the right column, with its "
+                sentence=f"the {role} of the rig is in {wanted}, but the column {names[0]} {said}: name the right column and its "
                 f"unit: --{role}-column NAME={like}"
             )
     ordered = sorted((one for _, one in alike), key=lambda one: one.recordings[0].start)
@@ -101,16 +101,17 @@ def _diagnosis(rig: str, alike: Sequence[tuple[Understood, Look]], left_out: str
     given = paths if follow else [word for path in paths for word in ("--experiment", path)]
     command = ["deatwin", "diagnose", rig, *given, *file.options, "--out", "found"]
     return Next(
-        sentence=f"fill in {rig}, then find what physics the plant leaves out{left_out}", command=shlex.join(command)
+        sentence=f"fill in {rig}; then this command finds which physics the plant model lacks{left_out}",
+        command=shlex.join(command),
     )
 
 
 def _fault(file: Understood, look: Look) -> Next | None:
     """Recommend what to do first about a file that allows no model; None if it allows one."""
     if all(pattern.shape is InputShape.CONSTANT for pattern in look.patterns):
-        return _other_columns(file, "the input never moves: name another column, or record with an input that does")
+        return _other_columns(file, "the input never moves: name another column, or record again with a varying input")
     if look.n_samples < LEAST:
-        return Next(sentence=f"{look.n_samples} samples are too few for a model: record {LEAST} and more")
+        return Next(sentence=f"{look.n_samples} samples are too few for a model: record at least {LEAST}")
     if all(channel.low == channel.high for channel in look.channels if channel.role == "output"):
         return _other_columns(file, "the output never moves: name another column, or check the sensor")
     if all(link.status is LinkStatus.UNSEEN for link in look.links):

@@ -75,7 +75,7 @@ def test_a_compiler_is_named_or_asked_for(monkeypatch: pytest.MonkeyPatch, capsy
     monkeypatch.setenv("DEATWIN_COMPILER", "")
     assert main(["doctor"]) == 0
     said = capsys.readouterr().out
-    assert re.search(r"compiler +none found on the path: install gcc or clang", said)
+    assert re.search(r"compiler +no compiler was found on the path: install gcc or clang", said)
     for what, times, script in SLOWER:
         assert f"{what} {times} times" in said and script in said
         assert (ROOT / "tests/benchmarks" / script).is_file()
