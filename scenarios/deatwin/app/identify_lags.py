@@ -136,7 +136,7 @@ def bounded(
         if not _diverges(tried.model_, training):
             return tried, (
                 f"with {OUTPUT_LAGS} lags of the output the model had an unstable pole at a negative z, which no "
-                f"sampled plant has; the model therefore has {fewer}",
+                f"sampled plant has; the model therefore uses only {fewer}",
             )
     return identifier, (
         "the model's free run diverges on its own training recordings: do not simulate with it; unless the "

@@ -103,7 +103,7 @@ def test_a_cache_that_cannot_be_is_said(
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("DEATWIN_CACHE", str(tmp_path / "file" / "cache"))
     assert main(["doctor"]) == 0
-    assert "Not a directory: without it nothing is compiled" in capsys.readouterr().out
+    assert "Not a directory: without a cache folder nothing is compiled" in capsys.readouterr().out
 
 
 def test_the_folder_of_public_recordings_is_looked_into(

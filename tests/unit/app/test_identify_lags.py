@@ -119,7 +119,10 @@ def test_a_model_that_runs_away_on_its_own_data_is_never_given_without_a_warning
     assert "diverges on its own training recordings" in json.loads(capsys.readouterr().out)["notes"][0]
     assert main(command) == 0
     told = json.loads(capsys.readouterr().out)
-    assert "which no sampled plant has; 1 used instead" in told["notes"][0] and told["unseen"][0]["finished"]
+    assert (
+        "which no sampled plant has; the model therefore uses only 1" in told["notes"][0]
+        and told["unseen"][0]["finished"]
+    )
 
 
 @pytest.fixture

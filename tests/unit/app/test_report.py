@@ -87,8 +87,8 @@ def test_what_is_left_unexplained_is_shown_with_its_place(tmp_path: Path) -> Non
     whole = replace(DIAGNOSIS, verdict=Verdict.PARTLY, unexplained=left)
     write_report(folder, whole, Origin(inputs=[], seed=3))
     page = (folder.path / "report.html").read_text(encoding="utf-8").replace("\xa0", " ").replace("&nbsp;", " ")
-    assert "The causes leave 1.23 µm rms of a mismatch of 9.61 µm rms unexplained, 1.6 % of its power" in page
-    assert "The signals at the ball predict the rest best." in page
+    assert "The causes leave 1.23 µm rms of a mismatch of 9.61 µm rms unexplained; this is 1.6 % of its power" in page
+    assert "The rest is predicted best by the signals at the ball." in page
 
 
 def test_an_interval_has_the_prefix_of_its_value() -> None:
