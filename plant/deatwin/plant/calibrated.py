@@ -248,7 +248,7 @@ def _require_calibration(plant: Plant, names: tuple[str, ...], covariance: np.nd
                 f"calibration.names: {clipped(name)} is not a free parameter (those are {', '.join(free)})"
             )
     if len(set(names)) < len(names):
-        raise ModelError("calibration.names: a parameter stands there twice")
+        raise ModelError("calibration.names: a parameter is listed twice")
     if (np.abs(covariance) > LARGEST**2).any():
         raise ModelError(f"calibration.covariance: no variance is larger than {LARGEST**2:g}")
     variances = np.diag(covariance)

@@ -100,15 +100,15 @@ def check_command_range(recording: Recording, drive: DriveSpec) -> None:
     sample = int(np.argmax(outside))
     worst = float(command[np.argmax(np.abs(command))])
     text = (
-        f"{label(recording)}: command {amount(f'{worst:g}', drive.unit)}, first outside at "
-        f"{recording.timepts[sample]:g} s; the rig's commands are from {amount(f'{low:g}', drive.unit)} to "
-        f"{amount(f'{high:g}', drive.unit)}"
+        f"{label(recording)}: a command of {amount(f'{worst:g}', drive.unit)} is outside the rig's range of commands, "
+        f"{amount(f'{low:g}', drive.unit)} to {amount(f'{high:g}', drive.unit)} (the first one outside is at "
+        f"{recording.timepts[sample]:g} s)"
     )
     as_command = command / drive.gain
     if as_command.min() >= floor and max(low, _LEAST_USE * high) <= as_command.max() <= top:
         text += (
-            f"; these look like film volts: {worst:g} V / gain {drive.gain:g} = {worst / drive.gain:g} V, "
-            "so divide the column by the gain"
+            f"; the values look like voltages on the film: divide the column by the gain of {drive.gain:g}, so that "
+            f"{worst:g} V becomes {worst / drive.gain:g} V"
         )
     raise DataError(text)
 

@@ -56,7 +56,7 @@ def decimate(recording: Recording, factor: int, *, reading: ReadingTime = Readin
     rows = np.arange(-(-half // factor) * factor, recording.n_samples - half - factor + 1, factor)
     if rows.size < 2:
         raise DataError(
-            f"{recording.n_samples} samples are too few to decimate by {factor}: the filter alone is {odd.size} long"
+            f"{recording.n_samples} samples are too few to decimate by {factor}: the filter alone is {odd.size} samples long"
         )
     for name, values in recording.extras.items():
         if np.isnan(values).any():

@@ -17,6 +17,7 @@ from deatwin.ident.frequency.output_responses.powers import AMPLIFICATION
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus
 from deatwin.ident.narx import Reliance
 from deatwin.plant.amplitudes import amount
+from deatwin.plant.prefixes import prefixed
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.drawing import Drawing
@@ -31,7 +32,7 @@ Array = NDArray[np.float64]
 
 NEXT = {
     True: "use the responses at this operating point, for example to design a controller (deatwin check).",
-    False: "do not rely on the responses where a measure below is missed; a better model or a longer recording helps.",
+    False: "do not rely on the responses for which a measure below is missed; identify a better model, or record longer.",
 }
 """Advice, by whether all measures are reached."""
 IN_ITS_UNIT = ("real", "imaginary", "gain", "gain_low", "gain_high", "truncation")
@@ -98,13 +99,15 @@ def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
     from deatwin.ident.frequency.drawing import bode
 
     point, unit = float(found.first.point.operating_input[0]), found.model.input_units[0]
-    at = f"About {amount(f'{point:.4g}', unit)}"
+    at = f"The operating input is {amount(f'{point:.4g}', unit)}"
     with draw((7.4, 5.2)) as figure:
         panels = figure.subplots(2, 1, sharex=True)
-        bode(found.first, panels)
-        caption = f"{at}, with 95 % bands.{_hatching(found.first)}"
+        bode(_for_reading(found.first)[0], panels)
+        caption = f"Gain and phase with 95 % bands. {at}.{_hatching(found.first)}"
         if found.excited_Hz is not None and found.extrapolated:
-            caption += f" Grey: beyond {found.excited_Hz:.3g} Hz, where the training input has 1 % of its power, the "
+            caption += (
+                f" Grey: above {found.excited_Hz:.3g} Hz, where only 1 % of the training input's power lies, the "
+            )
             caption += "model extrapolates."
             for axes in panels:
                 axes.axvspan(
@@ -114,32 +117,36 @@ def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
                     alpha=0.12,
                     linewidth=0,
                 )
-        yield _drawn(figure, folder, "frequency", "First order", caption)
+        yield _drawn(figure, folder, "frequency", "First-order frequency response", caption)
     for response in found.gfrfs[1:]:
-        name, title = f"gfrf{response.order}", f"{symbol_of(response)} over two frequencies"
+        name, title = (
+            f"gfrf{response.order}",
+            f"Frequency response {symbol_of(response)} of order {response.order} over two frequencies",
+        )
         with draw((6.4, 4.8)) as figure:
-            axes = response.plot(figure.add_subplot())
+            axes = _for_reading(response)[0].plot(figure.add_subplot())
             axes.set_aspect("equal")
             axes.grid(False)
-            yield _drawn(figure, folder, name, title, f"{at}.{_hatching(response)}")
+            yield _drawn(figure, folder, name, title, f"Gain in dB. {at}.{_hatching(response)}")
     if found.nofrfs is not None and found.signal is not None:
         with draw((7.4, 0.8 + 2.2 * found.nofrfs.order)) as figure:
-            for axes in found.nofrfs.plot_orders(list(figure.subplots(found.nofrfs.order, 1, sharex=True))):
+            panels = list(figure.subplots(found.nofrfs.order, 1, sharex=True))
+            for axes in _orders_for_reading(found.nofrfs).plot_orders(panels):
                 for error in axes.get_lines()[1:]:
                     error.set_color(COLOURS["measured"][0])  # the library's own colour does not suit dark mode
                 axes.legend(markerscale=1)
             data, *further = [_table(f"nofrf{response.order}") for response, _ in _fitted(found.nofrfs)]
             caption = (
-                f"Responses to the test signal of {written(found.ranges_Hz[0])} Hz. {at}, with 95 % bands."
+                f"Gains of the NOFRFs for the test signal of {written(found.ranges_Hz[0])} Hz, with 95 % bands. {at}."
                 f"{_hatching(*found.nofrfs.orders[: found.nofrfs.order])} The dotted truncation error is the possible "
-                "contribution of orders beyond those fitted; where it comes near the gain, Gₙ is unknown."
+                "error caused by orders above those fitted; where it is as large as the gain, the gain is unknown."
             )
-            drawing = _drawn(figure, folder, "nofrf", "NOFRFs", caption)
+            drawing = _drawn(figure, folder, "nofrf", "Nonlinear output frequency responses (NOFRFs)", caption)
             yield replace(drawing, data=data, further=tuple(further))
         with draw((7.4, 2.8)) as figure:
             axes = found.signal.plot(figure.add_subplot())
             axes.set_ylabel(f"deviation of the {axes.get_ylabel()}")
-            caption = "One period, as deviations from the operating input; all its lines are in phase."
+            caption = "One period of the test signal of the NOFRFs, as the deviation from the operating input. All its spectral lines have the same phase."
             yield _drawn(figure, folder, "test_signal", "Test signal", caption)
 
 
@@ -151,7 +158,30 @@ def _drawn(figure: Figure, folder: ResultFolder, name: str, title: str, caption:
 def _hatching(*responses: FrequencyResponse) -> str:
     """Explain hatched areas, if there are any."""
     known = all(response.band().linear_law.all() for response in responses)
-    return "" if known else " Hatched: the gain is below four standard deviations, so its band is unreliable."
+    return (
+        "" if known else " Hatched: the gain is less than four of its standard deviations, so its band is unreliable."
+    )
+
+
+def _for_reading(response: FrequencyResponse) -> tuple[FrequencyResponse, float]:
+    """Return a response in a unit with a suitable prefix, such as µm/V, and the SI size of this unit."""
+    above, _, below = response.unit.partition("/")
+    largest = float(response.gain.max(initial=0.0, where=np.isfinite(response.gain)))
+    size, unit = (1.0, response.unit) if below.strip("(").startswith(above) else prefixed(largest, response.unit)
+    shown = replace(
+        response,
+        values=response.values / size,
+        unit=unit,
+        differentiate=lambda: response.gradient / size,
+        evaluate=None,
+    )
+    return shown, size
+
+
+def _orders_for_reading(found: Nofrf) -> Nofrf:
+    shown = [_for_reading(response) for response in found.orders]
+    truncation = tuple(error / size for error, (_, size) in zip(found.truncation, shown, strict=True))
+    return replace(found, orders=tuple(response for response, _ in shown), truncation=truncation)
 
 
 def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
@@ -160,14 +190,14 @@ def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
     orders = "order 1" if len(found.gfrfs) == 1 else f"orders 1 to {len(found.gfrfs)}"
     about = amount(f"{point.operating_input[0]:.4g}", unit)
     ranges = Table(
-        title="Where each order of the output can have energy",
-        columns=["order", "Hz"],
+        title="Frequencies at which each order of the output can have energy",
+        columns=["order", "frequencies (Hz)"],
         rows=[[str(n), written(bands)] for n, bands in enumerate(found.ranges_Hz, start=1)],
     )
     rows = _rows(found)
     return StoryPage(
         title="frequency",
-        sentence=f"Frequency responses of {orders} about {about}: {found.first.status.value}.",
+        sentence=f"Frequency responses of {orders} at an operating input of {about}: {found.first.status.value}.",
         caveats=[f"{text[:1].upper()}{text[1:]}." for text in found.caveats],
         rows=rows,
         notes=[Note(title="Notes", paragraphs=[f"{text[:1].upper()}{text[1:]}." for text in messages])],
@@ -180,7 +210,7 @@ def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
 def _reliance(known: Reliance) -> Measure:
     """Show the caveats from the validation on held-out data."""
     return Measure(
-        "failed residual tests and bias of the model on held-out data",
+        "failed residual tests of the model on held-out data, and bias of its gain",
         "none",
         f"{len(known.caveats)}, named above" if known.caveats else "none",
         not known.caveats,
@@ -197,33 +227,37 @@ def _rows(found: Responses) -> list[Measure]:
         share = float(np.mean(response.band(found.level).linear_law))
         rows.append(
             Measure(
-                f"band of {symbol_of(response)}: share of frequencies at which the gain exceeds four standard deviations",
+                f"share of frequencies at which the gain of {symbol_of(response)} exceeds four of its standard deviations",
                 "all",
                 f"{100 * share:.0f} %",
                 share == 1.0,
             )
         )
     if found.missing:
-        rows.append(Measure("NOFRFs", "there are some", found.missing, False))
+        rows.append(Measure("NOFRFs (nonlinear output frequency responses)", "computed", found.missing, False))
     if found.nofrfs is not None:
         fitted = found.nofrfs
         grown = max(u.largest_amplification for u in fitted.inputs[: fitted.order])
         left = float(fitted.residual[:, -1].max())
         rows += [
             Measure(
-                "test signal: factor by which an error in one order is amplified in its NOFRF",
+                "factor by which an error in one order is amplified in the NOFRF of this order, because of the test signal",
                 f"at most {AMPLIFICATION:g}",
                 f"{grown:.3g}",
                 grown <= AMPLIFICATION,
             ),
             Measure(
-                f"{fitted.highest} orders fitted at {fitted.levels.size} levels: largest unexplained share of an output",
+                f"largest share of an output that {fitted.highest} orders, fitted at {fitted.levels.size} amplitudes of the test "
+                "signal, leave unexplained",
                 "below 1 %",
                 f"{100 * left:.2g} %",
                 left < 0.01,
             ),
             Measure(
-                measure="NOFRFs", demanded=NofrfStatus.OK.value, reached=fitted.status.value, passed=fitted.status.ok
+                measure="test signal and number of orders of the NOFRFs",
+                demanded=NofrfStatus.OK.value,
+                reached=fitted.status.value,
+                passed=fitted.status.ok,
             ),
         ]
     return rows

@@ -22,6 +22,7 @@ from deatwin.ident.narx import NarxModel, Reliance
 from deatwin.ident.narx.excited import highest_excited_Hz
 from deatwin.plant.amplitudes import amount
 from deatwin.plant.errors import ModelError
+from deatwin.plant.prefixes import with_unit
 
 Array = NDArray[np.float64]
 
@@ -94,43 +95,48 @@ class Responses:
         yield from self.caveats
         yield f"operating input {amount(f'{point.operating_input[0]:.4g}', unit)}: {self.first.status.value}"
         if point.outputs.size > 1:
+            output_unit = self.model.output_units[0]
             others = ", ".join(
-                f"{y:.4g} ({'stable' if stable else 'unstable'})"
+                f"{with_unit(y, output_unit)} ({'stable' if stable else 'unstable'})"
                 for y, stable in zip(point.outputs, point.stable, strict=True)
             )
-            yield f"equilibria {amount(others, self.model.output_units[0])}; {point.output:.4g} is used"
+            yield (
+                f"the model has several equilibria at this input, at outputs of {others}; the responses are those at "
+                f"{with_unit(point.output, output_unit)}"
+            )
         if self.beyond_training is not None:
             low, high = self.beyond_training
             yield (
-                "the operating input lies outside the training inputs, "
+                "the operating input lies outside the range of the training inputs, "
                 + amount(f"{low:.4g} to {high:.4g}", unit)
-                + ": the responses are extrapolation, and their bands do not cover that error"
+                + ": the responses are extrapolated, and their bands do not cover that error"
             )
         if self.extrapolated:
             yield (
-                f"99 % of the power of the training input lies below {self.excited_Hz:.3g} Hz: above it, H₁ is "
-                "extrapolation, and its band does not cover that error"
+                f"99 % of the power of the training input lies below {self.excited_Hz:.3g} Hz: above this frequency, H₁ is "
+                "extrapolated, and its band does not cover that error"
             )
         for order, bands in enumerate(self.ranges_Hz[1:], start=2):
-            yield f"the output of order {order} can have energy at {written(bands)} Hz"
+            yield f"the part of the output of order {order} can have energy only at {written(bands)} Hz"
         for response in self.gfrfs:
             share = float(np.mean(~response.band(self.level).linear_law))
             if share > 0:
                 yield (
-                    f"{symbol_of(response)}: the band is unreliable at {100 * share:.0f} % of the "
-                    "frequencies, where the gain is below four standard deviations"
+                    f"the band of {symbol_of(response)} is unreliable at {100 * share:.0f} % of the frequencies, where the "
+                    "gain is less than four of its standard deviations"
                 )
         for response, law in zip(self.gfrfs, self.laws, strict=True):
             if law.status in (UncertaintyStatus.BENT, UncertaintyStatus.LOST):
                 yield f"{symbol_of(response)}: {law.advice}"
         if self.nofrfs is not None and self.signal is not None:
             yield (
-                f"NOFRFs: {self.nofrfs.status.value}; levels up to {amount(f'{self.signal.amplitude:.4g}', unit)}"
-                + f", {self.nofrfs.highest} orders fitted, condition {self.nofrfs.condition:.3g}"
+                f"NOFRFs: {self.nofrfs.status.value}; {self.nofrfs.highest} orders were fitted to the responses to test "
+                f"signals of up to {amount(f'{self.signal.amplitude:.4g}', unit)}, with a condition number of "
+                f"{self.nofrfs.condition:.3g}"
             )
             yield from _truncated(self.nofrfs)
         if self.missing:
-            yield f"no NOFRFs: {self.missing}"
+            yield f"no NOFRFs were computed: {self.missing}"
 
     def to_json(self) -> dict[str, Any]:
         """Return everything except the maps as plain data; H_1 uses the column names of its table, without units."""
@@ -250,8 +256,8 @@ def _room(model: NarxModel, operating_input: float | None) -> float | None:
         return None
     if not shifted.input_min[0] < 0 < shifted.input_max[0]:
         raise ModelError(
-            f"the operating input {operating_input:g} lies outside the training inputs, so no test signal around it "
-            "stays inside: give --amplitude, or another operating input"
+            f"the operating input {operating_input:g} lies outside the range of the training inputs, and so does every "
+            "test signal around it: give --amplitude, or another operating input"
         )
     return float(min(-shifted.input_min[0], shifted.input_max[0]))
 
@@ -271,8 +277,8 @@ def _band(model: NarxModel, given: tuple[float, float] | None, excited: float | 
     low, high = given
     if not 0 <= low < high < nyquist:
         raise ModelError(
-            f"the band of {low:g} to {high:g} Hz: give the lowest and the highest frequency, from 0 and below half the "
-            f"sampling rate, {nyquist:g} Hz"
+            f"the band is given as {low:g} to {high:g} Hz: give the lower frequency first, at least 0, and then the higher one, "
+            f"below half the sampling rate, {nyquist:g} Hz"
         )
     return low, high
 
@@ -293,8 +299,8 @@ def _truncated(found: Nofrf) -> Iterator[str]:
         share = float(np.mean(error > UNKNOWN * g.gain))
         if share > 0:
             yield (
-                f"{symbol_of(g)}: at {100 * share:.0f} % of the frequencies, orders above those fitted may cause more than "
-                f"{100 * UNKNOWN:.0f} % of the gain"
+                f"at {100 * share:.0f} % of the frequencies, orders above those fitted may cause more than "
+                f"{100 * UNKNOWN:.0f} % of the gain of {symbol_of(g)}"
             )
 
 

@@ -90,7 +90,8 @@ def direction_notes(plant: GivenPlant, records: Sequence[Recording]) -> list[str
     if plant.described is None or plant.described.sensor.direction == AGAINST or not falls_with_voltage(records):
         return []
     return [
-        f"the {plant.model.plant.rig.output_name} falls where the voltage rises, and that of a {plant.described.kind} rises: "
+        f"in the recordings the {plant.model.plant.rig.output_name} falls when the voltage rises, but that of a "
+        f"{plant.described.kind} rises: "
         f'if the sensor is mounted on the other side, write direction = "{AGAINST}" under [sensor] of {plant.source}'
     ]
 
@@ -99,7 +100,7 @@ def absent_readings(plant: GivenPlant, records: Sequence[Recording]) -> list[str
     """Return a sentence for each further reading of the rig that no recording contains."""
     recorded = {name for record in records for name in record.extras}
     return [
-        f'no recording has the reading "{reading.name}" of {plant.source}: it is left out'
+        f'no recording contains the reading "{reading.name}" of {plant.source}, so this reading is not used'
         for reading in plant.model.plant.rig.further
         if reading.name not in recorded
     ]

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 FIRST, LAST = 0, 2  # First and last input lag if there is no dead time
 _WITHIN = (
-    "in a closed loop, lag 0 would include the controller's reaction within the sample; if each reading is taken at "
-    "the end of its row and the controller reacts in the next, give --first-input-lag 0"
+    "in a closed loop, lag 0 would include the controller's reaction within the sample; give --first-input-lag 0 only "
+    "if each reading is taken at the end of its sample interval and the controller reacts in the next one"
 )
 OUTPUT_LAGS = 2  # Number of output lags, unless others are requested
 
@@ -136,7 +136,7 @@ def bounded(
         if not _diverges(tried.model_, training):
             return tried, (
                 f"with {OUTPUT_LAGS} lags of the output the model had an unstable pole at a negative z, which no "
-                f"sampled plant has; {fewer} used instead",
+                f"sampled plant has; the model therefore uses only {fewer}",
             )
     return identifier, (
         "the model's free run diverges on its own training recordings: do not simulate with it; unless the "

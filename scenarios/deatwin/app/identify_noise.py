@@ -29,7 +29,7 @@ def outlying(training: Sequence[Recording]) -> list[str]:
         squares = record.outputs[0].var() * record.n_samples
         for found in inspect_recordings(record):
             if found.kind is FindingKind.OUTLIERS and found.size**2 > _WORTH_SAYING * squares:
-                said.append(f"{found}: {found.kind.value}; they bias the fit")
+                said.append(f"{found}: {found.kind.value}; these samples bias the fit")
     return said
 
 
@@ -38,6 +38,7 @@ def biased_by_noise(model: NarxModel, training: Sequence[Recording], unseen: Seq
     from deatwin.ident.narx import refine
     from deatwin.ident.narx.growth import worse
     from deatwin.plant.errors import ModelError
+    from deatwin.plant.prefixes import with_unit
 
     try:
         refined = refine(model, training, tolerance=1e-4)
@@ -52,9 +53,9 @@ def biased_by_noise(model: NarxModel, training: Sequence[Recording], unseen: Seq
     size = float(np.concatenate([part.outputs[0] for part in unseen]).std())
     if before - after < _WORTH_SAYING * size or not worse(parts[0], parts[1], _LEVEL):
         return []
-    unit = f" {model.output_units[0]}" if model.output_units[0] not in ("", "1") else ""
+    own_error, other_error = (with_unit(error, model.output_units[0]) for error in (before, after))
     return [
-        f"on the held-out part, the free-run error of these terms is {before:.4g}{unit} rms, but {after:.4g}{unit} if "
-        f"they are fitted to the free run: noise on the readings, or missing dynamics, bias the one-step fit; "
-        f"--method semp fits the free run"
+        f"on the held-out part, the free-run error of these terms is {own_error} rms, but only {other_error} rms if they "
+        "are fitted to the free run instead of one step ahead: noise on the readings, or missing dynamics, bias the "
+        "one-step fit; --method semp fits the free run"
     ]

@@ -30,8 +30,8 @@ def degree_remarks(found: BestLinearApproximation | None, degree: int) -> list[s
         return []
     size = with_unit(found.odd_rms, found.output_unit)
     return [
-        f"the odd nonlinear distortion, {size} rms, is above the noise and above the even one: try terms of odd degree, "
-        "--degree 3"
+        f"the odd nonlinear distortion, {size} rms, is larger than the noise and than the even distortion: allow terms of "
+        "the third degree, --degree 3"
     ]
 
 
@@ -42,4 +42,6 @@ def periodic_drawing(found: BestLinearApproximation) -> Drawing:
         figure.align_ylabels()
         text = str(found)
         caption = f"{text[:1].upper()}{text[1:]}."
-        return Drawing.of(figure, "best_linear", "Without a model", caption, drawn_table(figure))
+        return Drawing.of(
+            figure, "best_linear", "Best linear approximation, estimated without a model", caption, drawn_table(figure)
+        )

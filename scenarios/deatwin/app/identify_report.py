@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 NEXT = {
     True: "use the model within the range and frequencies of these inputs.",
-    False: "see below which measure the model misses; try other lags, another --degree or another --method.",
+    False: "the table below shows which measure the model misses; try other lags, another --degree or another --method.",
 }
 """Advice, by whether all measures are reached."""
 MOST = 6  # Most recordings that have a figure of their own
@@ -138,11 +138,19 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
     if found.clocks:
         notes.append(Note(title="Sampling", paragraphs=[f"{said}." for said in found.clocks]))
     if not found.complete:
-        notes.append(Note(title="Interrupted", paragraphs=["The search for terms was stopped before its end."]))
+        notes.append(
+            Note(title="Interrupted", paragraphs=["The search for terms was interrupted before it was complete."])
+        )
     if found.notes:
         notes.append(Note(title="About the fit", paragraphs=[f"{note[:1].upper()}{note[1:]}." for note in found.notes]))
     if not tables:
-        notes.append(Note(title="The model", paragraphs=["The model relates scaled signals."], code=str(model)))
+        notes.append(
+            Note(
+                title="The model",
+                paragraphs=["The equations relate scaled signals, not the signals in their units."],
+                code=str(model),
+            )
+        )
     page = StoryPage(
         title="identify",
         sentence=sentence,
@@ -159,7 +167,7 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
 
 def _beside(found: Identified) -> str:
     """Return the largest error of the linear models, as the end of a sentence."""
-    return f", and that of a linear model {found.amount(max(found.linear))} rms" if found.linear else ""
+    return f", and the error of a linear model is {found.amount(max(found.linear))} rms" if found.linear else ""
 
 
 def linear_errors(
@@ -200,7 +208,11 @@ def _free_run(found: Identified, number: int, part: Recording, run: NarxResponse
         lower.set(xlabel="time (s)", ylabel=axis_label(part.input_names[0].replace("_", " "), part.input_units[0]))
         figure.align_ylabels()
         figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=2)
-        given = "the first outputs" if found.steps is None else f"the outputs until {found.steps} samples before"
+        given = (
+            "the first measured outputs"
+            if found.steps is None
+            else f"the outputs measured at least {found.steps} samples earlier"
+        )
         caption = f"The model receives only the input and {given}. No parameter was fitted to this part."
         outputs = {f"measured{found.column}": measured, f"model{found.column}": simulated}
         return Drawing.of(figure, name, title, caption, {"time_s": timepts, "input": command, **outputs})
@@ -215,7 +227,7 @@ def _terms(model: NarxModel) -> Drawing:
         axes = figure.add_subplot()
         places = np.arange(order.size)
         axes.plot(certainty[order], places, "o", color=Hue.AFTER, markersize=5)
-        axes.axvline(1.96, color=Hue.INK, linestyle=":", linewidth=1.1, label="below: not significant (95 %)")
+        axes.axvline(1.96, color=Hue.INK, linestyle=":", linewidth=1.1, label="not significant below this line (95 %)")
         axes.set_yticks(places, [str(model.terms[i]) for i in order])
         axes.set(xscale="log", xlabel="|parameter| / standard deviation", ylim=(-0.6, order.size - 0.4))
         plain_numbers(axes.xaxis, 1.0, 2.0, 5.0)
@@ -228,7 +240,7 @@ def _tests(validation: Validation) -> Drawing:
     drawn = [t for t in validation.tests if t.output == 0 and t.name != "ee'" and t.other in (None, 0)]
     with draw((7.4, 1.7 * len(drawn))) as figure:
         validation.plot(list(figure.subplots(len(drawn), 1, squeeze=False)[:, 0]))
-        caption = "Correlations of the one-step residual with itself and with the input; grey: 95 % of the values expected by chance lie in this range."
+        caption = "Correlations of the one-step residual e with itself and with the input u. Grey: the range that contains 95 % of chance values."
         return Drawing.of(figure, "tests", "Residual tests", caption, drawn_table(figure))
 
 
@@ -255,7 +267,11 @@ def _rows(found: Identified, runs: Sequence[NarxResponse]) -> list[Measure]:
         )
     if found.tested.validation is not None and found.tested.validation.tests:
         failed = [test.name for test in found.tested.validation.failed]
-        told = f"fails: {', '.join(failed)}" if failed else f"all {len(found.tested.validation.tests)} pass"
+        told = (
+            f"{len(failed)} of {len(found.tested.validation.tests)} fail: {', '.join(failed)} (e: residual, u: input)"
+            if failed
+            else f"all {len(found.tested.validation.tests)} pass"
+        )
         rows.append(Measure("correlation tests of the residual", "none fails", told, not failed))
     return rows
 

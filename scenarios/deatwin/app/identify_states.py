@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from deatwin.plant.recording import Recording
 
 _USELESS = (
-    "no better than the mean of the readings: stay with fewer states, terms or degrees, record longer, or try --method "
-    "frols, whose choice one step ahead also suits plants that are unstable or integrate"
+    "no better than the mean of the readings: take fewer states or a lower degree, record longer, or try --method frols, "
+    "which fits one step ahead and so also suits plants that are unstable or integrate"
 )
 
 
@@ -38,6 +38,7 @@ def identify_states(
     from deatwin.ident.narx import FitStatus
     from deatwin.ident.narx.recorded_pole import recorded_pole
     from deatwin.ident.narx.unstable import unstable_pole_lacked
+    from deatwin.plant.prefixes import with_unit
     from deatwin.plant.recording import label
 
     with voice.progress("fitting a nonlinear state space") as progress:
@@ -48,22 +49,23 @@ def identify_states(
             raise typer.Exit(130) from None
     model = identifier.model_
     model.save(out)
-    unit = f" {model.output_units[0]}" if model.output_units[0] not in ("", "1") else ""
+    unit = model.output_units[0]
     lines = [*notes, str(model)]
     errors, found = [], []
     for record in unseen:
         run = model.simulate(record)
         finished = run.status.ok
         errors.append({"free_run": run.rms_error, "finished": finished, "unit": model.output_units[0]})
-        ended = "" if finished else " (diverged)"
         if not finished or run.rms_error > record.outputs[:, run.first :].std():
             found.append(
                 f"{label(record)}, held-out part: the free run {'' if finished else 'diverges, and '}is {_USELESS}"
             )
-        lines.append(f"{label(record)}, held-out part: free run {run.rms_error:.4g}{unit}{ended} rms")
+        free = f"error of the free run {with_unit(run.rms_error, unit)} rms" if finished else "the free run diverges"
+        lines.append(f"{label(record)}, held-out part: {free}")
     linear, own = (float(np.sqrt(np.mean(error**2))) for error in (identifier.linear_error_, identifier.error_))
     lines.append(
-        f"on the part for training: free run {own:.4g}{unit} rms, that of a linear state space {linear:.4g}{unit}"
+        f"on the fitted part: error of the free run {with_unit(own, unit)} rms; error of a linear state space "
+        f"{with_unit(linear, unit)} rms"
     )
     if np.all(np.abs(model.poles) <= 1.0) and (lacked := unstable_pole_lacked(recorded_pole(training), training)):
         found.append(lacked)
@@ -79,9 +81,11 @@ def identify_states(
     report_of(
         Identified(
             model=model,
-            told=f"A nonlinear state space of order {states} with {model.theta.size} weights",
+            told=f"A nonlinear state space of order {states} with {model.theta.size} parameters",
             unseen=unseen,
-            tested=Tested(why_not="it was fitted to the free run, so its error shows all that is missing"),
+            tested=Tested(
+                why_not="the model was fitted to the free run, so the error of its free run shows all that is missing"
+            ),
             complete=complete,
             notes=found,
             clocks=notes,

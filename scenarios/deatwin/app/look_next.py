@@ -16,6 +16,8 @@ from deatwin.plant.files.understood import Understood
 
 LEAST = 20  # Least samples: `deatwin identify` fits 14 of them and holds out 6; fewer leave nothing to judge a model by
 
+_FEW_FREQUENCIES = "steps, ramps or single tones"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Seen:
@@ -39,27 +41,42 @@ def next_step(seen: Sequence[Seen], rig: str | None = None) -> Next:
     if not read:
         file = next((one.file for one in seen if one.file.placeholders), None)
         if file is None:
-            return Next(sentence="change what the error names, and look again")
+            return Next(sentence="correct the file as the error message says, and look again")
         command = shlex.join(["deatwin", "look", file.path, *file.options])
-        return Next(sentence="the file does not say its sample time: put it in place of SECONDS", command=command)
+        return Next(sentence="the file does not state its sample time: write it in place of SECONDS", command=command)
     usable = [(file, look) for file, look in read if not _fault(file, look)]
     if not usable:
         return _fault(*read[0]) or Next(sentence="")
     first, look = usable[0]
     alike = [(file, other) for file, other in usable if file.options == first.options and _alike(other, look)]
-    left_out = "" if len(alike) == len(seen) else f" ({len(seen) - len(alike)} of the files left out: they differ)"
+    different = len(seen) - len(alike)
+    files = "1 file" if different == 1 else f"{different} files"
+    left_out = f" (without {files} with other columns, units or sample times, or with a fault)" if different else ""
     if rig is not None:
         return _diagnosis(rig, alike, left_out)
-    records = [record for _, other in alike for record in other.recordings]
-    words, choice = [*(file.path for file, _ in alike), *first.options], look.sampling
+    rich = [(file, other) for file, other in alike if _has_many_frequencies(other)]
+    used = rich or alike
+    paths, best = [file.path for file, _ in used], used[0][1]
+    kept = [file.path for file, _ in alike if file.path not in paths]
+    records = [record for _, other in used for record in other.recordings]
+    words, choice = [*paths, *first.options], best.sampling
     if choice is not None and advised(records, choice):
         words += ["--decimate", "auto"]
-    if degree_remarks(look.best_linear, 2):  # 2 is the degree unless one is given
+    if degree_remarks(best.best_linear, 2):  # 2 is the degree unless one is given
         words += ["--degree", "3"]
-    return Next(
-        sentence=f"identify a model from the data alone{left_out}",
-        command=shlex.join(["deatwin", "identify", *words, "--out", "narx.json"]),
-    )
+    sentence = f"identify a NARX model, which needs no rig file{left_out}"
+    if kept:
+        sentence += f"; keep {', '.join(kept)} to test it, because a fit to {_FEW_FREQUENCIES} may diverge"
+    if not rich:
+        words += ["--method", "semp"]
+        sentence += (
+            f"; --method semp, because with {_FEW_FREQUENCIES} the default method may find a model that diverges"
+        )
+    return Next(sentence=sentence, command=shlex.join(["deatwin", "identify", *words, "--out", "narx.json"]))
+
+
+def _has_many_frequencies(look: Look) -> bool:
+    return any(pattern.shape is InputShape.NOISE for pattern in look.patterns)
 
 
 def _diagnosis(rig: str, alike: Sequence[tuple[Understood, Look]], left_out: str) -> Next:
@@ -73,7 +90,7 @@ def _diagnosis(rig: str, alike: Sequence[tuple[Understood, Look]], left_out: str
             said = f"is in {units[0]}" if units[0] else "gives no unit"
             like = "mm" if wanted == "m" else wanted
             return Next(
-                sentence=f"the rig's {role} is in {wanted}, and {names[0]} {said}: name the right column, with its "
+                sentence=f"the {role} of the rig is in {wanted}, but the column {names[0]} {said}: name the right column and its "
                 f"unit: --{role}-column NAME={like}"
             )
     ordered = sorted((one for _, one in alike), key=lambda one: one.recordings[0].start)
@@ -84,16 +101,17 @@ def _diagnosis(rig: str, alike: Sequence[tuple[Understood, Look]], left_out: str
     given = paths if follow else [word for path in paths for word in ("--experiment", path)]
     command = ["deatwin", "diagnose", rig, *given, *file.options, "--out", "found"]
     return Next(
-        sentence=f"fill in {rig}, then find what physics the plant leaves out{left_out}", command=shlex.join(command)
+        sentence=f"fill in {rig}; then this command finds which physics the plant model lacks{left_out}",
+        command=shlex.join(command),
     )
 
 
 def _fault(file: Understood, look: Look) -> Next | None:
     """Recommend what to do first about a file that allows no model; None if it allows one."""
     if all(pattern.shape is InputShape.CONSTANT for pattern in look.patterns):
-        return _other_columns(file, "the input never moves: name another column, or record with an input that does")
+        return _other_columns(file, "the input never moves: name another column, or record again with a varying input")
     if look.n_samples < LEAST:
-        return Next(sentence=f"{look.n_samples} samples are too few for a model: record {LEAST} and more")
+        return Next(sentence=f"{look.n_samples} samples are too few for a model: record at least {LEAST}")
     if all(channel.low == channel.high for channel in look.channels if channel.role == "output"):
         return _other_columns(file, "the output never moves: name another column, or check the sensor")
     if all(link.status is LinkStatus.UNSEEN for link in look.links):

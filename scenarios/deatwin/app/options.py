@@ -32,7 +32,9 @@ TimeColumn = Annotated[
     str | None,
     typer.Option(metavar="NAME[=UNIT]", help="Header of the time column, or its position; =ms states its unit."),
 ]
-AllowGaps = Annotated[bool, typer.Option("--allow-gaps", help="Split a record at its gaps and keep the clock.")]
+AllowGaps = Annotated[
+    bool, typer.Option("--allow-gaps", help="Accept a recording with gaps: split it there, and keep its times.")
+]
 
 
 def positive(complaint: str) -> Callable[[float | None], float | None]:
@@ -58,7 +60,7 @@ SampleTime = Annotated[
         "--dt",
         metavar="SECONDS",
         callback=positive("{:g} is not a positive number"),
-        help="Sample time of files without times.",
+        help="Sample time, for files without times.",
     ),
 ]
 Resample = Annotated[
@@ -75,7 +77,7 @@ Experiments = Annotated[
         "--experiment",
         metavar="FILES...",
         callback=_some_files,
-        help="The recordings of one experiment, from rest; give it once for each experiment.",
+        help="The recordings of one experiment that starts from rest; give this option once for each experiment.",
     ),
 ]
 
@@ -89,7 +91,7 @@ def _whole_workers(value: int) -> int:
 Jobs = Annotated[int, typer.Option(callback=_whole_workers, help="Worker processes; -1 takes all cores.")]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of all random numbers.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
-Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors and, with --json, the result.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Print only errors and, with --json, the result.")]
 
 _BETWEEN = "\x1f"  # the unit separator, which no file name contains
 

@@ -51,9 +51,9 @@ def _page(found: ExperimentPlan, drawings: list[Drawing]) -> StoryPage:
             "effect": lambda one: _words(one.effect),
             "smallest strength found": _least,
             "typical strength": lambda one: with_unit(one.typical, one.unit),
-            f"change at the typical strength{f', {unit}' if unit else ''}": lambda one: f"{one.change:.3g}",
+            f"rms change at the typical strength{f', {unit}' if unit else ''}": lambda one: f"{one.change:.3g}",
             "not distinguished from": lambda one: (
-                ", ".join(map(_words, one.alike)) or ("–" if one.visible else "not seen")
+                ", ".join(map(_words, one.alike)) or ("–" if one.visible else "not found")
             ),
         },
     )
@@ -101,9 +101,9 @@ def _said(found: ExperimentPlan, unit: str) -> Iterator[str]:
         f"{error}. All parameters of the plant are refitted together with each effect."
     )
     yield (
-        "An effect is found if its expected probability is at least 95 % and, after the parameters are refitted, it "
-        "changes the reading by more than the model error. Two effects are not distinguished if the wrong one would "
-        "fit better in more than 2.3 % of all recordings. The wrong effect may have any strength and any time constants."
+        "An effect counts as found if its expected probability is at least 95 % and if it changes the reading, after the "
+        "parameters are refitted, by more than the model error. Two effects are not distinguished if the wrong one would "
+        "fit better in more than 2.3 % of all recordings. In this comparison the wrong effect may have any strength and any time constants."
     )
     if found.impossible:
         yield f"The plant could not be simulated with {', '.join(map(_words, found.impossible))}."

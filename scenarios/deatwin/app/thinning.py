@@ -10,6 +10,7 @@ import numpy as np
 
 from deatwin.ident.narx.preprocess import SamplingChoice, SamplingStatus, choose_sampling, decimate
 from deatwin.plant.errors import DataError, ModelError
+from deatwin.plant.prefixes import with_unit
 from deatwin.plant.recording import Recording
 from deatwin.plant.rigs.base import ReadingTime
 
@@ -43,7 +44,7 @@ def thinned(records: list[Recording], wanted: str | None, reading: ReadingTime, 
         return Thinned(records=made, notes=[_done(int(wanted), made)] if int(wanted) > 1 else [])
     choice = _choice([record.section(0, round(record.n_samples * (1 - held_out))) for record in records])
     if choice is None or choice.status is not SamplingStatus.DECIMATE:
-        why = "the output's correlation cannot be computed" if choice is None else choice.status.value
+        why = "the output's autocorrelation cannot be computed" if choice is None else choice.status.value
         return Thinned(records=records, notes=[] if wanted is None else [f"not decimated: {why}"])
     slower, reason = choice.sample_time * choice.factor, _reason(choice)
     if wanted == "auto":
@@ -54,8 +55,9 @@ def thinned(records: list[Recording], wanted: str | None, reading: ReadingTime, 
     return Thinned(
         records=records,
         notes=[
-            f"sampled every {choice.sample_time:g} s, far faster than a NARX model needs: {reason}, so neighbouring "
-            f"regressors are almost equal; --decimate auto keeps a sample every {slower:g} s"
+            f"the recordings are sampled every {choice.sample_time:g} s, far faster than a NARX model needs: {reason}; "
+            f"neighbouring samples are then almost equal and hardly determine the parameters; --decimate auto keeps a "
+            f"sample every {slower:g} s"
         ],
     )
 
@@ -85,12 +87,12 @@ def lost(model: NarxModel, unseen: Sequence[Recording], whole: Sequence[Recordin
     slight = _SLIGHT * float(np.concatenate([part.outputs[0] for part in ends]).std())
     if diverges or not (diverged or after > max(_CLEARLY * before, before + slight)):
         return []
-    unit = f" {model.output_units[0]}" if model.output_units[0] not in ("", "1") else ""
-    how = "diverges" if diverged else f"is off by {after:.4g}{unit} rms"
+    unit = model.output_units[0]
+    how = "diverges" if diverged else f"has an error of {with_unit(after, unit)} rms"
     return [
-        f"decimation lost information: on the held-out part the model's free run {how}, but that of a linear model of "
-        f"the original recording has an error of {before:.4g}{unit} rms; leave --decimate out, or choose a smaller "
-        f"factor"
+        f"decimation lost information: on the held-out part the model's free run {how}, but the free run of a linear "
+        f"model of the original recording has an error of only {with_unit(before, unit)} rms; leave --decimate out, or "
+        "choose a smaller factor"
     ]
 
 
@@ -111,9 +113,9 @@ def _choice(records: Sequence[Recording]) -> SamplingChoice | None:
 
 def _reason(choice: SamplingChoice) -> str:
     return (
-        f"the output's correlation reaches its first minimum, or zero, after {choice.first_minimum} samples, where 10 to "
-        f"20 suffice, and the output has frequencies up to {choice.highest:.3g} Hz only, where 10 samples per period "
-        f"suffice"
+        f"the output's autocorrelation reaches its first minimum, or zero, only after {choice.first_minimum} samples (10 "
+        f"to 20 suffice), and the output contains frequencies only up to {choice.highest:.3g} Hz (10 samples per period "
+        "suffice)"
     )
 
 

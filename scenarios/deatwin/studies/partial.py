@@ -47,7 +47,7 @@ def first_words(step: Step, unit: str) -> str:
         )
     if step.name == "detect" and found["excess"] is not None:
         size, least = (amount(f"{found[k]:.3g}", unit) for k in ("excess", "practical"))
-        return f"mismatch: {size} beyond the noise; less than {least} would not count"
+        return f"mismatch: the error exceeds the noise by {size}; less than {least} would not count as a mismatch"
     if step.name == "locate":
         times = sorted(found["time"], key=lambda window: -window["score"])[:1]
         bands = sorted(found["frequency"], key=lambda band: -band["excess_dB"])[:1]

@@ -75,7 +75,7 @@ def test_a_compiler_is_named_or_asked_for(monkeypatch: pytest.MonkeyPatch, capsy
     monkeypatch.setenv("DEATWIN_COMPILER", "")
     assert main(["doctor"]) == 0
     said = capsys.readouterr().out
-    assert re.search(r"compiler +none found on the path: install gcc or clang", said)
+    assert re.search(r"compiler +no compiler was found on the path: install gcc or clang", said)
     for what, times, script in SLOWER:
         assert f"{what} {times} times" in said and script in said
         assert (ROOT / "tests/benchmarks" / script).is_file()
@@ -103,7 +103,7 @@ def test_a_cache_that_cannot_be_is_said(
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("DEATWIN_CACHE", str(tmp_path / "file" / "cache"))
     assert main(["doctor"]) == 0
-    assert "Not a directory: without it nothing is compiled" in capsys.readouterr().out
+    assert "Not a directory: without a cache folder nothing is compiled" in capsys.readouterr().out
 
 
 def test_the_folder_of_public_recordings_is_looked_into(

@@ -121,8 +121,8 @@ def test_all_orders(
     assert all(f'href="figures/{name}.csv"' in page for name in TABLES)
     assert set(validate("run", folder / "run.json")["outputs"]) == FILES
     said = capsys.readouterr().out
-    assert "order 2 can have energy at 0 to 2 Hz" in said and "order 3 can have energy at 0 to 3 Hz" in said
-    assert "NOFRFs: excitation and levels suit these orders" in said
+    assert "order 2 can have energy only at 0 to 2 Hz" in said and "order 3 can have energy only at 0 to 3 Hz" in said
+    assert "NOFRFs: the test signal and its amplitudes suit these orders" in said
 
 
 def test_a_second_run_leaves_nothing_of_the_first(square: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -189,13 +189,23 @@ def test_amplitude_is_lowered_where_further_orders_act() -> None:
     assert any("orders that were not fitted act" in line for line in asked.lines)
 
 
+def test_a_gain_is_drawn_in_a_unit_with_a_prefix() -> None:
+    first = respond(model_of({"y(k-1)": 0.5, "u(k)": 4e-5}), 1).first
+    shown, size = frequency_report._for_reading(first)
+    assert (shown.unit, size) == ("µm/V", 1e-6)
+    np.testing.assert_allclose(shown.gain, 1e6 * first.gain)
+    np.testing.assert_allclose(shown.band().high, 1e6 * first.band().high)
+    alike = replace(first, unit="m/m")
+    assert frequency_report._for_reading(alike)[0].unit == "m/m"
+
+
 def test_what_fails_is_said_plainly() -> None:
     unstable = {"y(k-1)": 1.2, "u(k)": 0.4, "y(k-1)^3": -0.3}  # rests at 0, and at +- sqrt(2/3), which is stable
     said = " / ".join(respond(model_of(unstable), 2).lines)
     assert "the operating point is unstable" in said
-    assert "equilibria -0.8165 (stable), 0 (unstable), 0.8165 (stable) m; 0 is used" in said
+    assert "outputs of -816 mm (stable), 0 m (unstable), 816 mm (stable); the responses are those at 0 m" in said
     wild = replace(model_of(SQUARE), theta_cov=np.diag([0.0, 0.04, 0.0]))  # H_1 is known to 50 %
-    assert "H₁: the band is unreliable at 100 % of the frequencies" in " / ".join(respond(wild, 1).lines)
+    assert "the band of H₁ is unreliable at 100 % of the frequencies" in " / ".join(respond(wild, 1).lines)
     unknown = replace(model_of(SQUARE), operating=None)
     found = respond(unknown, 2)
     assert found.nofrfs is None and "does not state the range of its training inputs" in found.missing
@@ -207,7 +217,9 @@ def test_the_page_shows_what_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     found = respond(replace(model_of(SQUARE), theta_cov=np.diag([0.0, 0.04, 0.0])), 1)
     write_responses(replace(found, missing="for a reason"), ResultFolder(tmp_path))
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert 'class="verdict bad"' in page and "1 of 3 measures" in page and "No NOFRFs: for a reason." in page
+    assert (
+        'class="verdict bad"' in page and "1 of 3 measures" in page and "No NOFRFs were computed: for a reason." in page
+    )
 
 
 def test_it_says_where_ellipses_do_not_describe_a_response():

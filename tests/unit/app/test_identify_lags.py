@@ -119,7 +119,10 @@ def test_a_model_that_runs_away_on_its_own_data_is_never_given_without_a_warning
     assert "diverges on its own training recordings" in json.loads(capsys.readouterr().out)["notes"][0]
     assert main(command) == 0
     told = json.loads(capsys.readouterr().out)
-    assert "which no sampled plant has; 1 used instead" in told["notes"][0] and told["unseen"][0]["finished"]
+    assert (
+        "which no sampled plant has; the model therefore uses only 1" in told["notes"][0]
+        and told["unseen"][0]["finished"]
+    )
 
 
 @pytest.fixture
@@ -151,8 +154,11 @@ def test_the_command_judges_an_unstable_model_ahead(at: Path, capsys: pytest.Cap
     low, high = map(float, re.search(r"95 % interval ([\d.]+) to ([\d.]+)\), \+", told).groups())
     assert low <= 1.1 <= high < low + 0.02
     # z = 1.1 is +0.95 1/s and grows by e in ten samples; the estimate is within some per cent
-    pole = float(re.search(r"the unstable pole: z = ([\d.]+), \+0\.\d+ 1/s", told).group(1))
-    assert pole == pytest.approx(1.1, abs=0.02) and " steps ahead, in which it grows by e" in told
+    pole = float(re.search(r"unstable pole: z = ([\d.]+), \+0\.\d+ 1/s", told).group(1))
+    assert (
+        pole == pytest.approx(1.1, abs=0.02)
+        and " steps ahead, the time in which a deviation grows by a factor of e" in told
+    )
     page = (at / "found" / "report.html").read_text()
     assert re.search(r"prediction \d+ steps ahead", page)
 
@@ -166,7 +172,7 @@ def test_a_lone_wrong_reading_is_named_and_rounding_is_no_structure(
     write_recording("wrong.csv", named(record.inputs[0], wrong))
     assert main(["identify", "wrong.csv", *COLUMNS, "--out", "narx.json"]) == 0
     told = capsys.readouterr().out
-    assert "1 outlying reading(s), at 70 s" in told and "they bias the fit" in told
+    assert "1 outlying reading, at 70 s" in told and "these samples bias the fit" in told
     exact = np.round(lfilter([0.0, 0.1], [1, -0.9], record.inputs[0]), 9)
     write_recording("exact.csv", named(record.inputs[0], exact))
     assert main(["identify", "exact.csv", *COLUMNS, "--out", "narx.json"]) == 0

@@ -75,9 +75,13 @@ def test_a_job_is_followed_to_its_end(root: Path) -> None:
 def test_what_is_done_within_a_step_is_no_step(root: Path) -> None:
     job = board(root, "").start(order())
     job.wait(30)
-    for share, step in ((0.3, "building in effects"), (0.3, "building in effects (creep)"), (0.8, "verifying")):
+    for share, step in (
+        (0.3, "fitting the plant with added effects"),
+        (0.3, "fitting the plant with added effects (creep)"),
+        (0.8, "verifying"),
+    ):
         job._hear(json.dumps({"share": share, "step": step}))
-    assert [step for step, _ in job.steps] == ["building in effects", "verifying"]
+    assert [step for step, _ in job.steps] == ["fitting the plant with added effects", "verifying"]
 
 
 def test_a_job_gets_the_arguments_of_the_command(root: Path) -> None:

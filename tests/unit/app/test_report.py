@@ -65,7 +65,7 @@ DIAGNOSIS = Diagnosis(
     location=None,
     sentence="Something is <missing>.",
     fit=FitSummary(fitted=Errors(before=5.0, after=None), unseen=UnseenErrors(before=6.0, after=None, gain_low=None)),
-    warnings=("stretch_limit ended on a bound of its range",),
+    warnings=("the fitted stretch_limit lies at a bound of its allowed range",),
 )
 
 
@@ -77,7 +77,7 @@ def test_every_verdict_has_a_page(tmp_path: Path, verdict: Verdict) -> None:
     assert folder.written == ["report.html"]
     assert "<h1>Something is &lt;missing&gt;.</h1>" in page
     assert verdict.value.replace("_", " ") in page
-    assert "stretch_limit ended on a bound" in page
+    assert "stretch_limit lies at a bound" in page
     assert "6.00" in page
 
 
@@ -87,8 +87,8 @@ def test_what_is_left_unexplained_is_shown_with_its_place(tmp_path: Path) -> Non
     whole = replace(DIAGNOSIS, verdict=Verdict.PARTLY, unexplained=left)
     write_report(folder, whole, Origin(inputs=[], seed=3))
     page = (folder.path / "report.html").read_text(encoding="utf-8").replace("\xa0", " ").replace("&nbsp;", " ")
-    assert "The causes leave 1.23 µm rms of a mismatch of 9.61 µm rms unexplained, 1.6 % of its power" in page
-    assert "The signals at the ball predict the rest best." in page
+    assert "The causes leave 1.23 µm rms of a mismatch of 9.61 µm rms unexplained; this is 1.6 % of its power" in page
+    assert "The rest is predicted best by the signals at the ball." in page
 
 
 def test_an_interval_has_the_prefix_of_its_value() -> None:
@@ -274,7 +274,7 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
     assert len(page) < 5e6
     shown = (
         "is taken from the readings while the command rests",
-        "at a bound of its range",
+        "at a bound of its allowed range",
         "30 kPa",
         "26.4 kPa",
         "25 to 27 kPa",
@@ -292,8 +292,8 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
         "ball = sliding",
         "as the rig file states",
         "12.6",
-        "creep with the opposite sign does as well",
-        "the error grows on held-out data: lowest amplitudes",
+        "creep with the opposite sign fits as well as the effect itself",
+        "the explanation raises the error on a part of the held-out data: lowest amplitudes",
         "6.78",
         "97 %",
         "3.12 %",
@@ -337,15 +337,19 @@ def test_a_diagnosis_draws_itself_or_says_why_not() -> None:
 @pytest.mark.parametrize(
     ("verdict", "said"),
     [
-        (Verdict.NONE, "0.230, and the error exceeds the noise by 0.340 µm rms; a mismatch counts if"),
-        (Verdict.PARAMETERS, "0.230, and the error exceeds the noise by 0.340 µm rms; a mismatch counts if"),
-        (Verdict.UNKNOWN, "where 1.19 µm would count as a mismatch; no single effect explains more than 34 % of it."),
+        (Verdict.NONE, "0.230, and the error exceeds the noise by 0.340 µm rms; it counts as a mismatch only if"),
+        (Verdict.PARAMETERS, "0.230, and the error exceeds the noise by 0.340 µm rms; it counts as a mismatch only if"),
+        (
+            Verdict.UNKNOWN,
+            "where 1.19 µm rms would suffice for a mismatch; no single effect explains more than 34 % of the mismatch.",
+        ),
         (
             Verdict.DISTURBANCE,
-            "2 % of the mismatch's power repeats with the command, at most 9 % (two standard deviations); below 30 %",
+            "2 % of the mismatch's power repeats with the command (at most 9 %, two standard deviations higher); a mismatch "
+            "counts as a disturbance if this share is below 30 %",
         ),
-        (Verdict.DATA_FAULT, "201 of 1000 samples (20.1 %) are at fault"),
-        (Verdict.NOT_TESTABLE, "The command moves the reading by 3.00 µm rms; sensor noise is 2.00 µm"),
+        (Verdict.DATA_FAULT, "201 of 1000 samples (20.1 %) are faulty"),
+        (Verdict.NOT_TESTABLE, "The command moves the reading by 3.00 µm rms; the sensor noise is 2.00 µm rms"),
         (Verdict.NAMED, ""),
     ],
 )

@@ -112,12 +112,17 @@ class TestChecks:
     @pytest.mark.parametrize("drive", [DRIVE, DRIVE_WITHOUT_RANGE])
     def test_film_volts_as_command(self, drive: DriveSpec) -> None:
         recording = Recording.from_arrays([1200.0, 2400.0], [0.0, 0.0], 0.02)
-        with pytest.raises(DataError, match=r"command 2400 V.*look like film volts: 2400 V / gain 800 = 3 V"):
+        with pytest.raises(
+            DataError,
+            match=r"command of 2400 V.*look like voltages on the film: .* gain of 800, so that 2400 V becomes 3 V",
+        ):
             check_command_range(recording, drive)
 
     def test_far_outside_but_no_film_volts(self) -> None:
         recording = Recording.from_arrays([2.0, -9.0], [0.0, 0.0], 0.02)
-        with pytest.raises(DataError, match=r"command -9 V, first outside at 0.02 s.*from 1.1 V to 3.75 V$"):
+        with pytest.raises(
+            DataError, match=r"command of -9 V is outside .*, 1.1 V to 3.75 V \(the first one outside is at 0.02 s\)$"
+        ):
             check_command_range(recording, DRIVE)
 
     @pytest.mark.parametrize("drive", [DRIVE, DRIVE_WITHOUT_RANGE])

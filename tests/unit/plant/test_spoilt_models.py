@@ -76,7 +76,7 @@ def test_any_changed_value_is_refused_or_harmless(section: str, tmp_path: Path) 
         (("rig", "ball_is_known"), 1, r"rig.ball_is_known is 1; it must be true or false"),
         (("rig", "command_range"), [3, 1], r"rig.command_range is \[3, 1\]; it must be the lowest and the highest"),
         (("parameters", "shear_modulus", "unit"), "kPa", "shear_modulus is in 'kPa'; it must be in 'Pa'"),
-        (("calibration", "names", 0), "permittivity", "a parameter stands there twice"),
+        (("calibration", "names", 0), "permittivity", "a parameter is listed twice"),
         (("calibration", "covariance", 0, 0), -4e-4, "symmetric, without a negative eigenvalue"),
         (("calibration", "covariance", 0, 1), 1e-3, "symmetric, without a negative eigenvalue"),
         (("calibration", "covariance", 0, 0), 1e300, "no variance is larger"),

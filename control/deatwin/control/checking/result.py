@@ -185,7 +185,7 @@ class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_d
     def reason(self) -> str:
         """Texts of all findings that are as severe as the verdict; empty if the verdict is `pass`."""
         if self.verdict is Verdict.PASS:
-            return f"every limit is kept{self._where}"
+            return f"all requirements are met{self._where}"
         return "; ".join(f.text for f in self.findings if f.verdict is self.verdict)
 
     @property
@@ -195,7 +195,7 @@ class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_d
         if not points:
             return ""
         low, high = (f"{point:.3g}" for point in (min(points), max(points)))
-        return " at inputs of " + amount(low if low == high else f"{low} to {high}", self.operating.input_unit)
+        return " at constant inputs of " + amount(low if low == high else f"{low} to {high}", self.operating.input_unit)
 
     @property
     def least_margins(self) -> dict[str, float]:
@@ -218,8 +218,8 @@ class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_d
         )
         return (
             f"{self.verdict.value}: the {tuned.name} controller with a closed-loop time of "
-            f"{tuned.closed_loop_time:.2g} s at {amount(f'{at.input:.3g}', at.input_unit)} (crossover at this "
-            f"input {self.margins.crossover_Hz:.2g} Hz; at worst {margins}): {self.reason}.{self._warned}"
+            f"{tuned.closed_loop_time:.2g} s at {amount(f'{at.input:.3g}', at.input_unit)} (crossover "
+            f"{self.margins.crossover_Hz:.2g} Hz; lowest {margins}): {self.reason}.{self._warned}"
         )
 
     @property

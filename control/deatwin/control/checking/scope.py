@@ -13,7 +13,7 @@ from deatwin.control.controllers.base import Controller
 from deatwin.control.linear.model import LinearModel
 from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.excited import Excitation
-from deatwin.plant.amplitudes import written_amplitude
+from deatwin.plant.amplitudes import amount, written_amplitude
 from deatwin.plant.model import Plant
 from deatwin.plant.rest_path import rest_under
 
@@ -25,23 +25,23 @@ def judge_band(crossovers_Hz: Sequence[float], excited: Excitation) -> Finding:
     crossover, band = max(crossovers_Hz), excited.highest_Hz
     if crossover > band:
         text = (
-            f"the highest crossover, {crossover:.2f} Hz, lies outside the band that the recording excited, up to "
-            f"{band:.2f} Hz: the margins there are extrapolated; a recording excited up to {2 * crossover:.2g} Hz "
-            "would decide"
+            f"the highest crossover frequency, {crossover:.2f} Hz, lies above {band:.2f} Hz, up to which the recording "
+            f"excited the actuator: the margins there are extrapolated; record with an input up to {2 * crossover:.2g} Hz "
+            "to decide"
         )
         return Finding(subject="excitation", value=crossover, verdict=Verdict.MARGINAL, text=text)
     for inside in sorted(crossovers_Hz, reverse=True):
         if (hole := excited.hole_at(inside)) is not None:
             low, high = hole
             text = (
-                f"a crossover, {inside:.2g} Hz, lies in a gap of the excited band, {low:.2g} to {high:.2g} Hz, where "
-                f"nothing supports the margins; a recording with power there, such as noise up to "
-                f"{max(2 * inside, band):.2g} Hz, would decide"
+                f"a crossover frequency, {inside:.2g} Hz, lies between {low:.2g} and {high:.2g} Hz, where the recording's "
+                "input has no power, so nothing supports the margins there; record with an input that has power there, such "
+                f"as noise up to {max(2 * inside, band):.2g} Hz, to decide"
             )
             return Finding(subject="excitation", value=inside, verdict=Verdict.MARGINAL, text=text)
     text = (
-        f"the highest crossover, {crossover:.2f} Hz, lies inside the band that the recording excited, up to "
-        f"{band:.2f} Hz"
+        f"the highest crossover frequency, {crossover:.2f} Hz, lies below {band:.2f} Hz, up to which the recording "
+        "excited the actuator"
     )
     return Finding(subject="excitation", value=crossover, verdict=Verdict.PASS, text=text)
 
@@ -57,10 +57,11 @@ def judge_rests(
         return None
     unit, size = written_amplitude(linear.output_unit)
     text = (
-        f"at the input {linear.operating_input:.3g} the model rests at {centre / size:.3g} {unit} and the plant at "
-        f"{rests[1] / size:.3g} {unit}, {abs(centre - rests[1]) / size:.3g} {unit} apart: no controller can move the "
-        f"plant to the model's steps, because within the limits of the command it rests from {rests.min() / size:.3g} to "
-        f"{rests.max() / size:.3g} {unit}"
+        f"at a constant input of {amount(f'{linear.operating_input:.3g}', linear.input_unit)} the model's output is "
+        f"{centre / size:.3g} {unit} and the plant's is {rests[1] / size:.3g} {unit}, a difference of "
+        f"{abs(centre - rests[1]) / size:.3g} {unit}: no controller can move the plant over the steps that were planned "
+        f"with the model, because constant commands within the limits move the plant only to outputs from "
+        f"{rests.min() / size:.3g} to {rests.max() / size:.3g} {unit}"
     )
     return Finding(subject=runs.subject("operating point"), value=float(rests[1] - centre), verdict=verdict, text=text)
 
@@ -71,10 +72,10 @@ def judge_training(model: NarxModel, points: Sequence[float], commands: NDArray[
         return None
     low, high = float(model.operating.input_min[0]), float(model.operating.input_max[0])
     least, most = min(*points, *commands), max(*points, *commands)
-    outside = least < low or most > high
+    outside, unit = least < low or most > high, model.input_units[0]
     text = (
-        f"the loop works from {least:.3g} to {most:.3g}, "
-        f"{'beyond' if outside else 'inside'} the training data, which range from {low:.3g} to {high:.3g}"
+        f"the commands in the loop range from {amount(f'{least:.3g} to {most:.3g}', unit)}, "
+        f"{'beyond' if outside else 'inside'} those of the training data, {amount(f'{low:.3g} to {high:.3g}', unit)}"
     )
     verdict = Verdict.MARGINAL if outside else Verdict.PASS
     return Finding(subject="training data", value=None, verdict=verdict, text=text)
@@ -83,8 +84,8 @@ def judge_training(model: NarxModel, points: Sequence[float], commands: NDArray[
 def judge_unknown_band() -> Finding:
     """Return the finding for a recording whose excited band is unknown."""
     text = (
-        "the frequencies that the recording excited are unknown: give the recording, or a model from `deatwin "
-        "identify`, which states them"
+        "it is unknown up to which frequency the recording excited the actuator: give the recording, or a model from "
+        "`deatwin identify`, which states this frequency"
     )
     return Finding(subject="excitation", value=None, verdict=Verdict.MARGINAL, text=text)
 
@@ -98,19 +99,25 @@ def judge_film(source: str, plants: Sequence[Plant], commands: NDArray[np.float6
     rig = plants[0].rig
     rest = rig.start.rest_command
     used = sum(not (_rests(plant, commands, HEADROOM) and bears(plant, commands, rest)) for plant in plants)
-    many = "plants inside the calibration's intervals" if len(plants) > 1 else "plant"
-    who = f"of {len(plants)} {many}" + ("" if source == "plant" else f" of {source}")
+    own = "the plant model" if source == "plant" else source
+    many = len(plants) > 1
+    who = f"of {len(plants)} plants with parameters inside the calibration's intervals" if many else ""
+    who += f" of {source}" if many and source != "plant" else ""
     subject = "film" if source == "plant" else f"film ({source})"
     if used:
-        text = f"{used} {who} would pull in, break down or lose tension with {100 * (HEADROOM - 1):.0f} % more voltage"
+        film = f"the film in {used} {who}" if many else f"the film in {own}"
+        text = f"{film} would pull in, break down or lose tension with {100 * (HEADROOM - 1):.0f} % more voltage"
         return Finding(subject=subject, value=float(used), verdict=Verdict.FAIL, text=text)
     count = max(round(_HOLD / rig.sample_time), 2)
     ends = np.repeat([controller.command_max, controller.command_min], count)
     lost = sum(not (_rests(plant, ends, 1.0) and bears(plant, ends, rest, headroom=1.0)) for plant in plants)
     if lost:
-        text = f"{lost} {who} would pull in, break down or lose tension at the controller's own limits"
+        film = f"the film in {lost} {who}" if many else f"the film in {own}"
+        text = f"{film} would pull in, break down or lose tension if the command reached the controller's limits"
         return Finding(subject=subject, value=float(lost), verdict=Verdict.MARGINAL, text=text)
-    text = f"none {who} pulls in, breaks down or loses tension, even at the controller's limits"
+    film = f"the film in none {who} pulls" if many else f"the film in {own} does not pull"
+    ends = "in, breaks down or loses" if many else "in, break down or lose"
+    text = f"{film} {ends} tension, even if the command reaches the controller's limits"
     return Finding(subject=subject, value=0.0, verdict=Verdict.PASS, text=text)
 
 

@@ -103,7 +103,7 @@ class Limit:
     def wanted(self) -> str:
         """The good value as text."""
         value, unit = (100.0 * self.good, " %") if self.unit == "%" else (self.good, self.unit)
-        return f"at {'least' if self.more_is_better else 'most'} {value:.4g}{unit}"
+        return f"at {'least' if self.more_is_better else 'most'} {value:.{4 if value >= 1000 else 3}g}{unit}"
 
 
 @dataclass(frozen=True, kw_only=True)

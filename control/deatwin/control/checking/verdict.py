@@ -106,11 +106,21 @@ def judge_runs(runs: Runs, sine_predicted: float, specification: Specification) 
     )
     times = amount(ratio, ".2f", " times")
     measured = (
-        ("overshoot", steps.overshoot, spec.overshoot, f"steps overshoot by {over}"),
-        ("steady-state error", steps.steady_error, spec.steady_error, f"steps end {off} from the reference"),
+        ("overshoot", steps.overshoot, spec.overshoot, f"the output overshoots by {over} of the step"),
+        (
+            "steady-state error",
+            steps.steady_error,
+            spec.steady_error,
+            f"at the end of the steps the output differs from the reference by {off} of the step",
+        ),
         ("ripple", steps.ripple, spec.ripple, f"the output still moves by {moves} of the step long after the step"),
-        ("saturation", saturated, spec.saturated, f"{100 * saturated:.0f} % of the commands are at a limit"),
-        ("tracking", ratio, spec.tracking, f"the error on a slow sine is {times} the predicted one"),
+        (
+            "saturation",
+            saturated,
+            spec.saturated,
+            f"{100 * saturated:.0f} % of the commands are at a limit of the command",
+        ),
+        ("tracking", ratio, spec.tracking, f"the rms error on a slow sine is {times} the predicted one"),
     )
     return tuple(
         _finding(runs.subject(name), value, limit, f"{runs.where}, {text}") for name, value, limit, text in measured
@@ -119,14 +129,14 @@ def judge_runs(runs: Runs, sine_predicted: float, specification: Specification) 
 
 def judge_draws(predicted: PredictedLoop, specification: Specification) -> Finding:
     """Judge whether the closed loop of the model's draws remains stable."""
-    text = f"{100 * predicted.diverged:.0f} % of the model's own closed loops diverge"
+    text = f"{100 * predicted.diverged:.0f} % of the closed loops with models drawn from the posterior diverge"
     return _finding("model in closed loop", predicted.diverged, specification.diverged, text)
 
 
 def judge_width(predicted: PredictedLoop, step: float, specification: Specification) -> Finding:
     """Judge whether the predicted band is narrow enough; a wide band would contain any run."""
     share = float(np.median(predicted.half_width)) / abs(step)
-    text = f"the predicted band extends {amount(share, '.3g', ' times')} the height of the step to either side"
+    text = f"the half-width of the predicted band is {amount(share, '.3g', ' times')} the height of the step"
     return _finding("width of the prediction", share, specification.width, text)
 
 
@@ -147,9 +157,9 @@ def judge_raised(raised: Sequence[tuple[float, ClosedLoop]], specification: Spec
         calm.append(factor)
     reached = max(calm, default=1.0)
     if calm:
-        text = f"the plant model does not ring with the controller's gain multiplied by {reached:g}"
+        text = f"the loop with the plant model does not ring when the controller's gain is multiplied by {reached:g}"
     else:
-        text = f"the plant model rings or fails with the controller's gain multiplied by {min(f for f, _ in raised):g}"
+        text = f"the loop with the plant model rings or fails when the controller's gain is multiplied by {min(f for f, _ in raised):g}"
     return _finding("gain margin on the plant", reached, specification.gain, text)
 
 
@@ -166,7 +176,7 @@ def _beyond(trained: tuple[float, float] | None, achieved: ClosedLoop) -> str:
     unit, size = written_amplitude(achieved.output_unit)
     ends = " to ".join(f"{value / size:.3g}" for value in (low, high))
     data = " to ".join(f"{value / size:.3g}" for value in trained)
-    return f", whose output ranges from {ends} {unit} and leaves the training data of {data} {unit}"
+    return f", whose output ranges from {ends} {unit} and so leaves the range of the training data, {data} {unit}"
 
 
 def _failed(runs: Runs, run: ClosedLoop) -> Finding:
@@ -187,10 +197,10 @@ def _margin(name: str, size: str, row: MarginRow, unit: str) -> str:
     if row.source == BAND:
         # The band does not bound an infinite margin.
         least = size if size == "infinite" else f"at least {size}"
-        of = "lower end of the 95 % interval, by linearisation from the model's covariance"
+        of = "lower end of its 95 % interval, linearised from the model's covariance"
         return f"{where}, the {name} is {least} ({of})"
     if row.samples > 1:
-        return f"{where}, the {name} is {size} (2.5 % quantile of {_draws(row)})"
+        return f"{where}, the {name} is {size} (the 2.5 % quantile over {_draws(row)})"
     return f"{where}, the {name} is {size} for {_whose(row)}"
 
 
@@ -198,7 +208,7 @@ def _partly_stable(row: MarginRow, unit: str) -> str:
     where = _where(row, unit)
     share = f"{100 * row.stable_share:.0f} %"
     if row.source == BAND:
-        of = "by linearisation from the model's covariance"
+        of = "linearised from the model's covariance"
         return f"{where}, the model's loop is stable with a probability of {share} ({of})"
     if row.samples > 1:
         return f"{where}, the loop is stable for {share} of the {_draws(row)}"
@@ -208,7 +218,7 @@ def _partly_stable(row: MarginRow, unit: str) -> str:
 def _where(row: MarginRow, unit: str) -> str:
     """Return the operating point of a row of margins, in words."""
     when = "" if row.time is None else f" and {row.time:.0f} s after the start"
-    return f"at an input of {with_unit(f'{row.operating_input:.3g}', unit)}{when}"
+    return f"at a constant input of {with_unit(f'{row.operating_input:.3g}', unit)}{when}"
 
 
 def _draws(row: MarginRow) -> str:
@@ -233,15 +243,11 @@ def _stable(rows: Sequence[MarginRow], unit: str) -> str:
     whose = _whose(rows[0])
     kind = "operating points" if all(row.time is None for row in rows) else "operating points and times"
     count = f" at all {len(rows)} {kind}" if len(rows) > 1 else ""
-    return f"the loop is stable with {whose}{count}" + (" and in all draws" if rows[0].samples > 1 else "")
+    return f"the loop is stable with {whose}{count}" + (f", for all {_draws(rows[0])}" if rows[0].samples > 1 else "")
 
 
 def _finding(subject: str, value: float, limit: Limit, text: str) -> Finding:
     verdict = limit.judge(value)
     if verdict is not Verdict.PASS:
-        text = (
-            f"{text[:-1]}; {limit.wanted} is required)"
-            if text.endswith(")")
-            else f"{text} ({limit.wanted} is required)"
-        )
+        text = f"{text[:-1]}; required: {limit.wanted})" if text.endswith(")") else f"{text} (required: {limit.wanted})"
     return Finding(subject=subject, value=value, verdict=verdict, text=text, room=limit.room(value))

@@ -67,7 +67,8 @@ def operating_input_of(model: NarxModel, operating_input: ArrayLike | None) -> A
         return np.zeros(count) if model.operating is None else model.operating.input_centre
     values = np.atleast_1d(real_numbers(operating_input, "operating_input"))
     if values.shape != (count,) or not np.all(np.isfinite(values)):
-        raise ModelError(f"operating_input must be {count} finite number(s); got {operating_input!r}")
+        wanted = "a finite number" if count == 1 else f"{count} finite numbers"
+        raise ModelError(f"operating_input must be {wanted}; got {operating_input!r}")
     return values
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from deatwin.ident.frequency.frozen import Frozen
 from deatwin.ident.narx.panels import panels_or_new
+from deatwin.plant.amplitudes import axis_label, written_amplitude
 from deatwin.plant.drawing import written_unit
 from deatwin.plant.prefixes import with_unit
 
@@ -133,12 +134,12 @@ class BestLinearApproximation(Frozen):
         lines = f"{self.frequencies.size} line{'s' if self.frequencies.size > 1 else ''}"
         text = f"best linear approximation at {lines} from {drawn}"
         if self.left_out:
-            text += f", without {self.left_out} in which the output settles"
+            text += f" (not counting {self.left_out}, in which the output settles)"
         text += f": noise {size(self.noise_rms)}"
 
         def part(name: str, value: float, low: float) -> str:
             if low == 0.0:
-                return f", no {name} beyond the noise"
+                return f", no {name} above the noise"
             return f", {name} {size(value)}" + (f" (at least {with_unit(low, self.output_unit)})" if low > 0.0 else "")
 
         even, odd, both = self.distortion_low
@@ -146,7 +147,10 @@ class BestLinearApproximation(Frozen):
             return text + part("even distortion", self.even_rms, even) + part("odd distortion", self.odd_rms, odd)
         if self.complete:
             return text + part("nonlinear distortion", self._rms(np.isfinite(self.distortion_variance)), both)
-        return text + ", nonlinear distortion unknown: excite odd harmonics only, some left out, or several phases"
+        return (
+            text
+            + ", nonlinear distortion unknown: to determine it, excite only odd harmonics and leave some out, or record several random phases"
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the approximation as plain data for JSON; frequencies in Hz, values in the channels' units.
@@ -189,15 +193,25 @@ class BestLinearApproximation(Frozen):
         sequence of matplotlib Axes
         """
         gain, output = chosen = panels_or_new(axes, 2, height=2.6)
+        unit, size = written_amplitude(self.output_unit)
         gain.plot(
-            self.frequencies, np.abs(self.response), ".", color="C0", markersize=3, label="best linear approximation"
+            self.frequencies,
+            np.abs(self.response) / size,
+            ".",
+            color="C0",
+            markersize=3,
+            label="best linear approximation",
         )
         named = "noise and distortion" if self.complete else "noise only; distortion unknown"
         gain.plot(
-            self.frequencies, np.sqrt(self.variance), color="C3", linewidth=1.0, label=f"standard deviation, {named}"
+            self.frequencies,
+            np.sqrt(self.variance) / size,
+            color="C3",
+            linewidth=1.0,
+            label=f"standard deviation, {named}",
         )
-        gain.plot(self.frequencies, np.sqrt(self.noise_variance), color="0.5", linewidth=1.0, label="of noise")
-        units = f"{self.output_unit}/{self.input_unit}" if self.output_unit and self.input_unit else ""
+        gain.plot(self.frequencies, np.sqrt(self.noise_variance) / size, color="0.5", linewidth=1.0, label="of noise")
+        units = f"{unit or self.output_unit}/{self.input_unit}" if self.output_unit and self.input_unit else ""
         gain.set(ylabel=f"gain ({written_unit(units)})" if units else "gain", yscale="log", xlabel="frequency (Hz)")
         parts = [(self.excited, ".", "C0", "output, excited lines")]
         if self.separates:
@@ -210,11 +224,16 @@ class BestLinearApproximation(Frozen):
         for lines, marker, colour, name in parts:
             if lines.any():
                 output.plot(
-                    self.all_frequencies[lines], self.output[lines], marker, color=colour, markersize=3, label=name
+                    self.all_frequencies[lines],
+                    self.output[lines] / size,
+                    marker,
+                    color=colour,
+                    markersize=3,
+                    label=name,
                 )
-        output.plot(self.all_frequencies, self.noise, color="0.5", linewidth=1.0, label="standard deviation of noise")
-        unit = written_unit(self.output_unit)
-        output.set(ylabel=f"amplitude ({unit})" if unit else "amplitude", yscale="log", xlabel="frequency (Hz)")
+        noise = self.noise / size
+        output.plot(self.all_frequencies, noise, color="0.5", linewidth=1.0, label="standard deviation of noise")
+        output.set(ylabel=axis_label("amplitude", unit), yscale="log", xlabel="frequency (Hz)")
         for panel in chosen:
             panel.legend(fontsize="small", ncols=2, loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False)
         return chosen

@@ -35,8 +35,8 @@ class InputShape(Enum):
     TWO_LEVEL = "two levels"
     STEPS = "steps between levels that are held"
     RAMPS = "straight ramps"
-    TONES = "one tone or a few"
-    NOISE = "many frequencies, as noise has"
+    TONES = "one or a few sine tones"
+    NOISE = "many frequencies, as in noise"
     SHORT = "too few samples to recognise its shape"
 
 

@@ -39,11 +39,11 @@ class LinkStatus(Enum):
     LINKED = "the output follows the input"
     EVEN = "the output follows the square of the input, and not the input itself"
     LOOP = (
-        "the output follows the input, and its past predicts the input: the recording was made in a closed loop, or the "
+        "the output follows the input, and the output's past predicts the input: the recording was made in a closed loop, or the "
         "input was measured with noise"
     )
     UNSEEN = "nothing in the output follows the input beyond chance: check the columns and the wiring"
-    SLOW = "the input moves too slowly, or too few times, for a link to be distinguished from a drift"
+    SLOW = "the input moves too slowly or too rarely to distinguish a response from a drift"
     SHORT = "not tested: the recording is too short"
     STILL = "not tested: the input or the output is constant"
 
@@ -65,12 +65,12 @@ class Link:
     def __str__(self) -> str:
         text = f"{self.input_name} to {self.output_name}: {self.status.value}"
         if self.in_band is not None:
-            text += f"; coherence {self.in_band:.2g} in the excited band (up to {self.chance:.2g} by chance)"
+            text += f"; coherence {self.in_band:.2g} in the excited band (chance alone gives up to {self.chance:.2g})"
         interval = None if self.dead_time is None or self.status is LinkStatus.EVEN else self.dead_time.interval
         if self.dead_time is not None and self.dead_time.samples is not None and interval is not None:
             low, high = interval
             unit = "sample" if self.dead_time.samples == 1 else "samples"
-            text += f"; dead time {self.dead_time.samples} {unit}, {self.dead_time.seconds:.4g} s ({low} to {high})"
+            text += f"; dead time {self.dead_time.samples} {unit}, {self.dead_time.seconds:.4g} s (95 % interval {low} to {high} samples)"
         return text
 
 

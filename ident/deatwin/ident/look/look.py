@@ -59,7 +59,7 @@ class ChannelLook:
             if self.noise is not None and self.noise > 0.0:
                 text += f"; noise at most {with_unit(self.noise, self.unit)} rms"
             if self.step:
-                text += f"; steps of {with_unit(self.step, self.unit)}"
+                text += f"; resolution {with_unit(self.step, self.unit)}"
         return text
 
 
@@ -122,7 +122,17 @@ class Look:
         if self.gaps:
             longest = max(end - start for start, end in self.gaps)
             text += f"; {len(self.gaps)} gap{'s' if len(self.gaps) > 1 else ''}, the longest {longest:.4g} s"
-        return "; ".join([text, *(["uneven times, resampled: " + uneven[0]] if uneven else ["evenly"]), *asked[:1]])
+        return "; ".join(
+            [
+                text,
+                *(
+                    ["the times are uneven, so the recording was resampled: " + uneven[0]]
+                    if uneven
+                    else ["evenly spaced"]
+                ),
+                *asked[:1],
+            ]
+        )
 
     @property
     def lines(self) -> tuple[str, ...]:
@@ -130,7 +140,7 @@ class Look:
         found = [self.clock, *map(str, self.channels)]
         for pattern, excited in zip(self.patterns, self.excitations, strict=True):
             bands = "" if excited is None else ", ".join(f"{low:.3g} to {high:.3g} Hz" for low, high in excited.bands)
-            found.append(f"{pattern.name}: {pattern}" + (f"; excites {bands}" if bands else ""))
+            found.append(f"{pattern.name}: {pattern}" + (f"; its power lies in {bands}" if bands else ""))
         found += [str(link) for link in self.links]
         found += [] if self.best_linear is None else [str(self.best_linear)]
         found += [f"{finding.signal}: {finding.text.removeprefix(f'{finding.signal} ')}" for finding in self.findings]

@@ -31,6 +31,7 @@ from deatwin.ident.mismatch.steps import variants_tried
 from deatwin.ident.mismatch.taught import errors_in, taught
 from deatwin.ident.mismatch.verdict import CandidateSummary, Cause, Interval, Verdict
 from deatwin.ident.mismatch.verify.verify import shares_explained
+from deatwin.plant.amplitudes import written_unit
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.effects.base import Alone, Effect
 from deatwin.plant.model import Plant
@@ -82,8 +83,11 @@ def conclude(findings: Findings) -> Diagnosis:
             *_placed_unseen(findings),
             *_form(findings),
             *_variants_of_alternatives(findings),
-            *(f"{name} could not be tried: no fit with it could be simulated" for name in findings.naming.failed),
-            *(f"{name} ended on a bound of its range" for name in findings.final.at_bound),
+            *(
+                f"the effect {name} could not be tried: the plant with it could not be simulated"
+                for name in findings.naming.failed
+            ),
+            *(f"the fitted {name} lies at a bound of its allowed range" for name in findings.final.at_bound),
             *_widened(findings.final.plant),
             *exchanged_lags(findings.final),
             *_held_back(findings),
@@ -115,8 +119,8 @@ def _held_back(findings: Findings) -> Iterator[str]:
     held = [c for c in alone if takes_most(c, naming.base) and suffices(c, naming.base) and held_back_by(c)]
     for candidate in sorted(held, key=lambda c: -c.evidence)[:1]:
         yield (
-            f"{candidate.effects[0]} would explain the recordings if {', '.join(held_back_by(candidate))} "
-            "could lie outside the stated range"
+            f"the effect {candidate.effects[0]} would explain the recordings if {', '.join(held_back_by(candidate))} "
+            "were allowed to lie outside the stated range"
         )
 
 
@@ -129,8 +133,8 @@ def _hardly_shown(findings: Findings) -> Iterator[str]:
         and not shows_its_cycles(best, findings.problem.everything)
     ):
         yield (
-            f"{'+'.join(best.effects)} would explain the recordings, but with a cycle of which they show less than a "
-            "quarter, which looks like any slow change"
+            f"{'+'.join(best.effects)} would explain the recordings, but they show less than a quarter of its cycle, which "
+            "cannot be distinguished from any other slow change"
         )
 
 
@@ -144,7 +148,10 @@ def _alike_but_unlikely(findings: Findings) -> Iterator[str]:
     for other in naming.candidates:
         name = "+".join(other.effects)
         if name in near and name not in known and not is_possible(other, naming.best):
-            yield f"{name} would change the readings almost identically (d² = {near[name]:.2g}), but only at an unusual strength"
+            yield (
+                f"{name} would change the readings almost as the named effects do (squared distance d² = {near[name]:.2g}; "
+                f"at least {DISTINGUISHED:g} is needed to distinguish them), but only at an unusual strength"
+            )
 
 
 def _seconds(findings: Findings) -> float:
@@ -185,7 +192,7 @@ def _left_over(findings: Findings) -> list[str]:
         return []
     unit, size = findings.unit
     left = max(findings.answer.fitted_test.size, findings.answer.unseen_test.size) / size
-    return [f"the remaining error ({left:.3g} {unit}) exceeds the model error stated for the plant"]
+    return [f"the remaining error, {left:.3g} {written_unit(unit)}, exceeds the model error stated for the plant"]
 
 
 def _widened(plant: Plant) -> Iterator[str]:
@@ -193,7 +200,7 @@ def _widened(plant: Plant) -> Iterator[str]:
     for usual in (p for effect in plant.effects for p in effect.parameters):
         value = plant.parameters[usual.name].value
         if not usual.lower <= value <= usual.upper:
-            yield f"{usual.name} lies beyond its usual range of {usual.lower:g} to {usual.upper:g} {usual.unit}"
+            yield f"the fitted {usual.name} lies outside its usual range of {usual.lower:g} to {usual.upper:g} {usual.unit}"
 
 
 def _placed_unseen(findings: Findings) -> Iterator[str]:
@@ -201,14 +208,14 @@ def _placed_unseen(findings: Findings) -> Iterator[str]:
     problem, plant = findings.problem, findings.answer.calibration.plant
     for name in plant.event_times if findings.named else ():
         if gap_around(plant, name, problem.fitted, problem.everything) is not None:
-            yield f"{name} lies in the held-out data and was fitted to them; their error is not fully independent"
+            yield f"{name} lies in the held-out data and was fitted to them, so they are not a fully independent test"
 
 
 def _form(findings: Findings) -> list[str]:
     """Warn if the recordings contradict the rig file, or fit one of its interpretations better."""
     stated, found = differences([findings.problem.nominal.rig, findings.final.plant.rig])
     return [
-        f"the recordings fit a rig with {name} = {found[name]!r} better than with {value!r}"
+        f"the recordings fit a rig with {name} = {found[name]!r} better than one with {value!r}"
         for name, value in stated.items()
     ]
 
@@ -219,7 +226,7 @@ def _variants_of_alternatives(findings: Findings) -> Iterator[str]:
         _, found = differences([findings.answer.calibration.plant.rig, alternative.calibration.plant.rig])
         if found:
             variant = ", ".join(f"{name} = {value!r}" for name, value in found.items())
-            yield f"{'+'.join(alternative.effects) or 'nothing missing'} explains the recordings on a rig with {variant}"
+            yield f"the alternative {'+'.join(alternative.effects) or 'without any effect'} explains the recordings if the rig has {variant}"
 
 
 def _causes(findings: Findings) -> tuple[Cause, ...]:

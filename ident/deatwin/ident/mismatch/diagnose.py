@@ -127,20 +127,20 @@ def diagnose(
         fit,
         problem.effects,
         fit,
-        finished=lambda done: tell(0.27 + 0.03 * done / count, "estimating what each effect would change"),
+        finished=lambda done: tell(0.27 + 0.03 * done / count, "estimating the change that each effect would cause"),
     )
     detection = detection.beside(known)
     keep(found_step("detect", detection))
 
     found: Iterable[Naming] = [nothing_tried(base.chosen)]
     if detection.mismatch and checked.soundness is Soundness.SOUND:
-        tell(0.3, "building in effects")
+        tell(0.3, "fitting the plant with added effects")
         found = explanations(
             problem,
             base.chosen,
             known,
             base.alternatives,
-            finished=lambda share: tell(0.3 + 0.5 * share, "building in effects"),
+            finished=lambda share: tell(0.3 + 0.5 * share, "fitting the plant with added effects"),
             fitted=None if through is None else lambda fit, unseen: through(fit_step(problem, fit, unseen)),
         )
     naming, verification, stands = first_that_stands(

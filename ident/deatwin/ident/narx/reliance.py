@@ -97,10 +97,10 @@ class Reliance:
             tests = (
                 f"{_COUNTED.get(count, count)} residual test{'s' if count > 1 else ''}" if count else "residual tests"
             )
-            names = f" ({', '.join(self.failed)})" if count else ""
+            names = f" ({', '.join(self.failed)}, where e is the residual and u the input)" if count else ""
             found.append(
-                f"the model failed {tests} on held-out data{names}, so its residual {_MEANING[self.status]}. The "
-                "uncertainty bands do not include this error"
+                f"the model failed {tests} on held-out data{names}: its residual {_MEANING[self.status]}, and the uncertainty "
+                "bands do not include this error"
             )
         if self.biased and self.gain_error is not None and self.gain_error_half_width is not None:
             way = "larger" if self.gain_error > 0 else "smaller"

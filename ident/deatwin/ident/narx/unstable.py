@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from deatwin.ident.narx.fit import Fit
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.recorded_pole import RecordedPole, recorded_pole
+from deatwin.plant.prefixes import with_unit
 from deatwin.plant.recording import Recording
 
 Array = NDArray[np.float64]
@@ -66,16 +67,17 @@ class Unstable:
             Units of the outputs.
         """
         ahead = ", ".join(
-            f"{rms:.4g} {'' if unit == '1' else unit}".rstrip() + f" rms (fit {percent:.4g} %)"
+            f"{with_unit(rms, unit)} rms (fit {percent:.4g} %)"
             for rms, percent, unit in zip(self.ahead.rms, self.ahead.percent, units, strict=True)
         )
         useless = (
-            ", no better than the mean of the output: the pole is biased or terms are missing; a model of the noise "
-            "(Armax, Narmax) finds it without bias"
+            ", no better than the mean of the output: the pole is biased, or terms are missing; with a model of the noise "
+            "(Armax, Narmax) the pole is not biased"
         )
         return [
-            f"the unstable pole: {_written(self.pole, self.sample_time)}{self._recorded}",
-            f"{self.steps} steps ahead, in which it grows by e, the prediction is off by {ahead}"
+            f"the model's unstable pole: {_written(self.pole, self.sample_time)}{self._recorded}",
+            f"{self.steps} steps ahead, the time in which a deviation grows by a factor of e, the error of the prediction "
+            f"is {ahead}"
             f"{useless if np.any(self.ahead.percent <= 0.0) else ''}",
         ]
 
@@ -85,15 +87,15 @@ class Unstable:
         if self.recorded_pole is None or self.interval is None:
             return ""
         low, high = self.interval
-        told = f"; a long ARX model of the recordings, which noise does not bias, has {_sized(self.recorded_pole, self.interval)}"
+        told = f"; a linear model (ARX) of high order, which noise does not bias, has a pole at {_sized(self.recorded_pole, self.interval)}"
         if high < 1.0:
-            return f"{told}: the plant is stable there, and the model is wrong"
+            return f"{told}: the plant is stable there, and the NARX model is wrong"
         told += f", {_rate(self.recorded_pole, self.sample_time)}"
         if low <= 1.0:
-            return f"{told}: the recordings cannot distinguish it from a stable one"
+            return f"{told}; the recordings cannot distinguish this pole from a stable one"
         rates = np.log([abs(self.pole), abs(self.recorded_pole)])
         apart = abs(rates[0] - rates[1]) > _WORTH_SAYING * rates[1] and not low <= abs(self.pole) <= high
-        return f"{told}: trust that one" if apart else told
+        return f"{told}; trust this pole" if apart else told
 
 
 Recorded = Callable[[], RecordedPole | None]
@@ -114,9 +116,10 @@ def unstable_pole_lacked(found: RecordedPole | None, recordings: Sequence[Record
     if found is None or not _surely_outside(found, recordings):
         return ""
     return (
-        f"a long ARX model of the recordings has an unstable pole, {_sized(found.pole, found.interval)}, "
-        f"{_rate(found.pole, recordings[0].sample_time)}, which this model lacks: the plant is unstable, the recording "
-        "was made in a closed loop, and no fit of the free run can find it; a fit one step ahead can, best with a model of the noise (Armax, Narmax)"
+        f"a linear model (ARX) of high order has an unstable pole, {_sized(found.pole, found.interval)}, "
+        f"{_rate(found.pole, recordings[0].sample_time)}, which this model lacks: the plant is unstable, and "
+        "the recording was made in a closed loop; no fit of the free run can find this pole, but a fit one step ahead can, "
+        "best with a model of the noise (Armax, Narmax)"
     )
 
 

@@ -316,7 +316,7 @@ def _resampled(source: _Source, plan: Resampling, reading: ReadingTime) -> tuple
             made.append(decimate(fine, plan.factor, reading=reading))
         except DataError as error:  # too short for the filter
             raise DataError(
-                f"{source.where(rows[0])}, onto a clock of {plan.sample_time:g} s: {error}", error.offers
+                f"{source.where(rows[0])}, with a sample every {plan.sample_time:g} s: {error}", error.offers
             ) from None
     return tuple(made)
 

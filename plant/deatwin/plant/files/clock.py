@@ -203,9 +203,10 @@ def _gap(timepts: Floats, long: Flags, usual: float, where: Callable[[int], str]
     sample = int(np.argmax(long))
     before, after = timepts[sample], timepts[sample + 1]
     more = f" ({int(long.sum())} gaps in all)" if long.sum() > 1 else ""
+    count = round((after - before) / usual) - 1
+    missing = "1 sample is" if count == 1 else f"{count} samples, one every {usual:g} s, are"
     return DataError(
-        f"{where(sample + 1)}: a gap from {before:g} s to {after:g} s, missing samples of {usual:g} s: "
-        f"{round((after - before) / usual) - 1}{more}; "
+        f"{where(sample + 1)}: a gap from {before:g} s to {after:g} s, in which {missing} missing{more}; "
         "fill it, or split the record there (--allow-gaps, in Python allow_gaps=True)",
         ReadOptions(allow_gaps=True),
     )

@@ -78,7 +78,7 @@ class TextKey:
 
 
 # Units in which a value may have been given by mistake, with factor and shift to the file's unit.
-_MM = (("in m", 1e3, 0.0), ("in um", 1e-3, 0.0))
+_MM = (("in m", 1e3, 0.0), ("in µm", 1e-3, 0.0))
 _UM = (("in mm", 1e3, 0.0), ("in nm", 1e-3, 0.0))
 _MG = (("in mg", 1e-3, 0.0),)
 _KV = (("in kV a volt", 1e3, 0.0),)

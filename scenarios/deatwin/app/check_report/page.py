@@ -19,8 +19,8 @@ from deatwin.studies.report.rendering import write_page
 
 NEXT = {
     Verdict.PASS: "write the controller as C source with deatwin export check.json --to c, and try small steps on the actuator.",
-    Verdict.MARGINAL: "remove the cause named above, or check another --design or a longer --closed-loop-time.",
-    Verdict.FAIL: "do not use this controller; remove the cause named above, or check another --design or a longer "
+    Verdict.MARGINAL: "remove the cause named above, or try another --design or a longer --closed-loop-time.",
+    Verdict.FAIL: "do not use this controller; remove the cause named above, or try another --design or a longer "
     "--closed-loop-time.",
 }
 
@@ -103,7 +103,9 @@ def _tiles(view: View) -> list[Tile]:
     input_unit = "" if at.input_unit == "1" else at.input_unit
     tiles = [Tile(name="operating input", value=three_digits(at.input), unit=input_unit)]
     if at.output is not None:
-        tiles.append(Tile(name="output there", value=three_digits(at.output / view.size), unit=view.shown_unit))
+        tiles.append(
+            Tile(name="output at the operating input", value=three_digits(at.output / view.size), unit=view.shown_unit)
+        )
     if check.controller is None or check.margins is None:
         return tiles
     promised = check.margins
@@ -113,11 +115,17 @@ def _tiles(view: View) -> list[Tile]:
         Tile(name="crossover at the operating input", value=three_digits(promised.crossover_Hz), unit="Hz"),
     ]
     if check.excited_band_Hz is not None:
-        tiles.append(Tile(name="the recording excited up to", value=three_digits(check.excited_band_Hz), unit="Hz"))
+        tiles.append(
+            Tile(
+                name="highest frequency that the recording excited",
+                value=three_digits(check.excited_band_Hz),
+                unit="Hz",
+            )
+        )
     if check.steps is not None:
         tiles.append(
             Tile(
-                name="error on the steps, plant model",
+                name="error on the steps, with the plant model",
                 value=three_digits(check.steps.rms_error / view.size),
                 unit=f"{view.shown_unit} rms".strip(),
             )

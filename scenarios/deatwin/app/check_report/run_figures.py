@@ -44,8 +44,8 @@ def draw_steps(view: View, steps: ClosedLoop) -> Drawing:
         caption = "Steps of the reference and the response of the plant model; dotted: the limits of the command."
         if view.check.predicted is not None:
             caption += (
-                " The band contains 95 % of the predicted loops at all times simultaneously. They have parameters "
-                "drawn from the posterior, the model's free-run residual as a disturbance, and sensor noise."
+                " The band contains 95 % of the predicted loops at all times simultaneously. In these loops, "
+                "the parameters are drawn from the posterior, and the model's free-run residual and sensor noise are added."
             )
         else:
             caption += (
@@ -77,8 +77,8 @@ def draw_others(view: View, others: Mapping[str, ClosedLoop]) -> Drawing:
         return Drawing.of(
             figure,
             "rivals",
-            "The same steps on the alternatives",
-            "The same controller on the alternative plants. A line that ends early belongs to a plant that failed.",
+            "The same steps on the alternative plants",
+            "Responses of the alternative plants with the same controller. A line ends early if its plant failed.",
             _other_columns(view, others, longest),
         )
 

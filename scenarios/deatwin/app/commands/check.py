@@ -90,12 +90,12 @@ DiagnosisFolder = Annotated[
     typer.Option(
         "--diagnosis",
         metavar="DIR",
-        help="Result of deatwin diagnose: its plant, and alternatives that it could not rule out, are judged too.",
+        help="Result of deatwin diagnose: its plant, and the alternatives that it could not rule out, are judged too.",
     ),
 ]
 Rivals = Annotated[
     list[str] | None,
-    typer.Option("--rival", metavar="RIG", help="Another plant that the actuator may be; repeatable."),
+    typer.Option("--rival", metavar="RIG", help="Another plant model that may describe the actuator; repeatable."),
 ]
 
 

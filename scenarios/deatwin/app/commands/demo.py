@@ -14,7 +14,9 @@ from deatwin.studies.voice import Voice
 OutFolder = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the results; created if absent.")]
 Concealed = Annotated[
     str,
-    typer.Option("--effect", metavar="NAME", autocompletion=complete_effects, help="The catalogue effect to conceal."),
+    typer.Option(
+        "--effect", metavar="NAME", autocompletion=complete_effects, help="Effect of the catalogue to conceal."
+    ),
 ]
 
 

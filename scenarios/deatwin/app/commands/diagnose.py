@@ -27,7 +27,8 @@ from deatwin.app.working import results
 from deatwin.studies.voice import Voice
 
 Recordings = Annotated[
-    list[Path] | None, typer.Argument(metavar="REC.csv...", help="Recordings of one experiment, on one running clock.")
+    list[Path] | None,
+    typer.Argument(metavar="REC.csv...", help="Recordings of one experiment, whose times continue from file to file."),
 ]
 
 

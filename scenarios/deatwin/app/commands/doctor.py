@@ -59,7 +59,7 @@ SLOWER = (
 it."""
 
 Warm = Annotated[
-    bool, typer.Option("--warm", help="Compile the usual plants now, so that the first diagnosis is quick.")
+    bool, typer.Option("--warm", help="Compile the usual plants now, so that the first diagnosis takes less time.")
 ]
 
 
@@ -127,21 +127,27 @@ def _lines(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
     """Return the lines of the answer, each with a label and a text."""
     yield from found["versions"].items()
     slower = ", ".join(f"{what} {by} times" for what, by, _ in SLOWER)
-    yield "compiler", found["compiler"] or "none found on the path: install gcc or clang"
-    yield "", f"{'without it' if found['compiler'] else 'until then'} slower by about: {slower}"
+    yield "compiler", found["compiler"] or "no compiler was found on the path: install gcc or clang"
+    yield "", f"{'without a compiler' if found['compiler'] else 'until then'}, programs are slower by about: {slower}"
     scripts = ", ".join(script for _, _, script in SLOWER)
     yield "", f"(measured by {scripts} in tests/benchmarks; DEATWIN_COMPILER names another compiler)"
     for name, part in found["optional"].items():
         yield name, f"{part['version'] or 'absent: ' + part['install']} ({part['use']})"
     if found["cache"] is None:
-        yield "cache", f"{found['cache_fault']}: without it nothing is compiled; DEATWIN_CACHE names another"
+        yield (
+            "cache",
+            f"{found['cache_fault']}: without a cache folder nothing is compiled; DEATWIN_CACHE names another folder",
+        )
     else:
         yield "cache", f"{found['cache']}: {found['cache_files']} files, {found['cache_bytes'] / 1e6:.1f} MB"
     data = found["data"]
     if data["folder"] is None:
-        yield "data", f"{data['variable']} is not set: scenarios on public recordings need it, or --data"
+        yield "data", f"{data['variable']} is not set: scenarios with public recordings need this variable or --data"
     elif data["holds"] is None:
-        yield "data", f"{data['folder']}: no such folder; {data['variable']} must name that of the public recordings"
+        yield (
+            "data",
+            f"{data['folder']}: no such folder; {data['variable']} must name the folder of the public recordings",
+        )
     else:
         yield "data", f"{data['folder']}: {', '.join(data['holds']) or 'empty'} ({data['variable']})"
 

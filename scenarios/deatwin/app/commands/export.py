@@ -36,7 +36,8 @@ Source = Annotated[
     str,
     typer.Argument(
         metavar="MODEL",
-        help="An amended model.json, a rig file or module:function (plants); narx.json; check.json (its controller).",
+        help="A plant (model.json, rig file or module:function), a NARX model (narx.json), or a check (check.json), whose "
+        "controller is exported.",
     ),
 ]
 To = Annotated[
@@ -73,9 +74,9 @@ def export(model: Source, to: To, out: OutFile, name: Name = None, as_json: Json
     start = None if given.plant is None else given.plant.rig.start
     if start is not None and start.ramp + start.hold > 0.0:
         voice.say(
-            f"the exported plant starts at rest; deatwin simulate first ramps up the first command over {start.ramp:g} s "
-            f"and holds it for {start.hold:g} s: apply these commands first, from {-(start.ramp + start.hold):g} s on its "
-            "clock"
+            f"the exported plant starts at rest, but deatwin simulate reaches the first command by a ramp of {start.ramp:g} s "
+            f"and holds it for {start.hold:g} s before time 0: to obtain the same readings, start the exported plant at "
+            f"{-(start.ramp + start.hold):g} s with these commands"
         )
     voice.result({"out": str(out), "form": to.value, **said})
 

@@ -17,22 +17,28 @@ FORMER = r"figures/(frequency|gfrf[2-8]|nofrf[1-8]?|test_signal)\.(csv|svg)"
 ModelFile = Annotated[Path, typer.Argument(metavar="NARX.json", help="An identified model.")]
 Order = Annotated[int, typer.Option(min=1, max=8, help="Highest order of the responses.")]
 OperatingInput = Annotated[
-    float | None, typer.Option(metavar="VALUE", help="Constant input; by default the centre of the training data.")
+    float | None,
+    typer.Option(
+        metavar="VALUE", help="Constant input of the operating point; by default the centre of the training data."
+    ),
 ]
 Band = Annotated[
     tuple[float, float] | None,
     typer.Option(
-        metavar="LOW HIGH", help="Frequencies of the input, Hz; by default from 0 to the end of the excited band."
+        metavar="LOW HIGH",
+        help="Frequencies of the input, Hz; by default from 0 to the highest that the training input excited.",
     ),
 ]
-Level = Annotated[float, typer.Option(help="Probability of the bands that are written; 0.95 is drawn.")]
+Level = Annotated[
+    float, typer.Option(help="Probability of the confidence bands in the CSV files; the figures show 95 % bands.")
+]
 Amplitude = Annotated[
     float | None,
     typer.Option(
         metavar="VALUE",
         callback=positive("give a positive number"),
-        help="Largest deviation of the NOFRFs' test signal, with --order 2 or more; by default inside the training "
-        "range.",
+        help="Largest deviation of the NOFRFs' test signal from the operating input, with --order 2 or more; by default at "
+        "most as large as the training data allow.",
     ),
 ]
 
@@ -49,7 +55,7 @@ def frequency(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Compute frequency responses (FRF, GFRFs, NOFRFs) of an identified model at an operating point, with bands.
+    """Compute frequency responses (FRF, GFRFs, NOFRFs) of an identified model at an operating point, with confidence bands.
 
     Writes report.html, figures and their data (figures/*.svg and *.csv) and run.json into DIR.
 
@@ -57,7 +63,7 @@ def frequency(
     """
     if amplitude is not None and order == 1:
         raise typer.BadParameter(
-            "it belongs to the test signal of NOFRFs, which order 1 does not need: give --order 2 or more",
+            "it is the size of the test signal of the NOFRFs, which --order 1 does not compute: give --order 2 or more",
             param_hint="--amplitude",
         )
     from deatwin.app.frequency_report import write_responses

@@ -51,22 +51,22 @@ MethodOption = Annotated[
     ),
 ]
 InputLag = Annotated[
-    int | None, typer.Option(min=0, help="Last lag of the input; by default 2, or 2 after its dead time.")
+    int | None, typer.Option(min=0, help="Last lag of the input, in samples; by default 2, or the dead time plus 2.")
 ]
 OutputLags = Annotated[
     int | None,
     typer.Option(
         min=1,
-        help="Last lag of the output, from 1 on; by default 2, or fewer if the model would have an unstable pole that "
-        "no sampled plant has.",
+        help="Last lag of the output, in samples; by default 2, or 1 if the model would otherwise have an unstable pole "
+        "that no sampled plant has.",
     ),
 ]
 FirstInputLag = Annotated[
     int | None,
     typer.Option(
         min=0,
-        help="First lag of the input: 0 if a reading is taken at the end of its row, as on the rig, else 1. By default "
-        "0, or the dead time.",
+        help="First lag of the input, in samples: 0 if each reading is taken at the end of its sample interval, else 1; by "
+        "default 0, or the dead time.",
     ),
 ]
 
@@ -83,7 +83,7 @@ Decimation = Annotated[
         "--decimate",
         metavar="auto|N",
         callback=_decimation,
-        help="Keep every N-th sample after a low-pass filter; auto chooses N by the output's correlation.",
+        help="Keep every N-th sample after a low-pass filter; auto chooses N by the output's autocorrelation.",
     ),
 ]
 Functions = Annotated[
@@ -95,7 +95,7 @@ Functions = Annotated[
         "'sign(y(k-1)-y(k-2))'; with nss a further term, such as '|x1|' or 'sat(u,0.5)'; repeatable.",
     ),
 ]
-States = Annotated[int, typer.Option(min=1, help="Number of states (nss alone).")]
+States = Annotated[int, typer.Option(min=1, help="Number of states (only for nss).")]
 MaxTerms = Annotated[int, typer.Option(min=1, help="Largest number of terms (not for svb).")]
 
 
@@ -305,8 +305,9 @@ def _say(voice: Voice, model: NarxModel, errors: list[dict[str, Any]], labels: l
     from deatwin.ident.narx.names import symbols_of
     from deatwin.ident.narx.shown import shown_units
     from deatwin.ident.narx.written import origins
+    from deatwin.plant.prefixes import with_unit
 
-    unit = f" {model.output_units[0]}" if model.output_units[0] not in ("", "1") else ""
+    unit = model.output_units[0]
     shown, symbols = shown_units(model), symbols_of(model.input_names, model.output_names)
     half = 1.96 * np.sqrt(model.theta_cov.diagonal()) * shown.factors
     for term, value, width in zip(model.terms, model.theta * shown.factors, half, strict=True):
@@ -316,8 +317,13 @@ def _say(voice: Voice, model: NarxModel, errors: list[dict[str, Any]], labels: l
     if shown.legend:
         voice.say(f"  ({shown.legend})")
     for label, error in zip(labels, errors, strict=True):
-        free = f"{error['free_run']:.4g}{unit}" if error["finished"] else f"{error['free_run']:.4g}{unit} (diverged)"
-        voice.say(f"{label}, held-out part: one step {error['one_step']:.4g}{unit} rms, free run {free} rms")
+        free = (
+            f", of the free run {with_unit(error['free_run'], unit)} rms"
+            if error["finished"]
+            else "; the free run diverges"
+        )
+        ahead = f"error of the prediction one step ahead {with_unit(error['one_step'], unit)} rms"
+        voice.say(f"{label}, held-out part: {ahead}{free}")
         voice.say(f"  {error['validation']}")
         for sentence in error["unstable"]:
             voice.say(f"  {sentence}")

@@ -125,8 +125,8 @@ def _seen(path: Path, asked: ReadOptions, voice: Voice) -> Seen:
         unit = f", {column.unit}" if column.unit else ", unit not given" if column.role in ("input", "output") else ""
         voice.say(f'  column {column.place} "{column.header}": {column.role or "-"}{unit} ({column.how})')
     if file.recordings and file.refused:
-        voice.say(f"  other commands refuse the file: {file.refused}")
-        voice.say(f"  these options read it, and were used here: {shlex.join(file.options)}")
+        voice.say(f"  other commands refuse this file: {file.refused}")
+        voice.say(f"  with these options it can be read, as was done here: {shlex.join(file.options)}")
     if not file.recordings:
         complain(file.refused)
         if file.remaining:
@@ -192,7 +192,7 @@ def _rig_file(seen: Sequence[Seen], kind: str) -> str:
         known["sample_rate_Hz"] = (1.0 / first.sample_time, "as recorded")
         drive, reading = (next(one for one in first.channels if one.role == role) for role in ("input", "output"))
         if drive.unit == "V" and max(-drive.low, drive.high) > highest_command:
-            known["input"] = ("film voltage", "as high as the recorded input, no command is")
+            known["input"] = ("film voltage", "because the recorded input is too high for a command")
         if reading.unit == "m" and reading.noise:
             known["noise_um"] = (1e6 * reading.noise, AT_MOST)
         if reading.unit == "N" and reading.noise:
@@ -201,7 +201,7 @@ def _rig_file(seen: Sequence[Seen], kind: str) -> str:
             one.name: one.noise for one in first.channels if one.noise and one.unit == ELECTRICAL_UNITS.get(one.name)
         }
         if falls_with_voltage(first.recordings):
-            known["direction"] = (AGAINST, "the readings of the recording fall where the voltage rises")
+            known["direction"] = (AGAINST, "in the recording the readings fall when the voltage rises")
     return rig_template(known, kind, noises)
 
 

@@ -11,7 +11,9 @@ from deatwin.app.options import Json, OutFolder, Quiet
 from deatwin.app.working import results
 from deatwin.studies.voice import Voice
 
-TestsFile = Annotated[Path, typer.Argument(metavar="TESTS.toml", help="The tests: their files, kinds, columns.")]
+TestsFile = Annotated[
+    Path, typer.Argument(metavar="TESTS.toml", help="TOML file that lists the tests: their files, kinds and columns.")
+]
 
 
 def material(

@@ -24,7 +24,8 @@ from deatwin.app.working import results
 from deatwin.studies.voice import Voice
 
 InputFile = Annotated[
-    Path | None, typer.Argument(metavar="INPUT.csv", help="Commands to judge; without this file an input is suggested.")
+    Path | None,
+    typer.Argument(metavar="INPUT.csv", help="Commands to judge; without this file, plan suggests an input."),
 ]
 Seconds = Annotated[
     float | None,
@@ -58,7 +59,8 @@ def plan(
     """
     if commands is not None and seconds is not None:
         raise typer.BadParameter(
-            "it belongs to a suggested input, but you gave an input: leave one of them out", param_hint="--seconds"
+            "it is the length of the input that plan suggests, but you gave an input: leave one of them out",
+            param_hint="--seconds",
         )
     from deatwin.app.planning import plan_into
 

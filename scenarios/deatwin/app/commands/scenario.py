@@ -36,7 +36,12 @@ def _completion(choice: str) -> Callable[[typer.Context, str], list[str]]:
 
 
 complete_sizes, complete_tasks = _completion("sizes"), _completion("tasks")
-Name = Annotated[str, typer.Argument(metavar="NAME", autocompletion=complete_names, help="One of `deatwin scenarios`.")]
+Name = Annotated[
+    str,
+    typer.Argument(
+        metavar="NAME", autocompletion=complete_names, help="Name of a scenario, as listed by `deatwin scenarios`."
+    ),
+]
 Size = Annotated[
     str | None,
     typer.Option(
@@ -53,7 +58,8 @@ Tasks = Annotated[
     ),
 ]
 DataFolder = Annotated[
-    Path | None, typer.Option("--data", metavar="FOLDER", help="Public recordings; by default $DEATWIN_DATA.")
+    Path | None,
+    typer.Option("--data", metavar="FOLDER", help="Folder of the public recordings; by default $DEATWIN_DATA."),
 ]
 
 

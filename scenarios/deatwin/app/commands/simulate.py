@@ -35,14 +35,19 @@ InputFile = Annotated[
 Effects = Annotated[
     list[str] | None,
     typer.Option(
-        "--effect", metavar="NAME", autocompletion=complete_effects, help="Add a catalogue effect; repeatable."
+        "--effect",
+        metavar="NAME",
+        autocompletion=complete_effects,
+        help="Effect of the catalogue to add to the plant, such as creep; repeatable.",
     ),
 ]
 History = Annotated[
     list[Path] | None,
     typer.Option("--history", metavar="REC.csv", help="An earlier recording of the same experiment; repeatable."),
 ]
-OutFile = Annotated[Path, typer.Option("--out", metavar="OUT.csv", help="Readings with their 95 % bands.")]
+OutFile = Annotated[
+    Path, typer.Option("--out", metavar="OUT.csv", help="File for the predicted readings with their 95 % bands.")
+]
 
 
 def simulate(
@@ -58,7 +63,7 @@ def simulate(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Predict the readings of an experiment, from rest through its history up to the end of the input file.
+    """Predict the readings for the commands in a file, from rest and after earlier recordings of the experiment.
 
     Example: deatwin simulate result/model.json check.csv --history noise.csv --out predicted.csv
     """

@@ -1,7 +1,7 @@
 """``deatwin diagnose`` or ``deatwin plan`` in a process of its own, which says how far it is.
 
 ``python -m deatwin.app.live.worker diagnose RIG REC.csv --out DIR`` has the arguments, files and error line of
-``deatwin diagnose``. It prints JSON lines on stdout: ``{"share": 0.3, "step": "building in effects"}`` while it works,
+``deatwin diagnose``. It prints JSON lines on stdout: ``{"share": 0.3, "step": "verifying on held-out data"}`` while it works,
 ``{"share": 1.0, "verdict": "named", "sentence": "..."}`` at the end.
 """
 

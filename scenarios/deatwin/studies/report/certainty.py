@@ -30,26 +30,27 @@ def _clean(diagnosis: Diagnosis) -> str:
     excess, least = (amount(three_digits(x), unit) for x in (found.excess, found.practical))
     if found.taken_up:
         return (
-            f"fitted to a part of the data, the plant left {excess} rms beyond the noise ({_chance(found)}); fitted to all "
-            f"data, it leaves less than the {least} from which a mismatch counts"
+            f"after the fit to a part of the data, the error exceeded the noise by {excess} rms ({_chance(found)}); after the "
+            f"fit to all data, the excess is below {least} rms, and such an error does not count as a mismatch"
         )
     return (
-        f"{_chance(found)}, and the error exceeds the noise by {excess} rms; a mismatch counts if the probability is below "
-        f"{LEVEL:g} and the excess at least {least}"
+        f"{_chance(found)}, and the error exceeds the noise by {excess} rms; it counts as a mismatch only if the probability "
+        f"is below {LEVEL:g} and the excess is at least {least} rms"
     )
 
 
 def _chance(found: DetectionSummary) -> str:
     at_most = "at most " if found.p_value is not None and found.p_value < 1 / DRAWS else ""
     return (
-        f"a complete plant leaves a residual this unusual with a probability of {at_most}{three_digits(found.p_value)}"
+        f"if no physics were missing, a residual this unusual would occur with a probability of "
+        f"{at_most}{three_digits(found.p_value)}"
     )
 
 
 def _unknown(diagnosis: Diagnosis) -> str:
     located = diagnosis.location.place if diagnosis.location else ()
     best = max((place.score for place in located), default=None)
-    effect = "" if best is None else f"; no single effect explains more than {100 * best:.0f} % of it"
+    effect = "" if best is None else f"; no single effect explains more than {100 * best:.0f} % of the mismatch"
     return _beyond_chance(diagnosis) + effect
 
 
@@ -60,9 +61,9 @@ def _disturbance(diagnosis: Diagnosis) -> str:
     repeats = origin.by == "repeats"
     what = "repeats with the command" if repeats else "can be predicted from command and motion"
     return (
-        f"apart from slow drifts, single steps and pure tones, {_percent(origin.share)} % of the mismatch's power {what}, at "
-        f"most {_percent(origin.high)} % (two standard deviations); below {100 * (FOREIGN if repeats else UNPREDICTED):g} % it "
-        "counts as a disturbance"
+        f"apart from slow drifts, single steps and pure tones, {_percent(origin.share)} % of the mismatch's power {what} "
+        f"(at most {_percent(origin.high)} %, two standard deviations higher); a mismatch counts as a disturbance if this "
+        f"share is below {100 * (FOREIGN if repeats else UNPREDICTED):g} %"
     )
 
 
@@ -77,7 +78,7 @@ def _beyond_chance(diagnosis: Diagnosis) -> str:
     if found.p_value is None or found.excess is None or found.practical is None:
         return ""
     excess, least = (amount(three_digits(x), unit) for x in (found.excess, found.practical))
-    return f"{_chance(found)}, and the error exceeds the noise by {excess} rms, where {least} would count as a mismatch"
+    return f"{_chance(found)}, and the error exceeds the noise by {excess} rms, where {least} rms would suffice for a mismatch"
 
 
 def _faulty(diagnosis: Diagnosis) -> str:
@@ -86,8 +87,8 @@ def _faulty(diagnosis: Diagnosis) -> str:
     bad = sum(fault.samples for fault in diagnosis.faults)
     whole = sum(record.timepts.size for one in diagnosis.readings.experiments for record in one.recordings)
     return (
-        f"{bad} of {whole} samples ({three_digits(100 * bad / whole)} %) are at fault; a recording is faulty if more than "
-        f"{FEWEST_FAULTY} samples and more than {100 * FAULTY_SHARE:g} % of them are. This is a count, not an estimate"
+        f"{bad} of {whole} samples ({three_digits(100 * bad / whole)} %) are faulty; a recording counts as faulty if more "
+        f"than {FEWEST_FAULTY} samples and more than {100 * FAULTY_SHARE:g} % of all samples are"
     )
 
 
@@ -96,7 +97,9 @@ def _not_testable(diagnosis: Diagnosis) -> str:
     if moved is None:
         return ""
     sizes = (amount(three_digits(x), unit) for x in (moved, diagnosis.noise, diagnosis.model_error))
-    return "the command moves the reading by {} rms; sensor noise is {} and the stated model error {}".format(*sizes)
+    return "the command moves the reading by {} rms; the sensor noise is {} rms, and the stated model error is {} rms".format(
+        *sizes
+    )
 
 
 _LINES: Mapping[Verdict, Callable[[Diagnosis], str]] = {

@@ -45,28 +45,28 @@ def _drawable(findings: Findings) -> dict[str, Drawable]:
     found["checked"] = (
         (WIDTH, 3.2),
         "The readings",
-        "As recorded; stuck, outlying, clipped and jumping samples are marked.",
+        "The readings as recorded; stuck, outlying, clipped and jumping samples are marked.",
         lambda figure: findings.checked.plot(figure.add_subplot()),
     )
     found["detection"] = (
         (WIDTH, 8.4),
-        "Beyond chance",
-        "Spectrum, cumulative periodogram and correlations of the calibrated plant's residual, with the limits of chance.",
+        "Tests of the residual",
+        "Spectrum, cumulative periodogram and correlations of the calibrated plant's residual, with the limits that chance alone would exceed in 1 % of all cases.",
         lambda figure: findings.detection.plot(list(figure.subplots(3, 1))),
     )
     if (location := findings.location) is not None:
         found["region"] = (
             (WIDTH, 3.6),
             "The operating region",
-            "Mean residual over each signal, from its lowest to its highest value.",
+            "Mean residual as a function of each signal, from the signal's lowest to its highest value.",
             lambda figure: location.region.plot(figure.add_subplot()),
         )
         if location.place.opened:
             found["place"] = (
                 (WIDTH, 4.2),
                 "Signals that predict the mismatch",
-                "Share of the mismatch that a flexible regression on the signals at each place predicts, without "
-                "assuming physics.",
+                "Share of the mismatch that the signals at each place of the measuring chain predict in a flexible "
+                "regression, which assumes no physics.",
                 lambda figure: location.place.plot(figure.add_subplot()),
             )
         if (lines := location.lines) is not None:
@@ -97,8 +97,8 @@ def _drawable(findings: Findings) -> dict[str, Drawable]:
         found["verification"] = (
             (WIDTH, 1.3 + ROW * rows),
             "On held-out data",
-            "Error of free runs before and after; without each effect, with the rest refitted; and with placebo effects "
-            "in place of each effect, which must not do as well.",
+            "Errors of free runs: without and with the explanation; with one effect removed and the others refitted; and "
+            "with a placebo effect, which must not fit as well, in place of an effect.",
             lambda figure: held.plot(figure.add_subplot()),
         )
     return found

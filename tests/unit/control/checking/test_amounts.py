@@ -41,20 +41,23 @@ def test_numbers_up_to_the_largest_are_written_as_they_are():
 def test_sentences_on_runs_near_the_limits_hold_the_numbers():
     """Twice 0.4 above the step at most, 0.4 in the mean and as rms; the error is then 0.4 √2 in rms."""
     found = texts(0.4, sine_predicted=0.4 * 2**0.5 / 7.0)
-    assert "plant model, steps overshoot by 80 % (" in found["overshoot"]
-    assert "plant model, steps end 40.0 % from the reference" in found["steady-state error"]
+    assert "plant model, the output overshoots by 80 % of the step (" in found["overshoot"]
+    assert (
+        "plant model, at the end of the steps the output differs from the reference by 40.0 % of the step"
+        in found["steady-state error"]
+    )
     assert "plant model, the output still moves by 40.0 % of the step long after the step" in found["ripple"]
-    assert "plant model, the error on a slow sine is 7.00 times the predicted one" in found["tracking"]
+    assert "plant model, the rms error on a slow sine is 7.00 times the predicted one" in found["tracking"]
 
 
 @pytest.mark.parametrize("size", [11.0, 7.3e11])
 def test_sentences_on_runs_far_off_are_short_and_the_numbers_stay(size):
     found = {f.subject: f for f in judge_runs(off_by(size), 1e-3, Specification())}
     for subject, says in (
-        ("overshoot", ", steps overshoot by more than 1000 % ("),
-        ("steady-state error", ", steps end more than 1000 % from the reference"),
+        ("overshoot", ", the output overshoots by more than 1000 % of the step ("),
+        ("steady-state error", "differs from the reference by more than 1000 % of the step"),
         ("ripple", ", the output still moves by more than 1000 % of the step long after the step"),
-        ("tracking", ", the error on a slow sine is more than 100 times the predicted one"),
+        ("tracking", ", the rms error on a slow sine is more than 100 times the predicted one"),
     ):
         assert says in found[subject].text
         assert found[subject].verdict is Verdict.FAIL
@@ -88,5 +91,5 @@ def test_a_band_of_any_width_is_told():
         (3e8, "more than 100"),
     ):
         found = judge_width(replace(band, outputs=spread * steps / half), 1.0, Specification())
-        assert f"extends {says}" in found.text
+        assert f"is {says}" in found.text
         assert found.value == pytest.approx(steps)

@@ -25,8 +25,8 @@ def test_failed_tests_and_bias_stand_in_the_sentence_and_come_back_from_the_file
     found = checked(exact(provenance=known | FAILED), rig)
     assert found.verdict is passed.verdict and "residual test" not in passed.sentence
     assert (
-        "The model failed one residual test on held-out data (ue), so its residual still depends on the input."
-        in found.sentence
+        "The model failed one residual test on held-out data (ue, where e is the residual and u the input): its residual "
+        "still depends on the input, and" in found.sentence
     )
     assert "The model is biased: on held-out data, the measured gain is 12 ± 3 % larger" in found.sentence
     found.save(tmp_path / "check.json")
@@ -37,7 +37,7 @@ def test_a_model_that_cannot_be_judged_is_still_told_to_have_failed_its_tests(
     checked: Callable[..., Check], exact: Callable[..., NarxModel], rig: Plant, known: dict[str, str]
 ) -> None:
     found = checked(exact(provenance=known | FAILED | {"free_run": "diverged"}), rig)
-    assert found.verdict.value == "fail" and "(ue)" in found.sentence
+    assert found.verdict.value == "fail" and "(ue, where" in found.sentence
 
 
 def test_a_pi_without_a_proportional_part_says_so(passed: Check) -> None:

@@ -161,7 +161,7 @@ def test_a_plant_that_does_not_live_through_the_sines_is_not_measured(gap):
     assert found.verdict is Verdict.MARGINAL
     assert found.value is None
     assert "of the command limits and the sensor's resolution predict no limit cycle" in found.text
-    assert "not measured: the plant fails under sines of 6 % of the distance" in found.text
+    assert "unknown, because the plant fails even under sines of 6 % of the distance" in found.text
 
 
 def test_the_sizes_of_the_sines_that_a_plant_lived_through_are_told(brittle):
@@ -169,7 +169,7 @@ def test_the_sizes_of_the_sines_that_a_plant_lived_through_are_told(brittle):
     controller, linear = about(brittle, 0.8)
     found = judge_cycles(brittle, controller, linear, 0.1, Specification())
     assert found.verdict is Verdict.PASS
-    assert "measured with sines of 2, 6 and 20 % of the distance to the command's limits only" in found.text
+    assert "tested only with sines of 2, 6 and 20 % of the distance to the command's limits" in found.text
     controller, linear = about(brittle, 0.5)
     found = judge_cycles(brittle, controller, linear, 0.1, Specification())
     assert (found.verdict, found.value) == (Verdict.PASS, 0.0)
@@ -187,7 +187,7 @@ def test_a_cycle_of_the_limits_is_told_where_the_plant_is_not_measured(slow, mon
         found = judge_cycles(slow, controller, linear, step, Specification())
         assert (found.verdict, found.value) == (verdict, measured.value)
         assert found.text.startswith(measured.text)
-        assert "not measured" in found.text and "not measured" not in measured.text
+        assert "is unknown, because" in found.text and "is unknown, because" not in measured.text
 
 
 def test_progress_is_told(slow):

@@ -30,7 +30,7 @@ MARGINS = ("gain margin", "phase margin", "delay margin", "disk margin")
 
 def test_an_exact_model_of_a_sound_loop_passes(subjects, passed):
     assert passed.verdict is Verdict.PASS, passed.sentence
-    assert passed.reason == "every limit is kept at inputs of -0.3 to 0.3 V"
+    assert passed.reason == "all requirements are met at constant inputs of -0.3 to 0.3 V"
     assert subjects(passed) == {
         "stability",
         "gain margin",
@@ -114,7 +114,7 @@ def test_a_specification_that_cannot_be_met_fails_with_its_reason(checked, exact
     found = checked(exact(), rig, controller=fast, specification=wanted)
     assert found.verdict is Verdict.FAIL
     assert "the gain margin is" in found.reason
-    assert "at least 2000 is required" in found.reason
+    assert "required: at least 2000" in found.reason
     document_of(found, tmp_path)
 
 
@@ -212,7 +212,7 @@ def test_a_loop_that_is_weak_only_at_its_own_operating_input_is_caught_on_the_pl
     found = checked(exact(), steep, controller=controller, operating_inputs=[-0.1, 0.0, 0.1])
     unstable = next(f for f in found.findings if f.subject == "stability (plant)")
     assert unstable.verdict is Verdict.FAIL
-    assert "at an input of 0.9" in unstable.text
+    assert "at a constant input of 0.9" in unstable.text
 
 
 def test_a_controller_from_a_transfer_function_is_judged_by_its_own_margins(checked, exact, rig):
@@ -248,5 +248,5 @@ def test_a_plant_with_another_zero_is_told_apart_from_a_bad_controller(checked, 
         apart = [finding for finding in found.findings if finding.subject == "operating point"]
         assert len(apart) == told
     assert found.worst_case is apart[0] and apart[0].value == pytest.approx(-3.0)
-    assert "the model rests at 3 mm and the plant at 0 mm, 3 mm apart" in found.sentence
-    assert "within the limits of the command it rests from -2 to 2 mm" in found.sentence
+    assert "the model's output is 3 mm and the plant's is 0 mm, a difference of 3 mm" in found.sentence
+    assert "constant commands within the limits move the plant only to outputs from -2 to 2 mm" in found.sentence

@@ -101,7 +101,7 @@ def test_noise_is_taken_for_distortion_once_in_twenty_times() -> None:
         y = lfilter(FRONT, BACK, u) + 0.5 * rng.normal(size=u.size)
         found = best_linear_approximation(Recording.from_arrays(u, y, STEP))
         claims += int(np.sum(found.distortion_low[:2] > 0.0))
-        assert ("no even distortion beyond the noise" in str(found)) == (found.distortion_low[0] == 0.0)
+        assert ("no even distortion above the noise" in str(found)) == (found.distortion_low[0] == 0.0)
     assert claims <= 11
 
 

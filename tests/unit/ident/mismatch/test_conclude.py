@@ -32,7 +32,7 @@ def test_what_only_the_ranges_of_the_plant_refuse_is_said(monkeypatch, verdict, 
     monkeypatch.setattr(conclude, "held_back_by", lambda c: ("damping", "branch_time"))
     naming = SimpleNamespace(base=BASE, best=best, candidates=several)
     found = list(conclude._held_back(SimpleNamespace(verdict=verdict, naming=naming)))
-    expected = "creep would explain the recordings if damping, branch_time could lie outside the stated range"
+    expected = "the effect creep would explain the recordings if damping, branch_time were allowed to lie outside the stated range"
     assert found == [expected] * said
 
 

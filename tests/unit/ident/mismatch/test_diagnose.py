@@ -261,7 +261,9 @@ def test_a_rival_on_another_form_of_the_rig_has_its_own_distance():
     found = diagnose(rig, hidden, effects=[effect_named("delay"), effect_named("sensor_lag")])
     assert found.verdict is Verdict.AMBIGUOUS
     assert found.rivals == (("sensor_lag",),)
-    assert "sensor_lag explains the recordings on a rig with reading = 'start of hold'" in found.warnings
+    assert (
+        "the alternative sensor_lag explains the recordings if the rig has reading = 'start of hold'" in found.warnings
+    )
     (pair,) = found.indistinguishable
     # that of the lag on the rig of the file is above 100: it was distinguished, and is no alternative
     assert pair.d2 < 16
@@ -281,7 +283,7 @@ def test_the_plant_of_a_refuted_explanation_is_not_the_answer(monkeypatch):
     monkeypatch.setattr(standing, "verify", refuting)
     found = diagnose(NOMINAL, recorded(Creep(modulus=50e3, time=20.0), share=0.5), effects=[Creep()])
     assert found.verdict is Verdict.UNKNOWN
-    assert "it is not certain that the error on held-out data falls" in found.warnings
+    assert "it is not certain that the explanation lowers the error on held-out data" in found.warnings
     assert "creep" not in found.model.plant.effect_names
 
 

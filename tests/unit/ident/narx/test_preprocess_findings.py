@@ -74,7 +74,7 @@ def test_outliers_are_named_with_their_times():
     found = named(record(with_values(where, lambda y: y[where] + np.array([5e-6, -4e-6, 6e-6]))))
     outliers = found["displacement", FindingKind.OUTLIERS]
     assert outliers.count == 3 and outliers.size == pytest.approx(6e-6, abs=1.5e-6)
-    assert outliers.text.startswith("3 outlying reading(s), at 110, 144.44, 180.02 s")
+    assert outliers.text.startswith("3 outlying readings, at 110, 144.44, 180.02 s")
 
 
 def test_steps_and_ringing_are_no_outliers():

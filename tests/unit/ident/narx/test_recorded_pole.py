@@ -75,7 +75,7 @@ def test_validation_names_both_poles_and_says_which_to_trust():
     found = validate(biased, record)
     low, high = found.unstable.interval
     assert low <= 1.1 <= high < 1.2 and abs(found.unstable.recorded_pole) == pytest.approx((low + high) / 2)
-    assert "long ARX model" in str(found) and "trust that one" in str(found)
+    assert "linear model (ARX) of high order" in str(found) and "trust this pole" in str(found)
 
 
 def test_a_stable_model_of_an_unstable_plant_is_told():

@@ -41,7 +41,7 @@ class NofrfStatus(Enum):
     The value of each member is a text that advises the user.
     """
 
-    OK = "excitation and levels suit these orders"
+    OK = "the test signal and its amplitudes suit these orders"
     UNSTABLE = (
         "the operating point is unstable: the output does not settle there; choose another operating input or "
         "identify again"

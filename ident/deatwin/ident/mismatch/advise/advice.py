@@ -148,8 +148,9 @@ class Advice(Described):
         if best is None:
             return ""
         return (
-            f" With {best.words} ({best.noise_source}), the true explanation is expected to become e^{best.log_odds:.3g} "
-            f"times as likely as the nearest other one; with the best waveform alone, e^{self.log_odds:.3g} times."
+            f" With {best.words} ({best.noise_source}), the true explanation is expected to become "
+            f"e^{best.log_odds:.3g} times as likely as the next best one; with the best input alone, it becomes "
+            f"e^{self.log_odds:.3g} times as likely."
         )
 
     @property

@@ -108,14 +108,22 @@ class Verification(Described):
     def failures(self) -> tuple[str, ...]:
         """Return the failed tests, each in a clause."""
         falls = self.gain_low > 0.0 or self.counts  # as for `Ablation.returns`
-        found = [] if falls else ["it is not certain that the error on held-out data falls"]
+        found = [] if falls else ["it is not certain that the explanation lowers the error on held-out data"]
         found += [
             f"it is not certain that the error on held-out data rises again without {a.effect}"
             for a in self.ablations
             if not a.returns
         ]
-        found += [f"the placebo effect {s.effect} {s.kind.value} does as well" for s in self.shams if not s.rejected]
-        found += [f"the error grows on held-out data: {t.part}" for t in self.transfers if t.worse]
+        found += [
+            f"the placebo effect {s.effect} {s.kind.value} fits as well as the effect itself"
+            for s in self.shams
+            if not s.rejected
+        ]
+        found += [
+            f"the explanation raises the error on a part of the held-out data: {t.part}"
+            for t in self.transfers
+            if t.worse
+        ]
         found += [
             f"the strength of {c.effect}, if allowed to vary, changes by {100 * c.change:.0f} % over "
             + ("the recordings, which would explain most of the remaining error" if c.mends else "the fitted part")

@@ -199,17 +199,18 @@ def _slow(channel: _Channel, level: float) -> Iterator[Finding]:
     total, duration = slope * y.size / length, channel.record.duration
     if 2.0 * float(stdtr(dof, -abs(t_value))) < level:
         text = (
-            f"a linear trend of {channel.amount(total)} over {duration:.4g} s (t = {t_value:.1f} on {dof} degrees "
-            f"of freedom, {abs(total) / float(y.std()):.2g} standard deviations of the signal)"
+            f"a linear trend of {channel.amount(total)} over {duration:.4g} s, which is "
+            f"{abs(total) / float(y.std()):.2g} standard deviations of the signal (significance: t = {t_value:.1f} with "
+            f"{dof} degrees of freedom)"
         )
         yield channel.finding(FindingKind.TREND, np.arange(y.size), total, text)
     if float(fdtrc(dof, 2 * _SEGMENTS, spread / chance)) < level:
         worst = int(np.argmax(np.abs(left)))
         where = np.arange(worst * length, (worst + 1) * length)
         text = (
-            f"a slow drift: means over {duration / _SEGMENTS:.3g} s wander by {channel.amount(np.sqrt(spread))} rms, "
-            f"of which chance explains {channel.amount(np.sqrt(chance))}; the farthest is {channel.amount(left[worst])} "
-            f"off, from {channel.record.timepts[where[0]]:.4g} s on"
+            f"a slow drift: means over {duration / _SEGMENTS:.3g} s vary by {channel.amount(np.sqrt(spread))} rms, where "
+            f"chance alone gives {channel.amount(np.sqrt(chance))} rms; the largest deviation is "
+            f"{channel.amount(left[worst])}, from {channel.record.timepts[where[0]]:.4g} s on"
         )
         yield channel.finding(FindingKind.DRIFT, where, left[worst], text)
 
@@ -250,8 +251,8 @@ def _outliers(channel: _Channel, level: float) -> Iterator[Finding]:
         worst = far[np.argmax(size[far])]
         times = ", ".join(f"{channel.record.timepts[k]:.6g}" for k in far[:5]) + (", ..." if far.size > 5 else "")
         text = (
-            f"{far.size} outlying reading(s), at {times} s; the largest is {channel.amount(deviation[worst])} off its "
-            f"neighbours, {size[worst] / usual[worst]:.3g} times the usual"
+            f"{far.size} outlying reading{'s' if far.size > 1 else ''}, at {times} s; the largest differs from its "
+            f"neighbours by {channel.amount(deviation[worst])}, {size[worst] / usual[worst]:.3g} times the usual difference"
         )
         yield channel.finding(FindingKind.OUTLIERS, far, deviation[worst], text)
 
@@ -272,8 +273,8 @@ def _quantisation(channel: _Channel) -> Iterator[Finding]:
     step, noise = resolution(y), noise_of_bends(y)
     if step**2 / 12.0 > 0.1 * noise**2:
         text = (
-            f"readings come in steps of {channel.amount(step)} ({np.unique(y).size} levels); the noise is "
-            f"{channel.amount(noise)}"
+            f"the readings are rounded to steps of {channel.amount(step)} ({np.unique(y).size} different values); the "
+            f"noise is {channel.amount(noise)} rms"
         )
         yield channel.finding(FindingKind.QUANTISATION, np.arange(y.size), step, text)
 
@@ -288,8 +289,9 @@ def _clipping(channel: _Channel) -> Iterator[Finding]:
             FindingKind.CLIPPING,
             where,
             level,
-            f"{where.size} readings in {len(rows)} stretch(es) stay at the {word} value, {channel.amount(level)}, "
-            f"between {channel.record.timepts[where[0]]:.6g} and {channel.record.timepts[where[-1]]:.6g} s: clipped",
+            f"{where.size} readings between {channel.record.timepts[where[0]]:.6g} and "
+            f"{channel.record.timepts[where[-1]]:.6g} s are clipped: in {len(rows)} stretch{'es' if len(rows) > 1 else ''} "
+            f"they stay at the {word} value, {channel.amount(level)}",
         )
 
 

@@ -30,7 +30,7 @@ def test_each_failure_is_said_and_is_enough():
     taken = Ablation(effect="creep", fitted=2e-6, unseen=2.1e-6, gain_low=-1e-8, share=0.0)
     assert verification().holds
     for failed, said in (
-        ({"gain_low": 0.0}, "not certain that the error on held-out data falls"),
+        ({"gain_low": 0.0}, "not certain that the explanation lowers the error on held-out data"),
         ({"ablations": (taken,)}, "without creep"),
         ({"transfers": (part,)}, "steps.csv"),
         ({"constancies": (Constancy(effect="delay", own=0.5, change=2.0, deviation=0.1),)}, "the strength of delay"),

@@ -334,7 +334,7 @@ def test_an_effect_that_is_not_there_does_not_hold():
     base, answer = fitted_with(problem), fitted_with(problem, Creep(modulus=5e3, time=20.0))
     found = verify(base, answer, np.random.default_rng(0), problem)
     assert not found.holds
-    assert "it is not certain that the error on held-out data falls" in found.failures
+    assert "it is not certain that the explanation lowers the error on held-out data" in found.failures
 
 
 def bursts(size: float, blocks: int, bad: int) -> np.ndarray:
