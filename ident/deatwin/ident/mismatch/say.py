@@ -92,9 +92,7 @@ def _ambiguous(diagnosis: Diagnosis) -> str:
     also = [f"the same and also {_joined(more)}" for more in beside]
     replacing = {name for rival in diagnosis.rivals if not set(rival) > set(known) for name in rival}
     only_beside = {name for more in beside for name in more} - replacing
-    others = [
-        _plain(name) + _elsewhere(name, diagnosis) for name in diagnosis.names if name not in {*known, *only_beside}
-    ]
+    others = [_title(name, diagnosis) for name in diagnosis.names if name not in {*known, *only_beside}]
     rivals = (*without, *also, *others)
     # in the same clause, because a report's headline ends at the first semicolon
     instead = f", or alternatively {', or '.join(rivals)}" if rivals else ""
@@ -105,11 +103,11 @@ def _ambiguous(diagnosis: Diagnosis) -> str:
     )
 
 
-def _elsewhere(cause: str, diagnosis: Diagnosis) -> str:
-    """Return where an alternative's effect acts, if it acts only at further places."""
+def _title(cause: str, diagnosis: Diagnosis) -> str:
+    """Return the name of an alternative's effect, or its names at further places if it acts only there."""
     effects = (effect for rival in diagnosis.rival_models.values() for effect in rival.plant.effects)
-    places = dict.fromkeys(effect.placed_at for effect in effects if effect.cause == cause)
-    return f" (acting on the {' or the '.join(map(_plain, places))})" if places and "" not in places else ""
+    titles = dict.fromkeys(effect.title for effect in effects if effect.cause == cause)
+    return _plain(cause) if "" in titles else " or ".join(titles) or _plain(cause)
 
 
 def _or_nothing(cause: Cause, diagnosis: Diagnosis) -> str:

@@ -60,6 +60,8 @@ class Site:
         Signal that the effect rewrites there.
     wording : str
         Sentence about the effect at this place; see `Effect.wording`.
+    title : str
+        Name of the effect at this place within a sentence, such as "drift of the amplifier's gain".
     strength : Parameter, or None
         Strength with its typical value, unit and range there; None if they are those of the first place.
     family : Enum, or None
@@ -76,6 +78,7 @@ class Site:
     place: Enum
     signal: str
     wording: str
+    title: str
     strength: Parameter | None = None
     family: Enum | None = None
     order: int = 0
@@ -116,6 +119,8 @@ class Effect(ABC):
     """Further places at which the effect may enter, by name. The first place has the name of its signal."""
     placed_at: ClassVar[str] = ""
     """Name of the further place at which this effect enters; empty at the first one."""
+    title: ClassVar[str] = ""
+    """Name of the effect at a further place within a sentence; empty at the first one, where it is `name` in words."""
 
     @abstractmethod
     def describe(self) -> tuple[Parameter, ...]:

@@ -88,6 +88,7 @@ class Delay(Effect):
                 strength=Parameter(name="time", value=0.03, unit="s", lower=0.0, upper=0.15),
                 alone=Alone.AS_FIRST,
                 wording="The reading comes {time} late",
+                title="delay of the reading",
             )
         }
     )

@@ -30,6 +30,7 @@ def _added(to: str, unit: str, amplitude: float, upper: float, place: Place) -> 
         order=-1,
         strength=Parameter(name="amplitude", value=amplitude, unit=unit, lower=0.0, upper=upper),
         wording=f"A tone of {{frequency}} and {{amplitude}} is added to the {to}, at a phase of {{phase}}",
+        title=f"tone added to the {to}",
     )
 
 

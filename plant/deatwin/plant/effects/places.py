@@ -45,7 +45,7 @@ def placed(first: type[Effect], at: str) -> type[Effect]:
         "family": site.family or first.family,
         "__module__": first.__module__,
         "__qualname__": f"{first.__qualname__} at {at}",
-        **{name: getattr(site, name) for name in ("place", "signal", "order", "wording")},
+        **{name: getattr(site, name) for name in ("place", "signal", "order", "wording", "title")},
     }
     if site.strength is not None:
         own |= {first.strength: site.strength.value, "__annotations__": {first.strength: float}}

@@ -24,7 +24,8 @@ def _drifting(what: str, place: Place, signal: str, family: Family, strength: Pa
         strength=strength,
         order=order,
         alone=Alone.AS_ANOTHER,
-        wording=f"{what} drifts by {{change}} with a time constant of {{time}}",
+        wording=f"The {what} drifts by {{change}} with a time constant of {{time}}",
+        title=f"drift of the {what}",
     )
 
 
@@ -72,9 +73,9 @@ class SensorDrift(Effect):
     """After `sensor_curvature`: the drift is added to the output of the sensor's curve."""
     places: ClassVar[Mapping[str, Site]] = MappingProxyType(
         {
-            "reading_gain": _drifting("The sensor's gain", Place.SENSOR, "reading", Family.SENSOR, GAIN, order=9),
-            "command": _drifting("The amplifier's offset", Place.DRIVE, "command", Family.ELECTRICAL, VOLTS),
-            "command_gain": _drifting("The amplifier's gain", Place.DRIVE, "command", Family.ELECTRICAL, GAIN),
+            "reading_gain": _drifting("sensor's gain", Place.SENSOR, "reading", Family.SENSOR, GAIN, order=9),
+            "command": _drifting("amplifier's offset", Place.DRIVE, "command", Family.ELECTRICAL, VOLTS),
+            "command_gain": _drifting("amplifier's gain", Place.DRIVE, "command", Family.ELECTRICAL, GAIN),
         }
     )
     wording: ClassVar[str] = "The sensor's zero drifts by {change} with a time constant of {time}"

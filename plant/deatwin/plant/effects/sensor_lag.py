@@ -56,6 +56,7 @@ class SensorLag(Effect):
                 family=Family.ELECTRICAL,
                 covered_by="electrode_rc",
                 wording="The drive lags with a time constant of {time}, and an inertia of {inertia} times its square",
+                title="lag of the drive",
             )
         }
     )

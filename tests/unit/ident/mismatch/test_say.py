@@ -4,6 +4,7 @@ import json
 import re
 from dataclasses import replace
 from importlib.resources import files
+from types import SimpleNamespace
 
 import jsonschema
 import numpy as np
@@ -25,9 +26,9 @@ from deatwin.ident.mismatch import (
 )
 from deatwin.ident.mismatch.located import Band, Region, Unexplained, Window
 from deatwin.ident.mismatch.result import Errors, Fault, OriginSummary, Output, Statistic, UnseenErrors
-from deatwin.ident.mismatch.say import number, risk, say
+from deatwin.ident.mismatch.say import _title, number, risk, say
 from deatwin.ident.mismatch.verdict import Shown
-from deatwin.plant import Coupon, Creep, Experiment, Plant, Recording
+from deatwin.plant import Coupon, Creep, Diaphragm, Effect, Experiment, Plant, Recording, SensorDrift
 from deatwin.plant.effects.catalogue import catalogue
 from deatwin.plant.integrator.compiled import compiler
 from deatwin.plant.records import plain
@@ -481,3 +482,18 @@ def test_an_explanation_that_may_be_absent_is_said_to_be(low: float, said: bool)
     weak = replace(CREEP, parameters={**CREEP.parameters, "modulus": replace(CREEP.parameters["modulus"], low=low)})
     sentence = made_up(Verdict.AMBIGUOUS, weak).sentence
     assert (", which may be absent since its 95 % interval includes zero, or alternatively delay;" in sentence) is said
+
+
+def titled(*rivals: Effect) -> str:
+    """What an alternative with one of these effects is called."""
+    plants = {str(k): SimpleNamespace(plant=Plant(rig=Diaphragm()).with_effects(e)) for k, e in enumerate(rivals)}
+    return _title(rivals[0].cause, SimpleNamespace(rival_models=plants))
+
+
+def test_an_alternative_at_another_place_has_its_name_there():
+    drift = SensorDrift()
+    assert titled(drift.placed("command_gain")) == "drift of the amplifier's gain"
+    assert titled(drift.placed("command"), drift.placed("reading_gain")) == (
+        "drift of the amplifier's offset or drift of the sensor's gain"
+    )
+    assert titled(drift, drift.placed("command")) == "sensor drift"
