@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import reprlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import Field, dataclass, field, fields, is_dataclass
 from enum import Enum
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -115,7 +115,7 @@ class Brief:
             cls.__repr__ = Brief.__repr__  # type: ignore[method-assign]
 
     def __repr__(self) -> str:
-        shown = fields(self) if is_dataclass(self) else ()
+        shown: tuple[Field[Any], ...] = fields(self) if is_dataclass(self) else ()
         values = (f"{each.name}={_BRIEF.repr(getattr(self, each.name))}" for each in shown if each.repr)
         return f"{type(self).__name__}({', '.join(values)})"
 

@@ -20,8 +20,9 @@ LOOKS = 2
 """Points, each better than all before, whose linear models must predict too high a minimum before a fit is given up.
 One does not suffice: far from the minimum its prediction may be wrong, and a rejected trial point may be farther away
 still."""
-CLOSE = 2.0
-"""Largest ratio of the squared residual to the one that the linear model predicts: farther away it is not trusted."""
+CLOSE = 1.25
+"""Largest ratio of the squared residual to the one that its linear model predicts at which a minimum is foreseen. A
+smaller difference between two rough fits decides nothing."""
 SAME = 1e-6  # Distance of two points that count as one, in coordinates, which are about logarithms of the values
 
 

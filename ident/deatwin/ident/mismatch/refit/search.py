@@ -20,8 +20,10 @@ ROUGH = 3e-3
 FORESEEN = 0.01
 """Relative difference of the rms residuals that two successive linear models predict, below which a rough fit ends:
 decisions on rough fits allow ten times as much."""
-ROUGHLY: Mapping[str, Any] = {"evaluations": 10, "tolerance": ROUGH, "foreseen": FORESEEN}
-"""Largest number of simulations, and tolerances, of a rough fit."""
+TO_COMPARE: Mapping[str, Any] = {"evaluations": 10, "tolerance": ROUGH}
+"""Largest number of simulations, and tolerance, of a fit that is compared with others and may not be completed."""
+ROUGHLY: Mapping[str, Any] = {**TO_COMPARE, "foreseen": FORESEEN}
+"""Options of a rough fit."""
 DECIDING = 1e-3
 """Relative change of the squared residual that affects no decision: a tenth of a nat in a hundred blocks."""
 SETTLED, EVALUATIONS = 1e-6, 60
@@ -60,7 +62,7 @@ def is_promising(rough: Calibration, noise: float) -> bool:
 
 def settle(near: Plant, parts: Sequence[Part], noise: float) -> Calibration:
     """Fit all counted samples roughly; complete the fit if the residual is nearly noise."""
-    rough = roughly(near, parts)
+    rough = descend(near, parts, **TO_COMPARE)
     return finish(rough, parts) if rough.status.ok and is_promising(rough, noise) else rough
 
 
