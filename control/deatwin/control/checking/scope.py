@@ -116,8 +116,8 @@ def judge_film(source: str, plants: Sequence[Plant], commands: NDArray[np.float6
         text = f"{film} would pull in, break down or lose tension if the command reached the controller's limits"
         return Finding(subject=subject, value=float(lost), verdict=Verdict.MARGINAL, text=text)
     film = f"the film in none {who} pulls" if many else f"the film in {own} does not pull"
-    ends = "in, breaks down or loses" if many else "in, break down or lose"
-    text = f"{film} {ends} tension, even if the command reaches the controller's limits"
+    verbs = "in, breaks down or loses" if many else "in, break down or lose"
+    text = f"{film} {verbs} tension, even if the command reaches the controller's limits"
     return Finding(subject=subject, value=0.0, verdict=Verdict.PASS, text=text)
 
 

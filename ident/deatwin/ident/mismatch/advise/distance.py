@@ -79,13 +79,14 @@ def distance_squared(
     *,
     memory: Memory | None = None,
     steps: int = STEPS,
+    response: Response | None = None,
 ) -> float:
     """Return d² from a plant to an explanation that is refitted to it; infinite if that cannot be simulated.
 
-    The refit must keep explaining the recordings in `memory`, and these count, too; readings of `parts` are not used.
-    With 0 `steps`, d² is that to first order; `noise` is in SI. Raise SimulationError if the truth cannot be simulated.
+    The refit must keep explaining the recordings in `memory`, and these count, too. With 0 `steps`, d² is that to first
+    order; `noise` is in SI. The other arguments and the errors are those of `difference`.
     """
-    found = difference(truth, alternative, parts, memory=memory, steps=steps)
+    found = difference(truth, alternative, parts, memory=memory, steps=steps, response=response)
     return float(np.inf) if found is None else found.squared_distance(noise)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -13,10 +13,11 @@ from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.greybox.parts import Part, simulated
 from deatwin.ident.greybox.problem import Problem, Response
 from deatwin.ident.mismatch.advise.difference import Difference
-from deatwin.ident.mismatch.advise.distance import Memory, difference, directions
+from deatwin.ident.mismatch.advise.distance import Memory, directions, distance_squared
 from deatwin.ident.mismatch.advise.waveforms import Limits, bears, limits_of, safe_limits, used_range, waveform
 from deatwin.ident.mismatch.excess import practical_size
 from deatwin.ident.mismatch.problem import DiagnosisProblem
+from deatwin.ident.parallel import run_jobs
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 
@@ -170,7 +171,7 @@ class Question:
     def is_safe(self, commands: np.ndarray) -> bool:
         """Return whether all plants of all posteriors bear the commands, (n,)."""
         rest = self.problem.nominal.rig.start.rest_command
-        return all(bears(plant, commands, rest) for plant in self.posterior)
+        return all(run_jobs(bears, [(plant, commands, rest) for plant in self.posterior], workers=self.problem.jobs))
 
     def first_order(self, commands: np.ndarray) -> np.ndarray:
         """Return first-order d², (n_fits,), to the nearest explanation after recordings of `commands`, (n,).
@@ -200,11 +201,11 @@ class Question:
     @cached_property
     def _last_responses(self) -> Callable[[bytes], list[Response | None]]:
         """Return a function that caches the responses to the last input, because all draws need them."""
-        return lru_cache(maxsize=1)(lambda made: [self._response(fit, np.frombuffer(made)) for fit in self.fits])
+        return lru_cache(maxsize=1)(self._all_responses)
 
-    def _response(self, fit: Calibration, commands: np.ndarray) -> Response | None:
-        fitting = Problem(plant=fit.plant, parts=tuple(self.parts(commands)), names=fit.names)
-        return fitting.evaluate(fitting.start())
+    def _all_responses(self, made: bytes) -> list[Response | None]:
+        parts = tuple(self.parts(np.frombuffer(made)))
+        return run_jobs(_response, [(fit, parts) for fit in self.fits], workers=self.problem.jobs)
 
     def refitted(self, commands: np.ndarray, draw: int = 0) -> np.ndarray:
         """Return d², (n_fits,), to the nearest explanation, with each alternative refitted to the truth's response.
@@ -212,23 +213,17 @@ class Question:
         The truth under `commands`, (n,), is the posterior plant number `draw`, 0 for the fitted one. Infinite if no
         alternative can be simulated; raise SimulationError if a truth cannot.
         """
-        parts, responses = self.parts(commands), self._responses(commands)
-        distances = np.full(len(self.pairs), np.inf)
-        for k in self._contested(commands):
+        parts, responses, contested = self.parts(commands), self._responses(commands), self._contested(commands)
+        jobs: list[tuple[Any, ...]] = []
+        for k in contested:
             (truth, alternative), memory = self.pairs[k], self.memories[k]
             fit, shift = self.fits[truth], self.shifts[truth][draw % len(self.shifts[truth])]
             change = fit.jacobian @ shift
             known = replace(memory.known, readings=memory.known.readings + change, left=memory.known.left + change)
-            found = difference(
-                _moved(fit, shift),
-                self.fits[alternative],
-                parts,
-                memory=replace(memory, known=known),
-                steps=STEPS,
-                response=responses[alternative],
-            )
-            if found is not None:
-                distances[k] = found.squared_distance(self.noise)
+            memory = replace(memory, known=known)
+            jobs.append((_moved(fit, shift), self.fits[alternative], parts, memory, responses[alternative], self.noise))
+        distances = np.full(len(self.pairs), np.inf)
+        distances[contested] = run_jobs(_distance, jobs, workers=self.problem.jobs)
         return self._nearest(distances)
 
     def _contested(self, commands: np.ndarray) -> list[int]:
@@ -246,6 +241,24 @@ class Question:
     def _involved(self) -> tuple[np.ndarray, ...]:
         """Return, for each explanation, the pairs that contain it."""
         return tuple(np.flatnonzero([k in pair for pair in self.pairs]) for k in range(len(self.fits)))
+
+
+def _response(fit: Calibration, parts: tuple[Part, ...]) -> Response | None:
+    """Return the response of an explanation at its fitted parameters."""
+    fitting = Problem(plant=fit.plant, parts=parts, names=fit.names)
+    return fitting.evaluate(fitting.start())
+
+
+def _distance(
+    truth: Plant,
+    alternative: Calibration,
+    parts: Sequence[Part],
+    memory: Memory,
+    response: Response | None,
+    noise: float,
+) -> float:
+    """Return d² from a plant to an explanation refitted in a few steps; infinite if that cannot be simulated."""
+    return distance_squared(truth, alternative, parts, noise, memory=memory, steps=STEPS, response=response)
 
 
 def _draws(problem: DiagnosisProblem, fit: Calibration, rng: np.random.Generator) -> list[np.ndarray]:

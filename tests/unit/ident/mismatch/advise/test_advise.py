@@ -271,9 +271,9 @@ def test_of_many_explanations_the_nearest_pairs_are_simulated(monkeypatch):
 
     def counted(truth, *given, **named):
         asked_for.append(truth)
-        return distance.difference(truth, *given, **named)
+        return distance.distance_squared(truth, *given, **named)
 
-    monkeypatch.setattr(question, "difference", counted)
+    monkeypatch.setattr(question, "distance_squared", counted)
     nearest, few = asked.refitted(commands), len(asked_for)
     assert few < 12
     monkeypatch.setattr(question, "NEAREST", 3)
