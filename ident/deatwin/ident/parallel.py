@@ -99,7 +99,7 @@ def jobs_as_they_end(
     if workers < 1 and workers != -1:
         raise DataError(f"{workers} worker processes do nothing: give 1 or more, or -1 for all cores")
     tasks = list(jobs)
-    if workers == 1:
+    if workers == 1 or not tasks:
         for number, task in enumerate(tasks):
             yield number, _alone(function, task)
         return

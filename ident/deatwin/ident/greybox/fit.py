@@ -137,11 +137,16 @@ class Calibration(Described):
         """Rms residual, SI; for a fit that stopped before its minimum, the value predicted by its linear model."""
         return linearised_rms(self.residuals, self.jacobian) if self.status is FitStatus.STOPPED else self.rms
 
-    @property
+    @cached_property
     def foreseen(self) -> float:
-        """Rms residual, SI, that a fit will leave: `within_reach` unless its linear model is far from its minimum."""
-        reach = self.within_reach
-        return reach if self.rms**2 <= CLOSE * reach**2 else self.rms
+        """Rms residual, SI, at the minimum: for a fit that stopped near it, that of its linear model within the bounds."""
+        if self.status is not FitStatus.STOPPED:
+            return self.rms
+        smooth = [name not in self.plant.event_times for name in self.names]
+        slopes, parameters = self.jacobian[:, smooth], [p for p, s in zip(_fitted(self), smooth, strict=True) if s]
+        moves = np.array([np.subtract(p.ends, p.scale.to_coordinate(p.value)) for p in parameters]).reshape(-1, 2)
+        least = linearised_rms(self.residuals, slopes) ** 2 + bounded_fit(self.residuals, slopes, *moves.T)[0]
+        return float(np.sqrt(least)) if self.rms**2 <= CLOSE * least else self.rms
 
     @property
     def movable(self) -> np.ndarray:

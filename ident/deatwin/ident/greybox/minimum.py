@@ -23,7 +23,9 @@ still."""
 CLOSE = 1.25
 """Largest ratio of the squared residual to the one that its linear model predicts at which a minimum is foreseen. A
 smaller difference between two rough fits decides nothing."""
-SAME = 1e-6  # Distance of two points that count as one, in coordinates, which are about logarithms of the values
+MARGIN, SAME = 1e-9, 1e-6
+"""Distance by which a start on a bound is moved inside, and that of two points that count as one, as shares of the range
+or, if that is less than 1, in coordinates: those of most parameters are logarithms."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,7 +35,7 @@ class Minimum:
     coordinates: np.ndarray  # shape (n,): Fitted parameters, each in its `Scale`
     residuals: np.ndarray  # shape (m,): Residuals at the minimum, SI
     jacobian: np.ndarray  # shape (m, n): Derivative of the readings at the minimum, SI
-    status: FitStatus  # Settled, out of evaluations, or given up
+    status: FitStatus  # Settled, stopped before the minimum, or given up
     evaluations: int  # Number of simulations
 
 
@@ -63,7 +65,7 @@ def minimise(
         return None
     if not start.size:
         return cost.minimum(start, first, FitStatus.SETTLED)
-    margin = 1e-9 * np.maximum(1.0, np.abs(upper - lower))
+    margin = MARGIN * np.maximum(1.0, np.abs(upper - lower))
     ftol = settled_at(tolerance, first[0].size)
     try:
         solution = least_squares(
@@ -114,6 +116,7 @@ class _Memory:
         self.problem, self.hopeless, self.foreseen = problem, hopeless, foreseen
         self._smooth, self._start = problem.smooth(), problem.start()
         self._lower, self._upper = map(self.part, problem.bounds())
+        self._same = SAME * np.maximum(1.0, np.abs(self._upper - self._lower))
         self._predicted = np.inf
         self.evaluations = 0
         self._looks: list[np.ndarray] = []
@@ -157,7 +160,7 @@ class _Memory:
         if not (np.isfinite(self.hopeless) or self.foreseen):
             return
         # A start on a bound is moved inside by a tiny margin, which does not make it another point.
-        if any(np.allclose(x, seen, rtol=0.0, atol=SAME) for seen in self._looks):
+        if any(np.all(np.abs(x - seen) <= self._same) for seen in self._looks):
             return
         self._looks.append(x.copy())
         before, self._predicted = self._predicted, linearised_rms(residuals, jacobian[:, self._smooth])

@@ -9,7 +9,7 @@ class FitStatus(Enum):
     """Outcome of a calibration. The value of each member is a text that advises the user."""
 
     SETTLED = "the fit settled"
-    STOPPED = "the fit used up its evaluations: its parameters may still move"
+    STOPPED = "the fit stopped before its minimum: its parameters may still move"
     INTERRUPTED = "the fit was interrupted: its parameters are the best that had been found"
     UNSETTLED = (
         "the fit stopped where its gradient is not small: start it elsewhere, or continue with a smaller tolerance"

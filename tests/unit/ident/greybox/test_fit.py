@@ -264,3 +264,26 @@ def test_an_interrupt_keeps_the_best_so_far(plant, call):
     assert found.rms < np.sqrt(np.mean(start**2))
     with pytest.raises(KeyboardInterrupt):
         calibrate(plant, experiment, progress=StopAt(1))
+
+
+@pytest.mark.parametrize(
+    ("upper", "foreseen"),
+    [
+        (100.0, 2.5),  # a step of 1 leaves the linear model's minimum
+        (0.5, np.sqrt(6.25 + 0.25)),  # half of it is possible
+        (0.0, np.sqrt(7.25)),  # none: the fit is at its minimum
+    ],
+)
+def test_a_fit_that_stopped_foresees_its_minimum_within_the_bounds(upper, foreseen):
+    along, across = np.tile([1.0, 1.0], 50), np.tile([1.0, -1.0], 50)
+    free = Parameter(name="a", value=0.0, unit="1", lower=-100.0, upper=upper)
+    plant = SimpleNamespace(parameters={"a": free}, event_times=())
+    residuals, jacobian = along + 2.5 * across, along[:, None]
+    stopped, settled = (
+        made_fit(plant, residuals, "a", jacobian=jacobian, status=status, evaluations=3)
+        for status in (FitStatus.STOPPED, FitStatus.SETTLED)
+    )
+    assert stopped.foreseen == pytest.approx(foreseen)
+    assert settled.foreseen == settled.rms == pytest.approx(np.sqrt(7.25))
+    far = made_fit(plant, 3.0 * along + across, "a", jacobian=jacobian, status=FitStatus.STOPPED, evaluations=3)
+    assert far.foreseen == far.rms  # its linear model is not trusted that far

@@ -213,9 +213,7 @@ class Search(Tried):
             if not is_known:
                 self.fit_some(full, rest)
             if rest in self.tried:
-                # In an adequate set, another effect can do the same only if it acts alike.
-                is_done = self.tried[full].adequate or (is_known and rest in self._gone_on)
-                found += [] if is_done else self.beside(rest)
+                found += [] if is_known and rest in self._gone_on else self.beside(rest)
                 found += self._siblings(rest, full)
         return found
 

@@ -10,7 +10,6 @@ import numpy as np
 from deatwin.ident.greybox.fit import Calibration, descend
 from deatwin.ident.greybox.status import FitStatus
 from deatwin.ident.mismatch.naming.candidate import Candidate, judge
-from deatwin.ident.mismatch.naming.decide import ALTERNATIVE_SHARE
 from deatwin.ident.mismatch.naming.screen import Lead
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.refit.search import (
@@ -113,9 +112,15 @@ def run_trials(
 
 
 def _is_near(fit: Calibration, alternative: float) -> bool:
-    """Return whether a fit may leave hardly more than an `alternative`, rms, SI, or no more than the model error more."""
-    error = ALTERNATIVE_SHARE * fit.plant.rig.model_error
-    return fit.within_reach < max(NEAR * alternative, float(np.hypot(alternative, error)))
+    """Return whether a fit may leave hardly more than an `alternative`, rms, SI, or at most the model error more."""
+    return fit.within_reach < max(NEAR * alternative, float(np.hypot(alternative, fit.plant.rig.model_error)))
+
+
+def completed(
+    problem: DiagnosisProblem, trials: Sequence[Trial], noise: float, fitted: Fitted | None = None
+) -> list[Candidate]:
+    """Fit each trial to its end, independently of the others, and judge it; `fitted` as for `run_trials`."""
+    return _told(run_jobs(_completed, [(problem, trial, noise) for trial in trials], workers=problem.jobs), fitted)
 
 
 def refitted(
@@ -176,14 +181,13 @@ def _tried(problem: DiagnosisProblem, trial: Trial, hopeless: float) -> Calibrat
     # weaker one does not.
     found = search(trial.start, problem.fitted, hopeless)
     if found.given_up and found.rms**2 < MOSTLY * trial.without.rms**2:
-        found = _better(
-            found, further(found, problem.fitted, **ROUGHLY)
-        )  # the linearised minimum is least accurate far from the minimum
+        # the linearised minimum is least accurate far from the minimum
+        found = _continued(found, problem, np.inf)
     # The plant without the effect is a special case, so a worse fit means that the search failed.
     if not found.status.ok or found.foreseen > FAILED_SEARCH * trial.promised:
         again = descend(trial.biased, problem.fitted, evaluations=FEW, tolerance=ROUGH, hopeless=hopeless)
         if again.status is FitStatus.STOPPED and _better(found, again) is again:
-            again = _better(again, further(again, problem.fitted, **ROUGHLY, hopeless=hopeless))
+            again = _continued(again, problem, hopeless)
         found = _better(found, again)
     if found.status.ok and not found.given_up and found.foreseen > FAILED_SEARCH * trial.without.rms:
         found = _better(found, roughly(with_little(trial.start, trial.without), problem.fitted, hopeless))
@@ -195,6 +199,12 @@ def _tried(problem: DiagnosisProblem, trial: Trial, hopeless: float) -> Calibrat
         return found
     placed = at_its_time(found, problem.fitted, hopeless, ROUGH)
     return in_a_wider_range(placed, trial.start, problem.fitted, hopeless)
+
+
+def _completed(problem: DiagnosisProblem, trial: Trial, noise: float) -> Candidate | None:
+    """Fit a trial to its end and judge it."""
+    found = _tried(problem, trial, np.inf)
+    return _ended(problem, found, noise, True) if found.status.ok else None
 
 
 def _from_there(problem: DiagnosisProblem, plant: Plant, noise: float) -> Candidate | None:
@@ -213,6 +223,12 @@ def _finished(problem: DiagnosisProblem, fit: Calibration) -> Calibration:
     """Complete a fit; held-out data place an event that it cannot."""
     completed = finish(at_its_time(fit, problem.fitted, enough=DECIDING), problem.fitted)
     return in_its_gap(completed, problem.fitted, problem.everything)
+
+
+def _continued(fit: Calibration, problem: DiagnosisProblem, hopeless: float) -> Calibration:
+    """Continue a fit roughly; return it as it is if that fails."""
+    again = further(fit, problem.fitted, **ROUGHLY, hopeless=hopeless)
+    return again if again.status.ok else fit
 
 
 def _better(one: Calibration, other: Calibration) -> Calibration:

@@ -13,7 +13,7 @@ from deatwin.ident.mismatch.naming.candidate import Candidate, noise_seen
 from deatwin.ident.mismatch.naming.criteria import TRIFLE, acts, explained, gained, held_back_by, takes_most
 from deatwin.ident.mismatch.naming.decide import Distances, Naming, decide, with_distances
 from deatwin.ident.mismatch.naming.refit_all_data import settled_on_everything
-from deatwin.ident.mismatch.naming.trial import Fitted, Trial, refitted, run_trials, with_fitted, with_little
+from deatwin.ident.mismatch.naming.trial import Fitted, Trial, completed, refitted, run_trials, with_fitted, with_little
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.plant.model import Plant
 
@@ -227,13 +227,15 @@ class Tried:
         self.fit_subsets({rest: full})
 
     def fit_subsets(self, subsets: Mapping[Names, Names]) -> None:
-        """Fit subsets, each of the set to which it is mapped, as `fit_some` does."""
+        """Fit subsets, each of the set to which it is mapped, as `fit_some` does, side by side."""
         # The values of the larger set are the least biased that are known; only the rig's own begin anew.
         plants = [self.plant_of(full, rest) for rest, full in subsets.items()]
         starts = [with_fitted(self.problem.nominal.with_rig(plant.rig), plant) for plant in plants]
         without = self.tried[()].calibration
         pairs = zip(starts, plants, strict=True)
-        self.attempt([Trial(start=start, biased=plant, without=without) for start, plant in pairs])
+        trials = [Trial(start=start, biased=plant, without=without) for start, plant in pairs]
+        self._know(completed(self.problem, trials, self.noise, self.fitted))
+        self.lost += ["+".join(rest) for rest in subsets if rest not in self.tried]
 
     def fit_fewer(self, full: Names) -> list[Names]:
         """Fit `full` without each of its effects in turn, from its values; return the sets that could be fitted."""

@@ -175,7 +175,7 @@ def _fitted_well(problem: DiagnosisProblem, variant: Plant) -> Candidate | None:
     usable = [fit for fit in openings if fit.status.ok]
     if not usable:
         return None
-    best = min(usable, key=lambda fit: fit.foreseen)
+    best = min(usable, key=lambda fit: fit.rms)
     rough = at_its_time(roughly(_where_it_acts(best, problem.fitted), problem.fitted), problem.fitted)
     return _judged(problem, finish(rough, problem.fitted)) if rough.status.ok else None
 

@@ -18,8 +18,8 @@ OPENING_EVALUATIONS = 8
 ROUGH = 3e-3
 """Tolerance of a rough fit, as a share of the squared residual: 0.15 % of the residual."""
 FORESEEN = 0.01
-"""Relative difference of the rms residuals that two successive linear models predict, below which a rough fit ends:
-decisions on rough fits allow ten times as much."""
+"""Relative difference of the rms residuals that two successive linear models predict, below which a rough fit ends: a
+tenth of the difference within which fits are completed."""
 TO_COMPARE: Mapping[str, Any] = {"evaluations": 10, "tolerance": ROUGH}
 """Largest number of simulations, and tolerance, of a fit that is compared with others and may not be completed."""
 ROUGHLY: Mapping[str, Any] = {**TO_COMPARE, "foreseen": FORESEEN}
@@ -44,10 +44,10 @@ PROMISING = 1.3
 """Ratio of the mean squared residual to noise and model error below which a fit is completed."""
 
 
-def approach(start: Plant, parts: Sequence[Part]) -> Calibration:
-    """Fit the opening of each experiment only, as a cheap start for further fits."""
+def approach(start: Plant, parts: Sequence[Part], foreseen: float = 0.0) -> Calibration:
+    """Fit the opening of each experiment only, as a cheap start for further fits; `foreseen` as for `descend`."""
     openings = [opening(part, OPENING_SAMPLES) for part in parts]
-    return descend(start, openings, evaluations=OPENING_EVALUATIONS, tolerance=ROUGH, foreseen=FORESEEN)
+    return descend(start, openings, evaluations=OPENING_EVALUATIONS, tolerance=ROUGH, foreseen=foreseen)
 
 
 def roughly(near: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Calibration:
@@ -89,7 +89,7 @@ def further(fit: Calibration, parts: Sequence[Part], **options: Any) -> Calibrat
 
 def search(start: Plant, parts: Sequence[Part], hopeless: float = np.inf) -> Calibration:
     """Fit a plant roughly, from starting values that may be far off; `hopeless` as for `calibrate`."""
-    near = approach(start, parts)
+    near = approach(start, parts, FORESEEN)
     found = roughly(near.plant, parts, hopeless)
     return found if found.status.ok or not near.status.ok else roughly(start, parts, hopeless)
 

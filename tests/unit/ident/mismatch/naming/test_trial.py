@@ -11,6 +11,7 @@ from deatwin.ident.mismatch.naming import trial
 from deatwin.ident.mismatch.naming.trial import Trial, _is_near, _otherwise, _tried, refitted, run_trials, unbiased_like
 from deatwin.plant import Creep, CubicStiffness, Diaphragm, PeriodicDisturbance, Plant, SensorJump, catalogue
 from deatwin.plant.effects import Effect
+from deatwin.plant.parameters import Parameter
 
 PLANT = Plant(rig=Diaphragm()).with_effects(Creep())
 
@@ -76,7 +77,8 @@ def rough(rms: float, linearised: float, status: FitStatus) -> Calibration:
     """A fit whose linear model would leave so much, by one more step of its only parameter."""
     along, across = np.tile([1.0, 1.0], 50), np.tile([1.0, -1.0], 50)
     residuals = linearised * across + float(np.sqrt(rms**2 - linearised**2)) * along
-    plant = SimpleNamespace(rig=SimpleNamespace(model_error=0.1))
+    free = Parameter(name="a", value=0.0, unit="1", lower=-100.0, upper=100.0)
+    plant = SimpleNamespace(rig=SimpleNamespace(model_error=0.1), parameters={"a": free}, event_times=())
     return made_fit(plant, residuals, "a", jacobian=along[:, None], status=status, evaluations=10)
 
 
@@ -98,10 +100,10 @@ def test_what_ran_out_of_simulations_on_its_way_to_the_best_is_carried_to_the_en
     assert finished == [fits["best"], fits["on its way"], fits["beside"]]
 
 
-@pytest.mark.parametrize("linearised, near", [(2.82, True), (2.84, False)])  # 2.83 is the root of 2.0^2 + (4.0 / 2)^2
-def test_what_may_leave_hardly_more_than_the_model_error_beyond_the_best_is_carried_to_the_end(linearised, near):
-    fit = rough(3.5, linearised, FitStatus.STOPPED)
-    fit.plant.rig.model_error = 4.0
+@pytest.mark.parametrize("linearised, near", [(3.60, True), (3.61, False)])  # 3.606 is the root of 2.0^2 + 3.0^2
+def test_what_may_leave_no_more_than_the_model_error_beyond_the_best_is_carried_to_the_end(linearised, near):
+    fit = rough(4.0, linearised, FitStatus.STOPPED)
+    fit.plant.rig.model_error = 3.0
     assert _is_near(fit, 2.0) is near
 
 
