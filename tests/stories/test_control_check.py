@@ -263,7 +263,7 @@ def test_a_study_that_reaches_all() -> None:
     assert len(rows) == 7
     assert all(row.passed for row in rows)
     assert rows[0].reached == (
-        "inverse 10.0 times, inverse with dynamics 50.0 times; gain margin 5, phase margin 80° of all three"
+        "inverse 10.0 times, inverse with dynamics 50.0 times; all three controllers have a gain margin of 5 and a phase margin of 80°"
     )
     assert rows[1].reached == "inverse 1.25 times, inverse with dynamics 1.25 times"
     assert rows[3].reached == "fail; on the true rig fail: steps overshoot by 51 %"
@@ -278,7 +278,7 @@ def spec() -> Tracking:
     ("row", "parts", "says"),
     [
         (0, {"tracking": (tracking(I=11.0, oI=6.0), spec())}, "inverse 4.5 times"),
-        (0, {"tracking": (tracking(phase=81.0), spec())}, "of PI alone, others"),
+        (0, {"tracking": (tracking(phase=81.0), spec())}, "80°, the inverses have others"),
         (1, {"tracking": (tracking(D=1.7), spec())}, "with dynamics 2.12 times"),
         (2, {"fleet": six(tones=loop(status=RunStatus.PULL_IN, seconds=3.0))}, "5 of 6 stable (not DEA 6)"),
         (2, {"fleet": six(steps=loop(ringing=3e-5))}, "5 of 6 stable (not DEA 6)"),

@@ -189,9 +189,9 @@ def _recordings(rows: Rows) -> list[str]:
         "",
         "The column *held-out error* gives the error of the plant without and with the named effect. The black box is "
         "the NARX model with the smallest error on the same held-out recording. This choice favours the black box; its "
-        f"error is smaller than the plant's on {ahead} of {beside}. In a closed loop, the controller corrects errors of "
-        "the model, so closed-loop errors are much smaller than open-loop errors. (Most published errors of EMPS are "
-        "open-loop errors, of some millimetres.)",
+        f"error is smaller than the plant's for {ahead} of the {beside} data sets. In a closed loop, the controller "
+        "corrects errors of the model, so closed-loop errors are much smaller than open-loop errors. (Most published "
+        "errors of EMPS are open-loop errors, of some millimetres.)",
     ]
 
 

@@ -352,7 +352,7 @@ def _require_one_clock(before: Recording, after: Recording) -> None:
     if drift > _CLOCK_TOLERANCE * before.sample_time:
         raise DataError(
             f"{pair}: sample times {before.sample_time:g} s and {after.sample_time:g} s; "
-            "the recordings of one experiment need the same"
+            "the recordings of one experiment must have the same sample time"
         )
     if after.start < before.end - _CLOCK_TOLERANCE * before.sample_time:
         raise DataError(

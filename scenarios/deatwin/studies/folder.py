@@ -87,7 +87,7 @@ def require_place(file: Path | str, inputs: Iterable[Path | str]) -> None:
     """Raise DataError unless a file can be written; called before work begins."""
     path = place_of(file)
     if not path.parent.is_dir():
-        raise DataError(f"{path}: there is no folder {path.parent}; make it, or choose another")
+        raise DataError(f'{path}: the folder "{path.parent}" does not exist; make it, or choose another')
     require_unread(path, inputs)
     _require_writable(path.parent)
 

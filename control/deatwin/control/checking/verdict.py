@@ -239,7 +239,7 @@ def _stable(rows: Sequence[MarginRow], unit: str) -> str:
     """Return the finding that all loops of one source are stable, in words."""
     if rows[0].source == BAND:
         where = _where(rows[0], unit)
-        return f"{where}, every loop inside the 95 % band of the model (linearised from its covariance) is stable"
+        return f"{where}, the loop is stable for all responses within the model's 95 % band (linearised from its covariance)"
     whose = _whose(rows[0])
     kind = "operating points" if all(row.time is None for row in rows) else "operating points and times"
     count = f" at all {len(rows)} {kind}" if len(rows) > 1 else ""

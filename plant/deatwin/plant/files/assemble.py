@@ -187,7 +187,9 @@ def on_one_clock(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
     except ValueError:
         raise DataError(f"{files}: their {STARTED} are not dates; give the recordings one running clock") from None
     if len({date.tzinfo for date in began}) > 1:
-        raise DataError(f"{files}: some of their dates have an offset from UTC and others have none; give all the same")
+        raise DataError(
+            f"{files}: some of their dates have an offset from UTC and others have none; give all of them an offset, or none"
+        )
     first = min(began)
     return tuple(
         replace(

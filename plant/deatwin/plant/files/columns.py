@@ -174,7 +174,7 @@ def with_readings(table: Table, readings: Iterable[Reading], taken: set[int]) ->
         if name and column in taken:
             raise DataError(
                 f'{table.path}: the reading "{reading.name}" names the column "{table.shown(column)}", which is already the '
-                "input, the output or the time; name a column of its own"
+                "input, the output or the time; name another column for this reading"
             )
         if column is None or column in taken:
             continue

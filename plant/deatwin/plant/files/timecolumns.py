@@ -93,7 +93,9 @@ def _named_times(table: Table, taken: set[int], wanted: str) -> tuple[int, str]:
     header = table.headers[column]
     own = table.units[column] or (unit if UNITS[unit := find_unit(header)].si == "s" else "")
     if own and UNITS[own].si != "s":
-        raise DataError(f'{table.path}: the column "{clipped(header)}" is in {own}, and times are in s or the like')
+        raise DataError(
+            f'{table.path}: the column "{clipped(header)}" is in {own}; a column of times must be in a unit of time, such as s'
+        )
     if own and stated and own != stated:
         raise DataError(
             f'{table.path}: the column "{clipped(header)}" is in {own}, but its times are said to be in {stated}; '

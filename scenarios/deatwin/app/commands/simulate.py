@@ -151,8 +151,8 @@ def _experiment(wanted: Recording, earlier: list[Recording], history: list[Path]
     for record, path in zip(earlier, history, strict=True):
         if record.start > wanted.start:
             raise DataError(
-                f"{path}: starts at {record.start:g} s, after the input's {wanted.start:g} s; "
-                "a history record comes before the input file on the same clock"
+                f"{path}: starts at {record.start:g} s, but the input file starts at {wanted.start:g} s; "
+                "a recording given as the history must lie before the input file, on the same clock"
             )
     return Experiment(recordings=(*earlier, wanted))
 

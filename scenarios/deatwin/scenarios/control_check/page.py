@@ -66,7 +66,8 @@ def _pays(tracking: Tracking) -> Measure:
         factors=", ".join(f"{name} {factor:.1f} times" for name, factor in factors.items()),
         gain=float(alone.margins.gain[0]),
         phase=float(alone.margins.phase_deg[0]),
-        whose="of all three" if same else "of PI alone, others of the other two",
+        whose="all three controllers have" if same else "PI has",
+        others="" if same else ", the inverses have others",
     )
 
 

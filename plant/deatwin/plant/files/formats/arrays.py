@@ -39,7 +39,7 @@ class ArrayTable(Table):
                 raise DataError(
                     f'{self.path}: "{self.shown(columns[0])}" and "{self.shown(column)}" have different '
                     f"clocks ({_said(first)}; {_said(self.timings[column])}); the channels of a recording "
-                    "need the same"
+                    "must have the same clock"
                 )
         return first or super().timing(columns)
 
@@ -55,7 +55,7 @@ class ArrayTable(Table):
             if len(values) != length:
                 raise DataError(
                     f'{place}: {len(values)} samples, but "{self.shown(columns[0])}" has {length}; '
-                    "the columns of a recording need the same number"
+                    "the columns of a recording must have the same number of samples"
                 )
             numbers = values.astype(np.float64)
             if not (finite := np.isfinite(numbers) | (np.isnan(numbers) & (column in missing))).all():

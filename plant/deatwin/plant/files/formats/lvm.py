@@ -52,7 +52,9 @@ def read_lvm(path: str | Path) -> CsvTable:
         raise DataError(f"{name}: it has {count} lines; at most {ROWS} can be read: split it, or give NetCDF or TDMS")
     lines = decode(content, name).splitlines()
     if not lines or not lines[0].startswith(_MAGIC):
-        raise DataError(f'{name}: not a LabVIEW measurement file: it does not begin with "{_MAGIC}"; name a table .txt')
+        raise DataError(
+            f'{name}: not a LabVIEW measurement file: it does not begin with "{_MAGIC}"; if it is a plain table, change its ending to .txt'
+        )
     separator, about = _file_header(lines, name)
     segments = _segments(lines, separator, about, name)
     first = segments[0]
