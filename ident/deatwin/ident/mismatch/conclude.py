@@ -149,8 +149,8 @@ def _alike_but_unlikely(findings: Findings) -> Iterator[str]:
         name = "+".join(other.effects)
         if name in near and name not in known and not is_possible(other, naming.best):
             yield (
-                f"{name} would change the readings almost as the named effects do (squared distance d² = {near[name]:.2g}; "
-                f"at least {DISTINGUISHED:g} is needed to distinguish them), but only at an unusual strength"
+                f"{_in_words(other)} would change the readings almost as the named effects do "
+                f"(squared distance d² = {near[name]:.2g}; at least {DISTINGUISHED:g} is needed to distinguish them), but only at an unusual strength"
             )
 
 
@@ -226,7 +226,14 @@ def _variants_of_alternatives(findings: Findings) -> Iterator[str]:
         _, found = differences([findings.answer.calibration.plant.rig, alternative.calibration.plant.rig])
         if found:
             variant = ", ".join(f"{name} = {value!r}" for name, value in found.items())
-            yield f"the alternative {'+'.join(alternative.effects) or 'without any effect'} explains the recordings if the rig has {variant}"
+            explanation = _in_words(alternative) or "without any effect"
+            yield f"the alternative {explanation} explains the recordings if the rig has {variant}"
+
+
+def _in_words(explanation: Candidate) -> str:
+    """Return the names of an explanation's effects as in a sentence."""
+    effects = [e for e in explanation.calibration.plant.effects if e.name in explanation.effects]
+    return " and ".join(effect.title or effect.name.replace("_", " ") for effect in effects)
 
 
 def _causes(findings: Findings) -> tuple[Cause, ...]:

@@ -262,7 +262,7 @@ def test_a_rival_on_another_form_of_the_rig_has_its_own_distance():
     assert found.verdict is Verdict.AMBIGUOUS
     assert found.rivals == (("sensor_lag",),)
     assert (
-        "the alternative sensor_lag explains the recordings if the rig has reading = 'start of hold'" in found.warnings
+        "the alternative sensor lag explains the recordings if the rig has reading = 'start of hold'" in found.warnings
     )
     (pair,) = found.indistinguishable
     # that of the lag on the rig of the file is above 100: it was distinguished, and is no alternative
