@@ -149,8 +149,8 @@ def _alike_but_unlikely(findings: Findings) -> Iterator[str]:
         name = "+".join(other.effects)
         if name in near and name not in known and not is_possible(other, naming.best):
             yield (
-                f"{_in_words(other)} would change the readings almost as the named effects do "
-                f"(squared distance d² = {near[name]:.2g}; at least {DISTINGUISHED:g} is needed to distinguish them), but only at an unusual strength"
+                f"only at an unusual strength could {_in_words(other)} change the readings almost as the named effects do "
+                f"(squared distance d² = {near[name]:.2g}; at least {DISTINGUISHED:g} is needed to distinguish them)"
             )
 
 
