@@ -104,20 +104,21 @@ def judge_film(source: str, plants: Sequence[Plant], commands: NDArray[np.float6
     who = f"of {len(plants)} plants with parameters inside the calibration's intervals" if many else ""
     who += f" of {source}" if many and source != "plant" else ""
     subject = "film" if source == "plant" else f"film ({source})"
+
+    def film(of: object) -> str:
+        return f"the film in {of} {who}" if many else f"the film in {own}"
+
     if used:
-        film = f"the film in {used} {who}" if many else f"the film in {own}"
-        text = f"{film} would pull in, break down or lose tension with {100 * (HEADROOM - 1):.0f} % more voltage"
+        text = f"{film(used)} would pull in, break down or lose tension with {100 * (HEADROOM - 1):.0f} % more voltage"
         return Finding(subject=subject, value=float(used), verdict=Verdict.FAIL, text=text)
     count = max(round(_HOLD / rig.sample_time), 2)
     ends = np.repeat([controller.command_max, controller.command_min], count)
     lost = sum(not (_rests(plant, ends, 1.0) and bears(plant, ends, rest, headroom=1.0)) for plant in plants)
     if lost:
-        film = f"the film in {lost} {who}" if many else f"the film in {own}"
-        text = f"{film} would pull in, break down or lose tension if the command reached the controller's limits"
+        text = f"{film(lost)} would pull in, break down or lose tension if the command reached the controller's limits"
         return Finding(subject=subject, value=float(lost), verdict=Verdict.MARGINAL, text=text)
-    film = f"the film in none {who} pulls" if many else f"the film in {own} does not pull"
-    verbs = "in, breaks down or loses" if many else "in, break down or lose"
-    text = f"{film} {verbs} tension, even if the command reaches the controller's limits"
+    fails = "pulls in, breaks down or loses" if many else "does not pull in, break down or lose"
+    text = f"{film('none')} {fails} tension, even if the command reaches the controller's limits"
     return Finding(subject=subject, value=0.0, verdict=Verdict.PASS, text=text)
 
 

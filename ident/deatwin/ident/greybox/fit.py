@@ -142,10 +142,10 @@ class Calibration(Described):
         """Rms residual, SI, at the minimum: for a fit that stopped near it, that of its linear model within the bounds."""
         if self.status is not FitStatus.STOPPED:
             return self.rms
-        smooth = [name not in self.plant.event_times for name in self.names]
-        slopes, parameters = self.jacobian[:, smooth], [p for p, s in zip(_fitted(self), smooth, strict=True) if s]
-        moves = np.array([np.subtract(p.ends, p.scale.to_coordinate(p.value)) for p in parameters]).reshape(-1, 2)
-        least = linearised_rms(self.residuals, slopes) ** 2 + bounded_fit(self.residuals, slopes, *moves.T)[0]
+        problem = Problem(plant=self.plant, parts=(), names=self.names)
+        moves = problem.smooth()
+        slopes, ends = self.jacobian[:, moves], [(end - problem.start())[moves] for end in problem.bounds()]
+        least = linearised_rms(self.residuals, slopes) ** 2 + bounded_fit(self.residuals, slopes, *ends)[0]
         return float(np.sqrt(least)) if self.rms**2 <= CLOSE * least else self.rms
 
     @property

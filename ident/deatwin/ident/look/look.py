@@ -122,17 +122,8 @@ class Look:
         if self.gaps:
             longest = max(end - start for start, end in self.gaps)
             text += f"; {len(self.gaps)} gap{'s' if len(self.gaps) > 1 else ''}, the longest {longest:.4g} s"
-        return "; ".join(
-            [
-                text,
-                *(
-                    ["the times are uneven, so the recording was resampled: " + uneven[0]]
-                    if uneven
-                    else ["evenly spaced"]
-                ),
-                *asked[:1],
-            ]
-        )
+        times = f"the times are uneven, so the recording was resampled: {uneven[0]}" if uneven else "evenly spaced"
+        return "; ".join([text, times, *asked[:1]])
 
     @property
     def lines(self) -> tuple[str, ...]:
