@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.effects.base import Effect, Place
-from deatwin.plant.equations import SAMPLE_START, STEP_MIDDLE, Equations
+from deatwin.plant.equations import SAMPLE_START, STAGES, STEP_MIDDLE, Equations
 from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.integrator.parts import Parts
 from deatwin.plant.parameters import ParameterSet
@@ -29,9 +29,11 @@ class Builder:
         Parameters of the rig and its effects.
     effects : sequence of Effect
         Effects of the plant. Those that act on one signal act in the order of their `order`, then of their names.
+    stages : int
+        Number of stages of the implicit step over a sample.
     """
 
-    def __init__(self, parameters: ParameterSet, effects: Sequence[Effect]) -> None:
+    def __init__(self, parameters: ParameterSet, effects: Sequence[Effect], stages: int = STAGES) -> None:
         self._effects = tuple(sorted(effects, key=lambda e: (e.order, e.name)))
         self._shared: dict[str, Any] = {}
         self._offered: set[tuple[Enum, str]] = set()
@@ -39,7 +41,10 @@ class Builder:
         self.command = ca.SX.sym("command")
         self.time = ca.SX.sym("time")
         symbols = {name: ca.SX.sym(name) for name in parameters}
-        self.written = Written(parameters=parameters, symbols=symbols, command=self.command, time=self.time)
+        self.stages = stages
+        self.written = Written(
+            parameters=parameters, symbols=symbols, command=self.command, time=self.time, stages=stages
+        )
 
     def own(self, name: str) -> Symbol:
         """Return the symbol of a parameter before any effect rewrites it.

@@ -106,7 +106,7 @@ class Simulator:
         self.equations = equations
         origin = [equations.dynamics, equations.mass, equations.output, equations.watched]
         origin += [equations.further] if equations.further is not None else []
-        key = key_of(origin, equations.scale)
+        key = key_of(origin, np.append(equations.scale, equations.stages))
         self._march = recalled(MARCHES, key) or self._marches(key)
 
     def _marches(self, key: str | None) -> dict[str, ca.Function]:

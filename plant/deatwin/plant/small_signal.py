@@ -14,7 +14,7 @@ import numpy as np
 
 from deatwin.plant.equations import Equations
 from deatwin.plant.errors import DataError
-from deatwin.plant.integrator.collocation import STAGES, radau
+from deatwin.plant.integrator.collocation import radau
 from deatwin.plant.integrator.parts import Step
 from deatwin.plant.rest import rest_state
 from deatwin.plant.rest_path import NoRestError, Point, followed, inputs_at, require_tension, sample_functions, settled
@@ -132,7 +132,7 @@ def _step_derivatives(equations: Equations, point: Point, time: float, step: Ste
     """Return derivatives of the scaled unknowns after a step, by the states at its start and by the commands."""
     here, held, inputs, values = point
     functions, constants, n_x = sample_functions(equations), equations.constants, len(equations.states)
-    nodes, matrix = radau(STAGES)
+    nodes, matrix = radau(equations.stages)
     inverse, n, count = np.linalg.inv(matrix), here.size, 1 + equations.history
     mass = np.zeros(n)
     mass[:n_x] = np.asarray(equations.mass(values, constants)).ravel()
@@ -141,12 +141,12 @@ def _step_derivatives(equations: Equations, point: Point, time: float, step: Ste
     begun = [time - step.begin - node * step.width for node in used]
     known = [inputs_at(equations, inputs, begin, begin + step.middle) for begin in begun]
     slopes = [functions.dynamics(here, held, u, time, values, constants)[1:] for u in known]
-    slopes *= STAGES // len(slopes)
+    slopes *= equations.stages // len(slopes)
 
     system: np.ndarray = np.kron(inverse, np.diag(mass))
     for i, (by_unknowns, _) in enumerate(slopes):
         system[i * n : (i + 1) * n, i * n : (i + 1) * n] -= weight * np.asarray(by_unknowns)
-    system = system * np.tile(equations.scale, STAGES)  # columns: unknowns in units of their scale
+    system = system * np.tile(equations.scale, equations.stages)  # columns: unknowns in units of their scale
     by_start = np.kron(inverse.sum(axis=1)[:, None], np.diag(mass * equations.scale)[:, :n_x])
     by_commands = np.vstack([weight * np.asarray(by_inputs)[:, :count] for _, by_inputs in slopes])
     rows = np.abs(system).max(axis=1, keepdims=True, initial=0.0)

@@ -38,10 +38,11 @@ class Structure:
     rig: Rig = field(compare=False)
     effects: tuple[Effect, ...] = field(compare=False)
     parameters: ParameterSet = field(compare=False)
+    stages: int
     key: tuple[Any, str]
 
     @classmethod
-    def of(cls, rig: Rig, effects: tuple[Effect, ...], parameters: ParameterSet) -> Structure:
+    def of(cls, rig: Rig, effects: tuple[Effect, ...], parameters: ParameterSet, stages: int) -> Structure:
         """Return the structure of a rig with effects."""
         known = {p.name: p.value for p in parameters.values() if p.known}
         stated = {k: v for k, v in rig.to_dict().items() if k not in NOT_IN_EQUATIONS}
@@ -55,7 +56,7 @@ class Structure:
         classes = (type(rig), energy, *(type(e) for e in effects))
         reach = {p.name: p.upper for p in parameters.values() if p.widest is not None}
         named = sorted(stated.items()), [e.entry for e in effects], sorted(known.items()), sorted(reach.items())
-        return cls(rig, effects, parameters, (classes, repr(named)))
+        return cls(rig, effects, parameters, stages, (classes, repr(named)))
 
     @property
     def equations(self) -> Equations:
@@ -71,7 +72,7 @@ class Structure:
 
 @lru_cache(maxsize=256)
 def _equations(structure: Structure) -> Equations:
-    rig, build = structure.rig, Builder(structure.parameters, structure.effects)
+    rig, build = structure.rig, Builder(structure.parameters, structure.effects, structure.stages)
     with written(rig, build) as reading:
         return build.finish(reading, [further.name for further in rig.further])
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from deatwin.plant.equations import Equations
+from deatwin.plant.equations import STAGES, Equations
 from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.integrator.parts import Parts
 from deatwin.plant.parameters import ParameterSet
@@ -49,6 +49,7 @@ class Written:
     parts: Parts | None = None
     integrals: dict[str, float] = field(default_factory=dict)  # As in `Equations`
     shifts: dict[str, str] = field(default_factory=dict)  # As in `Equations`
+    stages: int = STAGES  # As in `Equations`
 
     def equations(self, output: Symbol, further: Sequence[str]) -> Equations:
         """Assemble the equations with all readings; errors name what is missing or wrong."""
@@ -90,6 +91,7 @@ class Written:
             integrals=self.integrals,
             shifts=self.shifts,
             channels={name: default for name, (_, default) in self.channels.items()},
+            stages=self.stages,
         )
 
     def _check_complete(self) -> None:

@@ -137,6 +137,20 @@ class Calibration(Described):
         """Rms residual, SI; for a fit that stopped before its minimum, the value predicted by its linear model."""
         return linearised_rms(self.residuals, self.jacobian) if self.status is FitStatus.STOPPED else self.rms
 
+    def with_stages(self, count: int) -> Calibration:
+        """Return the same calibration, whose plant is simulated with another number of stages from now on.
+
+        Parameters
+        ----------
+        count : int
+            Number of stages (`Plant.stages`).
+
+        Returns
+        -------
+        Calibration
+        """
+        return replace(self, plant=replace(self.plant, stages=count))
+
     @cached_property
     def foreseen(self) -> float:
         """Rms residual, SI, at the minimum: for a fit that stopped near it, that of its linear model within the bounds."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,7 +29,7 @@ from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.quality.beside import without_faults
 from deatwin.ident.mismatch.quality.gaps import without_unknown
 from deatwin.ident.mismatch.quality.quality import DataQuality, Soundness, check_quality, confirm
-from deatwin.ident.mismatch.refit.base import Base, beside_alternatives
+from deatwin.ident.mismatch.refit.base import Base, beside_alternatives, enough_stages
 from deatwin.ident.mismatch.refit.exchange import with_exchanged_lags
 from deatwin.ident.mismatch.refit.search import refit
 from deatwin.ident.mismatch.steps import Step, base_step, fit_step, found_step, quality_step
@@ -121,6 +122,8 @@ def diagnose(
     location = locate(base.chosen, problem, checked, for_location) if detection.mismatch else None
     keep(found_step("locate", location))
 
+    stages = enough_stages(problem, base)
+    problem, base = replace(problem, nominal=replace(problem.nominal, stages=stages)), base.with_stages(stages)
     fit, count = base.chosen.calibration, len(problem.effects)
     known = linearised_responses(
         problem,
@@ -149,7 +152,7 @@ def diagnose(
     part = None if stands or len(naming.candidates) == 1 else acting(naming, problem, for_rest)
     naming, verification = (naming, verification) if part is None else part
     keep(found_step("verify", verification if verification.ablations else None))
-    base = base.in_variant_of(naming.base)
+    base = base.in_variant_of(naming.base).with_stages(plant.stages)
     naming, elsewhere = without_places(naming)
     verdict = _verdict(problem, checked, base, detection, naming, verification, stands, part is not None)
     answer = naming.best if naming.best is not None and verdict.has_causes else base.chosen
@@ -168,6 +171,7 @@ def diagnose(
     tell(0.95, "fitting all recordings")
     last = discovery.calibration if discovery is not None else answer.calibration
     whole = verification.whole if answer is naming.best else detection.taken_up
+    final = refit(last.with_stages(plant.stages), problem.everything) if whole is None else whole
     diagnosis = conclude(
         Findings(
             problem=problem,
@@ -181,7 +185,7 @@ def diagnose(
             discovery=discovery,
             verdict=verdict,
             answer=answer,
-            final=with_exchanged_lags(refit(last, problem.everything) if whole is None else whole, problem.everything),
+            final=with_exchanged_lags(final.with_stages(plant.stages), problem.everything),
             left=left,
             elsewhere=elsewhere if answer is naming.best else (),
         )

@@ -13,7 +13,6 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.effects.base import Alone, Effect, Family, Place, Site
-from deatwin.plant.integrator.collocation import STAGES
 from deatwin.plant.parameters import Parameter
 
 if TYPE_CHECKING:
@@ -23,8 +22,6 @@ if TYPE_CHECKING:
 USUAL, LONGEST = 0.1, 1.6
 """Upper ends of the range of the dead time, s: the usual one, and the largest to which a fit may extend it. A command
 that arrives later has gone through a queue."""
-INVERSE = np.linalg.inv(1 / (1 + np.add.outer(np.arange(STAGES), np.arange(STAGES))))
-"""Matrix that maps moments over a sample to the coefficients of a polynomial."""
 ROUNDING = 1e-10  # Tolerance in samples: a shift this close to a whole sample counts as whole
 
 
@@ -46,14 +43,14 @@ class Delay(Effect):
     :math:`\tau_d = 0`.
 
     Further place: the ``reading``, as of a camera. All that it shows comes late then, noise excepted. Within the sample in
-    which it left the plant, the reading is the polynomial through its values at the integrator's five stages, which
+    which it left the plant, the reading is the polynomial through its values at the integrator's stages, s of them, which
     moments of the reading over the sample tell:
 
     .. math:: y(t_{k+1} - \sigma h) = \sum_{i,j} \sigma^i (H^{-1})_{ij} m_j, \qquad
               m_j = \frac1h \int_{t_k}^{t_{k+1}} \Big(\frac{t_{k+1}-t}{h}\Big)^j y\,dt, \qquad
               H_{ij} = \frac{1}{i+j+1}
 
-    It errs by at most :math:`(\omega h)^5/15000` of a component of the angular frequency :math:`\omega`, and by nothing at
+    With five stages it errs by at most :math:`(\omega h)^5/15000` of a component of the angular frequency :math:`\omega`, and by nothing at
     whole samples; the corners at which a held command changes lie between samples, and cost nothing. A command and a
     reading that are both late by parts of a sample have a corner within one, which the polynomial rounds. One reading
     alone cannot distinguish the two places; a second reading that is not delayed can.
@@ -149,12 +146,14 @@ def _inside(reading: Any, build: Builder, share: Any, growth: int) -> Any:
     size = build.signal("reading_size")
     width, moments = build.sample_time, []
     above = reading
-    for j in range(STAGES):
+    for j in range(build.stages):
         at_rest = 1 / (j + 1) if growth == 1 else 1 / ((j + 1) * (j + 2))
         moment = build.state(f"late_moment_{j}", scale=size, start=at_rest * reading)
         build.rate(moment, max(j, 1) * above / width)
         build.begin(moment, at_rest=1 / (j + growth))
         moments.append(moment)
         above = moment
-    rows = [sum(float(weight) * moment for weight, moment in zip(row, moments, strict=True)) for row in INVERSE]
+    powers = np.arange(build.stages)
+    of_moments = np.linalg.inv(1 / (1 + np.add.outer(powers, powers)))  # coefficients of a polynomial
+    rows = [sum(float(weight) * moment for weight, moment in zip(row, moments, strict=True)) for row in of_moments]
     return sum(share**i * row for i, row in enumerate(rows))

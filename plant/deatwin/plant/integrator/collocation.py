@@ -21,10 +21,6 @@ from deatwin.plant.integrator.newton import solved_stages
 from deatwin.plant.integrator.parts import halves
 from deatwin.plant.integrator.stages import Stages
 
-STAGES = 5
-"""Number of stages of a step; the order is ``2 * STAGES - 1``. At 50 samples per second, four stages follow the ringing
-of a 16 Hz ball mode after a step to 0.2 µm, and five to 0.003 µm in a third more time (tests/validation)."""
-
 
 def radau(stages: int) -> tuple[np.ndarray, np.ndarray]:
     """Nodes (s,) and Butcher matrix (s, s) of Radau IIA."""
@@ -49,7 +45,7 @@ class StepFunctions:
 
 def step_functions(equations: Equations) -> StepFunctions:
     """Make the implicit step over a sample, or the steps over its two parts."""
-    stages = Stages.of(equations, *radau(STAGES))
+    stages = Stages.of(equations, *radau(equations.stages))
     n_all, n_x = len(equations.states), stages.n_x
     x = ca.MX.sym("x", n_all)
     _, z, *known = stages.symbols()

@@ -87,6 +87,20 @@ class Candidate:
         plant = with_model_error(self.calibration.plant, model_error)
         return replace(self, calibration=replace(self.calibration, plant=plant))
 
+    def with_stages(self, count: int) -> Candidate:
+        """Return the same candidate, to be simulated with another number of stages.
+
+        Parameters
+        ----------
+        count : int
+            Number of stages.
+
+        Returns
+        -------
+        Candidate
+        """
+        return replace(self, calibration=self.calibration.with_stages(count))
+
     @property
     def mismatch(self) -> bool:
         """Return whether the residuals certainly exceed noise and model error, on fitted or held-out data."""
