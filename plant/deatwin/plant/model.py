@@ -43,13 +43,14 @@ class Plant:
     values : mapping of str to float
         Parameter values, SI, that replace those of rig and effects, for example after a calibration.
     stages : int
-        Number s of stages of the implicit step over a sample, at least 2; the order of the step is 2 s - 1. Five follow
+        Number s of stages of the implicit step over a sample, at least 1; the order of the step is 2 s - 1. Five follow
         the ringing of a mode at a third of the sampling rate to 0.001 % of its amplitude.
 
     Raises
     ------
     RigError
-        If an effect is not an `Effect` or occurs twice, or a value has an unknown name or is out of range.
+        If an effect is not an `Effect` or occurs twice, a value has an unknown name or is out of range, or there is no
+        stage.
 
     Examples
     --------
@@ -68,6 +69,8 @@ class Plant:
             if not isinstance(effect, Effect):
                 given = effect.__name__ if isinstance(effect, type) else repr(effect)
                 raise RigError(f"{given} is not an effect: give effects one by one, each as an object such as Creep()")
+        if self.stages < 1:
+            raise RigError(f"stages is {self.stages}: an implicit step needs at least 1")
         # Sorted, so that effects given in any order make the same plant.
         object.__setattr__(self, "effects", tuple(sorted(self.effects, key=lambda e: e.name)))
         object.__setattr__(self, "values", MappingProxyType(dict(self.values)))
