@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -29,7 +28,7 @@ from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.quality.beside import without_faults
 from deatwin.ident.mismatch.quality.gaps import without_unknown
 from deatwin.ident.mismatch.quality.quality import DataQuality, Soundness, check_quality, confirm
-from deatwin.ident.mismatch.refit.base import Base, beside_alternatives, enough_stages
+from deatwin.ident.mismatch.refit.base import Base, beside_alternatives
 from deatwin.ident.mismatch.refit.exchange import with_exchanged_lags
 from deatwin.ident.mismatch.refit.search import refit
 from deatwin.ident.mismatch.steps import Step, base_step, fit_step, found_step, quality_step
@@ -122,8 +121,6 @@ def diagnose(
     location = locate(base.chosen, problem, checked, for_location) if detection.mismatch else None
     keep(found_step("locate", location))
 
-    stages = enough_stages(problem, base)
-    problem, base = replace(problem, nominal=replace(problem.nominal, stages=stages)), base.with_stages(stages)
     fit, count = base.chosen.calibration, len(problem.effects)
     known = linearised_responses(
         problem,

@@ -13,7 +13,7 @@ from deatwin.ident.mismatch.model_error import error_in, model_error_of, with_mo
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.mismatch.quality.noise import noise_level, noise_levels
 from deatwin.ident.mismatch.quality.quality import DataQuality, by_experiment, split
-from deatwin.ident.mismatch.refit.base import Base, calibrate_base
+from deatwin.ident.mismatch.refit.base import Base, calibrate_base, enough_stages
 from deatwin.ident.soundness import noise_of_bends
 from deatwin.plant.effects.base import Alone, Effect
 from deatwin.plant.effects.catalogue import catalogue, machine_catalogue
@@ -48,9 +48,10 @@ def prepare(
     Returns
     -------
     DiagnosisProblem
-        Diagnosis problem; its plant is judged by the model error expected for these recordings.
+        Diagnosis problem; its plant is judged by the model error expected for these recordings, and simulated with
+        fewer stages if the readings do not show that.
     Base
-        Calibrated plant, judged by the same model error.
+        Calibrated plant, judged and simulated likewise.
 
     Raises
     ------
@@ -77,10 +78,10 @@ def prepare(
         problem, base = later, calibrate_base(later)
     error = model_error_of(base.chosen.calibration.plant, problem)
     alternatives = tuple(alternative.with_floor(error) for alternative in base.alternatives)
-    return (
-        replace(problem, nominal=with_model_error(problem.nominal, error)),
-        replace(base, chosen=base.chosen.with_floor(error), alternatives=alternatives),
-    )
+    base = replace(base, chosen=base.chosen.with_floor(error), alternatives=alternatives)
+    stages = enough_stages(problem, base)
+    nominal = replace(with_model_error(problem.nominal, error), stages=stages)
+    return replace(problem, nominal=nominal), base.with_stages(stages)
 
 
 def _checked(effects: Sequence[Effect]) -> Sequence[Effect]:

@@ -1,6 +1,7 @@
 """From checked recordings to the problem, by the public steps."""
 
 import importlib
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -45,7 +46,11 @@ def test_a_base_plant_is_not_calibrated_again_to_the_same_samples(monkeypatch):
     module = importlib.import_module("deatwin.ident.mismatch.prepare")
     part = lambda *masks: SimpleNamespace(fitted=(SimpleNamespace(masks=masks),), nominal=NOMINAL)  # noqa: E731
     first, longer = np.arange(10) < 6, np.arange(10) < 8
-    candidate = SimpleNamespace(calibration=SimpleNamespace(plant=NOMINAL), with_floor=lambda error: candidate)
+    candidate = SimpleNamespace(
+        calibration=SimpleNamespace(plant=replace(NOMINAL, stages=4)),
+        with_floor=lambda error: candidate,
+        with_stages=lambda count: candidate,
+    )
     asked = []
     monkeypatch.setattr(module, "_levels", lambda base, problem, checked: None)
     monkeypatch.setattr(module, "_late_onset", lambda base, checked: 7.0)
