@@ -17,7 +17,7 @@ from deatwin.ident.greybox.problem import Problem, Response
 from deatwin.ident.greybox.starts import EXACT, STARTS, Search, least, with_better
 from deatwin.ident.greybox.status import FitStatus
 from deatwin.ident.greybox.survey import survey
-from deatwin.ident.greybox.tangent import bounded_fit, linearised_rms
+from deatwin.ident.greybox.tangent import least_within, linearised_rms
 from deatwin.ident.greybox.watch import Progress, Watch, unwatched
 from deatwin.ident.greybox.wording import described, known_together
 from deatwin.plant.calibrated import TWO_SIDED_95
@@ -159,7 +159,7 @@ class Calibration(Described):
         problem = Problem(plant=self.plant, parts=(), names=self.names)
         moves = problem.smooth()
         slopes, ends = self.jacobian[:, moves], [(end - problem.start())[moves] for end in problem.bounds()]
-        least = linearised_rms(self.residuals, slopes) ** 2 + bounded_fit(self.residuals, slopes, *ends)[0]
+        least = least_within(self.residuals, slopes, *ends)
         return float(np.sqrt(least)) if self.rms**2 <= CLOSE * least else self.rms
 
     @property
@@ -409,7 +409,7 @@ def _ended(fit: Calibration, problem: Problem, search: Search, tolerance: float 
     if any(moves) and not _is_exact(fit, problem):
         # Only a gain within the bounds counts: if a parameter hardly matters, its bound does not hide a better fit.
         slopes, ends = fit.jacobian[:, moves], [(end - search.best.coordinates)[moves] for end in problem.bounds()]
-        gain = fit.rms**2 - linearised_rms(fit.residuals, slopes) ** 2 - bounded_fit(fit.residuals, slopes, *ends)[0]
+        gain = fit.rms**2 - least_within(fit.residuals, slopes, *ends)
     if gain > REMAINING * settled_at(tolerance, fit.residuals.size) * fit.rms**2:
         return FitStatus.UNSETTLED
     if search.tried > 1 and search.agreed < 2:

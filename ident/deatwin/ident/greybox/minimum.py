@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.status import FitStatus
-from deatwin.ident.greybox.tangent import bounded_fit, linearised_rms
+from deatwin.ident.greybox.tangent import least_within, linearised_rms
 
 EVALUATIONS = 30
 NEAR, MOST = 0.01, 1e-4
@@ -177,7 +177,8 @@ class _Memory:
         least = self._predicted**2
         if np.mean(residuals**2) > CLOSE * least:
             return False
-        return bounded_fit(residuals, slopes, self._lower - x, self._upper - x)[0] < 2.0 * self.foreseen * least
+        within = least_within(residuals, slopes, self._lower - x, self._upper - x)
+        return within < (1.0 + 2.0 * self.foreseen) * least
 
     def residuals(self, x: np.ndarray) -> np.ndarray:
         found = self(x)

@@ -36,3 +36,8 @@ def bounded_fit(
     anywhere = float(np.mean(residuals**2)) - linearised_rms(residuals, jacobian) ** 2
     taken = float(np.sum((basis.T @ residuals) ** 2) - 2.0 * found.cost) / residuals.size
     return max(anywhere - taken, 0.0), found.active_mask != 0
+
+
+def least_within(residuals: np.ndarray, jacobian: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> float:
+    """Return the least mean square residual of a linear model of a fit within bounds. Shapes: as for `bounded_fit`."""
+    return linearised_rms(residuals, jacobian) ** 2 + bounded_fit(residuals, jacobian, lower, upper)[0]

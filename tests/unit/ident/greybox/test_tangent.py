@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deatwin.ident.greybox.tangent import bounded_fit, linearised_rms, taken_off, tangent_basis
+from deatwin.ident.greybox.tangent import bounded_fit, least_within, linearised_rms, taken_off, tangent_basis
 
 
 def test_a_linear_fit_ends_where_its_linearisation_says():
@@ -41,6 +41,7 @@ def test_a_fit_that_may_go_anywhere_costs_nothing_and_one_that_may_not_what_is_m
         without = linearised_rms(residuals, np.delete(jacobian, k, axis=1))
         assert cost == pytest.approx(without**2 - linearised_rms(residuals, jacobian) ** 2, rel=1e-9)
         assert list(np.flatnonzero(held)) == [k]
+        assert least_within(residuals, jacobian, lower, upper) == pytest.approx(without**2, rel=1e-9)
 
 
 def test_what_one_parameter_may_not_do_another_one_does_not_do_for_it_beyond_its_own_bound():
