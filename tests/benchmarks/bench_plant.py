@@ -18,13 +18,14 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from peers import Peer, hand_written_peer, scipy_peer, sundials_peer
 from stopwatch import timed
 
 from deatwin.ident.parallel import run_jobs
-from deatwin.plant import CoulombFriction, Plant, SensorLag
+from deatwin.plant import CoulombFriction, Plant, Reading, SensorLag
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.simulate import Simulator
 from deatwin.plant.thesis import thesis_plant
@@ -121,6 +122,14 @@ def sensitivities(name: str, plant: Plant) -> None:
     print(f"  sensitivities to {plant.free_values.size} parameters ({name}): {exact / plain:.1f} plain simulations")
 
 
+def second_reading(plant: Plant) -> None:
+    """Print what a reading of the current costs beside the displacement; at most 1.8 times one reading is wanted."""
+    both = plant.with_rig(replace(plant.rig, further=(Reading(name="current", noise=1e-9),)))
+    commands = excitation(plant.rig.sample_time)
+    one, two = (timed(lambda p=p: p.simulator.run_with_sensitivities(commands, **settings(p))) for p in (plant, both))
+    print(f"  two readings with sensitivities: {two / one:.2f} times one (wanted: at most 1.8)")
+
+
 def without_compiler(plant: Plant) -> None:
     commands = excitation(plant.rig.sample_time, 20.0)
     fast = timed(lambda: own(plant, commands))
@@ -215,6 +224,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     sensitivities("base with a dry friction", base.with_effects(CoulombFriction()))
     sensitivities("base with a lag of the sensor", base.with_effects(SensorLag()))
     sensitivities("thesis", thesis)
+    second_reading(base)
     without_compiler(base)
     sweep(base)
     memory()

@@ -16,8 +16,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from deatwin.plant import Plant
+from deatwin.plant.equations import STAGES
 from deatwin.plant.film import relaxation_stiffness
-from deatwin.plant.integrator.collocation import STAGES, radau
+from deatwin.plant.integrator.collocation import radau
 from deatwin.plant.integrator.compiled import compile_functions, compiler
 from deatwin.plant.integrator.newton import SETTLED
 from deatwin.plant.rest import rest_state
