@@ -76,6 +76,11 @@ def _single_effects(search: Search) -> list[Candidate]:
     return [c for names, c in search.tried.items() if len(names) == 1 and not c.calibration.given_up]
 
 
+def _pairs(search: Search) -> list[Candidate]:
+    """Return the fits of pairs that were not given up."""
+    return [c for names, c in search.tried.items() if len(names) == 2 and not c.calibration.given_up]
+
+
 def _nearly_all(search: Search) -> Candidate | None:
     """Return the likeliest single effect that leaves no more than an error of its law may, or None."""
     base = search.tried[()]
@@ -94,7 +99,7 @@ def with_doubt(search: Search, naming: Naming) -> Naming:
     possible = sorted(filter(search.is_possible, _single_effects(search)), key=lambda c: -scale.weight(c))
     possible = [c for c in possible if errs_by_its_law(c, search.tried[()])]
     asked = [c for k, c in enumerate(possible) if k == 0 or c.effects[0] in pair.effects]
-    return naming.as_likely([c for c in asked if scale.of_two(pair, c) < STRONG])
+    return naming.as_likely([c for c in asked if scale.of_two(pair, c, _pairs(search)) < STRONG])
 
 
 def _promising(search: Search, scale: Scale) -> dict[Names, list[str]]:
@@ -130,17 +135,15 @@ def _odds(search: Search, scale: Scale, first: Candidate) -> dict[Names, float]:
     """Return the log odds of each fitted pair over the likeliest of `first` and the pair's own two effects."""
     # Its own effects count only if each leaves no more than an error of its law may.
     found: dict[Names, float] = {}
-    for names, pair in list(search.tried.items()):
-        if len(names) != 2 or pair.calibration.given_up:
-            continue
-        odds = scale.of_two(pair, search.tried[first.effects])
+    for pair in (others := _pairs(search)):
+        odds = scale.of_two(pair, search.tried[first.effects], others)
         if odds > 0.0:  # otherwise further fits, each of which costs time, would hardly make the pair likely
-            again = search.no_worse(names)
+            again = search.no_worse(pair.effects)
             if again.calibration is not pair.calibration:
-                pair, odds = again, scale.of_two(again, search.tried[first.effects])
-            alone = [c for c in search.without_one(names) if errs_by_its_law(c, search.tried[()])]
-            odds = min([odds, *(scale.of_two(pair, c) for c in alone if c.effects != first.effects)])
-        found[names] = odds
+                pair, odds = again, scale.of_two(again, search.tried[first.effects], others)
+            alone = [c for c in search.without_one(pair.effects) if errs_by_its_law(c, search.tried[()])]
+            odds = min([odds, *(scale.of_two(pair, c, others) for c in alone if c.effects != first.effects)])
+        found[pair.effects] = odds
     return found
 
 

@@ -8,8 +8,10 @@ effect could cause and the rest. Let :math:`c` be the contribution of the single
 .. math:: y = f_1(\theta) + \sum_{k=1}^2 \lambda_k\,\ell_k\,\frac{\mathrm{rms}(c)}{\mathrm{rms}(\delta_k)}\,\delta_k
           + B \beta + g + e, \qquad \lambda_k \sim N(0, 1)
 
-No other error of the law would help the single effect more. A difference larger than such errors is a second effect. An
-exact law and an inexact one have equal prior probability.
+A difference larger than such errors is a second effect. Of all pairs that were fitted, that one gives :math:`\delta`
+whose error helps the single effect most, since each pair is compared with the same single effect: what a second effect
+explains worse than an error of the law along another one is no reason to name it. An exact law and an inexact one have
+equal prior probability.
 """
 
 from __future__ import annotations
@@ -61,11 +63,26 @@ class Scale:
     base: Candidate
     noise: float
     _weights: dict[tuple[str, ...], tuple[Calibration, float]] = field(default_factory=dict, init=False, repr=False)
+    _inexact: dict[tuple[int, int], tuple[tuple[Calibration, Calibration], float]] = field(
+        default_factory=dict, init=False, repr=False
+    )
 
-    def of_two(self, pair: Candidate, alone: Candidate) -> float:
-        """Return the log odds of a pair over one effect, whose law is exact or inexact with equal probability."""
-        either = np.logaddexp(self.weight(alone), self._evidence(alone, self._law(pair, alone))) - np.log(2.0)
+    def of_two(self, pair: Candidate, alone: Candidate, others: Sequence[Candidate] = ()) -> float:
+        """Return the log odds of a pair over one effect, whose law is exact or inexact with equal probability.
+
+        `others` are further pairs, along whose second effects the law may err instead.
+        """
+        inexact = max(self._inexact_weight(alone, other) for other in (pair, *others))
+        either = np.logaddexp(self.weight(alone), inexact) - np.log(2.0)
         return self.weight(pair) - float(either) + self._pair_odds + pair.log_share - alone.log_share
+
+    def _inexact_weight(self, alone: Candidate, pair: Candidate) -> float:
+        """Return the log evidence of a single effect whose law errs along the second effect of a pair."""
+        fits = (alone.calibration, pair.calibration)
+        key = (id(fits[0]), id(fits[1]))  # the fits are kept beside the value, so their ids stay valid
+        if key not in self._inexact:
+            self._inexact[key] = (fits, self._evidence(alone, self._law(pair, alone)))
+        return self._inexact[key][1]
 
     @property
     def _pair_odds(self) -> float:

@@ -77,7 +77,7 @@ class GivenScale:
     def biased(self, candidate):
         return self.bends.get(candidate.effects, 0.0)
 
-    def of_two(self, pair, alone):
+    def of_two(self, pair, alone, others):
         return self.odds - 1e6 * (alone.calibration.rms < 2.6)
 
     def promises(self, alone, known):

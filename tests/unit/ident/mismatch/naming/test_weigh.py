@@ -82,6 +82,19 @@ def test_what_is_far_more_than_an_error_of_the_law_is_a_second_effect(scale):
     assert min(odds(scale, 20.0 * OTHER, rng) for _ in range(5)) > STRONG
 
 
+def test_pairs_are_compared_with_the_same_single_effect(scale):
+    """The odds of two pairs over one effect are apart by what the recordings say of the pairs: odds multiply."""
+    rng = np.random.default_rng(7)
+    size = np.sqrt(2.0) * np.sqrt(np.mean(CREPT**2))
+    along, beside = size * FAST_TONE, size * np.sin(2.0 * np.pi * 9.01 * TIMES)
+    left = NOISE * rng.standard_normal(TIMES.size) + OTHER * along
+    alone = fitted(left, (FIRST, CREPT))
+    right, wrong = (fitted(left, (FIRST, CREPT), (SECOND, does)) for does in (along, beside))
+    odds = [scale.of_two(pair, alone, (right, wrong)) for pair in (right, wrong)]
+    assert odds[0] - odds[1] == pytest.approx(scale.weight(right) - scale.weight(wrong), rel=1e-9)
+    assert odds[1] < scale.of_two(wrong, alone)
+
+
 def test_of_two_that_do_nothing_the_odds_are_at_most_those_beforehand(scale):
     rng = np.random.default_rng(5)
     assert np.mean([odds(scale, 0.0, rng) for _ in range(10)]) < pair_odds(3)
