@@ -92,7 +92,7 @@ def _ambiguous(diagnosis: Diagnosis) -> str:
     also = [f"the same and also {_joined(more)}" for more in beside]
     replacing = {name for rival in diagnosis.rivals if not set(rival) > set(known) for name in rival}
     only_beside = {name for more in beside for name in more} - replacing
-    others = [_title(name, diagnosis) for name in diagnosis.names if name not in {*known, *only_beside}]
+    others = [title_of(name, diagnosis) for name in diagnosis.names if name not in {*known, *only_beside}]
     rivals = (*without, *also, *others)
     # in the same clause, because a report's headline ends at the first semicolon
     instead = f", or alternatively {', or '.join(rivals)}" if rivals else ""
@@ -103,7 +103,7 @@ def _ambiguous(diagnosis: Diagnosis) -> str:
     )
 
 
-def _title(cause: str, diagnosis: Diagnosis) -> str:
+def title_of(cause: str, diagnosis: Diagnosis) -> str:
     """Return the name of an alternative's effect, or its names at further places if it acts only there."""
     effects = (effect for rival in diagnosis.rival_models.values() for effect in rival.plant.effects)
     titles = dict.fromkeys(effect.title for effect in effects if effect.cause == cause)

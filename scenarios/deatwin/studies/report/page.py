@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from deatwin.ident.mismatch.certainty import how_sure
 from deatwin.ident.mismatch.locate.region import RATE
 from deatwin.plant.amplitudes import reported_size, written_unit
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.report.certainty import certainty
 from deatwin.studies.report.figures import drawings
 from deatwin.studies.report.origin import Origin
 from deatwin.studies.report.quantities import with_interval
@@ -38,7 +38,7 @@ def write_report(folder: ResultFolder, diagnosis: Diagnosis, origin: Origin) -> 
         [*figures, *filter(None, steps.values())],
         origin,
         diagnosis=diagnosis,
-        certainty=certainty(diagnosis),
+        certainty=how_sure(diagnosis),
         unit=written_unit(unit),
         figures={figure.name: figure for figure in figures},
         steps=steps,

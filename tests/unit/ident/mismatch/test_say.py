@@ -15,6 +15,7 @@ from deatwin.ident.mismatch import (
     Cause,
     DetectionSummary,
     Diagnosis,
+    Explanation,
     FitSummary,
     FittedParameter,
     FreeFormSummary,
@@ -23,10 +24,11 @@ from deatwin.ident.mismatch import (
     Verdict,
     VerificationSummary,
     diagnose,
+    how_sure,
 )
 from deatwin.ident.mismatch.located import Band, Region, Unexplained, Window
 from deatwin.ident.mismatch.result import Errors, Fault, OriginSummary, Output, Statistic, UnseenErrors
-from deatwin.ident.mismatch.say import _title, number, risk, say
+from deatwin.ident.mismatch.say import number, risk, say, title_of
 from deatwin.ident.mismatch.verdict import Shown
 from deatwin.plant import Coupon, Creep, Diaphragm, Effect, Experiment, Plant, Recording, SensorDrift
 from deatwin.plant.effects.catalogue import catalogue
@@ -87,6 +89,7 @@ def made_up(verdict: Verdict, *causes: Cause, unit: str = "um", size: float = 1.
     """A diagnosis of this verdict, with its sentence; amplitudes are `size` times those of a film in µm."""
     after, gain_low = 2.0961 * size, fields.pop("gain_low", 7.4) * size
     rivals = ("delay",) if verdict is Verdict.AMBIGUOUS else ()
+    named = (tuple(c.effect for c in causes), *((name,) for name in rivals))
     diagnosis = Diagnosis(
         output=Output(name="displacement", unit=unit),
         verdict=verdict,
@@ -105,6 +108,9 @@ def made_up(verdict: Verdict, *causes: Cause, unit: str = "um", size: float = 1.
         causes=causes,
         names=(*(c.effect for c in causes), *rivals),
         rivals=tuple((name,) for name in rivals),
+        explanations=()
+        if verdict is Verdict.PARTLY or not causes
+        else tuple(Explanation(effects=effects, probability=0.9 / len(named)) for effects in named),
         fit=FitSummary(
             fitted=Errors(before=9.8123 * size, after=after if causes else None),
             unseen=UnseenErrors(
@@ -261,6 +267,19 @@ def test_the_file_keeps_its_schema_and_comes_back(name, tmp_path):
     data = json.loads((tmp_path / "diagnosis.json").read_text(encoding="utf-8"))
     jsonschema.validate(data, SCHEMA)
     assert Diagnosis.load(tmp_path / "diagnosis.json").to_dict() == data
+
+
+@pytest.mark.parametrize("name", DIAGNOSES)
+def test_every_verdict_says_how_sure_it_is_and_the_file_holds_the_probabilities(name, tmp_path):
+    diagnosis = DIAGNOSES[name]
+    said = how_sure(diagnosis)
+    assert said and not re.search(r"\de[-+]?\d|  |\.$", said)
+    held = diagnosis.to_dict()["explanations"]
+    assert [one["effects"] for one in held[1:]] == ([["delay"]] if diagnosis.verdict is Verdict.AMBIGUOUS else [])
+    for one in held:
+        assert f"{100 * one['probability']:.0f} %" in said
+    diagnosis.save(tmp_path / "diagnosis.json")
+    assert how_sure(Diagnosis.load(tmp_path / "diagnosis.json")) == said
 
 
 def test_no_exponent_and_one_sentence():
@@ -487,7 +506,7 @@ def test_an_explanation_that_may_be_absent_is_said_to_be(low: float, said: bool)
 def titled(*rivals: Effect) -> str:
     """What an alternative with one of these effects is called."""
     plants = {str(k): SimpleNamespace(plant=Plant(rig=Diaphragm()).with_effects(e)) for k, e in enumerate(rivals)}
-    return _title(rivals[0].cause, SimpleNamespace(rival_models=plants))
+    return title_of(rivals[0].cause, SimpleNamespace(rival_models=plants))
 
 
 def test_an_alternative_at_another_place_has_its_name_there():
