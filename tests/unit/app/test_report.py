@@ -270,6 +270,7 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
         "Provenance",
     ]
     assert page.count("<svg") == 11  # four of the recordings, seven of the steps
+    assert re.search(r"<text[^>]*>90 %</text>", page)  # the share of the mismatch, beside its colour
     for name in ("detection", "region", "place", "discovery", "advice"):
         assert f"drawn by {name}" in page
     assert len(page) < 5e6
@@ -353,7 +354,7 @@ EXPLANATIONS = {
         (Verdict.PARAMETERS, "0.230, and the error exceeds the noise by 0.340 µm rms; it counts as a mismatch only if"),
         (
             Verdict.UNKNOWN,
-            "where 1.19 µm rms would suffice for a mismatch; no single effect explains more than 34 % of the mismatch.",
+            "where 1.19 µm rms would suffice for a mismatch; single effects explain at most 34 % of the mismatch, and none is certain.",
         ),
         (
             Verdict.DISTURBANCE,
@@ -368,7 +369,7 @@ EXPLANATIONS = {
         ),
         (
             Verdict.AMBIGUOUS,
-            "creep 62 %, creep and sensor drift 31 %, no effect below 1 %, other explanations that were tried 2 %, causes "
+            "creep alone 62 %, creep and sensor drift 31 %, no effect below 1 %, other explanations that were tried 2 %, causes "
             "that were not tried 5 %.",
         ),
         (

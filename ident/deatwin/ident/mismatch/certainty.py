@@ -53,14 +53,16 @@ def _named(diagnosis: Diagnosis) -> str:
 def _ambiguous(diagnosis: Diagnosis) -> str:
     if not diagnosis.explanations:
         return ""
-    first, *rivals = diagnosis.explanations
-    offered = [" and ".join(name.replace("_", " ") for name in first.effects), *(_called(r, diagnosis) for r in rivals)]
-    shown = [f"{name} {_percent(e.probability)}" for name, e in zip(offered, diagnosis.explanations, strict=True)]
+    shown = [f"{_called(each, diagnosis)} {_percent(each.probability)}" for each in diagnosis.explanations]
     return ", ".join([*shown, *_others(diagnosis)])
 
 
-def _called(rival: Explanation, diagnosis: Diagnosis) -> str:
-    return " and ".join(title_of(name, diagnosis) for name in rival.effects) or "no effect"
+def _called(explanation: Explanation, diagnosis: Diagnosis) -> str:
+    """Return the names of an explanation's effects; a single one is alone if another explanation contains it."""
+    answer, effects = diagnosis.explanations[0].effects, explanation.effects
+    names = [name.replace("_", " ") if name in answer else title_of(name, diagnosis) for name in effects]
+    alone = len(effects) == 1 and any(set(effects) < set(other.effects) for other in diagnosis.explanations)
+    return (" and ".join(names) or "no effect") + (" alone" if alone else "")
 
 
 def _others(diagnosis: Diagnosis) -> list[str]:
@@ -94,7 +96,11 @@ def _clean(diagnosis: Diagnosis) -> str:
 def _unknown(diagnosis: Diagnosis) -> str:
     located = diagnosis.location.place if diagnosis.location else ()
     best = max((place.score for place in located), default=None)
-    effect = "" if best is None else f"; no single effect explains more than {100 * best:.0f} % of the mismatch"
+    effect = (
+        ""
+        if best is None
+        else f"; single effects explain at most {100 * best:.0f} % of the mismatch, and none is certain"
+    )
     return _beyond_chance(diagnosis) + effect
 
 

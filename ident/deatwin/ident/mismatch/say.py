@@ -172,7 +172,7 @@ def _in(region: Region) -> str:
         return f"while the reading {'rises' if region.high > 0 else 'falls'}"
     span = f"{number(region.low)} to {number(region.high)}"
     return (
-        f"{span} s after the command last rested"
+        f"from {span} s after the command last rested"
         if region.signal == SINCE_REST
         else f"at a {_plain(region.signal)} from {span}"
     )

@@ -461,7 +461,7 @@ def test_a_refuted_explanation_and_a_free_form_are_no_causes():
 def test_an_unknown_mismatch_is_said_to_lie_where_and_what_to_suspect():
     assert (
         "(sensor noise: 2.0 µm); the mismatch is spread over the recordings, most of its power is below 1.4 Hz, its mean is "
-        "largest, -6.7 µm, 0.520 to 58.3 s after the command last rested; the signals at the film predict it best, so "
+        "largest, -6.7 µm, from 0.520 to 58.3 s after the command last rested; the signals at the film predict it best, so "
         "suspect first what acts there."
     ) in DIAGNOSES["unknown, located"].sentence
     assert "; 90 % of the mismatch lies between 118 and 240 s." in DIAGNOSES["unknown"].sentence
