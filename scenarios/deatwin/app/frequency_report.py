@@ -15,7 +15,7 @@ from deatwin.ident.frequency import FrequencyResponse
 from deatwin.ident.frequency.output_responses.excitation import TestSignal
 from deatwin.ident.frequency.output_responses.powers import AMPLIFICATION
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus
-from deatwin.ident.narx import Reliance
+from deatwin.ident.narx import Reliance, ValidationStatus
 from deatwin.plant.amplitudes import amount
 from deatwin.plant.prefixes import prefixed
 from deatwin.studies.folder import ResultFolder
@@ -207,12 +207,27 @@ def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
     )
 
 
+_UNTESTED: Mapping[ValidationStatus | None, str] = {
+    None: "not tested",
+    ValidationStatus.DIVERGED: "the free run diverged",
+    ValidationStatus.UNSTABLE: "the model is unstable",
+}
+"""Why the residual tests have no result."""
+
+
 def _reliance(known: Reliance) -> Measure:
-    """Show the caveats from the validation on held-out data."""
+    """Name the residual tests that failed on held-out data, and the other caveats."""
+    count = len(known.failed)
+    tests = f"{count} test{'s' if count > 1 else ''} ({', '.join(known.failed)})" if count else ""
+    found = [
+        _UNTESTED.get(known.status, tests),
+        "a biased gain" if known.biased else "",
+        "the remarks above" if known.remarks else "",
+    ]
     return Measure(
-        "failed residual tests of the model on held-out data, and bias of its gain",
+        "failed residual tests of the model on held-out data, bias of its gain, and remarks",
         "none",
-        f"{len(known.caveats)}, named above" if known.caveats else "none",
+        ", ".join(filter(None, found)) or ("residual tests, as stated above" if known.caveats else "none"),
         not known.caveats,
     )
 

@@ -10,6 +10,8 @@ import pytest
 from pages import report_alone
 
 from deatwin.app.cli import main
+from deatwin.ident.mismatch import Diagnosis, how_sure
+from deatwin.studies.diagnosing import DiagnosisTask
 
 FILES = {"diagnosis.json", "model.json", "report.html", "run.json", "figures"}
 
@@ -49,6 +51,19 @@ def test_equal_runs_in_any_number_of_processes_differ_in_nothing_but_the_record_
     for path in results.rglob("*"):
         if path.is_file() and path.name != "run.json":
             assert path.read_bytes() == (on_bench / "e" / path.relative_to(results)).read_bytes(), path.name
+
+
+def test_the_command_line_says_how_sure_the_verdict_is(
+    results: Path, on_bench: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    diagnosis = Diagnosis.load(results / "diagnosis.json")
+    (explanation,) = diagnosis.explanations
+    assert (explanation.effects, explanation.probability) == (("creep",), diagnosis.causes[0].probability)
+    monkeypatch.setattr(DiagnosisTask, "run", lambda *_: diagnosis)
+    assert main(["diagnose", "strip_of_mine:strip", "pulls.csv", "--out", "again"]) == 0
+    verdict, sure, *_ = capsys.readouterr().out.split("named: ")[1].splitlines()
+    assert (verdict, sure) == (diagnosis.sentence, f"how sure: {how_sure(diagnosis)}")
+    assert "this explanation has a probability of 95 %" in sure
 
 
 def test_the_amended_model_can_be_simulated(results: Path, on_bench: Path) -> None:

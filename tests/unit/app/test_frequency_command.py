@@ -17,7 +17,7 @@ from deatwin.app.frequency_report import write_responses
 from deatwin.app.frequency_responses import respond
 from deatwin.ident.frequency import gfrf
 from deatwin.ident.frequency.output_responses.result import NofrfStatus
-from deatwin.ident.narx import NarxModel
+from deatwin.ident.narx import NarxModel, Reliance, ValidationStatus
 from deatwin.studies.folder import ResultFolder
 
 STEP = 0.1
@@ -220,6 +220,30 @@ def test_the_page_shows_what_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert (
         'class="verdict bad"' in page and "1 of 3 measures" in page and "No NOFRFs were computed: for a reason." in page
     )
+
+
+@pytest.mark.parametrize(
+    ("known", "said"),
+    [
+        (Reliance(status=ValidationStatus.PASSED), "none"),
+        (Reliance(status=ValidationStatus.NOISE, failed=("ee",)), "1 test (ee)"),
+        (
+            Reliance(
+                status=ValidationStatus.STRUCTURE,
+                failed=("ee", "ue", "u2e", "u2e2"),
+                gain_error=0.2,
+                gain_error_half_width=0.1,
+            ),
+            "4 tests (ee, ue, u2e, u2e2), a biased gain",
+        ),
+        (Reliance(status=ValidationStatus.STRUCTURE), "residual tests, as stated above"),  # a file without their names
+        (Reliance(status=None, samples_per_parameter=2.0), "not tested, the remarks above"),
+        (Reliance(status=ValidationStatus.DIVERGED), "the free run diverged"),
+    ],
+)
+def test_the_page_counts_the_residual_tests_that_failed(known: Reliance, said: str) -> None:
+    row = frequency_report._reliance(known)
+    assert (row.reached, row.passed) == (said, said == "none")
 
 
 def test_it_says_where_ellipses_do_not_describe_a_response():

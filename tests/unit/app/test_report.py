@@ -18,6 +18,7 @@ from deatwin.ident.mismatch import (
     Cause,
     DetectionSummary,
     Diagnosis,
+    Explanation,
     FitSummary,
     FittedParameter,
     FreeFormSummary,
@@ -26,6 +27,7 @@ from deatwin.ident.mismatch import (
     Readings,
     Unexplained,
     Verdict,
+    how_sure,
 )
 from deatwin.ident.mismatch.located import PlaceSummary, Region, Window
 from deatwin.ident.mismatch.quality.quality import check_quality
@@ -50,7 +52,6 @@ from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import ModelError
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
-from deatwin.studies.report.certainty import certainty
 from deatwin.studies.report.origin import Origin
 from deatwin.studies.report.page import write_report
 from deatwin.studies.report.quantities import in_interval, with_interval
@@ -269,6 +270,7 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
         "Provenance",
     ]
     assert page.count("<svg") == 11  # four of the recordings, seven of the steps
+    assert re.search(r"<text[^>]*>90 %</text>", page)  # the share of the mismatch, beside its colour
     for name in ("detection", "region", "place", "discovery", "advice"):
         assert f"drawn by {name}" in page
     assert len(page) < 5e6
@@ -334,6 +336,17 @@ def test_a_diagnosis_draws_itself_or_says_why_not() -> None:
         DIAGNOSIS.plot()
 
 
+CREEP = Cause(effect="creep", family="film", probability=0.912, share_explained=0.97, parameters={})
+EXPLANATIONS = {
+    Verdict.NAMED: (Explanation(effects=("creep",), probability=0.9),),
+    Verdict.AMBIGUOUS: (
+        Explanation(effects=("creep",), probability=0.62),
+        Explanation(effects=("creep", "sensor_drift"), probability=0.309),
+        Explanation(effects=(), probability=0.001),
+    ),
+}
+
+
 @pytest.mark.parametrize(
     ("verdict", "said"),
     [
@@ -341,7 +354,7 @@ def test_a_diagnosis_draws_itself_or_says_why_not() -> None:
         (Verdict.PARAMETERS, "0.230, and the error exceeds the noise by 0.340 µm rms; it counts as a mismatch only if"),
         (
             Verdict.UNKNOWN,
-            "where 1.19 µm rms would suffice for a mismatch; no single effect explains more than 34 % of the mismatch.",
+            "where 1.19 µm rms would suffice for a mismatch; single effects explain at most 34 % of the mismatch, and none is certain.",
         ),
         (
             Verdict.DISTURBANCE,
@@ -349,8 +362,20 @@ def test_a_diagnosis_draws_itself_or_says_why_not() -> None:
             "counts as a disturbance if this share is below 30 %",
         ),
         (Verdict.DATA_FAULT, "201 of 1000 samples (20.1 %) are faulty"),
-        (Verdict.NOT_TESTABLE, "The command moves the reading by 3.00 µm rms; the sensor noise is 2.00 µm rms"),
-        (Verdict.NAMED, ""),
+        (Verdict.NOT_TESTABLE, "the command moves the reading by 3.00 µm rms; the sensor noise is 2.00 µm rms"),
+        (
+            Verdict.NAMED,
+            "this explanation has a probability of 90 %, other explanations that were tried 5 %, causes that were not tried 5 %.",
+        ),
+        (
+            Verdict.AMBIGUOUS,
+            "creep alone 62 %, creep and sensor drift 31 %, no effect below 1 %, other explanations that were tried 2 %, causes "
+            "that were not tried 5 %.",
+        ),
+        (
+            Verdict.PARTLY,
+            "probability of being a part of what is missing: creep 91 %; what else is missing is not known.",
+        ),
     ],
 )
 def test_the_first_screen_says_how_sure_a_verdict_is(tmp_path: Path, verdict: Verdict, said: str) -> None:
@@ -371,10 +396,24 @@ def test_the_first_screen_says_how_sure_a_verdict_is(tmp_path: Path, verdict: Ve
         location=LocationSummary(time=(), frequency=(), region=(), place=(PlaceSummary(place="film", score=0.34),)),
         faults=(Fault(experiment=1, recording=1, file="a", fault="stuck", samples=201, from_s=0.0, to_s=4.0),),
         readings=Readings(experiments=(Experiment(recordings=(silent,)),), base=(), amended=None, unseen=()),
+        explanations=EXPLANATIONS.get(verdict, ()),
+        causes=(CREEP,) if verdict.has_causes else (),
     )
-    assert said in certainty(diagnosis)[:1].upper() + certainty(diagnosis)[1:] + "."
+    assert said in how_sure(diagnosis) + "."
+    assert how_sure(replace(diagnosis, readings=None))
     folder = ResultFolder(tmp_path / "new")
     write_report(folder, replace(diagnosis, readings=None), Origin(inputs=[], seed=3))
-    page = (folder.path / "report.html").read_text(encoding="utf-8")
-    header = page[: page.index("</header>")]
-    assert ("How sure is this?" in header) is (verdict not in (Verdict.NAMED, Verdict.DATA_FAULT))
+    page = (folder.path / "report.html").read_text(encoding="utf-8").replace("\xa0", " ")
+    header = unescape(page[: page.index("</header>")])
+    assert f"<strong>How sure:</strong> {how_sure(replace(diagnosis, readings=None))}." in header
+
+
+def test_a_probability_as_high_as_any_is_said_to_be_the_highest() -> None:
+    sure = replace(DIAGNOSIS, verdict=Verdict.NAMED, explanations=(Explanation(effects=("creep",), probability=0.95),))
+    said = "this explanation has a probability of 95 %, the highest that is stated, since 5 % is kept for causes that were not tried"
+    assert how_sure(sure) == said
+    assert (
+        how_sure(replace(sure, verification=replace(VERIFIED.summary, holds=True)))
+        == f"{said}; it passes all tests on held-out data"
+    )
+    assert how_sure(replace(sure, verification=VERIFIED.summary)) == said  # which has failed some

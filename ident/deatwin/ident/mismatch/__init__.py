@@ -3,6 +3,7 @@
 from deatwin.ident.mismatch.advise.advice import INPUT_FILE, Advice
 from deatwin.ident.mismatch.advise.advise import advise
 from deatwin.ident.mismatch.advise.offer import PricedReading
+from deatwin.ident.mismatch.certainty import how_sure
 from deatwin.ident.mismatch.detect.detect import detect
 from deatwin.ident.mismatch.detect.detection import Detection
 from deatwin.ident.mismatch.diagnose import diagnose
@@ -34,7 +35,7 @@ from deatwin.ident.mismatch.result import (
 )
 from deatwin.ident.mismatch.say import say
 from deatwin.ident.mismatch.steps import Step
-from deatwin.ident.mismatch.verdict import CandidateSummary, Cause, FittedParameter, Interval, Verdict
+from deatwin.ident.mismatch.verdict import CandidateSummary, Cause, Explanation, FittedParameter, Interval, Verdict
 from deatwin.ident.mismatch.verify.verification import Verification
 from deatwin.ident.mismatch.verify.verify import verify
 
@@ -54,6 +55,7 @@ __all__ = [
     "Discovery",
     "Distance",
     "ExperimentPlan",
+    "Explanation",
     "Findings",
     "FitSummary",
     "FittedParameter",
@@ -80,6 +82,7 @@ __all__ = [
     "detect",
     "diagnose",
     "discover",
+    "how_sure",
     "linearised_responses",
     "locate",
     "name_causes",

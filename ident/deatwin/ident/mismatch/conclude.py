@@ -29,7 +29,7 @@ from deatwin.ident.mismatch.result import Errors, FitSummary, IndistinguishableP
 from deatwin.ident.mismatch.say import say
 from deatwin.ident.mismatch.steps import variants_tried
 from deatwin.ident.mismatch.taught import errors_in, taught
-from deatwin.ident.mismatch.verdict import CandidateSummary, Cause, Interval, Verdict
+from deatwin.ident.mismatch.verdict import CandidateSummary, Cause, Explanation, Interval, Verdict
 from deatwin.ident.mismatch.verify.verify import shares_explained
 from deatwin.plant.amplitudes import written_unit
 from deatwin.plant.calibrated import CalibratedPlant
@@ -71,6 +71,7 @@ def conclude(findings: Findings) -> Diagnosis:
         causes=causes,
         names=names,
         rivals=tuple(causes_of(alternative) for alternative in alternatives),
+        explanations=_explanations(findings),
         indistinguishable=_indistinguishable(findings) if findings.named else (),
         advice=None if findings.advice is None else findings.advice.summary,
         sentence="",
@@ -263,6 +264,22 @@ def _causes(findings: Findings) -> tuple[Cause, ...]:
             )
         )
     return tuple(sorted(causes, key=lambda c: -c.share_explained))
+
+
+def _explanations(findings: Findings) -> tuple[Explanation, ...]:
+    """Return the probabilities of the answer and of its alternatives, each over all places of its effects."""
+    if not findings.named or findings.verdict is Verdict.PARTLY:
+        return ()
+    naming, cause_of = findings.naming, {e.name: e.cause for e in findings.problem.everywhere}
+    weights: dict[tuple[str, ...], float] = {}
+    for names, weight in naming.probabilities.items():
+        causes = tuple(sorted(cause_of[name] for name in names))
+        weights[causes] = weights.get(causes, 0.0) + weight
+    offered = dict.fromkeys(causes_of(candidate) for candidate in (findings.answer, *naming.alternatives))
+    return tuple(
+        Explanation(effects=causes, probability=(1.0 - MARGIN) * min(1.0, weights[tuple(sorted(causes))]))
+        for causes in offered
+    )
 
 
 def _places(effect: Effect, findings: Findings) -> tuple[str, ...]:

@@ -26,7 +26,7 @@ from deatwin.ident.mismatch.result import (
     ReadingSummary,
     VerificationSummary,
 )
-from deatwin.ident.mismatch.verdict import CandidateSummary, Cause, FittedParameter, Verdict
+from deatwin.ident.mismatch.verdict import CandidateSummary, Cause, Explanation, FittedParameter, Verdict
 from deatwin.plant.amplitudes import amplitude_unit
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, columns, document, several
@@ -117,6 +117,9 @@ class Diagnosis(Described):
     rivals : tuple of tuple of str
         Effects of each alternative explanation that the recordings do not rule out; an empty tuple is the plant without
         effects.
+    explanations : tuple of Explanation
+        The answer and then its alternatives, each with its probability; empty unless the verdict is `named` or
+        `ambiguous`.
     indistinguishable : tuple of IndistinguishablePair
         Pairs of explanations with their distance d².
     advice : AdviceSummary or None
@@ -165,6 +168,7 @@ class Diagnosis(Described):
     causes: tuple[Cause, ...] = ()
     names: tuple[str, ...] = field(default=(), metadata=key("set"))
     rivals: tuple[tuple[str, ...], ...] = ()
+    explanations: tuple[Explanation, ...] = ()
     indistinguishable: tuple[IndistinguishablePair, ...] = ()
     advice: AdviceSummary | None = field(default=None, metadata=key("next_experiment"))
     unexplained: Unexplained | None = None

@@ -33,6 +33,11 @@ class Band:
         metadata=variable(unit="dB", about="mean power over that of the sensor's noise")
     )  # Mean power over that of the sensor's noise
 
+    @property
+    def power(self) -> float:
+        """Power in the band, in proportion to the noise's density."""
+        return float((self.to_Hz - self.from_Hz) * 10.0 ** (self.excess_dB / 10.0))
+
 
 @dataclass(frozen=True, kw_only=True)
 class LineGroup:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from operator import attrgetter
 
 import numpy as np
 
 from deatwin.ident.greybox.fit import Calibration
 from deatwin.ident.mismatch.excess import excess_of
 from deatwin.ident.mismatch.locate.location import Location
-from deatwin.ident.mismatch.located import Band, Unexplained
+from deatwin.ident.mismatch.located import Unexplained
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.clocks import of_one_clock
 from deatwin.ident.mismatch.naming.criteria import (
@@ -119,7 +120,7 @@ def unexplained(answer: Candidate, base: Candidate, left: Location, seconds: flo
         fitted=answer.fitted_test.size / size,
         unseen=answer.unseen_test.size / size,
         time=max(windows, key=lambda w: w.score, default=None),
-        frequency=max(found.frequency, key=_power, default=None),
+        frequency=max(found.frequency, key=attrgetter("power"), default=None),
         region=next(iter(found.region), None),
         place=next((p.place for p in sorted(found.place, key=lambda p: -p.score) if p.score > 0.0), None),
     )
@@ -127,8 +128,3 @@ def unexplained(answer: Candidate, base: Candidate, left: Location, seconds: flo
 
 def _beyond(mean_square: float, noise: float) -> float:
     return float(np.sqrt(max(mean_square - noise**2, 0.0)))
-
-
-def _power(band: Band) -> float:
-    """Return the power of a band, in proportion to the noise's density."""
-    return float((band.to_Hz - band.from_Hz) * 10.0 ** (band.excess_dB / 10.0))

@@ -1,8 +1,9 @@
 """The conclusion in one plain sentence; the verdict decides which words are allowed.
 
 Every number in it is a field of ``diagnosis.json``, rounded as it is shown. Shares are shown in per cent, and amplitudes
-of a further reading in a unit with a prefix. The one exception is a bound: a risk of less than a thousandth is written
-as below 0.1 %, since the digits of so small a prediction mean nothing.
+of a further reading in a unit with a prefix. There are two exceptions: the 95 % of all intervals, stated at the first one,
+and a bound: a risk of less than a thousandth is written as below 0.1 %, since the digits of so small a prediction mean
+nothing.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from deatwin.ident.mismatch.diagnosis import Diagnosis
-from deatwin.ident.mismatch.locate.region import SINCE_REST
-from deatwin.ident.mismatch.located import Unexplained, Window
+from deatwin.ident.mismatch.locate.region import BRANCH, SINCE_REST
+from deatwin.ident.mismatch.located import Band, LocationSummary, Region, Unexplained, Window
 from deatwin.ident.mismatch.result import Fault
 from deatwin.ident.mismatch.verdict import Cause, Interval, Verdict
 from deatwin.plant.amplitudes import written_unit
@@ -22,6 +23,7 @@ from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.errors import ModelError
 from deatwin.plant.prefixes import prefixed, resolving
+from deatwin.plant.recording import label
 
 SMALL_SHARE = 0.5
 """Share of the mismatch below which a cause is said to explain only a part of it."""
@@ -31,6 +33,7 @@ LEAST_RISK = 1e-3
 HALF = 0.5
 """Share of the remaining mismatch above which most of it is said to be in one stretch of time."""
 COUNTED = {2: "Two", 3: "Three"}
+_LEVEL = "95 %: "
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -56,7 +59,8 @@ def say(diagnosis: Diagnosis) -> str:
     str
         One sentence that claims no more than the verdict allows.
     """
-    return _SENTENCES[diagnosis.verdict](diagnosis)
+    first, level, rest = _SENTENCES[diagnosis.verdict](diagnosis).partition(_LEVEL)
+    return first + level + rest.replace(_LEVEL, "")
 
 
 def _none(diagnosis: Diagnosis) -> str:
@@ -92,7 +96,7 @@ def _ambiguous(diagnosis: Diagnosis) -> str:
     also = [f"the same and also {_joined(more)}" for more in beside]
     replacing = {name for rival in diagnosis.rivals if not set(rival) > set(known) for name in rival}
     only_beside = {name for more in beside for name in more} - replacing
-    others = [_title(name, diagnosis) for name in diagnosis.names if name not in {*known, *only_beside}]
+    others = [title_of(name, diagnosis) for name in diagnosis.names if name not in {*known, *only_beside}]
     rivals = (*without, *also, *others)
     # in the same clause, because a report's headline ends at the first semicolon
     instead = f", or alternatively {', or '.join(rivals)}" if rivals else ""
@@ -103,7 +107,7 @@ def _ambiguous(diagnosis: Diagnosis) -> str:
     )
 
 
-def _title(cause: str, diagnosis: Diagnosis) -> str:
+def title_of(cause: str, diagnosis: Diagnosis) -> str:
     """Return the name of an alternative's effect, or its names at further places if it acts only there."""
     effects = (effect for rival in diagnosis.rival_models.values() for effect in rival.plant.effects)
     titles = dict.fromkeys(effect.title for effect in effects if effect.cause == cause)
@@ -153,15 +157,24 @@ def _mostly(left: Unexplained, diagnosis: Diagnosis) -> str:
     if window is not None and window.score > HALF:
         return f", mostly {_between(window)}"
     if band is not None:
-        return f", mostly from {number(band.from_Hz, 2)} to {number(band.to_Hz, 2)} Hz"
-    if region is None:
-        return ""
+        return f", mostly {_at(band)}"
+    return "" if region is None else f", mostly {_in(region)}"
+
+
+def _at(band: Band) -> str:
+    high = number(band.to_Hz, 2)
+    return f"from {number(band.from_Hz, 2)} to {high} Hz" if band.from_Hz > 0 else f"below {high} Hz"
+
+
+def _in(region: Region) -> str:
+    """Return a range of an operating signal, in the words of a condition."""
+    if region.signal == BRANCH:
+        return f"while the reading {'rises' if region.high > 0 else 'falls'}"
     span = f"{number(region.low)} to {number(region.high)}"
-    after = region.signal == SINCE_REST
     return (
-        f", mostly {span} s after the command last rested"
-        if after
-        else f", mostly at a {_plain(region.signal)} from {span}"
+        f"from {span} s after the command last rested"
+        if region.signal == SINCE_REST
+        else f"at a {_plain(region.signal)} from {span}"
     )
 
 
@@ -178,17 +191,47 @@ def _unknown(diagnosis: Diagnosis) -> str:
     )
     return (
         f"Something is missing, and no effect of the catalogue explains it: {_left(_shown(diagnosis))} "
-        f"({_noise(diagnosis)}){_when(diagnosis)}{refuted}{shape}."
+        f"({_noise(diagnosis)}){_where(diagnosis)}{refuted}{shape}."
     )
 
 
-def _when(diagnosis: Diagnosis) -> str:
-    """Return the stretch of time that holds most of the mismatch, if there is one."""
-    windows = () if diagnosis.location is None else diagnosis.location.time
-    longest = max(windows, key=lambda window: window.score, default=None)
-    if longest is None or longest.score <= HALF:
+def _where(diagnosis: Diagnosis) -> str:
+    """Return when, how fast and under which conditions the mismatch occurs, and where in the plant to look for it."""
+    found = diagnosis.location
+    if found is None:
         return ""
-    return f"; {100 * longest.score:.0f} % of the mismatch lies {_between(longest)}"
+    band = next((b for b in found.frequency if b.power > HALF * sum(one.power for one in found.frequency)), None)
+    region = max(found.region, key=lambda one: abs(one.mean_residual), default=None)
+    parts = [
+        _when(found, diagnosis),
+        "" if band is None else f"most of its power is {_at(band)}",
+        "" if region is None else f"its mean is largest, {_amplitude(region.mean_residual, diagnosis)}, {_in(region)}",
+    ]
+    best = [place.place for place in found.place if place.among_best and (place.explained or 0.0) > HALF]
+    suspect = (
+        f"; the signals at the {' or the '.join(map(_plain, best))} predict it best, so suspect first what acts there"
+        if best
+        else ""
+    )
+    return f"; {', '.join(filter(None, parts))}{suspect}" if any(parts) else suspect
+
+
+def _when(found: LocationSummary, diagnosis: Diagnosis) -> str:
+    """Return the stretch of time that holds most of the mismatch; empty if its times are unknown."""
+    longest = max(found.time, key=lambda window: window.score, default=None)
+    if longest is None:
+        return ""
+    if longest.score <= HALF:
+        return "the mismatch is spread over the recordings"
+    return f"{100 * longest.score:.0f} % of the mismatch lies {_between(longest)}{_recorded(longest, diagnosis)}"
+
+
+def _recorded(window: Window, diagnosis: Diagnosis) -> str:
+    """Return the recording that holds a stretch of time; empty if there is only one, or if clocks overlap."""
+    experiments = () if diagnosis.readings is None else diagnosis.readings.experiments
+    records = [record for one in experiments for record in one.recordings]
+    holding = [r for r in records if r.start < window.to_s and window.from_s < r.end]
+    return f" of {label(holding[0])}" if len(records) > 1 and len(holding) == 1 else ""
 
 
 def _between(window: Window) -> str:
@@ -347,7 +390,7 @@ def _with_interval(parameter: Interval) -> str:
     digits = resolving(parameter.low, parameter.high)
     value, low, high = (number(each, digits) for each in (shown.value, shown.low, shown.high))
     unit = shown.unit.removeprefix("1")  # the 1 of 1/K is not written
-    return f"{value} {unit} ({low} to {high})".replace("  ", " ")
+    return f"{value} {unit} ({_LEVEL}{low} to {high})".replace("  ", " ")
 
 
 def _next(diagnosis: Diagnosis) -> str:

@@ -148,6 +148,23 @@ class Cause:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Explanation:
+    """Explanation that the recordings do not rule out, with its probability.
+
+    Parameters
+    ----------
+    effects : tuple of str
+        Canonical names of its effects; empty for the plant without any.
+    probability : float
+        Probability that these effects, and no others, are the truth, among the explanations compared, less a margin for
+        causes that were not tried.
+    """
+
+    effects: tuple[str, ...]
+    probability: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class CandidateSummary:
     """Summary of an explanation that was tried.
 

@@ -34,11 +34,13 @@ def demo(
     Example: deatwin demo --effect hysteresis --out demo
     """
     from deatwin.app.demo import run
+    from deatwin.ident.mismatch import how_sure
 
     voice = Voice(as_json=as_json, quiet=quiet)
     with results(out, voice, "making a recording") as (folder, progress):
         diagnosis = run(folder, effect, command=context.obj, jobs=jobs, seed=seed, progress=progress)
     voice.say(f"concealed: {effect} (truth.json)")
     voice.say(f"{diagnosis.verdict.value}: {diagnosis.sentence}")
+    voice.say(f"how sure: {how_sure(diagnosis)}")
     voice.say(f"report: {folder.path / 'report.html'}")
     voice.result({"concealed": effect, **diagnosis.to_dict()})

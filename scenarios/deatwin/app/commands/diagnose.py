@@ -63,6 +63,7 @@ def diagnose(
     if not groups:
         raise typer.BadParameter("give at least one recording", param_hint="REC.csv")
     from deatwin.app.given import GivenPlant, absent_readings, clock_notes, direction_notes
+    from deatwin.ident.mismatch import how_sure
     from deatwin.plant.readoptions import ReadOptions
     from deatwin.studies.diagnosing import DiagnosisTask
 
@@ -83,6 +84,7 @@ def diagnose(
     with results(out, voice, "reading") as (folder, progress):
         diagnosis = task.run(folder, progress, voice.say)
     voice.say(f"{diagnosis.verdict.value}: {diagnosis.sentence}")
+    voice.say(f"how sure: {how_sure(diagnosis)}")
     for warning in diagnosis.warnings:
         voice.say(f"note: {warning}")
     for reading in diagnosis.taught or ():

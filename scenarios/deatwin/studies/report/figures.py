@@ -20,12 +20,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from deatwin.ident.mismatch import Diagnosis, LocationSummary
+    from deatwin.ident.mismatch.located import Window
 
 
 Array = np.ndarray
 INK, MEASURED, BEFORE, AFTER, MARK = (COLOURS[role][0] for role in ("ink", "measured", "before", "after", "mark"))
 PER_DECADE = 20  # Points per decade of a smoothed spectrum
 ZOOM_SHARE, ZOOM_SAMPLES = 1 / 30, 250
+ROOM = 0.14  # Share of the residual's range that is left above it for the shares of the mismatch
+WRITTEN = 0.06  # Share of the time axis from which on there is room for the share of a stretch
+LEAST_SHARE = 0.05  # Share of the mismatch below which a stretch of time is not listed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -105,7 +109,9 @@ def _residual(view: _View, further: str = "") -> Drawing:
                 axes.plot(*envelope(track.axis, track.measured - getattr(track, name)), color=colour, linewidth=0.7)
             axes.set_title(label, loc="left", fontsize="medium", color=colour)
             axes.axhline(0, color=INK, linewidth=0.6)
+            axes.margins(y=ROOM)
             _shade(axes, view)
+        _mark(panels[0], view)
         figure.supylabel(axis_label("measured − simulated", view.unit), fontsize="medium")
         panels[-1].set_xlabel(view.time)
         handles = panels[0].get_legend_handles_labels()
@@ -118,7 +124,7 @@ def _residual(view: _View, further: str = "") -> Drawing:
         svg = inline(figure, name, title)
     caption = f"Measured minus simulated {which}. Grey: held-out samples, to which nothing was fitted."
     if any("mismatch" in text for text in handles[1]):
-        caption += " Ochre: where the mismatch lies; the stronger the colour, the larger the share of the mismatch."
+        caption += " Ochre, with bars above: where the mismatch lies; the numbers are shares of the mismatch."
     data = f"figures/time_{further}.csv" if further else "figures/time.csv"
     return Drawing(name=name, title=title, caption=caption, svg=svg, data=data)
 
@@ -130,13 +136,30 @@ def _shade(axes: Axes, view: _View) -> None:
             end = track.axis[last - 1] + track.sample_time
             axes.axvspan(track.axis[first], end, color=MEASURED, alpha=0.14, linewidth=0, label=label)
             label = "_held out"
-    if view.tracks[-1].experiment > 1:  # the windows do not state their experiment
-        return
     label = "where the mismatch lies"
-    for window in () if view.located is None else view.located.time:
+    for window in _windows(view):
         strength = 0.32 * min(1.0, max(0.1, window.score))
         axes.axvspan(window.from_s, window.to_s, color=MARK, alpha=strength, linewidth=0, label=label)
         label = "_mismatch"
+
+
+def _mark(axes: Axes, view: _View) -> None:
+    """Draw a bar over each stretch with a mismatch, and write its share, so that colours alone need not tell them."""
+    edge, whole = axes.get_xaxis_transform(), view.tracks[-1].axis[-1] - view.tracks[0].axis[0]
+    for window in _windows(view):
+        if window.score < LEAST_SHARE:
+            continue
+        ends = np.array([window.from_s, window.to_s])
+        axes.plot(ends, [1, 1], color=MARK, marker="|", markersize=8, linewidth=2.5, clip_on=False, transform=edge)
+        if np.ptp(ends) >= WRITTEN * whole:
+            share = f"{100 * window.score:.0f} %"
+            axes.text(ends.mean(), 0.97, share, ha="center", va="top", fontsize="small", transform=edge)
+
+
+def _windows(view: _View) -> tuple[Window, ...]:
+    """Return the stretches of time with a mismatch, if their clock tells the experiment."""
+    several = view.tracks[-1].experiment > 1
+    return () if several or view.located is None else view.located.time
 
 
 def _frequency(view: _View, columns: Sequence[Array]) -> Drawing:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from deatwin.ident.mismatch.certainty import how_sure
 from deatwin.ident.mismatch.locate.region import RATE
 from deatwin.plant.amplitudes import reported_size, written_unit
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.report.certainty import certainty
-from deatwin.studies.report.figures import drawings
+from deatwin.studies.report.figures import LEAST_SHARE, drawings
 from deatwin.studies.report.origin import Origin
 from deatwin.studies.report.quantities import with_interval
 from deatwin.studies.report.rendering import write_page
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from deatwin.ident.mismatch import Diagnosis, LocationSummary
 
 
-LEAST_SHARE = 0.05  # Share of the mismatch below which a window of time is not listed
 MOST_LINES = 6
 
 
@@ -38,7 +37,7 @@ def write_report(folder: ResultFolder, diagnosis: Diagnosis, origin: Origin) -> 
         [*figures, *filter(None, steps.values())],
         origin,
         diagnosis=diagnosis,
-        certainty=certainty(diagnosis),
+        certainty=how_sure(diagnosis),
         unit=written_unit(unit),
         figures={figure.name: figure for figure in figures},
         steps=steps,

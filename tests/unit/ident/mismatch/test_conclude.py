@@ -8,7 +8,7 @@ import pytest
 
 from deatwin.ident.greybox import Part
 from deatwin.ident.mismatch import Verdict, conclude
-from deatwin.plant import Diaphragm, Experiment, Plant, Recording, SensorJump
+from deatwin.plant import Creep, Diaphragm, Experiment, Plant, Recording, SensorDrift, SensorJump
 
 
 def candidate(*effects: str, rms: float) -> SimpleNamespace:
@@ -50,3 +50,26 @@ def test_an_event_that_unseen_data_placed_is_said(at, causes, said):
     )
     found = list(conclude._placed_unseen(findings))
     assert [text.startswith("sensor_jump.at lies in the held-out data") for text in found] == [True] * said
+
+
+@pytest.mark.parametrize("verdict", [Verdict.AMBIGUOUS, Verdict.PARTLY])
+def test_the_probability_of_an_explanation_is_that_of_its_effects_at_all_places(verdict):
+    """The evidence's own, less the margin; what was tried and not offered keeps its share."""
+    effects = (Creep(), SensorDrift(), SensorDrift().placed("command"))
+    creep, drift, elsewhere = (effect.name for effect in effects)
+    probabilities = {(creep,): 0.5, (drift,): 0.25, (elsewhere,): 0.15, (creep, drift): 0.07, (drift, creep): 0.03}
+
+    def tried(*own):
+        plant = SimpleNamespace(effects=[effect for effect in effects if effect.name in own])
+        return SimpleNamespace(effects=own, calibration=SimpleNamespace(plant=plant))
+
+    findings = SimpleNamespace(
+        named=True,
+        verdict=verdict,
+        answer=tried(drift),
+        problem=SimpleNamespace(everywhere=effects),
+        naming=SimpleNamespace(probabilities=probabilities, alternatives=(tried(creep),)),
+    )
+    found = {one.effects: one.probability for one in conclude._explanations(findings)}
+    expected = {("sensor_drift",): 0.95 * 0.4, ("creep",): 0.95 * 0.5}
+    assert found == ({} if verdict is Verdict.PARTLY else pytest.approx(expected))

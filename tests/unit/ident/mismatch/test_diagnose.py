@@ -249,6 +249,9 @@ def test_a_doubt_of_one_of_two_effects_ends_as_ambiguous(doubted):
     assert certain["electrode_rc"] == pytest.approx(0.95)  # of both explanations, a margin left for others
     assert certain["creep"] == pytest.approx(0.95 / 2)
     assert doubted.rivals == (("electrode_rc",),)
+    both, alone = doubted.explanations
+    assert (set(both.effects), alone.effects) == ({"creep", "electrode_rc"}, ("electrode_rc",))
+    assert [both.probability, alone.probability] == pytest.approx([0.95 / 2, 0.95 / 2])
     assert ", or alternatively the same without creep; with the first two" in doubted.sentence
 
 

@@ -15,18 +15,21 @@ from deatwin.ident.mismatch import (
     Cause,
     DetectionSummary,
     Diagnosis,
+    Explanation,
     FitSummary,
     FittedParameter,
     FreeFormSummary,
     Interval,
     LocationSummary,
+    Readings,
     Verdict,
     VerificationSummary,
     diagnose,
+    how_sure,
 )
-from deatwin.ident.mismatch.located import Band, Region, Unexplained, Window
+from deatwin.ident.mismatch.located import Band, PlaceSummary, Region, Unexplained, Window
 from deatwin.ident.mismatch.result import Errors, Fault, OriginSummary, Output, Statistic, UnseenErrors
-from deatwin.ident.mismatch.say import _title, number, risk, say
+from deatwin.ident.mismatch.say import number, risk, say, title_of
 from deatwin.ident.mismatch.verdict import Shown
 from deatwin.plant import Coupon, Creep, Diaphragm, Effect, Experiment, Plant, Recording, SensorDrift
 from deatwin.plant.effects.catalogue import catalogue
@@ -34,6 +37,7 @@ from deatwin.plant.integrator.compiled import compiler
 from deatwin.plant.records import plain
 
 SCHEMA = json.loads((files("deatwin.ident") / "schemas" / "diagnosis.schema.json").read_text(encoding="utf-8"))
+LEVEL = "(95 %: "
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?")
 
 
@@ -60,7 +64,8 @@ def shows(text: str, unit: str, field: float) -> bool:
 
 def foreign_numbers(data: dict) -> list[str]:
     """Numbers of the sentence that are no field of the file, nor the bound of a risk that is one."""
-    known, said = numbers_of({key: value for key, value in data.items() if key != "sentence"}), data["sentence"]
+    known = numbers_of({key: value for key, value in data.items() if key != "sentence"})
+    said = data["sentence"].replace(LEVEL, "(", 1)
     found = [(place.group(), said[place.end() + 1 :][:1], said[: place.start()]) for place in NUMBER.finditer(said)]
     advised = data["next_experiment"] or {}
     bounded = any(risk is not None and risk < 1e-3 for name, risk in advised.items() if name.startswith("confusion"))
@@ -87,6 +92,7 @@ def made_up(verdict: Verdict, *causes: Cause, unit: str = "um", size: float = 1.
     """A diagnosis of this verdict, with its sentence; amplitudes are `size` times those of a film in µm."""
     after, gain_low = 2.0961 * size, fields.pop("gain_low", 7.4) * size
     rivals = ("delay",) if verdict is Verdict.AMBIGUOUS else ()
+    named = (tuple(c.effect for c in causes), *((name,) for name in rivals))
     diagnosis = Diagnosis(
         output=Output(name="displacement", unit=unit),
         verdict=verdict,
@@ -98,13 +104,17 @@ def made_up(verdict: Verdict, *causes: Cause, unit: str = "um", size: float = 1.
                 p_value=1e-9, excess=4.1 * size, smallest_detectable={"creep": 0.4 * size, "leakage": None}
             ),
         ),
-        location=LocationSummary(
-            time=(Window(from_s=118.0, to_s=240.0, score=0.9),), frequency=(), region=(), place=()
+        location=fields.pop(
+            "location",
+            LocationSummary(time=(Window(from_s=118.0, to_s=240.0, score=0.9),), frequency=(), region=(), place=()),
         ),
         sentence="",
         causes=causes,
         names=(*(c.effect for c in causes), *rivals),
         rivals=tuple((name,) for name in rivals),
+        explanations=()
+        if verdict is Verdict.PARTLY or not causes
+        else tuple(Explanation(effects=effects, probability=0.9 / len(named)) for effects in named),
         fit=FitSummary(
             fitted=Errors(before=9.8123 * size, after=after if causes else None),
             unseen=UnseenErrors(
@@ -191,6 +201,19 @@ LEFT = Unexplained(
     region=Region(signal="displacement_rate", low=-12.3, high=-3.21, mean_residual=1.7),
     place="ball",
 )
+LOCATED = LocationSummary(
+    time=(Window(from_s=0.0, to_s=24.0, score=0.35), Window(from_s=24.0, to_s=118.04, score=0.3)),
+    frequency=(Band(from_Hz=0.0, to_Hz=1.375, excess_dB=24.1), Band(from_Hz=5.2, to_Hz=9.7, excess_dB=3.1)),
+    region=(
+        Region(signal="command", low=2.2931, high=2.4027, mean_residual=3.19),
+        Region(signal="time_since_rest", low=0.52, high=58.32, mean_residual=-6.714),
+    ),
+    place=(
+        PlaceSummary(place="ball", score=0.989, explained=0.98, among_best=False),
+        PlaceSummary(place="film", score=0.97, explained=0.985, among_best=True),
+        PlaceSummary(place="sensor", score=0.3, explained=0.31, among_best=True),
+    ),
+)
 DIAGNOSES = {
     "none": made_up(Verdict.NONE),
     "parameters": made_up(Verdict.PARAMETERS),
@@ -225,6 +248,7 @@ DIAGNOSES = {
     "unknown, free form": made_up(
         Verdict.UNKNOWN, free_form=FreeFormSummary(place="ball", terms=(), before=10.2419, after=4.4123, gain_low=5.1)
     ),
+    "unknown, located": made_up(Verdict.UNKNOWN, location=LOCATED),
     "disturbance": made_up(Verdict.DISTURBANCE),
     "disturbance, known": made_up(Verdict.DISTURBANCE, detection=DETECTED),
     "disturbance, all of it": made_up(
@@ -246,12 +270,13 @@ def test_every_verdict_is_there():
 @pytest.mark.parametrize("name", DIAGNOSES)
 def test_every_number_is_a_field_and_every_other_number_is_noticed(name):
     data = DIAGNOSES[name].to_dict()
-    found = NUMBER.findall(data["sentence"])
+    said = data["sentence"].replace(LEVEL, "(", 1)
+    found = NUMBER.findall(said)
     assert found
     assert foreign_numbers(data) == []
-    for place in NUMBER.finditer(data["sentence"]):
+    for place in NUMBER.finditer(said):
         wrong = f"{1.07 * float(place.group()) or 0.0123457:.7f}"  # 7 % off
-        spoilt = data["sentence"][: place.start()] + wrong + data["sentence"][place.end() :]
+        spoilt = said[: place.start()] + wrong + said[place.end() :]
         assert foreign_numbers({**data, "sentence": spoilt}) == [wrong]
 
 
@@ -261,6 +286,19 @@ def test_the_file_keeps_its_schema_and_comes_back(name, tmp_path):
     data = json.loads((tmp_path / "diagnosis.json").read_text(encoding="utf-8"))
     jsonschema.validate(data, SCHEMA)
     assert Diagnosis.load(tmp_path / "diagnosis.json").to_dict() == data
+
+
+@pytest.mark.parametrize("name", DIAGNOSES)
+def test_every_verdict_says_how_sure_it_is_and_the_file_holds_the_probabilities(name, tmp_path):
+    diagnosis = DIAGNOSES[name]
+    said = how_sure(diagnosis)
+    assert said and not re.search(r"\de[-+]?\d|  |\.$", said)
+    held = diagnosis.to_dict()["explanations"]
+    assert [one["effects"] for one in held[1:]] == ([["delay"]] if diagnosis.verdict is Verdict.AMBIGUOUS else [])
+    for one in held:
+        assert f"{100 * one['probability']:.0f} %" in said
+    diagnosis.save(tmp_path / "diagnosis.json")
+    assert how_sure(Diagnosis.load(tmp_path / "diagnosis.json")) == said
 
 
 def test_no_exponent_and_one_sentence():
@@ -349,7 +387,7 @@ def test_a_rival_with_a_further_effect_is_not_that_effect_alone(rivals, said):
 
 def test_the_sentence_of_one_cause():
     assert DIAGNOSES["named"].sentence == (
-        "The film keeps creeping with a time constant of 54.1 s (50.2 to 59.3), which the model lacks; "
+        "The film keeps creeping with a time constant of 54.1 s (95 %: 50.2 to 59.3), which the model lacks; "
         "this explains 97 % of the mismatch, and the error on held-out data falls from 10.2 to 2.1 µm "
         "(sensor noise: 2.0 µm)."
     )
@@ -357,7 +395,7 @@ def test_the_sentence_of_one_cause():
 
 def test_the_sentence_of_a_part():
     assert DIAGNOSES["partly, when"].sentence == (
-        "The film keeps creeping with a time constant of 54.1 s (50.2 to 59.3), which explains 97 % of the mismatch, but "
+        "The film keeps creeping with a time constant of 54.1 s (95 %: 50.2 to 59.3), which explains 97 % of the mismatch, but "
         "1.2 µm of the 9.6 µm mismatch remain unexplained, mostly between 118 and 131 s; the error on held-out data "
         "falls from 10.2 to 2.1 µm (sensor noise: 2.0 µm)."
     )
@@ -395,11 +433,11 @@ def test_a_narrow_interval_has_the_digits_that_tell_its_ends_apart():
         width = float(abs(low) * 10 ** rng.uniform(-7.5, 1))
         at = Interval(value=low + 0.4 * width, low=low, high=low + width, unit="s")
         told = made_up(Verdict.NAMED, replace(CREEP, parameters={**CREEP.parameters, "time": at})).to_dict()
-        shown = re.search(r"time constant of \S+ \S+ \((\S+) to (\S+)\)", told["sentence"])
+        shown = re.search(r"time constant of \S+ \S+ \(95 %: (\S+) to (\S+)\)", told["sentence"])
         assert shown is not None and shown[1] != shown[2]
         assert foreign_numbers(told) == []
     assert (
-        "54.13 s (54.12 to 54.15)"
+        "54.13 s (95 %: 54.12 to 54.15)"
         in made_up(
             Verdict.NAMED,
             replace(
@@ -411,7 +449,7 @@ def test_a_narrow_interval_has_the_digits_that_tell_its_ends_apart():
 
 def test_a_small_share_is_said_to_be_small():
     assert "only 3 % of the mismatch" in DIAGNOSES["named, weakly"].sentence
-    assert "(50.2 to 59.3), which explains 97 % of the mismatch" in DIAGNOSES["two causes"].sentence
+    assert "(95 %: 50.2 to 59.3), which explains 97 % of the mismatch" in DIAGNOSES["two causes"].sentence
     assert "(-13.0 to -11.0), which explains only 21 % of the mismatch" in DIAGNOSES["two causes"].sentence
 
 
@@ -420,10 +458,45 @@ def test_a_refuted_explanation_and_a_free_form_are_no_causes():
     assert "without physical meaning" in DIAGNOSES["unknown, free form"].sentence
 
 
+def test_an_unknown_mismatch_is_said_to_lie_where_and_what_to_suspect():
+    assert (
+        "(sensor noise: 2.0 µm); the mismatch is spread over the recordings, most of its power is below 1.4 Hz, its mean is "
+        "largest, -6.7 µm, from 0.520 to 58.3 s after the command last rested; the signals at the film predict it best, so "
+        "suspect first what acts there."
+    ) in DIAGNOSES["unknown, located"].sentence
+    assert "; 90 % of the mismatch lies between 118 and 240 s." in DIAGNOSES["unknown"].sentence
+    falling = Region(signal="branch", low=-1.0, high=0.0, mean_residual=9.1)
+    other = replace(LOCATED, time=(), frequency=LOCATED.frequency[1:], region=(falling,), place=LOCATED.place[2:])
+    said = made_up(Verdict.UNKNOWN, location=other).sentence
+    assert said.endswith(
+        "; most of its power is from 5.2 to 9.7 Hz, its mean is largest, 9.1 µm, while the reading falls."
+    )
+
+
+@pytest.mark.parametrize(("starts", "said"), [((0.0, 120.0), " of run_1.csv"), ((0.0, 0.0), ""), ((0.0,), "")])
+def test_the_recording_of_a_mismatch_is_named_if_there_are_several_and_its_clock_tells_it(starts, said):
+    records = tuple(
+        replace(
+            Recording.from_arrays(np.zeros(121), np.zeros(121), 1.0, start=start), provenance={"file": f"run_{k}.csv"}
+        )
+        for k, start in enumerate(starts)
+    )
+    experiments = tuple(Experiment(recordings=(record,)) for record in records)
+    window = (
+        Window(from_s=121.5, to_s=180.0, score=0.9) if len(set(starts)) > 1 else Window(from_s=5.0, to_s=9.0, score=0.9)
+    )
+    diagnosis = made_up(Verdict.UNKNOWN, location=replace(LOCATED, time=(window,)))
+    known = replace(diagnosis, readings=Readings(experiments=experiments, base=(), amended=None, unseen=()))
+    between = "between 122 and 180 s" if len(set(starts)) > 1 else "between 5.0 and 9.0 s"
+    assert f"; 90 % of the mismatch lies {between}{said}, most" in say(known)
+
+
 def test_a_late_answer_within_the_timing_of_readings_is_said_with_its_time():
     late = FittedParameter(value=3.7e-3, low=3.5e-3, high=3.9e-3, unit="s")
     diagnosis = replace(DIAGNOSES["parameters, once all is fitted"], parameters={"delay.time": late})
-    assert "; after a fit to all recordings and with a dead time of 3.70 ms (3.50 to 3.90), no more" in say(diagnosis)
+    assert "; after a fit to all recordings and with a dead time of 3.70 ms (95 %: 3.50 to 3.90), no more" in say(
+        diagnosis
+    )
 
 
 def test_an_estimate_below_nothing_is_said_as_nothing():
@@ -487,7 +560,7 @@ def test_an_explanation_that_may_be_absent_is_said_to_be(low: float, said: bool)
 def titled(*rivals: Effect) -> str:
     """What an alternative with one of these effects is called."""
     plants = {str(k): SimpleNamespace(plant=Plant(rig=Diaphragm()).with_effects(e)) for k, e in enumerate(rivals)}
-    return _title(rivals[0].cause, SimpleNamespace(rival_models=plants))
+    return title_of(rivals[0].cause, SimpleNamespace(rival_models=plants))
 
 
 def test_an_alternative_at_another_place_has_its_name_there():
