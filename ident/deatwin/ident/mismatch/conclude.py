@@ -18,7 +18,7 @@ from deatwin.ident.mismatch.model_error import differences, with_model_error
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.criteria import held_back_by, suffices, takes_most
 from deatwin.ident.mismatch.naming.cycles import shows_its_cycles
-from deatwin.ident.mismatch.naming.decide import Naming, is_possible
+from deatwin.ident.mismatch.naming.decide import Naming, is_possible, normalised
 from deatwin.ident.mismatch.naming.places import causes_of
 from deatwin.ident.mismatch.partly import unexplained
 from deatwin.ident.mismatch.quality.faults import faults_of
@@ -271,8 +271,10 @@ def _explanations(findings: Findings) -> tuple[Explanation, ...]:
     if not findings.named or findings.verdict is Verdict.PARTLY:
         return ()
     naming, cause_of = findings.naming, {e.name: e.cause for e in findings.problem.everywhere}
+    # An alternative that evidence cannot compare has the probability of the answer.
+    likely = dict.fromkeys((c.effects for c in naming.alternatives), naming.probabilities[findings.answer.effects])
     weights: dict[tuple[str, ...], float] = {}
-    for names, weight in naming.probabilities.items():
+    for names, weight in normalised(likely | dict(naming.probabilities)).items():
         causes = tuple(sorted(cause_of[name] for name in names))
         weights[causes] = weights.get(causes, 0.0) + weight
     offered = dict.fromkeys(causes_of(candidate) for candidate in (findings.answer, *naming.alternatives))

@@ -8,7 +8,7 @@ import pytest
 
 from deatwin.ident.greybox import Part
 from deatwin.ident.mismatch import Verdict, conclude
-from deatwin.plant import Creep, Diaphragm, Experiment, Plant, Recording, SensorDrift, SensorJump
+from deatwin.plant import Creep, Diaphragm, Experiment, Hysteresis, Plant, Recording, SensorDrift, SensorJump
 
 
 def candidate(*effects: str, rms: float) -> SimpleNamespace:
@@ -72,4 +72,10 @@ def test_the_probability_of_an_explanation_is_that_of_its_effects_at_all_places(
     )
     found = {one.effects: one.probability for one in conclude._explanations(findings)}
     expected = {("sensor_drift",): 0.95 * 0.4, ("creep",): 0.95 * 0.5}
+    assert found == ({} if verdict is Verdict.PARTLY else pytest.approx(expected))
+    # one that evidence cannot compare is as likely as the answer, 0.25 of then 1.25
+    findings.problem.everywhere = effects = (*effects, Hysteresis())
+    findings.naming.alternatives = (tried(creep), tried("hysteresis"))
+    found = {one.effects: one.probability for one in conclude._explanations(findings)}
+    expected = {("sensor_drift",): 0.95 * 0.32, ("creep",): 0.95 * 0.4, ("hysteresis",): 0.95 * 0.2}
     assert found == ({} if verdict is Verdict.PARTLY else pytest.approx(expected))
