@@ -84,4 +84,5 @@ def run_case(size: str, spec: Spec) -> dict[str, Any]:
             result = cover(spec) if isinstance(spec, IntervalSpec) else examine(spec, of.seconds, of.check_seconds)
     except Exception as error:  # whatever it is, the case is counted: it failed
         result = {"status": "error", "message": f"{type(error).__name__}: {' '.join(str(error).split())}"}
-    return finite({**result, "seconds_in_all": round(time.process_time() - begun, 2)})
+    done: dict[str, Any] = finite({**result, "seconds_in_all": round(time.process_time() - begun, 2)})
+    return done
