@@ -16,10 +16,10 @@ from deatwin.scenarios.concealed_physics import study as running
 from deatwin.scenarios.concealed_physics.figures import drawings, summary
 from deatwin.scenarios.concealed_physics.results import Opened, open_key
 from deatwin.scenarios.concealed_physics.score import Goal, gaps_closed, score, sentence
-from deatwin.scenarios.concealed_physics.study import CASE_SCHEMA, Store
+from deatwin.scenarios.concealed_physics.study import CASE_SCHEMA
 from deatwin.scenarios.concealed_physics.tables import by_effect, by_family, cases_csv, reported, tables
 from deatwin.studies.stories import Setting
-from deatwin.studies.sweep import SweepSeal, digest
+from deatwin.studies.sweep import CaseStore, SweepSeal, digest
 
 # --- counting of hand-made cases ------------------------------------------------------------------------------------
 
@@ -155,17 +155,17 @@ def results_page(study: Opened, goals: list[Goal], seal: SweepSeal) -> str:
 
 
 @pytest.fixture
-def made(tmp_path: Path) -> tuple[Store, dict[str, Any]]:
+def made(tmp_path: Path) -> tuple[CaseStore, dict[str, Any]]:
     """A folder with hand-made results."""
     key = {"names": {"key": NAMES}, "cases": [s for s, _ in (*MADE, *INTERVALS)]}
-    store = Store(tmp_path, sealed(key))
+    store = CaseStore(tmp_path, sealed(key))
     for each, result in (*MADE, *INTERVALS):
         store.put(each["name"], result)
     return store, key
 
 
 @pytest.fixture
-def opened(made: tuple[Store, dict[str, Any]]) -> Opened:
+def opened(made: tuple[CaseStore, dict[str, Any]]) -> Opened:
     return open_key(*made)
 
 
@@ -214,7 +214,7 @@ def test_every_goal_is_counted_as_a_person_would(opened: Opened) -> None:
 
 def test_goals_are_met_only_where_cases_count(tmp_path: Path) -> None:
     key: dict[str, Any] = {"names": {"key": NAMES}, "cases": []}
-    goals = score(open_key(Store(tmp_path, sealed(key)), key))
+    goals = score(open_key(CaseStore(tmp_path, sealed(key)), key))
     assert not any(g.met for g in goals)
     assert {g.reached for g in goals} == {"no case"}
 
@@ -222,11 +222,11 @@ def test_goals_are_met_only_where_cases_count(tmp_path: Path) -> None:
 def test_what_is_only_reported_is_neither_met_nor_missed(opened: Opened) -> None:
     goals = score(opened)
     (only,) = (g for g in goals if g.met is None)
-    assert (only.demanded, only.outcome) == ("reported", "reported")
+    assert only.demanded == "reported"
     assert "fine membrane" in only.measure
-    assert {g.outcome for g in goals if g is not only} == {"yes", "no"}
+    assert {g.met for g in goals if g is not only} == {True, False}
     # It is met, or not: one goal fewer than there are rows.
-    met = sum(g.outcome == "yes" for g in goals)
+    met = sum(g.met is True for g in goals)
     assert sentence(opened, goals).endswith(f" {met} of {len(goals) - 1} goals are met.")
     page = results_page(opened, goals, sealed({}))
     assert [
@@ -258,7 +258,7 @@ def test_confusion_counts_every_single_case_once(opened: Opened) -> None:
 
 
 def test_figures_tables_and_page_hold_the_counts(
-    opened: Opened, made: tuple[Store, dict[str, Any]], tmp_path: Path
+    opened: Opened, made: tuple[CaseStore, dict[str, Any]], tmp_path: Path
 ) -> None:
     goals = score(opened)
     assert all(isinstance(figure.columns, str) for figure in drawings(opened))
@@ -276,7 +276,7 @@ def test_figures_tables_and_page_hold_the_counts(
 
 
 def test_the_story_is_told_of_hand_made_cases(
-    made: tuple[Store, dict[str, Any]], setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    made: tuple[CaseStore, dict[str, Any]], setting: Setting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(concealed_physics, "carry_out", lambda *_: made[0])
     monkeypatch.setattr(concealed_physics, "key_of", lambda _: made[1])
@@ -291,7 +291,7 @@ def test_the_story_is_told_of_hand_made_cases(
 
 def test_of_an_interrupted_study_the_results_of_what_has_run_are_written(tmp_path: Path) -> None:
     specs = running.labels("tiny", 2)
-    store = Store(tmp_path, running.seal_of("tiny", 2, running.key_of(specs)))
+    store = CaseStore(tmp_path, running.seal_of("tiny", 2, running.key_of(specs)))
     clean = [each.name for each in specs if each.kind == "clean"][:2]
     store.put(clean[0], done("none", ratio=0.0, check=CLEAN))
     store.put(clean[1], done("unknown", ratio=0.0, check=CLEAN))
@@ -317,13 +317,13 @@ def test_of_an_interrupted_study_the_results_of_what_has_run_are_written(tmp_pat
     ],
 )
 def test_a_folder_is_not_gone_on_with_under_another_seal(
-    made: tuple[Store, dict[str, Any]], tmp_path: Path, changed: dict[str, Any], words: str
+    made: tuple[CaseStore, dict[str, Any]], tmp_path: Path, changed: dict[str, Any], words: str
 ) -> None:
     with pytest.raises(DataError, match=f"another seal \\({words}\\)"):
-        Store(tmp_path, sealed(made[1], **changed))
+        CaseStore(tmp_path, sealed(made[1], **changed))
 
 
-def test_a_changed_key_does_not_open_the_study(made: tuple[Store, dict[str, Any]]) -> None:
+def test_a_changed_key_does_not_open_the_study(made: tuple[CaseStore, dict[str, Any]]) -> None:
     store, key = made
     cases = [{**case, "truth": ["delay"]} if case["name"] == "e3" else case for case in key["cases"]]
     with pytest.raises(DataError, match="not the one that was sealed"):

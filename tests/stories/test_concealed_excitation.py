@@ -5,6 +5,7 @@ import pytest
 
 from deatwin.control.linear.plant import linearise_plant
 from deatwin.ident.narx.excited import excitation as excited
+from deatwin.plant import Diaphragm, Plant
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.scenarios.control_check.concealed import (
     CLOSED_LOOP_TIME,
@@ -20,7 +21,6 @@ from deatwin.scenarios.control_check.concealed import (
     excitation,
 )
 from deatwin.scenarios.control_check.rigs import recorded
-from deatwin.scenarios.control_check.tracking import nominal_plant
 
 H = 0.02
 SLOWEST = 1.0 / (2 * np.pi * CLOSED_LOOP_TIME)
@@ -46,7 +46,7 @@ def test_half_of_the_power_lies_below_the_loop_s_bandwidth_and_half_is_spread_to
 @pytest.mark.parametrize("seed", [0, 4, 21])
 def test_the_film_moves_as_far_as_the_operating_points_of_a_check(seed):
     """Those lie 30 % of the room to the nearer limit to either side; noise of 5 Hz alone does not reach them."""
-    plant = nominal_plant().with_effects(EFFECTS["electrode_rc"]())
+    plant = Plant(rig=Diaphragm()).with_effects(EFFECTS["electrode_rc"]())
     room = 0.3 * min(OPERATING - LIMITS[0], LIMITS[1] - OPERATING)
     ends = [linearise_plant(plant, OPERATING + side * room).operating_output for side in (-1.0, 1.0)]
 
@@ -64,7 +64,7 @@ def test_the_recording_excites_the_frequency_of_the_gain_margin():
     """Of lambda tuning on the nominal plant the loop's phase passes -180 degrees at the frequency of its margin."""
     from deatwin.control.design.lambda_tuning import lambda_tuning
 
-    plant = nominal_plant()
+    plant = Plant(rig=Diaphragm())
     seen = linearise_plant(plant, OPERATING).in_loop(plant.rig.reading)
     controller = lambda_tuning(seen, command_limits=LIMITS, closed_loop_time=CLOSED_LOOP_TIME)
     omega = 2 * np.pi * np.geomspace(0.05, 0.99 * 0.5 / H, 4000)

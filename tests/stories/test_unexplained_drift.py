@@ -308,7 +308,7 @@ def noted(folder: Path, refused: tuple[str, ...] = ()) -> Study:
         return finding(diagnosis(Verdict.NAMED, RELAXED), case.name), ["report.html"]
 
     def driven(plant: Plant, history: History, noise: tuple[int, ...]) -> Drift:
-        number = next(n for n, run in enumerate(every) if run.plant == plant and run.history == history)
+        number = next(n for n, run in enumerate(every) if run[:2] == (plant, history))
         note(f"argument-{number:02d}")
         return drift(1e-6 / (1 + number))
 

@@ -13,10 +13,10 @@ from markdown_tables import markdown_table
 from deatwin.plant.errors import DataError
 from deatwin.scenarios.concealed_physics.results import FAR, Opened, open_key
 from deatwin.scenarios.concealed_physics.score import Goal
-from deatwin.scenarios.concealed_physics.study import Store, key_of, labels
+from deatwin.scenarios.concealed_physics.study import key_of, labels
 from deatwin.scenarios.concealed_physics.tables import KINDS, tables
 from deatwin.studies.report.prose import rendered
-from deatwin.studies.sweep import SweepSeal, digest
+from deatwin.studies.sweep import CaseStore, SweepSeal, digest
 from deatwin.studies.sweep.json_files import read_object
 from deatwin.studies.sweep.store import read_seal
 
@@ -24,6 +24,7 @@ DATA = "deatwin/concealed-physics/1"
 """Schema of the data of the page."""
 TITLES = {"long": "Concealed physics in long recordings"}
 """Titles of the pages of sizes that have one beside the usual one."""
+MET = {True: "yes", False: "no", None: "reported"}
 TEMPLATE = Path(__file__).with_suffix(".md.j2")
 
 
@@ -36,7 +37,7 @@ def opened_study(folder: Path | str) -> tuple[Opened, SweepSeal]:
         key = key_of(labels(seal.parts["size"], seal.parts["seed"]))
     if path.exists() and digest(key) != seal.parts["key"]:
         raise DataError(f"{path}: this is not the one that was sealed; labels must not change once a study has begun")
-    return open_key(Store(folder, seal), key), seal
+    return open_key(CaseStore(folder, seal), key), seal
 
 
 def page_data(study: Opened, goals: Sequence[Goal], seal: SweepSeal) -> dict[str, Any]:
@@ -55,7 +56,7 @@ def page_data(study: Opened, goals: Sequence[Goal], seal: SweepSeal) -> dict[str
         "intervals": len(study.intervals),
         "errors": len(study.failures),
         "seconds": {"median": round(float(np.median(seconds)), 1), "most": round(float(seconds.max()), 1)},
-        "goals": [{"goal": g.measure, "demanded": g.demanded, "reached": g.reached, "met": g.outcome} for g in goals],
+        "goals": [{"goal": g.measure, "demanded": g.demanded, "reached": g.reached, "met": MET[g.met]} for g in goals],
         "tables": [
             {"title": t.title, "columns": list(t.columns), "rows": [list(row) for row in t.rows]} for t in tables(study)
         ],

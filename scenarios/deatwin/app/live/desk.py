@@ -85,9 +85,9 @@ class Desk:
         return cls(**found, whole=len(files) <= MOST_FILES)
 
 
-def free_name(root: Path, stem: str = "diagnosis") -> str:
+def free_name(root: Path) -> str:
     """Return an unused name for the next folder of results."""
-    return next(name for n in count(1) if not os.path.lexists(root / (name := f"{stem}-{n}")))
+    return next(name for n in count(1) if not os.path.lexists(root / (name := f"diagnosis-{n}")))
 
 
 def _files(home: Path, folder: Path, deeper: int) -> Iterator[Path]:

@@ -9,13 +9,13 @@ import socket
 import sys
 import threading
 import webbrowser
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from deatwin.app.live.desk import inside
 from deatwin.app.live.guard import LOOPBACK, Guard
-from deatwin.app.live.jobs import WORKER, Board
+from deatwin.app.live.jobs import Board
 from deatwin.app.live.uploads import MEGABYTE
 from deatwin.plant.errors import DataError, DeatwinError
 
@@ -39,7 +39,6 @@ def serve(
     upload_limit: float = 50.0,
     open_browser: bool = True,
     started: Callable[[str], None] = print,
-    program: Sequence[str] = WORKER,
 ) -> None:
     """Serve a folder until the process is asked to stop, then end the running jobs."""
     try:
@@ -50,7 +49,7 @@ def serve(
         raise DataError(
             f'the live view needs NiceGUI ({error.name} is missing): install it with pip install "nicegui>=3.18,<4"'
         ) from None
-    board = Board(root, program)
+    board = Board(root)
     most_bytes = round(upload_limit * MEGABYTE)
     with _listening(port) as listener:
         taken = int(listener.getsockname()[1])

@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.plant import DataError, effect_named
+from deatwin.plant import effect_named
 from deatwin.plant.effects import catalogue
-from deatwin.plant.errors import nearest
 from deatwin.scenarios.concealed_physics.generator.mechanism import log_uniform
 from deatwin.scenarios.concealed_physics.generator.specimens import CHECK_SECONDS, SECONDS, CaseSpec
 from deatwin.scenarios.concealed_physics.generator.waves import RICH
@@ -90,18 +89,9 @@ class IntervalSpec:
     kind: str = "interval"
 
 
-def size_named(name: str) -> Size:
-    """Return a size by its name."""
-    if name not in SIZES:
-        raise DataError(f"unknown size {name!r}{nearest(name, SIZES)} (known: {', '.join(SIZES)})")
-    return SIZES[name]
-
-
 def case_specs(size: str, seed: int) -> tuple[CaseSpec, ...]:
     """List the cases of a study that are diagnosed."""
-    of = size_named(size)
-    if seed < 0:
-        raise DataError(f"seed {seed}: it must not be negative")
+    of = SIZES[size]
     rng = np.random.default_rng([seed, len(size)])
     effects = _few_effects(of, rng) if of.library else _effects(of, rng)
     several = [*_clean(of), *effects, *_outside(of, rng), *_pairs(of, rng), *_ties(of, rng)]
@@ -114,7 +104,7 @@ def case_specs(size: str, seed: int) -> tuple[CaseSpec, ...]:
 
 def interval_specs(size: str, seed: int) -> tuple[IntervalSpec, ...]:
     """List the fits of a study whose intervals are tested."""
-    of = size_named(size)
+    of = SIZES[size]
     effects = of.library[:FEW] or tuple(e.name for e in catalogue() if e.name not in INVISIBLE)
     pairs = [(effect, draw) for effect in effects for draw in range(of.draws)]
     seeds = np.random.SeedSequence((seed, len(pairs))).generate_state(len(pairs))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from deatwin.scenarios.concealed_physics.results import Case, Opened
-from deatwin.scenarios.concealed_physics.tables import MADE_BY, Confusion, by_effect, by_family
+from deatwin.scenarios.concealed_physics.tables import MADE_BY, Confusion, by_effect, by_family, over_oracle
 from deatwin.studies.calibration import brier_score, expected_calibration_error, reliability
 from deatwin.studies.rates import Rate
 from deatwin.studies.report.drawing import Drawing
@@ -166,14 +166,12 @@ def _draw_reliability(axes: Axes, study: Opened) -> None:
 
 
 def _draw_errors(axes: Axes, study: Opened) -> None:
-    cases = [c for c in study.of("effect", ratio=1.0) if "oracle" in c.errors]
-    bottom, top = 1.0, 2.0
+    found, bottom, top = over_oracle(study), 1.0, 2.0
     shown = [name for name in MADE_BY if name != "oracle"]
     for place, name in enumerate(shown):
-        found = [c.errors[name] / c.errors["oracle"] for c in cases if name in c.errors]
-        if not found:
+        if name not in found:
             continue
-        ratios = np.array(found)
+        ratios = found[name]
         low, middle, high = np.quantile(ratios, (0.05, 0.5, 0.95))
         bottom, top = min(bottom, float(ratios.min())), max(top, float(ratios.max()))
         colour = Hue.AFTER if name == "diagnosis" else Hue.BEFORE if name == "base" else Hue.MEASURED

@@ -8,8 +8,7 @@ from typing import Any
 
 from deatwin.plant import DataError, effect_named
 from deatwin.scenarios.concealed_physics.key import TERM_NAMES
-from deatwin.scenarios.concealed_physics.study import Store
-from deatwin.studies.sweep import digest
+from deatwin.studies.sweep import CaseStore, digest
 
 FAR = 16.0  # Distance d² from which on two explanations can be told apart
 CLEAN_VERDICTS = frozenset({"none", "parameters"})
@@ -68,7 +67,7 @@ class Opened:
         return [case for case in self.cases if case.kind in kinds and case.ratio >= ratio]
 
 
-def open_key(store: Store, key: Mapping[str, Any]) -> Opened:
+def open_key(store: CaseStore, key: Mapping[str, Any]) -> Opened:
     """Put the concealed effects beside the results that there are."""
     if digest(key) != (sealed := str(store.seal.parts["key"])):
         raise DataError(

@@ -36,11 +36,6 @@ class Goal:
     met: bool | None  # True if what is demanded is reached; None if nothing is demanded
 
     @property
-    def outcome(self) -> str:
-        """``yes``, ``no``, or ``reported`` if there is no requirement."""
-        return REPORTED if self.met is None else "yes" if self.met else "no"
-
-    @property
     def row(self) -> Measure:
         """Row of the page."""
         return Measure(self.measure, self.demanded, self.reached, bool(self.met))

@@ -13,7 +13,7 @@ import numpy as np
 
 from deatwin.plant.interrupts import obeying
 from deatwin.plant.records import finite, plain
-from deatwin.scenarios.concealed_physics.cases import IntervalSpec, case_specs, interval_specs, size_named
+from deatwin.scenarios.concealed_physics.cases import SIZES, IntervalSpec, case_specs, interval_specs
 from deatwin.scenarios.concealed_physics.examine import examine
 from deatwin.scenarios.concealed_physics.generator.specimens import CaseSpec
 from deatwin.scenarios.concealed_physics.intervals import cover
@@ -42,14 +42,6 @@ def seal_of(size: str, seed: int, key: Mapping[str, Any]) -> SweepSeal:
     return SweepSeal(schema=CASE_SCHEMA, parts=parts)
 
 
-class Store(CaseStore):
-    """The cases of a sealed study."""
-
-    def put(self, name: str, result: Mapping[str, Any]) -> None:
-        """Write the result of a case, with non-finite numbers as None; an existing result is kept."""
-        super().put(name, finite(dict(result)))
-
-
 EFFORT = {"clean": 0.5, "interval": 0.15, "tie": 2.0}  # Work of a case of that kind; others take 1
 
 Spec = CaseSpec | IntervalSpec
@@ -65,11 +57,11 @@ def key_of(specs: Sequence[Spec]) -> dict[str, Any]:
     return {"names": key_dict(), "cases": plain(specs)}
 
 
-def carry_out(folder: Path, size: str, seed: int, jobs: int, tell: Callable[[float, str], None]) -> Store:
+def carry_out(folder: Path, size: str, seed: int, jobs: int, tell: Callable[[float, str], None]) -> CaseStore:
     """Seal the study, or continue it, and run every case that has no result."""
     tell(0.0, "sealing labels and thresholds")
     specs = labels(size, seed)
-    store = Store(folder, seal_of(size, seed, key_of(specs)))
+    store = CaseStore(folder, seal_of(size, seed, key_of(specs)))
     # All kinds are mixed, so that an interrupted study holds a fair sample and the remaining time is known early.
     mixed = [specs[k] for k in np.random.default_rng(seed).permutation(len(specs))]
     run_sweep(
@@ -84,12 +76,13 @@ def carry_out(folder: Path, size: str, seed: int, jobs: int, tell: Callable[[flo
 
 
 def run_case(size: str, spec: Spec) -> dict[str, Any]:
-    """Run a case; an exception becomes a result."""
+    """Run a case; an exception becomes a result, and a non-finite number None."""
     begun = time.process_time()
-    of = size_named(size)
+    of = SIZES[size]
     try:
         with obeying():
             result = cover(spec) if isinstance(spec, IntervalSpec) else examine(spec, of.seconds, of.check_seconds)
     except Exception as error:  # whatever it is, the case is counted: it failed
         result = {"status": "error", "message": f"{type(error).__name__}: {' '.join(str(error).split())}"}
-    return {**result, "seconds_in_all": round(time.process_time() - begun, 2)}
+    done: dict[str, Any] = finite({**result, "seconds_in_all": round(time.process_time() - begun, 2)})
+    return done

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from deatwin.ident.mismatch import Verdict
 from deatwin.plant import Family, catalogue, effect_named
 from deatwin.scenarios.concealed_physics.key import KEY, OUTSIDE, REACH, VISIBLE
 from deatwin.scenarios.concealed_physics.results import Case, Opened
@@ -25,18 +26,7 @@ KINDS = {
     "tie": "tie",
 }
 """Kinds of cases in words, in the order of tables."""
-VERDICTS = (
-    "none",
-    "parameters",
-    "named",
-    "ambiguous",
-    "partly",
-    "unknown",
-    "disturbance",
-    "data_fault",
-    "not_testable",
-    "error",
-)
+VERDICTS = (*(verdict.value for verdict in Verdict), "error")
 MADE_BY = {
     "base": "calibrated base plant",
     "diagnosis": "diagnosis",
@@ -216,16 +206,19 @@ def _ties(study: Opened) -> Table:
     )
 
 
+def over_oracle(study: Opened) -> dict[str, np.ndarray]:
+    """Return errors on held-out data relative to the oracle, (n,), for single effects at least as large as the noise."""
+    errors = [case.errors for case in study.of("effect", ratio=1.0) if "oracle" in case.errors]
+    found = {name: [e[name] / e["oracle"] for e in errors if name in e] for name in MADE_BY}
+    return {name: np.array(ratios) for name, ratios in found.items() if ratios}
+
+
 def _predictions(study: Opened) -> Table:
-    """Return errors on held-out data relative to the oracle, for single effects at least as large as the noise."""
-    cases = [case for case in study.of("effect", ratio=1.0) if "oracle" in case.errors]
     rows = []
-    for name, words in MADE_BY.items():
-        ratios = [c.errors[name] / c.errors["oracle"] for c in cases if name in c.errors]
-        if ratios:
-            low, middle, high = np.quantile(ratios, (0.05, 0.5, 0.95))
-            lost = sum(name in c.lost for c in cases)
-            rows.append([words, str(len(ratios)), *(f"{r:.3f}" for r in (middle, low, high)), str(lost)])
+    for name, ratios in over_oracle(study).items():
+        low, middle, high = np.quantile(ratios, (0.05, 0.5, 0.95))
+        lost = sum(name in c.lost for c in study.of("effect", ratio=1.0) if "oracle" in c.errors)
+        rows.append([MADE_BY[name], str(ratios.size), *(f"{r:.3f}" for r in (middle, low, high)), str(lost)])
     columns = ["plant", "cases", "median", "5 %", "95 %", "diverged or failed runs"]
     return Table(
         title="Error on the check recording, relative to that of the oracle, for one effect with a ratio of 1 or more",

@@ -11,14 +11,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from deatwin.control import Specification
-from deatwin.scenarios.control_check.concealed import BAND, CLOSED_LOOP_TIME, FAST, OTHER_TIMES, SECONDS, SLOW
+from deatwin.scenarios.control_check import concealed
 from deatwin.scenarios.control_check.matters import QUANTITIES, Promise
-from deatwin.scenarios.control_check.page import INVERSES, drawings, judge, tables
+from deatwin.scenarios.control_check.page import INVERSES, WORDS, drawings, judge, tables
 from deatwin.scenarios.control_check.rigs import CALIBRATED, CONCEALED
 from deatwin.scenarios.control_check.study import Study, carry_out
 from deatwin.scenarios.control_check.trials import NO_MODEL, PASS, broken, caught, in_words, inside, sound
 from deatwin.studies.report.prose import notes
-from deatwin.studies.report.story import Measure, StoryPage, finish, reached
+from deatwin.studies.report.story import StoryPage, finish, reached
 from deatwin.studies.stories import Setting
 
 SIZE = "short"
@@ -30,28 +30,24 @@ def run(setting: Setting) -> Mapping[str, Any]:
     folder.written.extend(("seal.json", "trials"))  # trials are there as soon as they are through
     study = carry_out(folder.path, setting.size or SIZE, setting.seed, setting.jobs, setting.progress)
     setting.progress(1.0, "judging and drawing")
-    rows = judge(study)
+    rows, unsound = judge(study), caught(study.outcomes)
     page = StoryPage(
         title="control-check",
-        sentence=_answer(study, rows),
+        sentence=WORDS.text(
+            "sentence",
+            factor=study.tracking[0].ratio("PI", "inverse"),
+            trials=len(study.outcomes),
+            passed=inside(study.outcomes),
+            unsound=unsound,
+            missed=unsound.count - unsound.hits,
+            reached=reached(rows),
+        ),
         rows=rows,
         notes=notes(__package__, **_numbers(study)),
         figures=drawings(study),
         tables=tables(study),
     )
     return finish(folder, record, page)
-
-
-def _answer(study: Study, rows: Sequence[Measure]) -> str:
-    """Summarise the results in a few sentences."""
-    factor = study.tracking[0].ratio("PI", "inverse")
-    passed, unsound = inside(study.outcomes), caught(study.outcomes)
-    return (
-        f"With the inverse of the static curve, the tracking error of PI is {factor:.1f} times smaller, at equal "
-        f"margins. Of {len(study.outcomes)} random rigs and designs the check passes {passed.count}, of which "
-        f"{passed.hits} keep inside the predicted band; {unsound.count} break a limit on the true rig, of which it "
-        f"passes {unsound.count - unsound.hits}. {reached(rows)} stated measures are reached."
-    )
 
 
 def _numbers(study: Study) -> dict[str, Any]:
@@ -63,12 +59,7 @@ def _numbers(study: Study) -> dict[str, Any]:
         "against": nominal.tracked["inverse with dynamics"].rms / nominal.best,
         "pays": " and ".join(f"{hysteretic.ratio('PI', name):.1f}" for name in INVERSES),
         "near": " and ".join(f"{hysteretic.ratio(name, f'oracle: {name}'):.1f}" for name in INVERSES),
-        "seconds": SECONDS,
-        "band": BAND,
-        "closed_loop_time": CLOSED_LOOP_TIME,
-        "other_times": [f"{time:g}" for time in OTHER_TIMES],
-        "slow": SLOW,
-        "fast": FAST,
+        "concealed": concealed,
         "share_concealed": 100 * CONCEALED,
         "calibrated": ", ".join(name.replace("_", " ").replace(".", " ") for name in CALIBRATED),
         "reserve": 100 * Specification().reserve,

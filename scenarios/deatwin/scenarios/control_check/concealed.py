@@ -12,10 +12,9 @@ from deatwin.control import Check, Controller, Finding, Specification, check, la
 from deatwin.control.checking.trial import Trial
 from deatwin.control.checking.verdict import Runs, judge_runs, worst
 from deatwin.ident.mismatch import Diagnosis, diagnose
-from deatwin.plant import CalibratedPlant, Creep, Effect, ElectrodeRC, Experiment
+from deatwin.plant import CalibratedPlant, Creep, Diaphragm, Effect, ElectrodeRC, Experiment, Plant
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.scenarios.control_check.rigs import identified, recorded
-from deatwin.scenarios.control_check.tracking import nominal_plant
 
 EFFECTS: Mapping[str, Callable[[], Effect]] = {"electrode_rc": lambda: ElectrodeRC(time=0.4), "creep": Creep}
 """Concealed effects. A grease electrode of 0.4 s makes a design slow; one of 0.05 s does not (it would be no story)."""
@@ -59,7 +58,7 @@ class Concealed:
 
 def conceal(effect: str, rng: np.random.Generator, *, jobs: int, seed: int) -> Concealed:
     """Record a rig with an effect that its model does not have, diagnose, design twice, check, and try."""
-    nominal = nominal_plant()
+    nominal = Plant(rig=Diaphragm())
     true = nominal.with_effects(EFFECTS[effect]())
     h = nominal.rig.sample_time
     seen = recorded(true, band_limited_noise(rng, SECONDS, h, band=BAND), rng)
@@ -81,13 +80,12 @@ def conceal(effect: str, rng: np.random.Generator, *, jobs: int, seed: int) -> C
         truth = worst(judge_runs(runs, found.sine_predicted or trial.sine_error(), Specification()))
         return Designed(source=source, controller=controller, check=found, runs=runs, truth=truth)
 
-    sources = (("base", base), ("amended", amended))
-    first, *more = (
-        tuple(designed(source, known, time) for source, known in sources) for time in (CLOSED_LOOP_TIME, *OTHER_TIMES)
+    designs = tuple(
+        designed(source, known, time)
+        for time in (CLOSED_LOOP_TIME, *OTHER_TIMES)
+        for source, known in (("base", base), ("amended", amended))
     )
-    return Concealed(
-        effect=effect, diagnosis=diagnosis, designs=first, at_other_times=tuple(one for pair in more for one in pair)
-    )
+    return Concealed(effect=effect, diagnosis=diagnosis, designs=designs[:2], at_other_times=designs[2:])
 
 
 def excitation(rng: np.random.Generator, sample_time: float) -> NDArray[np.float64]:

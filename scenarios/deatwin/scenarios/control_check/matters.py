@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,6 @@ from deatwin.control import (
     ClosedLoop,
     Controller,
     LinearFamily,
-    LinearModel,
     closed_loop,
     draw,
     draw_plants,
@@ -28,10 +28,11 @@ from deatwin.control.checking.subject import STICKING
 from deatwin.control.checking.trial import Trial
 from deatwin.control.stability.bandwidth import bandwidth_Hz
 from deatwin.ident.narx import Fixed, Frols, NarxModel, Semp, SvbNarx, free_run_residual
+from deatwin.ident.narx.fleet.alike import linear_in_output
 from deatwin.plant import CalibratedPlant, DeatwinError, Plant, ReadingTime, Recording
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.fleet import fabricated
-from deatwin.scenarios.control_check.rigs import WIDER, calibrated, linear_feedback, recorded
+from deatwin.scenarios.control_check.rigs import WIDER, calibrated, recorded
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -43,9 +44,10 @@ SAMPLES = 200
 PLANTS = 40
 AMPLITUDES = (0.1, 0.3)  # Sines that measure the plant, as shares of the room to the limits: as large as the steps are
 LINES = 24  # Frequencies at which it is measured
-CANDIDATES: Mapping[str, Any] = {"output_lags": 2, "input_lags": (0, 1, 2), "degree": 3, "rule": linear_feedback}
+CANDIDATES: Mapping[str, Any] = {"output_lags": 2, "input_lags": (0, 1, 2), "degree": 3, "rule": linear_in_output}
 """Rows are read at the end of the hold: input lags from 0 on."""
 ARX = ("1", "y(k-1)", "y(k-2)", "u(k)", "u(k-1)", "u(k-2)")
+_design = partial(lambda_tuning, command_limits=LIMITS, closed_loop_time=CLOSED_LOOP_TIME)
 MODELS: Mapping[str, Callable[[Recording], NarxModel]] = {
     "linear ARX": lambda r: Fixed(terms=ARX).fit(r).model_,
     "NARX by FROLS": lambda r: Frols(**CANDIDATES, max_terms=15).fit(r).model_,
@@ -207,10 +209,6 @@ def _matter(
     predicted = (bandwidth, steps[0], gain, steps[1])
     made = (Promise.of(name, *each) for each in zip(QUANTITIES, predicted, achieved, strict=True))
     return Matter(name=name, residual=residual, promises=tuple(made))
-
-
-def _design(linear: LinearModel) -> Controller:
-    return lambda_tuning(linear, command_limits=LIMITS, closed_loop_time=CLOSED_LOOP_TIME)
 
 
 def _predicted(family: LinearFamily, controller: Controller) -> tuple[Interval, Interval]:

@@ -116,12 +116,6 @@ def tables(study: Study) -> list[Table]:
     return [*always, _broken(study.outcomes)] if broken(study.outcomes) else always
 
 
-def verdicts_seen(outcomes: Sequence[Outcome]) -> tuple[str, ...]:
-    """List the verdicts from good to bad."""
-    known = tuple(verdict.value for verdict in Verdict)
-    return (*known, NO_MODEL) if any(o.verdict == NO_MODEL for o in outcomes) else known
-
-
 def _tracking_table(every: Sequence[Tracking]) -> Table:
     return Table.of(
         "Tracking tones of 0.1 to 0.8 Hz",
@@ -210,7 +204,8 @@ def _rates(outcomes: Sequence[Outcome]) -> Table:
     )
     for key in keys:
         groups += [(name, [o for o in outcomes if key(o) == name]) for name in sorted(set(map(key, outcomes)))]
-    seen = verdicts_seen(outcomes)
+    seen = [verdict.value for verdict in Verdict]
+    seen += [NO_MODEL] if any(o.verdict == NO_MODEL for o in outcomes) else []
     rows = [
         [
             name,
@@ -304,8 +299,7 @@ def _concealed(every: Sequence[Concealed]) -> Drawing:
                 ", ".join(f"{d.source} {getattr(d, kind).verdict.value}" for d in one.designs)
                 for kind in ("check", "truth")
             )
-            title = f"{one.effect.replace('_', ' ')} concealed. Check: {said}. True rig: {was}"
-            titled(axes, title)
+            titled(axes, f"{one.effect.replace('_', ' ')} concealed. Check: {said}. True rig: {was}")
             axes.set_ylabel("displacement (µm)")
         panels[-1].set_xlabel("time (s)")
         legend_above(figure, panels[0], 3)

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from deatwin.control import linearise_many
 from deatwin.ident.greybox import Part, calibrate
-from deatwin.ident.narx import Frols, NarxIdentifier, NarxModel, Semp, Term, refine
+from deatwin.ident.narx import Frols, NarxIdentifier, NarxModel, Semp, refine
+from deatwin.ident.narx.fleet.alike import linear_in_output
 from deatwin.plant import (
     CalibratedPlant,
     Creep,
@@ -36,14 +37,9 @@ LIMITS = (1.3, 3.6)
 """Range of the command, V: inside the noise of the recordings, whose ends of 1.1 and 3.75 V are seldom visited."""
 
 
-def linear_feedback(term: Term) -> bool:
-    """Return whether a term contains a past output only alone; with products of both, the free run soon diverges."""
-    return term.degree == 1 or all(variable.kind == "u" for variable, _ in term.factors)
-
-
 METHODS: tuple[Callable[[], NarxIdentifier], ...] = (
     lambda: Semp(output_lags=2, input_lags=(0, 1, 2), degree=3, max_terms=12),
-    lambda: Semp(output_lags=2, input_lags=(0, 1, 2), degree=4, max_terms=12, rule=linear_feedback),
+    lambda: Semp(output_lags=2, input_lags=(0, 1, 2), degree=4, max_terms=12, rule=linear_in_output),
     lambda: Frols(output_lags=3, input_lags=(0, 1, 2, 3), degree=3, max_terms=20),
 )
 """Rows are read at the end of the hold, so that a row's command acts on the row's reading: input lags from 0 on."""

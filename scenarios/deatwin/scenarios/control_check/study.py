@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.plant import specification
+from deatwin.plant import Diaphragm, Plant, specification
 from deatwin.scenarios.control_check.concealed import EFFECTS, Concealed, conceal
 from deatwin.scenarios.control_check.matters import Matters, compare_models
-from deatwin.scenarios.control_check.tracking import EXCITED, FleetRun, Tracking, fleet_runs, nominal_plant, track
+from deatwin.scenarios.control_check.tracking import EXCITED, FleetRun, Tracking, fleet_runs, track
 from deatwin.scenarios.control_check.trials import Outcome, Trials, name_of, try_one
 from deatwin.studies.parallel import between
 from deatwin.studies.sweep import run_sweep
@@ -40,7 +40,7 @@ def carry_out(folder: Path, size: str, seed: int, jobs: int, tell: Progress) -> 
     rngs = [np.random.default_rng(stream) for stream in streams]
     tell(0.0, "tracking on the nominal rig")
     tracking = (
-        track("nominal rig", nominal_plant(), rngs[0]),
+        track("nominal rig", Plant(rig=Diaphragm()), rngs[0]),
         track("specification", specification(), rngs[0], EXCITED),
     )
     tell(0.15 * rest, "the scheduled design on six actuators")

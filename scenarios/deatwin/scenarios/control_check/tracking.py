@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +12,6 @@ from numpy.typing import NDArray
 from deatwin.control import (
     ClosedLoop,
     Controller,
-    LinearController,
-    LinearModel,
     Margins,
     closed_loop,
     inverse_filter,
@@ -27,7 +26,7 @@ from deatwin.control import (
     with_inverse,
 )
 from deatwin.control.stability.loops import loop_margins
-from deatwin.plant import Actuator, Diaphragm, Plant, fleet, specification
+from deatwin.plant import Actuator, Plant, fleet, specification
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.scenarios.control_check.rigs import LIMITS, identified, recorded
 
@@ -42,6 +41,7 @@ SECONDS = 60.0
 SETTLED = 5.0  # From when on errors count, s
 CLOSED_LOOP_TIME = 0.3
 SCHEDULE = np.linspace(1.5, 3.4, 6)  # Operating inputs of the scheduled design, V
+_design = partial(lambda_tuning, closed_loop_time=CLOSED_LOOP_TIME)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,11 +88,6 @@ class FleetRun:
     def stable(self) -> bool:
         """True if both runs reached their end and no oscillation remains long after a step."""
         return self.steps.status.ok and self.tones.status.ok and self.steps.ripple < 0.1
-
-
-def nominal_plant() -> Plant:
-    """Return the rig as its file describes it: diaphragm, published material, no effects."""
-    return Plant(rig=Diaphragm())
 
 
 def track(name: str, plant: Plant, rng: np.random.Generator, excited_Hz: float = 1.0) -> Tracking:
@@ -144,10 +139,6 @@ def fleet_runs(seed: int, rng: np.random.Generator) -> tuple[FleetRun, ...]:
         )
         for actuator in fleet(seed)
     )
-
-
-def _design(linear: LinearModel, *, command_limits: tuple[float, float]) -> LinearController:
-    return lambda_tuning(linear, command_limits=command_limits, closed_loop_time=CLOSED_LOOP_TIME)
 
 
 def _tones(centre: Array | float, ends: Array, sample_time: float, rng: np.random.Generator) -> Array:

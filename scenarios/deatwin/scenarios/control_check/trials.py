@@ -28,8 +28,6 @@ NO_MODEL = "no model"
 """Verdict of a trial whose recording gave no model to design on, or none of the physics to check it on."""
 PASS = Verdict.PASS.value
 _NOTHING: dict[str, Any] = {"inside": None, "sound": None, "truth": "no controller"}
-
-
 DESIGNS = {"lambda tuning": "pi", "loop shaping": "shaped", "LQG": "lqg", "inverse": "inverse"}
 """Designs that are tried, by what the page calls them, as `design_named` knows them."""
 

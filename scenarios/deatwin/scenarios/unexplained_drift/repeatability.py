@@ -99,15 +99,6 @@ class Group:
         return {**plain(self), "spread": self.spread, "next_one": self.next_one}
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Run:
-    """The experiment on one actuator."""
-
-    plant: Plant  # With its drift
-    history: History
-    seed: tuple[int, ...]
-
-
 ASSUMPTIONS: tuple[tuple[str, str, Effect | None, tuple[History, ...]], ...] = (
     ("six actuators", "each with its own drift", None, FRESH),
     ("creep", "all rested", CREEP, FRESH),
@@ -118,11 +109,11 @@ ASSUMPTIONS: tuple[tuple[str, str, Effect | None, tuple[History, ...]], ...] = (
 """Drift and assumed histories in words; the effect, None for each actuator's own; the histories."""
 
 
-def runs(seed: int) -> list[Run]:
-    """The experiments under all assumptions."""
+def runs(seed: int) -> list[tuple[Plant, History, tuple[int, ...]]]:
+    """The experiments under all assumptions, as arguments of `drift_of`."""
     six = fleet(seed)
     return [
-        Run(plant=_subject(actuator, effect), history=history, seed=(seed, 7, number))
+        (_subject(actuator, effect), history, (seed, 7, number))
         for _, _, effect, histories in ASSUMPTIONS
         for number, (actuator, history) in enumerate(zip(six, histories, strict=True))
     ]

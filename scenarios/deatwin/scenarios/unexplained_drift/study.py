@@ -15,7 +15,7 @@ from deatwin.ident.mismatch import Diagnosis
 from deatwin.plant import Actuator, Experiment, ModelError, Plant, Recording, fleet, specification
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.records import plain, read
-from deatwin.scenarios.unexplained_drift.repeatability import Drift, Group, Run, drift_of, grouped, runs
+from deatwin.scenarios.unexplained_drift.repeatability import Drift, Group, History, drift_of, grouped, runs
 from deatwin.studies.diagnosing import DiagnosisTask
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.sweep import CaseStore, SweepSeal, run_sweep
@@ -139,7 +139,7 @@ def carry_out(
         _slug(actuator): partial(_diagnosed, actuator, answers.folder / "diagnoses" / _slug(actuator), command, seed)
         for actuator in fleet(seed)
     }
-    repeats: dict[str, Work] = {f"argument-{n:02d}": partial(_driven, run) for n, run in enumerate(runs(seed))}
+    repeats: dict[str, Work] = {f"argument-{n:02d}": partial(_driven, *run) for n, run in enumerate(runs(seed))}
     through = answers.names()
     answers.discard([name for name in diagnoses if name in through and not _whole(answers, name)])
     for name in through & set(repeats):
@@ -163,8 +163,8 @@ def _diagnosed(actuator: Actuator, folder: Path, command: Sequence[str], seed: i
     return {"finding": finding.to_dict(), "files": files}
 
 
-def _driven(run: Run) -> dict[str, Any]:
-    return {"drift": asdict(drift_of(run.plant, run.history, run.seed))}
+def _driven(plant: Plant, history: History, seed: tuple[int, ...]) -> dict[str, Any]:
+    return {"drift": asdict(drift_of(plant, history, seed))}
 
 
 def _whole(answers: Answers, name: str) -> bool:

@@ -42,8 +42,10 @@ from deatwin.studies.report.prose import notes
 from deatwin.studies.report.quantities import in_interval
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, finish
 from deatwin.studies.report.svg import draw
+from deatwin.studies.report.words import Words
 from deatwin.studies.stories import Setting
 
+WORDS = Words(__package__)
 FILE = "quarter_car.py"
 DRAG = "quadratic_damping"
 FINE = 0.01  # Share of the sensor's noise by which the integrators may differ
@@ -100,8 +102,7 @@ def _law(amended: Plant, judging: Experiment) -> Law:
         force="force beyond spring and linear damper (N)",
         measured=(speed, force),
         modelled=(signals["velocity"], signals["strut"] - linear),
-        caption="Held-out bumps and a pothole. Recording: force in the car's own equations; amended plant: force of "
-        "the added effect.",
+        caption=WORDS.text("law"),
     )
 
 
@@ -113,17 +114,13 @@ def _written(setting: Setting, told: Mapping[str, Told], record: RunRecord) -> M
     own, diagnosis, trial = told["elsewhere"]
     timepts = rig.sample_time * np.arange(1.0, road.size + 1)
     figures = [_agreement(timepts, road, here, there, rig.noise), *drawings(own, trial, amended_plant(diagnosis))]
-    rows = [_agree(float(np.abs(here - there).max()), rig.noise)]
+    difference, limit = float(np.abs(here - there).max()), FINE * rig.noise
+    rows = [WORDS.measure("agree", difference < limit, difference=1e6 * difference, limit=1e6 * limit)]
     rows += [row for one in told.values() for row in _rows(*one)]
     base, amended = (1e3 * error for error in (trial.base_error, trial.amended_error))
-    sentence = (
-        f"A plant of thirty lines, and recordings made with other equations and another integrator: "
-        f"{diagnosis.sentence} Over held-out bumps, the free-run error is {base:.3g} mm rms before and {amended:.3g} mm "
-        "after."
-    )
     page = StoryPage(
         title="your-own-rig",
-        sentence=sentence,
+        sentence=WORDS.text("sentence", found=diagnosis.sentence, base=base, amended=amended),
         rows=rows,
         notes=_notes(told),
         figures=figures,
@@ -148,20 +145,9 @@ def _agreement(timepts: Array, road: Array, here: Array, elsewhere: Array, noise
         bottom.plot(timepts, difference, color=Hue.AFTER)
         bottom.set(ylabel="difference (µm)", xlabel="time (s)")
         figure.legend(*middle.get_legend_handles_labels(), loc="outside upper left", ncols=2)
-        return Drawing.of(
-            figure,
-            "agreement",
-            "One car, computed twice",
-            f"Bumps and a pothole, without sensor noise. Both simulations include the drag, which the diagnosis does "
-            f"not know. Their difference is far below the sensor noise of {1e6 * noise:.0f} µm rms.",
-            {
-                "time_s": timepts,
-                "road_mm": 1e3 * road,
-                "deatwin_mm": 1e3 * here,
-                "scipy_mm": 1e3 * elsewhere,
-                "difference_um": difference,
-            },
-        )
+        columns = {"time_s": timepts, "road_mm": 1e3 * road, "deatwin_mm": 1e3 * here, "scipy_mm": 1e3 * elsewhere}
+        columns["difference_um"] = difference
+        return WORDS.drawing(figure, "agreement", columns, noise=1e6 * noise)
 
 
 def _plain(told: Mapping[str, Told]) -> dict[str, Any]:
@@ -176,23 +162,9 @@ def _plain(told: Mapping[str, Told]) -> dict[str, Any]:
     }
 
 
-def _agree(difference: float, noise: float) -> Measure:
-    return Measure(
-        "The same car over the bumps, by deatwin and by scipy: largest difference of the travel",
-        f"below {1e6 * FINE * noise:.3g} µm, a hundredth of the sensor's noise",
-        f"{1e6 * difference:.2g} µm",
-        difference < FINE * noise,
-    )
-
-
 def _rows(own: Case, diagnosis: Diagnosis, trial: Trial) -> list[Measure]:
-    noise = plant().rig.noise
-    near = Measure(
-        "Bumps and a pothole: free run of the amended plant, rms error",
-        f"at most {NEAR:g} times the sensor's noise, {1e3 * noise:g} mm",
-        f"{1e3 * trial.amended_error:.4g} mm",
-        trial.amended_error <= NEAR * noise,
-    )
+    noise, error = plant().rig.noise, trial.amended_error
+    near = WORDS.measure("near", error <= NEAR * noise, NEAR=NEAR, noise=1e3 * noise, error=1e3 * error)
     rows = [*measures(own, diagnosis, [trial]), _size(diagnosis), near]
     return [replace(row, measure=f"{own.title}. {row.measure}") for row in rows]
 
@@ -201,7 +173,7 @@ def _size(diagnosis: Diagnosis) -> Measure:
     found = next((c.parameters["coefficient"] for c in diagnosis.causes if c.effect == DRAG), None)
     within = found is not None and found.low <= CAR.orifice <= found.high
     shown = "no drag was named" if found is None else in_interval(found.value, found.low, found.high)
-    return Measure("The drag of the car, within its 95 % interval", f"{CAR.orifice:g} N s²/m²", shown, within)
+    return WORDS.measure("size", within, drag=CAR.orifice, found=shown)
 
 
 def _notes(told: Mapping[str, Told]) -> list[Note]:

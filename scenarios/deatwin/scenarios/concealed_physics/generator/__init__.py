@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType, ModuleType
 
-from deatwin.plant.errors import RigError, nearest
 from deatwin.scenarios.concealed_physics.generator import electrical, film, mechanical, outside, sensor
 from deatwin.scenarios.concealed_physics.generator.mechanism import Mechanism
 
@@ -19,11 +18,3 @@ def _kinds(module: ModuleType) -> list[type[Mechanism]]:
 MECHANISMS: Mapping[str, type[Mechanism]] = MappingProxyType(
     {kind.name: kind for module in (film, electrical, mechanical, sensor, outside) for kind in _kinds(module)}
 )
-
-
-def mechanism_named(name: str) -> type[Mechanism]:
-    """Return the class of a mechanism, by its name."""
-    try:
-        return MECHANISMS[name]
-    except KeyError:
-        raise RigError(f"there is no concealed mechanism {name!r}{nearest(name, MECHANISMS)}") from None

@@ -31,21 +31,13 @@ class Rigging:
     reduced: Plant  # The same film on the diagnosis' mesh
     before: tuple[tuple[float, float], ...]  # History: commands in V, each with how long it was held in s
 
-    def in_usual_form(self) -> Rigging:
-        """Return the rig with the usual ball contact and reading time, so that compiled equations are shared."""
-        nominal, actual, reduced = map(_in_usual_form, (self.nominal, self.actual, self.reduced))
-        return replace(self, nominal=nominal, actual=actual, reduced=reduced)
 
-
-def _in_usual_form(plant: Plant) -> Plant:
-    rig = replace(_diaphragm(plant), ball=Diaphragm.ball, ball_is_known=True, reading=Diaphragm.reading)
-    return plant.with_rig(rig)
-
-
-def drawn_rig(rng: np.random.Generator) -> Rigging:
-    """Draw a rig."""
+def drawn_rig(rng: np.random.Generator, *, usual: bool = False) -> Rigging:
+    """Draw a rig; usual ones have the same ball contact and reading time, so that they share compiled equations."""
     ball = str(rng.choice(BALLS))
     told = bool(rng.random() < BALL_TOLD)
+    if usual:
+        ball, told = Diaphragm.ball, True
     rig = Diaphragm(
         material="VHB 4905",
         thickness=round(0.5e-3 * rng.uniform(0.9, 1.1), 6),
@@ -61,8 +53,8 @@ def drawn_rig(rng: np.random.Generator) -> Rigging:
     )
     nominal = Plant(rig=rig)
     values = {name: nominal.parameters[name].value * (1 + FILM_ERROR * rng.uniform(-1, 1)) for name in FITTED}
-    reading = ReadingTime.START_OF_HOLD if rng.random() < READ_AT_START else ReadingTime.END_OF_HOLD
-    there = replace(rig, ball=ball, reading=reading)
+    at_start = rng.random() < READ_AT_START and not usual
+    there = replace(rig, ball=ball, reading=ReadingTime.START_OF_HOLD if at_start else ReadingTime.END_OF_HOLD)
     fine = replace(there, resolution="fine", elements=ELEMENTS)
     before = ((rng.uniform(0.5, 2.0), rng.uniform(5.0, 30.0)), (0.0, rng.uniform(60.0, 600.0)))
     return Rigging(
@@ -72,14 +64,10 @@ def drawn_rig(rng: np.random.Generator) -> Rigging:
 
 def with_added_mass(plant: Plant, added: float) -> Plant:
     """Return the plant of a diaphragm with a heavier ball."""
-    rig = _diaphragm(plant)
+    rig = plant.rig
+    if not isinstance(rig, Diaphragm):
+        raise TypeError(f"a {type(rig).__name__} has no ball; the study's rigs are diaphragms")
     return plant.with_rig(replace(rig, mass=rig.mass + added))
-
-
-def _diaphragm(plant: Plant) -> Diaphragm:
-    if not isinstance(plant.rig, Diaphragm):
-        raise TypeError(f"a {type(plant.rig).__name__} has no ball; the study's rigs are diaphragms")
-    return plant.rig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,10 +108,6 @@ class Apparatus:
     noise: SensorNoise
     seed: int
 
-    def with_mechanisms(self, *mechanisms: Mechanism) -> Apparatus:
-        """Replace the mechanisms."""
-        return replace(self, mechanisms=mechanisms)
-
     def readings(self, experiment: Experiment, run: int = 0) -> tuple[np.ndarray, ...]:
         """Read each recording without the sensor's noise. Shapes: returns (n,)."""
         timeline = self.plant.timeline(experiment)
@@ -144,10 +128,6 @@ class Apparatus:
             values = mechanism.read(Reading(times=reads, values=values, commands=commands), rng)
         ends = 1 + np.cumsum([r.n_samples for r in experiment.recordings])
         return tuple(np.split(values[1:] - values[0], ends[:-1] - 1))
-
-    def record(self, experiment: Experiment, rng: np.random.Generator, run: int = 0) -> Experiment:
-        """Make recordings as the experimenter gets them."""
-        return self.noisy(experiment, self.readings(experiment, run), rng)
 
     def noisy(self, experiment: Experiment, readings: Sequence[np.ndarray], rng: np.random.Generator) -> Experiment:
         """Add the sensor's noise to readings; an advised record has commands only and learns here what is read."""

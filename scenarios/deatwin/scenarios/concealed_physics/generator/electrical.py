@@ -23,8 +23,7 @@ class SlowDipoles(PlantMechanism, place=Place.DRIVE, signal="squared_voltage", l
     times: ClassVar[tuple[float, ...]] = (0.1, 0.4, 1.5, 6.0, 30.0)  # Relative to the centre
     parts: ClassVar[tuple[float, ...]] = (0.12, 0.24, 0.32, 0.22, 0.1)  # Parts of the share
 
-    def rewrite(self, signal: Any, build: Any) -> Any:
-        share, centre = self.symbols(build)
+    def law(self, signal: Any, build: Any, share: Any, centre: Any) -> Any:
         voltage = build.signal("field_voltage")
         late = ca.SX(0)
         for k, (ratio, weight) in enumerate(zip(self.times, self.parts, strict=True)):
@@ -41,8 +40,7 @@ class SpaceCharge(PlantMechanism, place=Place.DRIVE, signal="field_voltage", lar
     share: float = Draw.part()  # b
     time: float = Draw.log_uniform(10.0, 120.0)  # s
 
-    def rewrite(self, signal: Any, build: Any) -> Any:
-        share, time = self.symbols(build)
+    def law(self, signal: Any, build: Any, share: Any, time: Any) -> Any:
         trapped = build.state("trapped_voltage", scale=100.0)
         build.rate(trapped, share * signal * ca.fabs(signal) / 2e3 - trapped, mass=time)
         return signal - trapped
@@ -58,8 +56,7 @@ class TrapConduction(PlantMechanism, place=Place.DRIVE, signal="film_voltage", o
     conductivity: ClassVar[float] = 2e-14  # At low field, S/m
     settles: ClassVar[float] = 5e-5  # Time in which the voltage settles, s: not seen at 50 samples a second
 
-    def rewrite(self, signal: Any, build: Any) -> Any:
-        resistance, scale = self.symbols(build)
+    def law(self, signal: Any, build: Any, resistance: Any, scale: Any) -> Any:
         left, thickness = build.state("voltage_left", scale=1e3), build.own("thickness")
         current = ca.SX(0)
         for point in (p for p in build.signal("film").points if p.active):
@@ -77,8 +74,7 @@ class LadderElectrode(PlantMechanism, place=Place.DRIVE, signal="film_voltage", 
 
     time: float = Draw.part()  # Whole resistance times whole capacitance, s
 
-    def rewrite(self, signal: Any, build: Any) -> Any:
-        (time,) = self.symbols(build)
+    def law(self, signal: Any, build: Any, time: Any) -> Any:
         near, far = (build.state(f"{name}_voltage", scale=1e3) for name in ("near", "far"))
         build.rate(near, (signal - near) - (near - far), mass=time / 4)
         build.rate(far, near - far, mass=time / 4)
@@ -94,8 +90,7 @@ class CrackedElectrode(PlantMechanism, place=Place.FILM, signal="electrode_share
     at: float = Draw.during(0.2, 0.8)  # When it begins, s
     lasts: float = Draw.uniform(0.05, 0.4)  # s
 
-    def rewrite(self, signal: Any, build: Any) -> Any:
-        share, at, lasts = self.symbols(build)
+    def law(self, signal: Any, build: Any, share: Any, at: Any, lasts: Any) -> Any:
         run = ca.fmin(ca.fmax((build.time - at) / lasts, 0.0), 1.0)
         return signal * (1 - share * run**2 * (3 - 2 * run))
 
@@ -114,8 +109,7 @@ class RateLimit(PlantMechanism, place=Place.DRIVE, signal="amplifier_voltage", o
     fastest: ClassVar[float] = 1e-6
     """No amplifier is quicker than this, s/V; nothing of it is seen at 50 samples a second."""
 
-    def rewrite(self, signal: Any, build: Any) -> Any:
-        slowness, ratio = self.symbols(build)
+    def law(self, signal: Any, build: Any, slowness: Any, ratio: Any) -> Any:
         voltage = build.state("limited_voltage", scale=1e3)
         behind = (signal - voltage) / self.width
         build.rate(voltage, ca.fmin(ca.fmax(behind, -ratio), 1.0), mass=slowness + self.fastest)

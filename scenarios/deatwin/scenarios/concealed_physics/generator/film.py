@@ -27,8 +27,7 @@ class PowerLawCreep(PlantMechanism, place=Place.FILM, signal="film", largest=60e
 
     ratios: ClassVar[tuple[float, ...]] = (1.0, 3.2, 10.0, 32.0)
 
-    def rewrite(self, signal: Any, build: Any) -> Any:
-        modulus, exponent, fastest = self.symbols(build)
+    def law(self, signal: Any, build: Any, modulus: Any, exponent: Any, fastest: Any) -> Any:
         total = sum(ratio**-exponent for ratio in self.ratios)
         energy = ca.SX(0)
         for number, point in enumerate(signal.points):
@@ -48,8 +47,7 @@ class LogarithmicRelaxation(PlantMechanism, place=Place.FILM, signal="film", ord
     loss: float = Draw.part()  # Share for each decade
     first: float = Draw.uniform(10.0, 60.0)  # Where the first decade begins, s
 
-    def rewrite(self, signal: Any, build: Any) -> Any:
-        loss, first = self.symbols(build)
+    def law(self, signal: Any, build: Any, loss: Any, first: Any) -> Any:
         return replace(signal, elastic=(1 - loss * _decades(build.time, first)) * signal.elastic)
 
 
@@ -60,8 +58,7 @@ class ChainDamage(PlantMechanism, place=Place.FILM, signal="film", order=1, larg
     damage: float = Draw.part()  # :math:`d_\\infty`, share of the network's stress
     energy: float = Draw.log_uniform(2e3, 2e4)  # m, J/m³
 
-    def rewrite(self, signal: Any, build: Any) -> Any:
-        damage, scale = self.symbols(build)
+    def law(self, signal: Any, build: Any, damage: Any, scale: Any) -> Any:
         modulus, lost, flat = build.parameter("shear_modulus"), ca.SX(0), signal.rest_stretch
         for number, point in enumerate(signal.points):
             first, second = point.stretches
@@ -82,8 +79,7 @@ class ExponentialStiffening(PlantMechanism, place=Place.FILM, signal="film", lar
     modulus: float = Draw.part()  # Pa
     exponent: float = Draw.uniform(0.05, 0.2)  # b
 
-    def rewrite(self, signal: Any, build: Any) -> Any:
-        modulus, b = self.symbols(build)
+    def law(self, signal: Any, build: Any, modulus: Any, b: Any) -> Any:
         mounted = build.constant("mounted_invariant", 2 * signal.rest_stretch**2 + signal.rest_stretch**-4)
 
         def density(first: Any, second: Any) -> Any:
@@ -100,8 +96,7 @@ class AgeingPermittivity(PlantMechanism, place=Place.PARAMETER, signal="permitti
     change: float = Draw.signed()  # Share for each decade
     first: float = Draw.uniform(10.0, 60.0)  # Where the first decade begins, s
 
-    def rewrite(self, signal: Any, build: Any) -> Any:
-        change, first = self.symbols(build)
+    def law(self, signal: Any, build: Any, change: Any, first: Any) -> Any:
         return signal * (1 + change * _decades(build.time, first))
 
 
@@ -111,8 +106,7 @@ class DilutedPermittivity(PlantMechanism, place=Place.FILM, signal="film", large
 
     exponent: float = Draw.part()  # c
 
-    def rewrite(self, signal: Any, build: Any) -> Any:
-        (exponent,) = self.symbols(build)
+    def law(self, signal: Any, build: Any, exponent: Any) -> Any:
         mounted = build.constant("mounted_area", signal.rest_stretch**2)
         pairs = zip(signal.points, signal.capacitances, strict=True)
         diluted = [c * (p.stretches[0] * p.stretches[1] / mounted) ** -exponent if p.active else c for p, c in pairs]

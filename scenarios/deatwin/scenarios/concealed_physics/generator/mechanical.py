@@ -23,8 +23,7 @@ class StopOperators(PlantMechanism, place=Place.BALL, signal="force", largest=3e
 
     ratios: ClassVar[tuple[float, ...]] = (0.125, 0.21, 0.354, 0.595, 1.0)
 
-    def rewrite(self, signal: Any, build: Any) -> Any:
-        widest, force = self.symbols(build)
+    def law(self, signal: Any, build: Any, widest: Any, force: Any) -> Any:
         velocity, held = build.signal("velocity"), ca.SX(0)
         for k, ratio in enumerate(self.ratios):
             share = build.state(f"stop_{k}", scale=10.0, start=0.0)
@@ -45,8 +44,7 @@ class BristleFriction(PlantMechanism, place=Place.BALL, signal="force", largest=
 
     damping: ClassVar[float] = 50.0
 
-    def rewrite(self, signal: Any, build: Any) -> Any:
-        force, bend = self.symbols(build)
+    def law(self, signal: Any, build: Any, force: Any, bend: Any) -> Any:
         velocity = build.signal("velocity")
         share = build.state("bristles", scale=50.0, start=0.0)  # a percent of friction is no error
         grip = 1 + 0.25 * ca.exp(-((velocity / 1e-3) ** 2))
@@ -61,8 +59,7 @@ class TurbulentDrag(PlantMechanism, place=Place.BALL, signal="force", largest=10
 
     coefficient: float = Draw.part()  # c, N (s/m)^1.75
 
-    def rewrite(self, signal: Any, build: Any) -> Any:
-        (coefficient,) = self.symbols(build)
+    def law(self, signal: Any, build: Any, coefficient: Any) -> Any:
         velocity = build.signal("velocity")
         return signal - coefficient * velocity * (velocity**2 + 1e-10) ** 0.375
 
@@ -77,8 +74,7 @@ class RoundedStop(PlantMechanism, place=Place.BALL, signal="force", largest=1e5)
     """Displacement at the first touch, m."""
     stiffness: float = Draw.part(0.02, 0.1)  # k, N/m^1.5
 
-    def rewrite(self, signal: Any, build: Any) -> Any:
-        position, stiffness = self.symbols(build)
+    def law(self, signal: Any, build: Any, position: Any, stiffness: Any) -> Any:
         depth = ca.fmax(build.signal("displacement") - position, 0.0)
         damped = ca.fmin(ca.fmax(1 + 30.0 * build.signal("velocity"), 0.0), 3.0)
         return signal - stiffness * depth * ca.sqrt(depth + 1e-9) * damped
@@ -92,8 +88,7 @@ class HardeningSpring(PlantMechanism, place=Place.BALL, signal="force", largest=
     """The displacement a, m."""
     stiffness: float = Draw.part()  # k, N/m
 
-    def rewrite(self, signal: Any, build: Any) -> Any:
-        reach, stiffness = self.symbols(build)
+    def law(self, signal: Any, build: Any, reach: Any, stiffness: Any) -> Any:
         y = build.signal("displacement")
         return signal - stiffness * (reach * ca.sinh(y / reach) - y)
 
@@ -106,8 +101,7 @@ class TwinModes(PlantMechanism, place=Place.BALL, signal="force", largest=1e-3):
     frequency: float = Draw.uniform(4.0, 12.0)  # Frequency of the lower mode, Hz
     damping_ratio: float = Draw.uniform(0.01, 0.04)
 
-    def rewrite(self, signal: Any, build: Any) -> Any:
-        mass, frequency, ratio = self.symbols(build)
+    def law(self, signal: Any, build: Any, mass: Any, frequency: Any, ratio: Any) -> Any:
         for number, tuned in enumerate((1.0, 1.1)):
             stretch = build.state(f"spring_{number}", scale=1e-3, start=0.0)
             speed = build.state(f"mass_speed_{number}", scale=0.05, start=0.0)

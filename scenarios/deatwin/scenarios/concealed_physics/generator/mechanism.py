@@ -137,6 +137,8 @@ class PlantMechanism(Effect, Mechanism):
 
     family: ClassVar[Family] = Family.ENVIRONMENT
     wording: ClassVar[str] = "concealed"
+    law: ClassVar[Callable[..., Any]]
+    """Rewrites the signal: takes the signal, the builder, and a symbol for each field, in their order."""
 
     def __init_subclass__(cls, *, place: Place, signal: str, largest: float, order: int = 0) -> None:
         super().__init_subclass__(largest=largest)
@@ -152,6 +154,5 @@ class PlantMechanism(Effect, Mechanism):
             for f in fields(self)
         )
 
-    def symbols(self, build: Any) -> list[Any]:
-        """Symbols of its parameters, in the order of its fields."""
-        return [self.own(f.name, build) for f in fields(self)]
+    def rewrite(self, signal: Any, build: Any) -> Any:
+        return self.law(signal, build, *(self.own(f.name, build) for f in fields(self)))

@@ -57,8 +57,7 @@ class ChargingHeat(PlantMechanism, place=Place.FILM, signal="film", order=3, lar
         heat = _fading(np.exp(-passed / self.time), (0.8 * steps) ** 2 / (10.0 * self.time))
         return replace(drive, channels={**drive.channels, "charging_heat": heat})
 
-    def rewrite(self, signal: Any, build: Any) -> Any:
-        softening, _ = self.symbols(build)
+    def law(self, signal: Any, build: Any, softening: Any, _: Any) -> Any:
         return replace(signal, elastic=signal.elastic / (1 + softening * build.channel("charging_heat", 0.0)))
 
 
@@ -98,8 +97,7 @@ class OneWayDamper(PlantMechanism, place=Place.BALL, signal="force", largest=3.0
 
     coefficient: float = Draw.part()  # On the way up, N s/m
 
-    def rewrite(self, signal: Any, build: Any) -> Any:
-        (coefficient,) = self.symbols(build)
+    def law(self, signal: Any, build: Any, coefficient: Any) -> Any:
         velocity = build.signal("velocity")
         return signal - coefficient * (velocity - (velocity**2 + 1e-12) ** 0.5) / 2
 

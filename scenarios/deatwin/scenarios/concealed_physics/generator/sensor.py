@@ -19,8 +19,7 @@ class SecondOrderSensor(PlantMechanism, place=Place.SENSOR, signal="reading", or
     time: float = Draw.part()  # T, s
     damping_ratio: float = Draw.uniform(0.6, 1.0)  # :math:`\zeta`
 
-    def rewrite(self, signal: Any, build: Any) -> Any:
-        time, ratio = self.symbols(build)
+    def law(self, signal: Any, build: Any, time: Any, ratio: Any) -> Any:
         shown = build.state("shown", scale=1e-3)
         rising = build.state("rising", scale=1e-3)  # T times the rate of what is shown
         build.rate(shown, rising, mass=time)
@@ -84,8 +83,7 @@ class ThermostatSwing(PlantMechanism, place=Place.FILM, signal="film", order=2, 
     period: float = Draw.uniform(25.0, 70.0)  # s
     phase: float = Draw.uniform(0.0, 1.0)  # Share of a period that is over at clock 0
 
-    def rewrite(self, signal: Any, build: Any) -> Any:
-        change, period, phase = self.symbols(build)
+    def law(self, signal: Any, build: Any, change: Any, period: Any, phase: Any) -> Any:
 
         def warmth(share: Any) -> Any:
             """0 to 1: heated for 0.4 of each period, at a time constant of a fourth of it."""

@@ -10,12 +10,12 @@ from typing import Self
 import numpy as np
 
 from deatwin.ident.greybox.structural import StructuralScale
-from deatwin.plant.errors import DataError, SimulationError, nearest
+from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.plant.records import plain
 from deatwin.plant.simulate import RunStatus
-from deatwin.scenarios.concealed_physics.generator import mechanism_named
+from deatwin.scenarios.concealed_physics.generator import MECHANISMS
 from deatwin.scenarios.concealed_physics.generator.apparatus import (
     Apparatus,
     Rigging,
@@ -36,16 +36,12 @@ WITHIN, REFITS = 0.2, 4  # Tolerance of the ratio after a full refit, and number
 LEAST = 1e-3  # Share of a mechanism's largest size below which a film that does not bear it calls for lower voltages
 
 
-KINDS = ("clean", "effect", "outside", "pair", "tie")
-FORMS = ("drawn", "usual")
-
-
 @dataclass(frozen=True, kw_only=True)
 class CaseSpec:
     """A case: what is concealed, how strongly, and in what kind of recording."""
 
     name: str  # Unique in its study; fit for a file name
-    kind: str  # Purpose: one of `KINDS`
+    kind: str  # Purpose: clean, effect, outside, pair or tie
     effects: tuple[str, ...]  # Concealed mechanisms
     truth: tuple[str, ...]  # A catalogue name for each of them; empty where the catalogue has none
     rivals: tuple[str, ...] = ()  # Names that the input of a tie cannot distinguish, the truth among them
@@ -55,13 +51,8 @@ class CaseSpec:
     records: int = 1  # Records of the experiment
     noise_share: float = 0.02  # Rms of the sensor's noise over the standard deviation of the motion
     rich: bool = True  # True if the input distinguishes mechanisms
-    form: str = "drawn"  # Form of the rig (ball, reading time): at random, or as in most rigs
+    form: str = "drawn"  # Form of the rig (ball, reading time): ``drawn``, or ``usual`` as in most rigs
     library: tuple[str, ...] = ()  # Effects that the diagnosis knows; empty for the whole catalogue
-
-    def __post_init__(self) -> None:
-        for what, value, known in (("kind", self.kind, KINDS), ("form", self.form, FORMS)):
-            if value not in known:
-                raise DataError(f"unknown {what} of case {value!r}{nearest(value, known)} (known: {', '.join(known)})")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -95,7 +86,8 @@ class Specimen:
 
     def record(self, experiment: Experiment, seed: int) -> Experiment:
         """Record other commands on the same apparatus, from rest."""
-        return self.apparatus.record(experiment, np.random.default_rng([self.apparatus.seed, seed, 7]), run=1 + seed)
+        rng = np.random.default_rng([self.apparatus.seed, seed, 7])
+        return self.apparatus.noisy(experiment, self.apparatus.readings(experiment, run=1 + seed), rng)
 
     def heavier(self, added: float) -> Self:
         """Add a mass to the load; the experimenter knows it."""
@@ -106,8 +98,7 @@ class Specimen:
 def make(spec: CaseSpec, *, seconds: float = SECONDS, check_seconds: float = CHECK_SECONDS) -> Specimen:
     """Make the specimen of a case: the same bytes for the same case on the same computer."""
     rng = np.random.default_rng(spec.seed)
-    drawn = drawn_rig(rng)
-    rigging = drawn.in_usual_form() if spec.form == "usual" else drawn
+    rigging = drawn_rig(rng, usual=spec.form == "usual")
     waves = int(rng.integers(2**32))
     shapes = int(rng.integers(2**32))
     highest, last = HIGHEST, ""
@@ -204,10 +195,10 @@ class _Sizing:
         ratios: dict[str, float] = {}
         readings: tuple[np.ndarray, ...] = ()
         for name in spec.effects:
-            drawn = mechanism_named(name).drawn(rng, self.setting)
+            drawn = MECHANISMS[name].drawn(rng, self.setting)
             mechanism, readings, ratios[name] = self.sized(drawn, spec.target_ratio)
             mechanisms.append(mechanism)
-        apparatus = self.bare.with_mechanisms(*mechanisms)
+        apparatus = replace(self.bare, mechanisms=tuple(mechanisms))
         return apparatus, apparatus.readings(self.whole) if len(mechanisms) > 1 else readings, ratios
 
     def sized(self, mechanism: Mechanism, target: float) -> tuple[Mechanism, tuple[np.ndarray, ...], float]:
@@ -230,7 +221,7 @@ class _Sizing:
         most = mechanism.largest
         while True:
             try:
-                readings = self.bare.with_mechanisms(mechanism).readings(self.whole)
+                readings = replace(self.bare, mechanisms=(mechanism,)).readings(self.whole)
             except SimulationError:  # more than the film bears
                 most = 0.6 * mechanism.size
                 if most < LEAST * mechanism.largest:
