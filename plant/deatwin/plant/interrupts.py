@@ -4,6 +4,7 @@ makes an error of it."""
 from __future__ import annotations
 
 import signal
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -32,8 +33,30 @@ def obeying() -> Iterator[None]:
 
 @contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Hold Ctrl-C back while workers start, and the threads that start more of them: they inherit the mask, so that
-    they never receive it; this process receives it at the end."""
+    """Hold Ctrl-C back while workers start; this process receives it at the end.
+
+    Workers, and the threads that start more of them, inherit a mask, so that they never receive it. The mask of this
+    thread is not enough: where other threads run, one of them takes the signal, and Python raises it in the main thread,
+    which may just start a worker.
+    """
+    asked: list[int] = []
+    handler = signal.getsignal(signal.SIGINT)
+    handled = callable(handler) and threading.current_thread() is threading.main_thread()
+    if handled:
+        signal.signal(signal.SIGINT, lambda number, frame: asked.append(number))
+    try:
+        with _masked():
+            yield
+    finally:
+        if handled:
+            signal.signal(signal.SIGINT, handler)
+        if asked:
+            signal.raise_signal(signal.SIGINT)
+
+
+@contextmanager
+def _masked() -> Iterator[None]:
+    """Block Ctrl-C in this thread, and in threads and processes that it starts."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return

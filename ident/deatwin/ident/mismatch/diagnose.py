@@ -38,14 +38,14 @@ from deatwin.ident.mismatch.verify.verification import Verification
 from deatwin.ident.parallel import spawn_generators
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.model import Plant
-from deatwin.plant.recording import Experiment
+from deatwin.plant.recording import Experiment, Recording
 
 Progress = Callable[[float, str], None]
 
 
 def diagnose(
     plant: Plant,
-    experiments: Experiment | Sequence[Experiment],
+    experiments: Experiment | Recording | Sequence[Experiment | Recording],
     *,
     effects: Sequence[Effect] | None = None,
     jobs: int = 1,
@@ -59,8 +59,8 @@ def diagnose(
     ----------
     plant : Plant
         Nominal plant; it is calibrated first.
-    experiments : Experiment or sequence of Experiment
-        Experiments, each from rest.
+    experiments : Experiment or Recording, or a sequence of such
+        Experiments and single recordings, each from rest. Recordings on one clock belong into one experiment.
     effects : sequence of Effect, optional
         Effects that may be missing; by default the whole catalogue, at the sizes of the rig if it states any
         (`Rig.sizes`). Effects that the rig does not accept are skipped.

@@ -16,7 +16,7 @@ from deatwin.ident.mismatch.datasets import samples
 from deatwin.ident.mismatch.quality import suspects
 from deatwin.ident.soundness import noise_of_bends, resolution, runs
 from deatwin.plant.amplitudes import written_amplitude
-from deatwin.plant.checks import require_excitation, require_samples
+from deatwin.plant.checks import experiment_for, require_excitation, require_samples
 from deatwin.plant.datasets import Described, Metadata, several, status_of, variable
 from deatwin.plant.drawing import axes_or_new
 from deatwin.plant.errors import DataError, ModelError
@@ -265,15 +265,15 @@ class DataQuality(Described):
         return axes
 
 
-def check_quality(plant: Plant, experiments: Experiment | Sequence[Experiment]) -> DataQuality:
+def check_quality(plant: Plant, experiments: Experiment | Recording | Sequence[Experiment | Recording]) -> DataQuality:
     """Check recordings, mark faulty samples, and estimate the noise.
 
     Parameters
     ----------
     plant : Plant
         Plant to which the recordings belong.
-    experiments : Experiment or sequence of Experiment
-        Experiments, each from rest.
+    experiments : Experiment or Recording, or a sequence of such
+        Experiments and single recordings, each from rest.
 
     Returns
     -------
@@ -283,14 +283,14 @@ def check_quality(plant: Plant, experiments: Experiment | Sequence[Experiment]) 
     Raises
     ------
     DataError
-        If there is nothing to diagnose: no recording, no output, a constant input, or an argument that is not an
-        experiment.
+        If there is nothing to diagnose: no recording, no output, a constant input, or an argument that is neither an
+        experiment nor a recording; or if the plant cannot take the command.
     ModelError
         If there is no plant, or there are too few samples for its parameters.
     """
     if not isinstance(plant, Plant):
         raise ModelError(f"a diagnosis needs a Plant, not a {type(plant).__name__}: Plant(rig=...) makes one of a rig")
-    given = _listed(experiments)
+    given = tuple(experiment_for(plant.rig, one) for one in _listed(experiments))
     records = [record for experiment in given for record in experiment.recordings]
     for record in records:
         if record.outputs.shape[0] == 0:
@@ -322,16 +322,18 @@ def _with_neighbours(mask: np.ndarray) -> np.ndarray:
     return np.asarray(padded[:-2] | mask | padded[2:])
 
 
-def _listed(experiments: Experiment | Sequence[Experiment]) -> tuple[Experiment, ...]:
-    """Return the arguments as experiments, after a check."""
+def _listed(
+    experiments: Experiment | Recording | Sequence[Experiment | Recording],
+) -> tuple[Experiment | Recording, ...]:
+    """Return the arguments after a check of their kinds."""
     given = tuple(experiments) if isinstance(experiments, Sequence) else (experiments,)
     if not given:
         raise DataError("no recording was given: a diagnosis needs at least one")
     for place, one in enumerate(given):
-        if not isinstance(one, Experiment):
+        if not isinstance(one, Experiment | Recording):
             raise DataError(
-                f"experiment {place + 1} is a {type(one).__name__}, not an Experiment: "
-                "Experiment(recordings=(recording, ...)) makes one of recordings on one clock"
+                f"experiment {place + 1} is a {type(one).__name__}, neither an Experiment nor a Recording: "
+                "Recording.from_arrays makes one of arrays"
             )
     return given
 

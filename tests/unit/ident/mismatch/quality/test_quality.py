@@ -286,14 +286,24 @@ def test_the_gate_draws_what_it_found(sound):
     ("given", "said"),
     [
         (lambda sound: (), "no recording was given"),
-        (lambda sound: None, "experiment 1 is a NoneType, not an Experiment"),
-        (lambda sound: sound.recordings[0], "experiment 1 is a Recording, not an Experiment: .*recordings="),
-        (lambda sound: [sound, sound.recordings[0]], "experiment 2 is a Recording"),
+        (lambda sound: None, "experiment 1 is a NoneType, neither an Experiment nor a Recording: .*from_arrays"),
+        (lambda sound: [sound, sound.recordings[0].outputs], "experiment 2 is a ndarray"),
+        (lambda sound: replace(sound.recordings[0], input_units=("A",)), "is in A, but the plant takes it in V"),
     ],
 )
 def test_what_are_no_experiments_is_said(sound, given, said):
     with pytest.raises(DataError, match=said):
         check_quality(PLANT, given(sound))
+
+
+def test_a_single_recording_starts_from_rest(sound):
+    """As in `Plant.simulate`: alone, or beside experiments."""
+    first, second = sound.recordings
+    for given in (second, [sound, second]):
+        checked = check_quality(PLANT, given)
+        assert checked.experiments[-1].recordings == (second,)
+    alone, as_experiment = (check_quality(PLANT, one) for one in (first, Experiment(recordings=(first,))))
+    assert alone.findings == as_experiment.findings and alone.soundness is as_experiment.soundness
 
 
 def test_a_rig_is_no_plant(sound):
