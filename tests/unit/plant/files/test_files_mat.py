@@ -119,6 +119,14 @@ class TestBoth:
             read_recording(save(signals))
 
 
+def test_another_hdf5_file_has_its_units_as_attributes(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "r.h5", "w") as file:
+        for name, values, unit in (("t", 20.0 * np.arange(N), "ms"), ("u", COMMAND, "V"), ("y", 0.1 * COMMAND, "mm")):
+            file.create_dataset(f"run/{name}", data=values).attrs["units"] = unit
+    check(read_recording(tmp_path / "r.h5", input_column="u", output_column="y"))
+
+
 def test_integers(tmp_path: Path) -> None:
     counts = np.arange(N, dtype=np.int16)
     path = level_5(tmp_path / "rec.mat", {**SIGNALS, "command_V": counts})
