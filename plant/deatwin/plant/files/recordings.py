@@ -307,7 +307,7 @@ def _by_ending(path: str | Path, ways: Mapping[str, Way], verb: str) -> Way:
         raise DataError(f"{path}: it is packed; unpack it, and give the file inside it")
     if ending == ".xls" and verb == "read":
         raise DataError(f'{path}: files ".xls" cannot be read; save the sheet as .xlsx or .csv')
-    if verb == "read" and Path(path).is_dir():
+    if ending not in ways and verb == "read" and Path(path).is_dir():
         raise DataError(f"{path}: a folder; give the files in it")
     if ending not in ways:
         kind = f'files "{ending}"' if ending else "files without an extension"
