@@ -47,7 +47,8 @@ def decode(content: bytes, path: str) -> str:
             raise DataError(f"{path}: UTF-16 text that breaks off at byte {error.start}; save it again") from None
     content = content.rstrip(b"\0")  # a logger that loses power leaves the rest of its file unwritten
     if b"\0" in content:
-        raise DataError(f"{path}: not a text file; save the table as CSV in UTF-8")
+        book = "; end the name of an Excel workbook in .xlsx" if content[:2] == b"PK" else ""
+        raise DataError(f"{path}: not a text file; save the table as CSV in UTF-8{book}")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:

@@ -142,6 +142,11 @@ def test_objects_are_no_vectors(tmp_path: Path) -> None:
         read_recording(path)
 
 
+def test_text_that_matlab_saved(tmp_path: Path) -> None:
+    np.savetxt(tmp_path / "r.mat", np.transpose([TIME, COMMAND, 0.1 * COMMAND]), fmt="%24.16e")
+    check(read_recording(tmp_path / "r.mat", input_column="#2=V", output_column="#3=mm"))
+
+
 @pytest.mark.parametrize("content", [b"", b"no matlab", b"MATLAB 5.0 MAT-file" + bytes(300)])
 def test_damaged(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "rec.mat"

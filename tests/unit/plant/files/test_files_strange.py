@@ -8,6 +8,7 @@ import pytest
 from deatwin.plant import ReadingTime
 from deatwin.plant.errors import DataError
 from deatwin.plant.files import read_recording, read_recordings
+from deatwin.plant.files.headers import split_unit
 
 HEAD = "time_s,command_V,displacement_mm"
 T = 0.02 * np.arange(40)
@@ -152,3 +153,8 @@ def test_names_on_two_lines_are_named_as_the_fault(tmp_path: Path) -> None:
     (tmp_path / "r.csv").write_text("\n".join(['time_s,"command', '(V)","x', '(mm)"', *ROWS]), encoding="utf-8")
     with pytest.raises(DataError, match=r"row 4: .* a quoted name has a line break in it: write the names on one line"):
         read_recording(tmp_path / "r.csv")
+
+
+def test_a_remark_behind_the_unit_belongs_to_the_name_and_a_factor_leaves_the_unit_unknown() -> None:
+    assert split_unit("Weg [mm] (gemittelt)") == ("Weg (gemittelt)", "mm")
+    assert split_unit("x [mm] (x10)")[1] == ""

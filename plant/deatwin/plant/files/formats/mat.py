@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.files.csvtable import read_bytes
+from deatwin.plant.files.csvtable import read_bytes, read_table
 from deatwin.plant.files.formats.apart import unpacked
 from deatwin.plant.files.formats.arrays import ArrayTable, array_table
 from deatwin.plant.files.formats.description import (
@@ -29,7 +29,7 @@ from deatwin.plant.files.formats.description import (
     signals_of,
 )
 from deatwin.plant.files.formats.optional import reading, require
-from deatwin.plant.files.formats.table import Declared, Timing
+from deatwin.plant.files.formats.table import Declared, Table, Timing
 from deatwin.plant.files.formats.unpacked import require_plain_hdf5, require_sound_level_5
 from deatwin.plant.recording import Recording
 from deatwin.plant.safe_read import clipped
@@ -46,9 +46,11 @@ _UNREAD = frozenset(
 _UNUSED = ("cell", "object", "function", "opaque", "sparse", "unknown")  # Classes of variables that are ignored
 
 
-def read_mat(path: str | Path) -> ArrayTable:
-    """Read a MATLAB file."""
+def read_mat(path: str | Path) -> Table:
+    """Read a MATLAB file, or the text that ``save -ascii`` writes."""
     content, name = read_bytes(path), str(path)
+    if re.match(rb"\s*[-+]?\d", content) and b"\0" not in content[:_USER_BLOCK]:
+        return read_table(path)
     newer = _HDF5 in (content[: len(_HDF5)], content[_USER_BLOCK : _USER_BLOCK + len(_HDF5)])
     with reading(name, "HDF5" if newer else "MATLAB"):
         found = unpacked(of_hdf5 if newer else of_level_5, content, name)
