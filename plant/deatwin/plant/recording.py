@@ -380,7 +380,7 @@ def _labels(
     return names, _texts(units) if units is not None else ("",) * count
 
 
-def _require_one_index(inputs: object, outputs: object) -> None:
+def _require_one_index(inputs: Any, outputs: Any) -> None:
     """Raise DataError if both are columns of data frames, (n,), whose rows differ."""
     first, second = (
         values.index if hasattr(values, "iloc") and np.ndim(values) == 1 else None for values in (inputs, outputs)
