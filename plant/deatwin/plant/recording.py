@@ -144,7 +144,8 @@ class Recording:
         Raises
         ------
         DataError
-            Same as for the class, or if there are more rows than samples, as in a table with a column for each signal.
+            Same as for the class, or if there are more rows than samples, as in a table with a column for each signal, or
+            if `inputs` and `outputs` are columns of data frames with different indexes.
 
         Examples
         --------
@@ -152,6 +153,7 @@ class Recording:
         (1, 3)
         """
         rows_in, rows_out = rows_of_signals(inputs, "inputs"), rows_of_signals(outputs, "outputs")
+        _require_one_index(inputs, outputs)
         names_in, units_in = _labels("input", len(rows_in), input_names, input_units, UNSTATED["input"])
         names_out, units_out = _labels("output", len(rows_out), output_names, output_units, UNSTATED["output"])
         return cls(
@@ -376,6 +378,18 @@ def _labels(
         return (single[0],), _texts(units) if units is not None else (single[1],)
     names = _texts(names) if names is not None else tuple(f"{kind}_{row + 1}" for row in range(count))
     return names, _texts(units) if units is not None else ("",) * count
+
+
+def _require_one_index(inputs: Any, outputs: Any) -> None:
+    """Raise DataError if both are columns of data frames, (n,), whose rows differ."""
+    first, second = (
+        values.index if hasattr(values, "iloc") and np.ndim(values) == 1 else None for values in (inputs, outputs)
+    )
+    if first is not None and second is not None and not first.equals(second):
+        raise DataError(
+            "the indexes of inputs and outputs differ, so their rows do not belong together; align the columns, or pass "
+            ".to_numpy() of each where the order alone counts"
+        )
 
 
 def _texts(given: Sequence[str]) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from io import TextIOWrapper
 from typing import Annotated, Any
 
 import typer
@@ -23,7 +24,7 @@ from deatwin.app.commands.simulate import simulate
 from deatwin.app.commands.view import view
 from deatwin.app.options import fold_experiments
 from deatwin.app.usage import Command, Group, unwrapped
-from deatwin.app.working import DONE, INTERRUPTED, exit_status
+from deatwin.app.working import DONE, INTERRUPTED, WRONG_INPUT, exit_status
 from deatwin.studies.interrupts import ORDINARY, forward_signals
 from deatwin.studies.voice import complain
 
@@ -87,6 +88,13 @@ def _program(version: Version = False) -> None:  # options before a command; the
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command."""
     given = list(sys.argv[1:] if arguments is None else arguments)
+    if isinstance(sys.stdout, TextIOWrapper):  # with a locale such as POSIX it cannot encode µ, and never a broken name
+        sys.stdout.reconfigure(errors="backslashreplace")
+    for word in given:
+        if any("\udc80" <= letter <= "\udcff" for letter in word):  # Python's stand-ins for bytes that are no text
+            name = word.encode("ascii", "backslashreplace").decode()
+            complain(f"{name}: no text in this encoding; rename it, or set a locale of UTF-8, such as LC_ALL=C.UTF-8")
+            return WRONG_INPUT
 
     def work() -> None:
         with forward_signals(*ORDINARY):

@@ -37,7 +37,8 @@ class Voice:
     def result(self, data: Mapping[str, Any]) -> None:
         """Print the result as JSON, if requested."""
         if self.as_json:
-            print(json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False))
+            plain = not (sys.stdout.encoding or "").lower().startswith("utf")
+            print(json.dumps(data, indent=1, ensure_ascii=plain, allow_nan=False))
 
     @contextmanager
     def progress(self, title: str) -> Iterator[Progress]:

@@ -1,6 +1,8 @@
 """The command line: exit statuses, error lines, files."""
 
+import io
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +24,18 @@ def test_an_experiment_takes_the_files_up_to_the_next_option() -> None:
     assert folded[4:7] == ["--seed", "1", "--experiment"]
     assert unfold_experiment(folded[7]) == ["c", "d"]
     assert folded[8:] == ["--quiet"]
+
+
+def test_output_and_names_that_the_locale_cannot_encode(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["look", "m\udce4ss.csv"]) == 1
+    assert r"m\udce4ss.csv: no text in this encoding; rename it, or set a locale" in capsys.readouterr().err
+    written = io.BytesIO()
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(written, encoding="ascii"))
+    main(["--version"])
+    print("µm", flush=True)
+    assert written.getvalue().endswith(b"\\xb5m\n")
 
 
 def test_simulate_goes_through_the_history(on_bench: Path, capsys: pytest.CaptureFixture[str]) -> None:

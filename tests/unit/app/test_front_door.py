@@ -134,6 +134,7 @@ FILES = {
     "double.csv": table("time_s,command_V,command_V"),
     "outage.csv": table(**{f"row_{k}": "" for k in range(20, 30)}),
     "ratio.csv": table("time_s,extension,stretch_mm"),
+    "changes.csv": table(**{f"row_{k}": f"{0.02 * (k - 2):.2f},,0.3" for k in range(3, 42) if k % 4}),
     "gap.csv": table(row_22="", row_23="", row_24=""),
     "constant.csv": HEADER + "".join(f"\n{0.02 * k:.2f},2.0,0.3" for k in range(40)),
     "nan.csv": table(row_8="0.12,nan,0.3"),

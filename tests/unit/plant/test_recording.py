@@ -73,6 +73,11 @@ class TestRecording:
         recording = Recording.from_arrays([1.0, 2.0], [0.0, 1.0], 1.0, input_names="voltage", input_units="kV")
         assert (recording.input_names, recording.input_units) == (("voltage",), ("kV",))
 
+    def test_columns_of_tables_with_other_rows_are_refused(self) -> None:
+        frame = pandas.DataFrame({"u": np.arange(4.0), "y": np.ones(4)})
+        with pytest.raises(DataError, match="the indexes of inputs and outputs differ"):
+            Recording.from_arrays(frame["u"][:-1], frame["y"][1:], 1.0)
+
     def test_survives_the_way_to_another_process(self) -> None:
         copy = pickle.loads(pickle.dumps(ramp()))
         np.testing.assert_array_equal(copy.outputs, ramp().outputs)

@@ -84,7 +84,7 @@ def recordings_of(
     kept = _rows_with_values(
         table, {k: numbers[k] for k in needed_columns}, timed=times is not None, allow_gaps=allow_gaps
     )
-    numbers = {column: values[kept] for column, values in numbers.items()}
+    numbers, kept, slow = _on_rows_read(table, numbers, kept, roles, times, reading)
     if times is None and stated is None:
         raise no_times(table, set(used))
     told = None if times is None else numbers[times]
@@ -103,6 +103,7 @@ def recordings_of(
         remark = f'the stated sample time was taken; the column "{table.shown(times)}" counts the rows'
     elif stated:
         remark = _passed_over(table, used, stated.sample_time)
+    remark = "; ".join(text for text in (slow, remark) if text)
     source = _Source(table=table, roles=roles, numbers=numbers, kept=kept, remark=remark)
     try:
         recordings = _recordings(source, told, stated, allow_gaps=allow_gaps, resample=resample, reading=reading)
@@ -138,6 +139,46 @@ def _rows_with_values(table: Table, needed: Mapping[int, Floats], *, timed: bool
         offers = ReadOptions(allow_gaps=True)
     more = f" ({count} such rows in all)" if count > 1 else ""
     raise DataError(f'{table.where(sample)}, column "{table.shown(column)}": no value{more}; {advice}', offers)
+
+
+def _on_rows_read(
+    table: Table,
+    numbers: Mapping[int, Floats],
+    kept: NDArray[np.intp],
+    roles: Mapping[str, tuple[int, ...]],
+    times: int | None,
+    reading: ReadingTime,
+) -> tuple[dict[int, Floats], NDArray[np.intp], str]:
+    """Return the numbers in rows with values, these rows, and a remark: if usually every m-th row has a reading, m rows
+    make a new one, whose command is their mean.
+    """
+    needed = [numbers[column] for role in ("input", "output") for column in roles[role]]
+    filled = np.flatnonzero(~np.isnan(needed).all(axis=0))  # rows without command and reading do not count
+    place = np.searchsorted(filled, kept)
+    every = int(np.median(np.diff(place))) if len(place) > 1 else 1
+    if every == 1:
+        return {column: values[kept] for column, values in numbers.items()}, kept, ""
+    first = place if reading is ReadingTime.START_OF_HOLD else place - every + 1
+    whole = (first >= 0) & (first + every <= len(filled))
+    held, kept = filled[first[whole, np.newaxis] + np.arange(every)], kept[whole]
+    found = {column: values[kept] for column, values in numbers.items()}
+    changed = 0
+    for column in roles["input"]:
+        levels = numbers[column][held]
+        if np.isnan(levels).any():
+            row = int(held.flat[np.argmax(np.isnan(levels))])
+            raise DataError(
+                f'{table.where(row)}, column "{table.shown(column)}": no value, though the row has a reading, and so in most rows; '
+                "fill it with the command that was held then"
+            )
+        moves = np.ptp(levels, axis=1) > 0.0
+        changed = max(changed, int(moves.sum()))
+        found[column] = np.where(moves, levels.mean(axis=1), levels[:, 0])
+    if times is not None:
+        found[times] = numbers[times][held[:, 0]]
+    within = f" ({changed} of {len(kept)} times it changed within them)" if changed else ""
+    said = f"only every {every}. row has a reading: {every} rows became one, with their mean command{within}"
+    return found, kept, said
 
 
 def _is_filled(table: Table, column: int) -> bool:

@@ -114,6 +114,7 @@ def _not_increasing(timepts: Floats, where: Callable[[int], str]) -> DataError:
         restarts = timepts[row] <= timepts[0] + np.median(np.abs(steps))
         advice = "there the clock starts again: give each run its own file" if restarts else "put the rows in order"
         advice = "the rows run backwards: put them in order" if back.mean() > 0.5 else advice
+        advice = _summer_time(steps[row - 1], float(np.median(np.abs(steps)))) + advice
     elif rounded := rounded_clock(timepts):
         offers = ReadOptions(dt=float(f"{rounded.sample_time:.9g}"))
         advice = f"they are printed too coarsely; where the rows are evenly sampled, state their sample time: {offers}"
@@ -204,11 +205,22 @@ def _gap(timepts: Floats, long: Flags, usual: float, where: Callable[[int], str]
     before, after = timepts[sample], timepts[sample + 1]
     more = f" ({int(long.sum())} gaps in all)" if long.sum() > 1 else ""
     count = round((after - before) / usual) - 1
+    advice = _summer_time(after - before, usual) + "fill it, or split the record there"
     missing = "1 sample is" if count == 1 else f"{count} samples, one every {usual:g} s, are"
     return DataError(
         f"{where(sample + 1)}: a gap from {before:g} s to {after:g} s, in which {missing} missing{more}; "
-        "fill it, or split the record there (--allow-gaps, in Python allow_gaps=True)",
+        f"{advice} (--allow-gaps, in Python allow_gaps=True)",
         ReadOptions(allow_gaps=True),
+    )
+
+
+def _summer_time(step: float, usual: float) -> str:
+    """Return the remark that clocks were changed, if a step, s, is an hour longer or shorter than usual."""
+    hour = abs(abs(step - usual) - 3600.0) < min(0.5 * usual, 1.0)
+    return (
+        "exactly an hour: where summer time began or ended, give the times with their offset from UTC; else "
+        if hour
+        else ""
     )
 
 

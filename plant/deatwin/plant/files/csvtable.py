@@ -274,10 +274,14 @@ def table_of(numbered: Iterable[tuple[int, str]], name: str, sha256: str) -> Csv
         units = said = ["" for _ in places]
     if len(headers) > COLUMNS:
         raise DataError(f"{name}: it has {len(headers)} columns; at most {COLUMNS} can be read")
+    above, header = lines[: layout.first], lines[layout.first - 1]
     rows, lines = rows[layout.first :], lines[layout.first :]
     whole = "".join(lines)  # one search of the whole text is quicker than a test of each line
     if any(mark in whole for mark in ("#", "%", "//")):
         kept = [k for k, line in enumerate(lines) if not is_comment(line)]
+        rows, lines = [rows[k] for k in kept], [lines[k] for k in kept]
+    if layout.head and header in lines:  # a logger that is started again repeats its header
+        kept = [k for k, line in enumerate(lines) if line not in above]
         rows, lines = [rows[k] for k in kept], [lines[k] for k in kept]
     return CsvTable(
         path=name,

@@ -36,16 +36,19 @@ class Layout:
 
 
 def decode(content: bytes, path: str) -> str:
-    """Return the text of a file in UTF-8, UTF-16 or UTF-32 with a byte-order mark, GBK, or Latin-1."""
+    """Return the text of a file in UTF-8, UTF-16 (also without its mark), UTF-32 with it, GBK, or Latin-1."""
     if content[:4] in (b"\xff\xfe\0\0", b"\0\0\xfe\xff"):
         return content.decode("utf-32", errors="replace")
-    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+    bare = {(False, True): "utf-16-le", (True, False): "utf-16-be"}.get((content[:1] == b"\0", content[1:2] == b"\0"))
+    if bare or content[:2] in (b"\xff\xfe", b"\xfe\xff"):
         try:
-            return content.decode("utf-16")
+            return content.decode(bare or "utf-16")
         except UnicodeDecodeError as error:
             raise DataError(f"{path}: UTF-16 text that breaks off at byte {error.start}; save it again") from None
+    content = content.rstrip(b"\0")  # a logger that loses power leaves the rest of its file unwritten
     if b"\0" in content:
-        raise DataError(f"{path}: not a text file; save the table as CSV in UTF-8")
+        book = "; end the name of an Excel workbook in .xlsx" if content[:2] == b"PK" else ""
+        raise DataError(f"{path}: not a text file; save the table as CSV in UTF-8{book}")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:

@@ -13,6 +13,7 @@ ORDERS = ("dmy", "mdy")  # Order of day and month, as a user states it
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _ISO = re.compile(r"(\d{4})[-/.](\d\d?)[-/.](\d\d?)(?:[T ,]+(.*))?")
 _OTHER = re.compile(r"(\d\d?)([-/. ])(\d\d?|[A-Za-z]{3})\2(\d{4}|\d\d)(?:[T ,]+(.*))?")
+_COMPACT = re.compile(r"((?:19|20)\d{6})T?(\d{6}(?:[.,]\d+)?(?:Z|[+-]\d\d:?\d\d)?)")  # 14 digits are no Unix time
 _CLOCK = re.compile(
     r"(\d{1,2}):(\d\d)(?::(\d\d)(?:[.,:](\d+))?)?\s*(?:([ap])\.?m\.?)?\s*(Z|UTC|GMT|[+-]\d\d(?::?\d\d)?)?",
     re.IGNORECASE,
@@ -22,7 +23,7 @@ _DURATION = re.compile(r"(?:(\d+):)?(\d{1,2}):(\d\d)(?:[.,](\d+))?")
 
 def is_date(cell: str) -> bool:
     """Return whether a cell begins like a date."""
-    if _ISO.fullmatch(cell):
+    if _ISO.fullmatch(cell) or _COMPACT.fullmatch(cell):
         return True
     found = _OTHER.fullmatch(cell)
     return found is not None and ((found[3].isdigit() and found[2] != " ") or found[3].lower() in _MONTHS)
@@ -52,7 +53,7 @@ def moment(text: str, order: str = "dmy") -> datetime:
     """Return a date; in UTC if it has an offset. Raise ValueError if it is none."""
     cell = text.strip()
     try:
-        found = datetime.fromisoformat(cell)
+        found = datetime.fromisoformat(_COMPACT.sub(r"\1T\2", cell))
     except ValueError:
         found = _moment(cell, order)
     try:

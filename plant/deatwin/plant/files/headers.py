@@ -6,6 +6,7 @@ from deatwin.plant.files.units import UNITS, find_unit
 
 _LOWERED = {name.lower() for name in UNITS}
 _IN_BRACKETS = re.compile(r"(.+?)[\s/]*(\([^()]*\)|\[[^\[\]]*\])")
+_REMARK = re.compile(r"(.+[)\]])\s*(\([^()\d]*\)|\[[^\[\]\d]*\])")  # behind the unit; with a digit, it may be a factor
 _QUOTIENT = re.compile(r"(.+?)_([^\W_]+)_(per_)?([^\W\d_][^\W_]*)")
 _LAST_PART = re.compile(r"(.+?)\s*_([^_]+)")
 _IN_WORDS = re.compile(r"(.+?)(?:\s+in\s+|\s*,\s*)(\S.*)")
@@ -65,6 +66,8 @@ def split_unit(header: str) -> tuple[str, str]:
         return match[1], find_unit((match[2] or match[3]).lower())
     if _TIME_WORD.fullmatch(header):
         return header, find_unit(header.lower())
+    if (match := _REMARK.fullmatch(header)) and (found := split_unit(match[1]))[1]:
+        return f"{found[0]} {match[2]}", found[1]
     match = _IN_BRACKETS.fullmatch(header)
     return (match[1] if match and said_unit(header) == match[2].strip("()[] ") else header), ""
 

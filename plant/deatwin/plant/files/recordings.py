@@ -34,9 +34,13 @@ _READERS: dict[str, Callable[[str | Path], Table]] = {
     ".tsv": read_table,
     ".dat": read_table,
     ".asc": read_table,
+    ".log": read_table,
     ".lvm": read_lvm,
     ".xlsx": read_xlsx,
+    ".xlsm": read_xlsx,
     ".mat": read_mat,
+    ".h5": read_mat,
+    ".hdf5": read_mat,
     ".tdms": read_tdms,
     ".nc": read_netcdf,
 }
@@ -303,6 +307,8 @@ def _by_ending(path: str | Path, ways: Mapping[str, Way], verb: str) -> Way:
         raise DataError(f"{path}: it is packed; unpack it, and give the file inside it")
     if ending == ".xls" and verb == "read":
         raise DataError(f'{path}: files ".xls" cannot be read; save the sheet as .xlsx or .csv')
+    if ending not in ways and verb == "read" and Path(path).is_dir():
+        raise DataError(f"{path}: a folder; give the files in it")
     if ending not in ways:
         kind = f'files "{ending}"' if ending else "files without an extension"
         hint = "; give a text file one of these, and export other tables to one" if verb == "read" else ""

@@ -4,6 +4,7 @@ The size of a Unix time tells its unit: from 2001-09-09, 1e9 s, to 2065, 3e9 s, 
 overlap, and no clock has run for 32 years; above, numbers may be seconds since 1904, as LabVIEW counts.
 """
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -74,7 +75,8 @@ class TimeScale:
         try:
             date = moment(cell, self.order)
         except ValueError:
-            return f'"{clipped(cell)}" is not a date, such as 2024-05-01 12:00:00.25 or 1.5.2024 12:00:00'
+            zone = "; give a time zone as an offset from UTC, +02:00" if re.search(r"[A-Za-z]{3}\W*$", cell) else ""
+            return f'"{clipped(cell)}" is not a date, such as 2024-05-01 12:00:00.25 or 1.5.2024 12:00:00{zone}'
         if (date.tzinfo is None) != (self.began.tzinfo is None):
             return f'"{clipped(cell)}": of the dates, some have an offset from UTC and others have none'
         return ""
@@ -87,9 +89,10 @@ def time_scale(texts: Iterable[str], unit: str) -> TimeScale | None:
     if is_date(first):
         order = unit if unit in ORDERS else date_order([first, *cells])
         try:
-            return TimeScale(unit="", began=moment(first, order), order=order)
+            began = moment(first, order)
         except ValueError:
-            return None
+            began = datetime.min  # `fault` describes what is wrong
+        return TimeScale(unit="", began=began, order=order)
     if is_clock(first):
         return TimeScale(unit="")
     return None if unit in ORDERS else _unix(first, unit)

@@ -228,6 +228,7 @@ _WORDS = {
 }
 _SPELLED_OUT = {
     "micron": "um",
+    "mikrometer": "um",
     "minute": "min",
     "hour": "h",
     "hr": "h",

@@ -101,6 +101,8 @@ def _answer(model: Model, call: Call) -> Answer:
             dict(call.parameters), {name: np.array(u) for name, u in call.inputs.items()}, np.array(call.time)
         )
         chosen = given[call.output] if isinstance(given, Mapping) else given
+        if np.iscomplexobj(chosen):
+            raise TypeError("its readings are complex numbers")
         readings = np.array(chosen, dtype=float)
     except KeyboardInterrupt:
         raise

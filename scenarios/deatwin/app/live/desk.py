@@ -12,7 +12,22 @@ from pathlib import Path
 
 from deatwin.plant.errors import DataError
 
-RECORDINGS = (".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm", ".xlsx", ".mat", ".tdms", ".nc")
+RECORDINGS = (
+    ".csv",
+    ".txt",
+    ".tsv",
+    ".dat",
+    ".asc",
+    ".log",
+    ".lvm",
+    ".xlsx",
+    ".xlsm",
+    ".mat",
+    ".h5",
+    ".hdf5",
+    ".tdms",
+    ".nc",
+)
 RESULT = "diagnosis.json"
 MODEL = "model.json"
 WRITTEN = {"figures", "rivals", "next_input.csv"}  # Files of results that are not recordings

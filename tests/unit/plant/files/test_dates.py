@@ -51,6 +51,8 @@ def the_clock(recording: Recording) -> tuple[float, float]:
         "%Y/%m/%d %H:%M:%S.~",
         "%Y.%m.%d %H:%M:%S.~",
         "%Y-%m-%dT%H:%M:%S.~Z",
+        "%Y%m%dT%H%M%S.~",
+        "%Y%m%d%H%M%S.~",
         "%d.%m.%Y %H:%M:%S.~+01:00",
     ],
 )

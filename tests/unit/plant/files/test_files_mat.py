@@ -119,6 +119,14 @@ class TestBoth:
             read_recording(save(signals))
 
 
+def test_another_hdf5_file_has_its_units_as_attributes(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "r.h5", "w") as file:
+        for name, values, unit in (("t", 20.0 * np.arange(N), "ms"), ("u", COMMAND, "V"), ("y", 0.1 * COMMAND, "mm")):
+            file.create_dataset(f"run/{name}", data=values).attrs["units"] = unit
+    check(read_recording(tmp_path / "r.h5", input_column="u", output_column="y"))
+
+
 def test_integers(tmp_path: Path) -> None:
     counts = np.arange(N, dtype=np.int16)
     path = level_5(tmp_path / "rec.mat", {**SIGNALS, "command_V": counts})
@@ -132,6 +140,11 @@ def test_objects_are_no_vectors(tmp_path: Path) -> None:
         file["TT"].attrs["MATLAB_object_decode"] = np.int32(3)
     with pytest.raises(DataError, match=r"no vectors of numbers .* writetimetable"):
         read_recording(path)
+
+
+def test_text_that_matlab_saved(tmp_path: Path) -> None:
+    np.savetxt(tmp_path / "r.mat", np.transpose([TIME, COMMAND, 0.1 * COMMAND]), fmt="%24.16e")
+    check(read_recording(tmp_path / "r.mat", input_column="#2=V", output_column="#3=mm"))
 
 
 @pytest.mark.parametrize("content", [b"", b"no matlab", b"MATLAB 5.0 MAT-file" + bytes(300)])

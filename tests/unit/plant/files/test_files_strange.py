@@ -5,8 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from deatwin.plant import ReadingTime
 from deatwin.plant.errors import DataError
-from deatwin.plant.files import read_recording
+from deatwin.plant.files import read_recording, read_recordings
+from deatwin.plant.files.headers import split_unit
 
 HEAD = "time_s,command_V,displacement_mm"
 T = 0.02 * np.arange(40)
@@ -49,6 +51,14 @@ READ = {
         "utf-8",
     ),
     "days": ("\n".join(["time (days)" + HEAD[6:], *with_times([f"{t / 86400:.15f}" for t in T])]), "utf-8"),
+    "UTF-16 without its mark": ("\n".join([HEAD, *ROWS]), "utf-16-le"),
+    "zeros where a logger lost power": ("\n".join([HEAD, *ROWS, "\0" * 512]), "utf-8"),
+    "a header repeated after a restart": (
+        "\n".join(
+            ["time,command,displacement", "s,V,mm", *ROWS[:20], "time,command,displacement", "s,V,mm", *ROWS[20:]]
+        ),
+        "utf-8",
+    ),
     "UTC behind the time": (
         "\n".join(["time" + HEAD[6:], *with_times([f"2024-05-01 12:00:{t:06.3f} UTC" for t in T])]),
         "utf-8",
@@ -72,6 +82,14 @@ REFUSED = {
     "rows that run backwards": (ROWS[::-1], "the rows run backwards: put them in order"),
     "an Excel file of dates": (with_times([f"{45413.5 + t / 86400:.10f}" for t in T]), '"Time=day" or .*"Time=s"'),
     "ticks": (with_times([str(3 * k) for k in range(40)]), 'said to be in "ticks", .* such as .*"Time .ticks.=s"'),
+    "a time zone by name": (
+        with_times([f"2024-05-01 12:00:{t:06.3f} CEST" for t in T]),
+        'row 2, .*CEST" is not a date, .*; give a time zone as an offset from UTC',
+    ),
+    "the end of summer time": (
+        with_times([f"2026-10-25 0{3 - (t > 0.3)}:00:00.{1000 * t:03.0f}" for t in T]),
+        "row 18: times do not increase.*; exactly an hour: where summer time .* offset from UTC; else there the clock",
+    ),
     "an overflow": ([*ROWS[:9], "0.18,0.1,-9.9E37", *ROWS[10:]], 'row 11, .*_mm": -9.9E37 stands for an overflow'),
     "an error of Excel": ([*ROWS[:9], "0.18,0.1,#DIV/0!", *ROWS[10:]], "row 11, .*: no value; .* --allow-gaps"),
     "dashes": ([*ROWS[:9], "0.18,0.1,---", *ROWS[10:]], "row 11, .*: no value; .* --allow-gaps"),
@@ -83,7 +101,7 @@ REFUSED = {
 def test_it_is_refused_with_a_line_to_follow(tmp_path: Path, kind: str) -> None:
     rows, said = REFUSED[kind]
     times = {"an Excel file of dates": "Time", "ticks": "Time (ticks)", "a capital unit": "Time (mS)"}
-    time = times.get(kind, "time_s")
+    time = times.get(kind, "date" if " " in rows[0] and "mm" not in rows[0] else "time_s")
     (tmp_path / "r.csv").write_text("\n".join([HEAD.replace("time_s", time), *rows]), encoding="utf-8")
     with pytest.raises(DataError, match=said):
         read_recording(tmp_path / "r.csv")
@@ -92,6 +110,27 @@ def test_it_is_refused_with_a_line_to_follow(tmp_path: Path, kind: str) -> None:
         step = {"day": 0.02, "ms": 0.003}[unit]
         found = read_recording(tmp_path / "r.csv", time_column=f"{time}={unit}")
         assert found.sample_time == pytest.approx(step, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("reading", "rows"),
+    [(ReadingTime.END_OF_HOLD, slice(0, 36)), (ReadingTime.START_OF_HOLD, slice(3, 39))],
+)
+def test_a_slow_reading_takes_the_mean_command_of_its_rows(tmp_path: Path, reading: ReadingTime, rows: slice) -> None:
+    slow = [row if k % 4 == 3 else row.rpartition(",")[0] + "," for k, row in enumerate(ROWS)]
+    (tmp_path / "r.csv").write_text("\n".join([HEAD, *slow]), encoding="utf-8")
+    (found,) = read_recordings(tmp_path / "r.csv", allow_gaps=True, reading=reading)
+    assert (found.sample_time, found.start) == (pytest.approx(0.08), pytest.approx(T[rows.start]))
+    np.testing.assert_allclose(found.inputs[0][:9], U[rows].reshape(9, 4).mean(axis=1))
+    np.testing.assert_allclose(found.outputs[0][:9], 1e-3 * Y[3:36:4])
+    assert "only every 4. row has a reading" in str(found.provenance["clock"])
+
+
+def test_commands_written_only_when_they_change_are_refused(tmp_path: Path) -> None:
+    rows = [row if k % 4 == 0 else f"{T[k]:.2f},,{Y[k]}" for k, row in enumerate(ROWS)]
+    (tmp_path / "r.csv").write_text("\n".join([HEAD, *rows]), encoding="utf-8")
+    with pytest.raises(DataError, match=r'row 3, column "command_V": no value, though the row has a reading'):
+        read_recordings(tmp_path / "r.csv", allow_gaps=True)
 
 
 def test_times_too_coarse_to_tell_the_sample_time_are_read_with_it(tmp_path: Path) -> None:
@@ -114,3 +153,8 @@ def test_names_on_two_lines_are_named_as_the_fault(tmp_path: Path) -> None:
     (tmp_path / "r.csv").write_text("\n".join(['time_s,"command', '(V)","x', '(mm)"', *ROWS]), encoding="utf-8")
     with pytest.raises(DataError, match=r"row 4: .* a quoted name has a line break in it: write the names on one line"):
         read_recording(tmp_path / "r.csv")
+
+
+def test_a_remark_behind_the_unit_belongs_to_the_name_and_a_factor_leaves_the_unit_unknown() -> None:
+    assert split_unit("Weg [mm] (gemittelt)") == ("Weg (gemittelt)", "mm")
+    assert split_unit("x [mm] (x10)")[1] == ""

@@ -130,6 +130,7 @@ def test_a_fit_finds_the_parameters_of_the_same_equations() -> None:
         (heavy_motor_raises, "it raised FloatingPointError: left its range"),
         (heavy_motor_crashes, "its process crashed"),
         (lambda p, u, t: t[1:], r"it returned readings of shape \(399,\) for times of shape \(400,\)"),
+        (lambda p, u, t: t + 0j, "it raised TypeError: its readings are complex numbers"),
         (lambda p, u, t: np.where(t > 1.0, np.nan, t), "its reading at 1.01 s is not a finite number"),
     ],
 )

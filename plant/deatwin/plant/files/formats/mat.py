@@ -1,7 +1,7 @@
-"""MATLAB files: version 5 (and 4, 6, 7) by SciPy, 7.3 (HDF5 behind a user block of 512 bytes) by h5py.
+"""MATLAB files: version 5 (and 4, 6, 7) by SciPy, 7.3 (HDF5 behind a user block of 512 bytes) and other HDF5 by h5py.
 
 Signals are numeric vectors named as CSV columns are, alone or as fields of structs, ``signals(2).values`` in an array of
-structs, or columns of a matrix, ``data(:,2)``. A struct ``units`` may name units: ``units.command = 'V'``. A scalar
+structs, or columns of a matrix, ``data(:,2)``. A struct ``units`` may name units: ``units.command = 'V'``; so may attributes of HDF5. A scalar
 ``Ts``, ``dt`` or ``sample_time`` (s), ``fs`` or ``sample_rate`` (Hz) states the clock of a file without times. Texts go
 into the provenance.
 """
@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.files.csvtable import read_bytes
+from deatwin.plant.files.csvtable import read_bytes, read_table
 from deatwin.plant.files.formats.apart import unpacked
 from deatwin.plant.files.formats.arrays import ArrayTable, array_table
 from deatwin.plant.files.formats.description import (
@@ -29,7 +29,7 @@ from deatwin.plant.files.formats.description import (
     signals_of,
 )
 from deatwin.plant.files.formats.optional import reading, require
-from deatwin.plant.files.formats.table import Declared, Timing
+from deatwin.plant.files.formats.table import Declared, Table, Timing
 from deatwin.plant.files.formats.unpacked import require_plain_hdf5, require_sound_level_5
 from deatwin.plant.recording import Recording
 from deatwin.plant.safe_read import clipped
@@ -46,11 +46,13 @@ _UNREAD = frozenset(
 _UNUSED = ("cell", "object", "function", "opaque", "sparse", "unknown")  # Classes of variables that are ignored
 
 
-def read_mat(path: str | Path) -> ArrayTable:
-    """Read a MATLAB file."""
+def read_mat(path: str | Path) -> Table:
+    """Read a MATLAB file, or the text that ``save -ascii`` writes."""
     content, name = read_bytes(path), str(path)
+    if re.match(rb"\s*[-+]?\d", content) and b"\0" not in content[:_USER_BLOCK]:
+        return read_table(path)
     newer = _HDF5 in (content[: len(_HDF5)], content[_USER_BLOCK : _USER_BLOCK + len(_HDF5)])
-    with reading(name, "MATLAB"):
+    with reading(name, "HDF5" if newer else "MATLAB"):
         found = unpacked(of_hdf5 if newer else of_level_5, content, name)
     return _table(name, hashlib.sha256(content).hexdigest(), found)
 
@@ -92,6 +94,7 @@ def _table(path: str, sha256: str, found: Mapping[str, Any]) -> ArrayTable:
                 "other objects of MATLAB cannot be read; writetable and writetimetable write them as CSV)"
             )
         units = {name.removeprefix("units."): text for name, text in found.items() if name.startswith("units.")}
+        units = {short.get(name, name): text for name, text in units.items()}
         notes = {name: text for name, text in texts.items() if name not in units and text}
         return array_table(
             path,
@@ -169,7 +172,7 @@ def _values(name: str, value: Any) -> Iterator[tuple[str, Any]]:
 
 def of_hdf5(content: bytes, path: str) -> dict[str, Any]:
     """Return names and values in a file of version 7.3; fields of structs are named ``struct.field``."""
-    h5py = require("h5py", f"{path}: a MATLAB file of version 7.3")
+    h5py = require("h5py", f"{path}: a MATLAB file of version 7.3, or another HDF5 file,")
     values: dict[str, Any] = {}
     with h5py.File(io.BytesIO(content), "r") as file:
         require_plain_hdf5(file, path)
@@ -184,6 +187,8 @@ def of_hdf5(content: bytes, path: str) -> dict[str, Any]:
                 values[name.replace("/", ".")] = node[()].T.astype("<u2").tobytes().decode("utf-16-le")
             elif node.dtype.kind in "fiub" and kind not in ("cell", "function_handle"):
                 values[name.replace("/", ".")] = node[()].T  # MATLAB stores arrays by columns
+                if isinstance(unit := node.attrs.get("units", node.attrs.get("unit")), str):
+                    values[f"units.{name.replace('/', '.')}"] = unit
     return values
 
 

@@ -1,4 +1,4 @@
-"""Excel workbooks (.xlsx), by openpyxl: the one sheet with samples, or ``lab.xlsx#Sheet2``, is read as a CSV file."""
+"""Excel workbooks (.xlsx, .xlsm), by openpyxl: the one sheet with samples, or ``lab.xlsx#Sheet2``, is read as a CSV file."""
 
 import hashlib
 import io
@@ -18,7 +18,7 @@ _LISTED = 10  # Largest number of sheets that an error lists
 
 def split_sheet(path: str | Path) -> tuple[str, str]:
     """Split a path into the file and the sheet named after its ending; empty if none is named."""
-    found = re.fullmatch(r"(.*\.xlsx)#(.+)", str(path), re.IGNORECASE | re.DOTALL)
+    found = re.fullmatch(r"(.*\.xls[xm])#(.+)", str(path), re.IGNORECASE | re.DOTALL)
     return (found[1], found[2]) if found else (str(path), "")
 
 
