@@ -39,7 +39,9 @@ def decode(content: bytes, path: str) -> str:
     """Return the text of a file in UTF-8, UTF-16 (also without its mark), UTF-32 with it, GBK, or Latin-1."""
     if content[:4] in (b"\xff\xfe\0\0", b"\0\0\xfe\xff"):
         return content.decode("utf-32", errors="replace")
-    bare = {(False, True): "utf-16-le", (True, False): "utf-16-be"}.get((content[:1] == b"\0", content[1:2] == b"\0"))
+    halves = content[0:8:2], content[1:8:2]  # of the first four characters, which are Latin in a table
+    empty = tuple(bool(half) and not any(half) for half in halves)
+    bare = {(False, True): "utf-16-le", (True, False): "utf-16-be"}.get(empty)
     if bare or content[:2] in (b"\xff\xfe", b"\xfe\xff"):
         try:
             return content.decode(bare or "utf-16")
