@@ -143,8 +143,8 @@ def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[s
             said[k] = cell
             if units[k] and cell and units[k] not in (find_unit(cell), for_name(names[k], find_unit(cell))):
                 raise DataError(
-                    f'{path}, column "{clipped(headers[k])}": its name says {units[k]}, the line below '
-                    f"{clipped(cell)}; correct one"
+                    f'{path}, column "{clipped(headers[k])}": the name gives the unit {units[k]}, but the units line below '
+                    f"gives {clipped(cell.strip('()[] '))}; correct one of them"
                 )
             units[k] = units[k] or for_name(names[k], find_unit(cell))
     elif len(headers) > 1 and all(map(find_unit, headers)):  # the file has units instead of names
