@@ -64,7 +64,7 @@ def page_data(study: Opened, goals: Sequence[Goal], seal: SweepSeal) -> dict[str
 
 def page_of(data: Mapping[str, Any]) -> str:
     """Write the page of results."""
-    tested = [g if g["reached"] != NO_CASE else {**g, "met": "–"} for g in data["goals"]]
+    tested = [{**g, "met": "–"} if (g["reached"], g["met"]) == (NO_CASE, "no") else g for g in data["goals"]]
     goals = markdown_table(["goal", "demanded", "reached", "met"], [list(goal.values()) for goal in tested])
     shown = [{"title": t["title"], "lines": markdown_table(t["columns"], t["rows"])} for t in data["tables"]]
     named = ("size", "seed", "version", "seal", "planned", "done", "remark", "intervals", "errors")
