@@ -12,7 +12,7 @@ from markdown_tables import markdown_table
 
 from deatwin.plant.errors import DataError
 from deatwin.scenarios.concealed_physics.results import FAR, Opened, open_key
-from deatwin.scenarios.concealed_physics.score import Goal
+from deatwin.scenarios.concealed_physics.score import NO_CASE, Goal
 from deatwin.scenarios.concealed_physics.study import key_of, labels
 from deatwin.scenarios.concealed_physics.tables import KINDS, tables
 from deatwin.studies.report.prose import rendered
@@ -65,7 +65,8 @@ def page_data(study: Opened, goals: Sequence[Goal], seal: SweepSeal) -> dict[str
 
 def page_of(data: Mapping[str, Any]) -> str:
     """Write the page of results."""
-    goals = markdown_table(["goal", "demanded", "reached", "met"], [list(goal.values()) for goal in data["goals"]])
+    tested = [{**g, "met": "–"} if (g["reached"], g["met"]) == (NO_CASE, "no") else g for g in data["goals"]]
+    goals = markdown_table(["goal", "demanded", "reached", "met"], [list(goal.values()) for goal in tested])
     shown = [{"title": t["title"], "lines": markdown_table(t["columns"], t["rows"])} for t in data["tables"]]
     named = ("size", "seed", "version", "seal", "planned", "done", "remark", "intervals", "errors")
     text = rendered(

@@ -1,4 +1,4 @@
-"""What each effect of the catalogue adds to the reading of the usual diaphragm, for the pictures on the page of effects.
+"""What each effect of the catalogue adds to the reading of the default `Diaphragm()`, for the pictures on the page of effects.
 
 ``python tests/tools/signatures.py docs`` simulates the effects at their typical strengths and writes
 ``docs/data/signatures.json``; the build of the site draws it.

@@ -146,7 +146,7 @@ def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
         with draw((7.4, 2.8)) as figure:
             axes = found.signal.plot(figure.add_subplot())
             axes.set_ylabel(f"deviation of the {axes.get_ylabel()}")
-            caption = "One period of the test signal of the NOFRFs, as the deviation from the operating input. All its spectral lines have the same phase."
+            caption = "One period of the test signal used to estimate the NOFRFs, as a deviation from the operating input. All its spectral lines have the same phase."
             yield _drawn(figure, folder, "test_signal", "Test signal", caption)
 
 

@@ -129,7 +129,10 @@ def files_of(folder: Path, rates: Iterable[str], stretches: Sequence[str]) -> li
         for stretch in stretches:
             files = sorted(folder.glob(f"{rate}_{stretch}*.csv"))
             if not files:
-                raise DataError(f"{folder}: no file {rate}_{stretch}*.csv; it must hold the recordings of vhb4910")
+                raise DataError(
+                    f"{folder}: no file matching {rate}_{stretch}*.csv in this folder; the folder must contain the vhb4910 "
+                    "recordings"
+                )
             found.append(files[0])
     return found
 

@@ -350,8 +350,14 @@ EXPLANATIONS = {
 @pytest.mark.parametrize(
     ("verdict", "said"),
     [
-        (Verdict.NONE, "0.230, and the error exceeds the noise by 0.340 µm rms; it counts as a mismatch only if"),
-        (Verdict.PARAMETERS, "0.230, and the error exceeds the noise by 0.340 µm rms; it counts as a mismatch only if"),
+        (
+            Verdict.NONE,
+            "0.230; the part of the error that noise does not explain is 0.340 µm rms; a mismatch is reported only if",
+        ),
+        (
+            Verdict.PARAMETERS,
+            "0.230; the part of the error that noise does not explain is 0.340 µm rms; a mismatch is reported only if",
+        ),
         (
             Verdict.UNKNOWN,
             "where 1.19 µm rms would suffice for a mismatch; single effects explain at most 34 % of the mismatch, and none is certain.",

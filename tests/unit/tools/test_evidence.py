@@ -91,10 +91,10 @@ def test_a_folder_of_trials_becomes_data_and_pages(results: Path, docs: Path) ->
     assert [Outcome(**row) for row in data["trials"]] == TRIALS
     page = (docs / "control-check.md").read_text(encoding="utf-8")
     assert "5 trials with seed 9 (sources `cccccccccccc`). Run on a Sunday." in page
-    assert "In 1 trials the check said fail because no design met the specification" in page
+    assert "In 1 of the 5 trials, the check failed at the design stage" in page
     assert "at least 90 %) | 1 of 2, 50 % (true rate above 2 %) |" in page  # 1 - 0.95^(1/2) = 2.53 %, rounded down
-    assert "did not pass (goal: at least 90 %) | 1 of 1, 100 % (true rate above 5 %) |" in page
-    assert "keep every limit on the true rig: they did not pass | 1 of 3, 33 % |" in page
+    assert "the check did not pass (goal: at least 90 %) | 1 of 1, 100 % (true rate above 5 %) |" in page
+    assert "keep every limit on the true rig, those that the check did not pass | 1 of 3, 33 % |" in page
     assert "| nothing | 4 | 1 | 1 of 1 | 1 of 1 | 1 of 2 |\n| creep | 1 | 1 | 0 of 1 | – | 0 of 1 |" in page
     summary = (docs / "validation.md").read_text(encoding="utf-8")
     assert "| [control check](control-check.md) | 5 | 1 of 2 |" in summary
@@ -165,7 +165,11 @@ SILVERBOX = {
         "The arrow-head": {
             "base": 0.25,
             "amended": 0.003,
-            "black_boxes": {LINEAR: 0.0001, "FROLS, refined": 0.002, "grown by the free-run error": None},
+            "black_boxes": {
+                LINEAR: 0.0001,
+                "NARX by FROLS, refitted to the free run": 0.002,
+                "NARX built by Grow": None,
+            },
         },
         "Another": {"base": 9.0, "amended": 9.0, "black_boxes": {}},
     },

@@ -118,7 +118,7 @@ def judge_runs(runs: Runs, sine_predicted: float, specification: Specification) 
             "saturation",
             saturated,
             spec.saturated,
-            f"{100 * saturated:.0f} % of the commands are at a limit of the command",
+            f"the command is at one of its limits in {100 * saturated:.0f} % of the samples",
         ),
         ("tracking", ratio, spec.tracking, f"the rms error on a slow sine is {times} the predicted one"),
     )

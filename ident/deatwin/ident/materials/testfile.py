@@ -277,8 +277,8 @@ def _require_agreement(table: Table, column: int, unit: str, place: str) -> None
     own = table.units[column] or ("1" if _is_plain(table, column) else "")
     if own not in ("", "C", find_unit(unit) or unit):  # C may be degrees or coulombs
         raise DataError(
-            f'{table.path}: {place}: the column "{table.shown(column)}" is in {own}, but is said to be in '
-            f"{clipped(unit)}; leave ={clipped(unit)} out"
+            f'{table.path}: the column "{table.shown(column)}" is in {own}, but {place} gives it the unit '
+            f'{clipped(unit)}; remove "={clipped(unit)}"'
         )
 
 

@@ -88,8 +88,8 @@ def _clean(diagnosis: Diagnosis) -> str:
             f"{_limit(diagnosis, ' (limit: {})')}"
         )
     return (
-        f"{_chance(found)}, and the error exceeds the noise by {_rms(found.excess, diagnosis)}; it counts as a mismatch only "
-        f"if the probability is below {LEVEL:g}{_limit(diagnosis, ' and the excess is at least {}')}"
+        f"{_chance(found)}; {_unexplained(found.excess, diagnosis)}; a mismatch is reported only if the probability is below "
+        f"{LEVEL:g}{_limit(diagnosis, ' and that part is at least {}')}"
     )
 
 
@@ -122,7 +122,7 @@ def _beyond_chance(diagnosis: Diagnosis) -> str:
     if found.p_value is None or found.excess is None:
         return ""
     enough = _limit(diagnosis, ", where {} would suffice for a mismatch")
-    return f"{_chance(found)}, and the error exceeds the noise by {_rms(found.excess, diagnosis)}{enough}"
+    return f"{_chance(found)}; {_unexplained(found.excess, diagnosis)}{enough}"
 
 
 def _data_fault(diagnosis: Diagnosis) -> str:
@@ -148,9 +148,14 @@ def _not_testable(diagnosis: Diagnosis) -> str:
 def _chance(found: DetectionSummary) -> str:
     at_most = "at most " if found.p_value is not None and found.p_value < 1 / DRAWS else ""
     return (
-        f"if no physics were missing, a residual this unusual would occur with a probability of "
+        f"if the plant lacked nothing, a residual at least this unusual would occur with a probability of "
         f"{at_most}{number(found.p_value or 0.0)}"
     )
+
+
+def _unexplained(excess: float, diagnosis: Diagnosis) -> str:
+    """Return how large the error is beyond the noise."""
+    return f"the part of the error that noise does not explain is {_rms(excess, diagnosis)}"
 
 
 def _limit(diagnosis: Diagnosis, form: str) -> str:

@@ -374,7 +374,9 @@ def _part(share: float) -> str:
 
 def _physics(cause: Cause, diagnosis: Diagnosis) -> str:
     """Write an effect in its own words, which a user's effect also brings along."""
-    text = _effect(cause, diagnosis).wording.format(**{n: _with_interval(p) for n, p in cause.parameters.items()})
+    text = _effect(cause, diagnosis).wording.format(
+        **{n: _with_interval(_in_percent(n, p)) for n, p in cause.parameters.items()}
+    )
     others = [f"the {_plain(place)}" for place in (cause.places or ())[1:]]
     elsewhere = f" (or at {' or '.join(others)}: these recordings cannot decide)" if others else ""
     return text[0].lower() + text[1:] + elsewhere
@@ -383,6 +385,13 @@ def _physics(cause: Cause, diagnosis: Diagnosis) -> str:
 def _effect(cause: Cause, diagnosis: Diagnosis) -> Effect:
     own = () if diagnosis.model is None else diagnosis.model.plant.effects
     return next((e for e in own if e.cause == cause.effect), None) or effect_named(cause.effect)
+
+
+def _in_percent(name: str, parameter: Interval) -> Interval:
+    """Return a relative change, such as relative_loss, in per cent; any other parameter unchanged."""
+    if parameter.unit != "1" or not name.startswith("relative_"):
+        return parameter
+    return Interval(value=100 * parameter.value, low=100 * parameter.low, high=100 * parameter.high, unit="%")
 
 
 def _with_interval(parameter: Interval) -> str:

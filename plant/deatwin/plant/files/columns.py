@@ -217,8 +217,8 @@ def _usual_column(table: Table, name: str, taken: Collection[int] = frozenset())
         return table.column(name)  # raises the error that says how to name one
     unit = table.units[named[0]]
     raise DataError(
-        f'{table.path}: the column "{table.shown(named[0])}" has the unit {unit or "(none)"}; '
-        f'it must be in {right} or the like, as in "{usual}"'
+        f'{table.path}: the column "{table.shown(named[0])}" has the unit {unit or "(none)"}, '
+        f'but the {name} must be in {right} or a multiple of it, as in "{usual}"'
     )
 
 

@@ -40,8 +40,8 @@ def decode(content: bytes, path: str) -> str:
     if content[:4] in (b"\xff\xfe\0\0", b"\0\0\xfe\xff"):
         return content.decode("utf-32", errors="replace")
     halves = content[0:8:2], content[1:8:2]  # of the first four characters, which are Latin in a table
-    empty = tuple(bool(half) and not any(half) for half in halves)
-    bare = {(False, True): "utf-16-le", (True, False): "utf-16-be"}.get(empty)
+    first, second = (bool(half) and not any(half) for half in halves)
+    bare = {(False, True): "utf-16-le", (True, False): "utf-16-be"}.get((first, second))
     if bare or content[:2] in (b"\xff\xfe", b"\xfe\xff"):
         try:
             return content.decode(bare or "utf-16")
@@ -148,8 +148,8 @@ def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[s
             said[k] = cell
             if units[k] and cell and units[k] not in (find_unit(cell), for_name(names[k], find_unit(cell))):
                 raise DataError(
-                    f'{path}, column "{clipped(headers[k])}": its name says {units[k]}, the line below '
-                    f"{clipped(cell)}; correct one"
+                    f'{path}, column "{clipped(headers[k])}": the name gives the unit {units[k]}, but the units line below '
+                    f"gives {clipped(cell.strip('()[] '))}; correct one of them"
                 )
             units[k] = units[k] or for_name(names[k], find_unit(cell))
     elif len(headers) > 1 and all(map(find_unit, headers)):  # the file has units instead of names

@@ -99,7 +99,7 @@ def _named_times(table: Table, taken: set[int], wanted: str) -> tuple[int, str]:
     if own and stated and own != stated:
         raise DataError(
             f'{table.path}: the column "{clipped(header)}" is in {own}, but its times are said to be in {stated}; '
-            f"leave ={clipped(behind)} out"
+            f'remove "={clipped(behind)}"'
         )
     return column, own or stated
 
@@ -151,7 +151,7 @@ def with_times(table: Table, column: int, unit: str) -> Table:
     if scale and scale.unit and (table.declared.signals or table.headers[column] == USUAL_TIMES):
         scale = None
     if order and not scale:
-        raise DataError(f'{table.path}: the column "{table.shown(column)}" holds no dates; leave ={order} out')
+        raise DataError(f'{table.path}: the column "{table.shown(column)}" holds no dates; remove "={order}"')
     if scale and not scale.order and len({re.split("[T ,]", text.strip())[0] for text in table.texts(column)}) > 1:
         either = [ReadOptions(time_column=f"{table.unmistakable(column)}={order}") for order in ORDERS]
         raise DataError(

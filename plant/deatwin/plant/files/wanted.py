@@ -55,7 +55,7 @@ def with_stated_units(table: Table, asked: Mapping[str, str | None]) -> tuple[Ta
         if units[column] not in ("", "C", known) and not _may_be(units[column], known):  # C alone may mean two units
             raise DataError(
                 f'{table.path}: the column "{table.shown(column)}" is in {units[column]}, but is said to be in '
-                f"{clipped(unit)}; leave ={clipped(unit)} out"
+                f'{clipped(unit)}; remove "={clipped(unit)}"'
             )
         units[column], said[column] = known, unit
     return replace(table, units=tuple(units), said=tuple(said)), bare
@@ -77,11 +77,11 @@ def require_stated_unit(table: Table, column: int, wanted: str) -> None:
         return
     shown = split_unit(COLUMNS["displacement"])[1] if wanted == usual_unit("displacement") else wanted
     likes, name = units_like(wanted), table.names[column]
-    also = f"; {', '.join(likes)} would do" if len(likes) > 1 else ""
+    also = f" ({', '.join(likes)} would do)" if len(likes) > 1 else ""
     offers = ReadOptions(output_column=f"{table.unmistakable(column)}={shown}")
     raise DataError(
-        f'{table.path}: the column "{table.shown(column)}" gives no unit, and the plant takes it in {wanted}: it needs a '
-        f'header with the unit, as in "{header_like(name, shown)}"{also}; or state it: {offers}',
+        f'{table.path}: the column "{table.shown(column)}" has no unit, but the plant takes it in {wanted}: put the unit '
+        f'in the header, as in "{header_like(name, shown)}"{also}, or state it with {offers}',
         offers,
     )
 

@@ -90,7 +90,8 @@ DiagnosisFolder = Annotated[
     typer.Option(
         "--diagnosis",
         metavar="DIR",
-        help="Result of deatwin diagnose: its plant, and the alternatives that it could not rule out, are judged too.",
+        help="Result folder of deatwin diagnose. The controller is also tested on the plant in this folder, and on every "
+        "alternative that the diagnosis could not rule out.",
     ),
 ]
 Rivals = Annotated[

@@ -59,7 +59,11 @@ SLOWER = (
 it."""
 
 Warm = Annotated[
-    bool, typer.Option("--warm", help="Compile the usual plants now, so that the first diagnosis takes less time.")
+    bool,
+    typer.Option(
+        "--warm",
+        help="Compile the plants that a diagnosis of a diaphragm needs, so that the first one takes less time.",
+    ),
 ]
 
 

@@ -14,7 +14,7 @@ from deatwin.studies.report.story import Measure
 from deatwin.studies.report.words import Words
 
 WORDS = Words(__package__)
-NO_CASE = "no case"  # Reached by a goal for which nothing was run
+NO_CASE = "not tested (no such cases)"  # Reached by a goal for which nothing was run
 STRONG, VERY_STRONG = 0.5, 1.0
 """Structural residual over noise from which on a name, and a prediction as good as the oracle's, can be demanded."""
 LEAST_PARAMETERS = 300

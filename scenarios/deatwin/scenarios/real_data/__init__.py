@@ -94,9 +94,9 @@ def judge(sets: Sequence[DataSet], outcomes: Outcomes) -> list[Measure]:
     refined = converter[REFINED].free_run
     grown, small = box[GROWN].terms, best <= limit and box[GROWN].terms <= MOST_TERMS
     return [
-        WORDS.measure("grown", small, method=GROWN, limit=limit, most=MOST_TERMS, error=best, terms=grown),
+        WORDS.measure("grown", small, limit=limit, most=MOST_TERMS, error=best, terms=grown),
         WORDS.measure("semp", semp < simple, other=simple, error=semp, terms=box[SEMP].terms),
-        WORDS.measure("linear", best < 0.1 * linear, method=GROWN, other=linear, error=best),
+        WORDS.measure("linear", best < 0.1 * linear, other=linear, error=best),
         WORDS.measure(
             "converter",
             refined <= documented,

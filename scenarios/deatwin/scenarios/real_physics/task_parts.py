@@ -127,8 +127,8 @@ def _silverbox(data: Path | None) -> Task:
 
     tests = (
         Test(name="multisine", recording=cut(SILVERBOX_MULTISINE), goal=0.22),
-        Test(name="arrow-head, whole", recording=cut(ARROW), goal=0.26),
-        Test(name="arrow-head, inside", recording=cut(ARROW_INSIDE), goal=0.21),
+        Test(name="whole arrow-head", recording=cut(ARROW), goal=0.26),
+        Test(name="arrow-head inside the training range", recording=cut(ARROW_INSIDE), goal=0.21),
     )
     peers = like_ours(known.candidates) | {SYSIDENTPY: SILVERBOX_SYSIDENTPY}
     return Task(

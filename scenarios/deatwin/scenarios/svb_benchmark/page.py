@@ -95,8 +95,8 @@ def _covers(study: Study) -> Iterator[Measure]:
         if sets:
             rate = Rate.of(np.concatenate([flags.ravel() for flags in sets]).tolist())
             yield Measure(
-                f"95 % intervals by {estimator}, given the right structure: {', '.join(WHITE)}",
-                f"{_band()} of at least {LEAST_PARAMETERS} parameters are covered",
+                f"95 % intervals by {estimator}, estimated with the true structure: {', '.join(WHITE)}",
+                f"{_band()} of at least {LEAST_PARAMETERS} contain the true value",
                 f"{rate} of {rate.count}",
                 _within(rate.share) and rate.count >= LEAST_PARAMETERS,
             )
@@ -219,7 +219,7 @@ def _coverage(study: Study) -> Table:
     rates = [(*key, Rate.of(flags.ravel().tolist())) for key, flags in study.covered.items()]
     rows = [[system, estimator, str(rate.count), str(rate)] for system, estimator, rate in rates]
     columns = ["system", "estimator", "parameters", "covered"]
-    return Table(title="95 % intervals, given the right structure", columns=columns, rows=rows)
+    return Table(title="95 % intervals, estimated with the true structure", columns=columns, rows=rows)
 
 
 def _systems(study: Study) -> Table:

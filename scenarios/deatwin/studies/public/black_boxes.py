@@ -32,8 +32,8 @@ LINEAR, FROLS, SEMP, REFINED, GROWN = (
     "output error, linear",
     "FROLS",
     "SEMP",
-    "FROLS, refined",
-    "grown by the free-run error",
+    "NARX by FROLS, refitted to the free run",
+    "NARX built by Grow",
 )
 
 

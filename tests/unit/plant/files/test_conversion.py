@@ -70,7 +70,9 @@ def test_matlab_5_needs_no_further_package(monkeypatch: pytest.MonkeyPatch, tmp_
     write_recording(tmp_path / "rec.mat", RECORDING)
     assert read_recording(tmp_path / "rec.mat").n_samples == 3
     (tmp_path / "new.mat").write_bytes(bytes(512) + b"\x89HDF\r\n\x1a\n")
-    with pytest.raises(DataError, match=r"new.mat: a MATLAB file of version 7.3, or another HDF5 file, needs the package h5py"):
+    with pytest.raises(
+        DataError, match=r"new.mat: a MATLAB file of version 7.3, or another HDF5 file, needs the package h5py"
+    ):
         read_recording(tmp_path / "new.mat")
 
 

@@ -56,9 +56,7 @@ def test_a_column_is_brought_into_the_unit_that_is_wanted(
 @pytest.mark.parametrize("header", ["speed", "speed_dps", "speed_krpm", "speed_1"])
 def test_a_reading_without_a_known_unit_is_refused_where_one_is_wanted(tmp_path: Path, header: str) -> None:
     path = written(tmp_path, header)
-    with pytest.raises(
-        DataError, match=f'"{header}" gives no unit, and the plant takes it in rad/s: .*"{header}=rad/s"'
-    ):
+    with pytest.raises(DataError, match=f'"{header}" has no unit, but the plant takes it in rad/s: .*"{header}=rad/s"'):
         read(path, header, "rad/s")
     assert read(path, f"{header}=rad/s", "rad/s")[1:] == ("rad/s", [1.0, 2.0, -3.0])
     assert read(path, header)[1] == ""
@@ -184,7 +182,7 @@ def test_an_unknown_unit_below_the_names_is_carried(tmp_path: Path) -> None:
 def test_a_unit_is_stated_behind_the_column(tmp_path: Path, asked: str) -> None:
     assert read(written(tmp_path, "speed"), asked) == ("speed", "m", [0.001, 0.002, -0.003])
     assert read(written(tmp_path, "speed"), asked, "mm") == ("speed", "mm", [1.0, 2.0, -3.0])
-    with pytest.raises(DataError, match=r"is in V, but is said to be in mm; leave =mm out"):
+    with pytest.raises(DataError, match=r"is in V, but is said to be in mm; remove \"=mm\""):
         read(written(tmp_path, "speed_V"), asked.replace("speed", "speed_V"))
     with pytest.raises(DataError, match='is in "MM", which is not a known unit; did you mean "mm"'):
         read(written(tmp_path, "speed"), asked.upper().replace("SPEED", "speed"))

@@ -101,7 +101,8 @@ def array_table(
         (name, suffix), stated = split_unit(header), find_unit(units.get(header, ""))
         if suffix and stated and suffix not in (stated, for_name(name, stated)):
             raise DataError(
-                f'{path}, column "{clipped(header)}": its name says {suffix}, its unit attribute {stated}; correct one'
+                f'{path}, column "{clipped(header)}": the name gives the unit {suffix}, but its unit '
+                f"attribute gives {stated}; correct one of them"
             )
         names.append(name)
         found.append(for_name(name, stated) or suffix)

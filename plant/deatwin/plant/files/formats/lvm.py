@@ -181,7 +181,8 @@ def _unit(header: str, label: str, path: str) -> str:
     (name, own), stated = split_unit(header), find_unit(label)
     if own and stated and own not in (stated, for_name(name, stated)):
         raise DataError(
-            f'{path}, column "{clipped(header)}": its name says {own}, its Y_Unit_Label {stated}; correct one'
+            f'{path}, column "{clipped(header)}": the name gives the unit {own}, but its Y_Unit_Label gives '
+            f"{stated}; correct one of them"
         )
     return for_name(name, stated) or own
 

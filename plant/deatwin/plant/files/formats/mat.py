@@ -137,7 +137,7 @@ def _timing(arrays: Mapping[str, np.ndarray], path: str) -> Timing | None:
         if not value.agrees(timing.sample_time):
             raise DataError(
                 f"{path}: {clipped(first)} states a sample time of {value.sample_time:g} s, {clipped(name)} one of "
-                f"{timing.sample_time:g} s; correct one"
+                f"{timing.sample_time:g} s; correct one of them"
             )
     return next(iter(timings.values()), None)
 
