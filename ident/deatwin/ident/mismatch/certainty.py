@@ -53,7 +53,9 @@ def _named(diagnosis: Diagnosis) -> str:
 def _ambiguous(diagnosis: Diagnosis) -> str:
     if not diagnosis.explanations:
         return ""
-    shown = [f"{_called(each, diagnosis)} {_percent(each.probability)}" for each in diagnosis.explanations]
+    first, *others = diagnosis.explanations
+    ranked = [first, *sorted(others, key=lambda each: -each.probability)]
+    shown = [f"{_called(each, diagnosis)} {_percent(each.probability)}" for each in ranked]
     return ", ".join([*shown, *_others(diagnosis)])
 
 

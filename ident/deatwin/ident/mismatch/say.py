@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from deatwin.ident.mismatch.diagnosis import Diagnosis
-from deatwin.ident.mismatch.locate.region import BRANCH, SINCE_REST
+from deatwin.ident.mismatch.locate.region import BRANCH, RATE, SINCE_REST
 from deatwin.ident.mismatch.located import Band, LocationSummary, Region, Unexplained, Window
 from deatwin.ident.mismatch.result import Fault
 from deatwin.ident.mismatch.verdict import Cause, Interval, Verdict
@@ -158,7 +158,7 @@ def _mostly(left: Unexplained, diagnosis: Diagnosis) -> str:
         return f", mostly {_between(window)}"
     if band is not None:
         return f", mostly {_at(band)}"
-    return "" if region is None else f", mostly {_in(region)}"
+    return "" if region is None else f", mostly {_in(region, diagnosis)}"
 
 
 def _at(band: Band) -> str:
@@ -166,7 +166,18 @@ def _at(band: Band) -> str:
     return f"from {number(band.from_Hz, 2)} to {high} Hz" if band.from_Hz > 0 else f"below {high} Hz"
 
 
-def _in(region: Region) -> str:
+def unit_of(signal: str, diagnosis: Diagnosis) -> str:
+    """Return the unit of an operating signal, as it is shown; empty if unknown."""
+    unit = written_unit(diagnosis.output.unit)
+    if signal == diagnosis.output.name:
+        return unit
+    if signal.endswith(RATE):
+        return f"{unit or '1'}/s"
+    known = diagnosis.readings and diagnosis.readings.experiments[0].recordings[0].input_units[0]
+    return known if known and known != "1" else ""
+
+
+def _in(region: Region, diagnosis: Diagnosis) -> str:
     """Return a range of an operating signal, in the words of a condition."""
     if region.signal == BRANCH:
         return f"while the reading {'rises' if region.high > 0 else 'falls'}"
@@ -174,7 +185,7 @@ def _in(region: Region) -> str:
     return (
         f"from {span} s after the command last rested"
         if region.signal == SINCE_REST
-        else f"at a {_plain(region.signal)} from {span}"
+        else f"at a {_plain(region.signal)} from {span} {unit_of(region.signal, diagnosis)}".rstrip()
     )
 
 
@@ -205,11 +216,13 @@ def _where(diagnosis: Diagnosis) -> str:
     parts = [
         _when(found, diagnosis),
         "" if band is None else f"most of its power is {_at(band)}",
-        "" if region is None else f"its mean is largest, {_amplitude(region.mean_residual, diagnosis)}, {_in(region)}",
+        ""
+        if region is None
+        else f"its mean is largest, {_amplitude(region.mean_residual, diagnosis)}, {_in(region, diagnosis)}",
     ]
     best = [place.place for place in found.place if place.among_best and (place.explained or 0.0) > HALF]
     suspect = (
-        f"; the signals at the {' or the '.join(map(_plain, best))} predict it best, so suspect first what acts there"
+        f"; suspect first what acts at the {' or the '.join(map(_plain, best))}, whose signals predict it best"
         if best
         else ""
     )

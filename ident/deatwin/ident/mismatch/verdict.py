@@ -49,7 +49,7 @@ _ADVICE: Mapping[Verdict, str] = {
     ),
     Verdict.PARTLY: "next: use the amended plant with care, because something else is missing",
     Verdict.UNKNOWN: "next: inspect the readings where the mismatch lies; if they are sound, add the effect that you suspect",
-    Verdict.DISTURBANCE: "next: find the source of the disturbance in the set-up; changing the plant will not help",
+    Verdict.DISTURBANCE: "next: find the source of the disturbance in the set-up; changing the model will not help",
     Verdict.DATA_FAULT: "next: repeat the recording, or delete the faulty rows and read it with --allow-gaps",
     Verdict.NOT_TESTABLE: "next: record a larger input, or one with more frequencies; `deatwin plan` says what an input would show",
 }

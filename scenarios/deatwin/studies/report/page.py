@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from deatwin.ident.mismatch.certainty import how_sure
-from deatwin.ident.mismatch.locate.region import RATE
+from deatwin.ident.mismatch.say import unit_of
 from deatwin.plant.amplitudes import reported_size, written_unit
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.report.figures import LEAST_SHARE, drawings
@@ -78,17 +78,7 @@ def _signal_units(diagnosis: Diagnosis) -> dict[str, str]:
     """Units of the operating signals of all regions, as the page shows them; empty where unknown."""
     located = diagnosis.location.region if diagnosis.location else ()
     left = diagnosis.unexplained.region if diagnosis.unexplained else None
-    unit = written_unit(diagnosis.output.unit)
-    found = {}
-    for region in (*located, *([left] if left else [])):
-        if region.signal == diagnosis.output.name:
-            found[region.signal] = unit
-        elif region.signal.endswith(RATE):
-            found[region.signal] = f"{unit or '1'}/s"
-        else:
-            known = diagnosis.readings and diagnosis.readings.experiments[0].recordings[0].input_units[0]
-            found[region.signal] = known if known and known != "1" else ""
-    return found
+    return {region.signal: unit_of(region.signal, diagnosis) for region in (*located, *([left] if left else []))}
 
 
 def _candidates(diagnosis: Diagnosis) -> list[dict[str, Any]]:

@@ -301,6 +301,13 @@ def test_every_verdict_says_how_sure_it_is_and_the_file_holds_the_probabilities(
     assert how_sure(Diagnosis.load(tmp_path / "diagnosis.json")) == said
 
 
+def test_after_the_answer_the_likeliest_alternative_is_stated_first():
+    weighed = (("creep", 0.3), ("delay", 0.02), ("sensor_drift", 0.4), ("electrode_loss", 0.1))
+    made = tuple(Explanation(effects=(name,), probability=share) for name, share in weighed)
+    said = how_sure(replace(DIAGNOSES["ambiguous"], explanations=made))
+    assert said.startswith("creep 30 %, sensor drift 40 %, electrode loss 10 %, delay 2 %, ")
+
+
 def test_no_exponent_and_one_sentence():
     for diagnosis in DIAGNOSES.values():
         assert not re.search(r"\de[-+]?\d", diagnosis.sentence)
@@ -401,7 +408,7 @@ def test_the_sentence_of_a_part():
     )
     assert "unexplained, mostly from 0.025 to 0.48 Hz; the" in DIAGNOSES["partly, at which frequencies"].sentence
     said = DIAGNOSES["partly, in which region"].sentence
-    assert "unexplained, mostly at a displacement rate from -12.3 to -3.21; the" in said
+    assert "unexplained, mostly at a displacement rate from -12.3 to -3.21 µm/s; the" in said
     assert "remain unexplained; the" in DIAGNOSES["partly, nowhere"].sentence
 
 
@@ -461,8 +468,8 @@ def test_a_refuted_explanation_and_a_free_form_are_no_causes():
 def test_an_unknown_mismatch_is_said_to_lie_where_and_what_to_suspect():
     assert (
         "(sensor noise: 2.0 µm); the mismatch is spread over the recordings, most of its power is below 1.4 Hz, its mean is "
-        "largest, -6.7 µm, from 0.520 to 58.3 s after the command last rested; the signals at the film predict it best, so "
-        "suspect first what acts there."
+        "largest, -6.7 µm, from 0.520 to 58.3 s after the command last rested; suspect first what "
+        "acts at the film, whose signals predict it best."
     ) in DIAGNOSES["unknown, located"].sentence
     assert "; 90 % of the mismatch lies between 118 and 240 s." in DIAGNOSES["unknown"].sentence
     falling = Region(signal="branch", low=-1.0, high=0.0, mean_residual=9.1)
