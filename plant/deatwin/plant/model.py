@@ -44,7 +44,7 @@ class Plant:
         Parameter values, SI, that replace those of rig and effects, for example after a calibration.
     stages : int
         Number s of stages of the implicit step over a sample, at least 1; the order of the step is 2 s - 1. Five follow
-        the ringing of a mode at a third of the sampling rate to 0.001 % of its amplitude.
+        the ringing of a mode at a third of the sampling rate to 0.001 % of its amplitude. Not part of `to_dict`.
 
     Raises
     ------
@@ -69,8 +69,8 @@ class Plant:
             if not isinstance(effect, Effect):
                 given = effect.__name__ if isinstance(effect, type) else repr(effect)
                 raise RigError(f"{given} is not an effect: give effects one by one, each as an object such as Creep()")
-        if self.stages < 1:
-            raise RigError(f"stages is {self.stages}: an implicit step needs at least 1")
+        if not isinstance(self.stages, int) or self.stages < 1:
+            raise RigError(f"stages is {self.stages!r}: an implicit step needs a whole number of them, at least 1")
         # Sorted, so that effects given in any order make the same plant.
         object.__setattr__(self, "effects", tuple(sorted(self.effects, key=lambda e: e.name)))
         object.__setattr__(self, "values", MappingProxyType(dict(self.values)))

@@ -360,7 +360,8 @@ EXPLANATIONS = {
         ),
         (
             Verdict.UNKNOWN,
-            "where 1.19 µm rms would suffice for a mismatch; single effects explain at most 34 % of the mismatch, and none is certain.",
+            "where 1.19 µm rms would suffice for a mismatch; no single effect and no signal accounts for more than 34 % of the "
+            "mismatch.",
         ),
         (
             Verdict.DISTURBANCE,

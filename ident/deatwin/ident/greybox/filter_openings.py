@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.builder import Builder
-from deatwin.plant.effects.base import Effect, Place
+from deatwin.plant.effects.base import Place
 from deatwin.plant.equations import Equations
 from deatwin.plant.film import AnyFilm
 from deatwin.plant.model import Plant
@@ -61,7 +61,7 @@ def opened_equations(plant: Plant, openings: Sequence[Opening], ghosts: Sequence
         for name in (*(o.name for o in built_in), *ghosts)
     ]
     parameters = ParameterSet([*plant.parameters.values(), *added])
-    build = _Opened(parameters, plant.effects, built_in)
+    build = _Opened(parameters, plant, built_in)
     with written(plant.rig, build) as reading:
         return build.finish(reading)
 
@@ -69,8 +69,8 @@ def opened_equations(plant: Plant, openings: Sequence[Opening], ghosts: Sequence
 class _Listener(Builder):
     """A builder that records which signals a rig offers."""
 
-    def __init__(self, parameters: ParameterSet, effects: Sequence[Effect]) -> None:
-        super().__init__(parameters, effects)
+    def __init__(self, plant: Plant) -> None:
+        super().__init__(plant.parameters, plant.effects, plant.stages)
         self.heard: list[tuple[str, str]] = []
 
     def place(self, place: Enum, name: str, signal: Any) -> Any:
@@ -88,7 +88,7 @@ def _is_number(signal: Any) -> bool:
 
 
 def _heard(plant: Plant) -> list[tuple[str, str]]:
-    build = _Listener(plant.parameters, plant.effects)
+    build = _Listener(plant)
     with written(plant.rig, build):
         return build.heard
 
@@ -96,8 +96,8 @@ def _heard(plant: Plant) -> list[tuple[str, str]]:
 class _Opened(Builder):
     """A builder that adds the unknown input to each signal, after the effects there."""
 
-    def __init__(self, parameters: ParameterSet, effects: Sequence[Effect], openings: Sequence[Opening]) -> None:
-        super().__init__(parameters, effects)
+    def __init__(self, parameters: ParameterSet, plant: Plant, openings: Sequence[Opening]) -> None:
+        super().__init__(parameters, plant.effects, plant.stages)
         self._left = {(o.place, o.signal): o.name for o in openings}
 
     def place(self, place: Enum, name: str, signal: Any) -> Any:

@@ -91,7 +91,7 @@ def _clean(diagnosis: Diagnosis) -> str:
         )
     return (
         f"{_chance(found)}; {_unexplained(found.excess, diagnosis)}; a mismatch is reported only if the probability is below "
-        f"{LEVEL:g}{_limit(diagnosis, ' and that part is at least {}')}"
+        f"{LEVEL:g}{_limit(diagnosis, ' and that part is at least {}')}, or if that part is far larger"
     )
 
 
@@ -101,7 +101,7 @@ def _unknown(diagnosis: Diagnosis) -> str:
     effect = (
         ""
         if best is None
-        else f"; single effects explain at most {100 * best:.0f} % of the mismatch, and none is certain"
+        else f"; no single effect and no signal accounts for more than {100 * best:.0f} % of the mismatch"
     )
     return _beyond_chance(diagnosis) + effect
 

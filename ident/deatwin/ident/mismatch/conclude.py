@@ -377,7 +377,7 @@ def _rival_models(findings: Findings) -> dict[str, CalibratedPlant]:
     noise, stated = findings.base.noise, findings.problem.stated_error
     return {
         "+".join(alternative.effects) or "none": CalibratedPlant(
-            plant=with_model_error(alternative.calibration.plant, stated),
+            plant=with_model_error(replace(alternative.calibration.plant, stages=findings.final.plant.stages), stated),
             noise=noise,
             model_error=alternative.unseen_test.size,
             names=alternative.calibration.names,

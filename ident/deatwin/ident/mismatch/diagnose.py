@@ -168,7 +168,8 @@ def diagnose(
     tell(0.95, "fitting all recordings")
     last = discovery.calibration if discovery is not None else answer.calibration
     whole = verification.whole if answer is naming.best else detection.taken_up
-    final = refit(last.with_stages(plant.stages), problem.everything) if whole is None else whole
+    # Effects with kinks move less alike with fewer stages than the base plant does, so the last fit has all of them.
+    final = refit((last if whole is None else whole).with_stages(plant.stages), problem.everything)
     diagnosis = conclude(
         Findings(
             problem=problem,
@@ -182,7 +183,7 @@ def diagnose(
             discovery=discovery,
             verdict=verdict,
             answer=answer,
-            final=with_exchanged_lags(final.with_stages(plant.stages), problem.everything),
+            final=with_exchanged_lags(final, problem.everything),
             left=left,
             elsewhere=elsewhere if answer is naming.best else (),
         )

@@ -83,7 +83,7 @@ class Findings:
     def calibrated(self) -> Calibration:
         """The base plant as reported; fitted to all data if that removes the apparent mismatch."""
         taken_up = self.detection.taken_up
-        return self.base.chosen.calibration if taken_up is None else taken_up
+        return self.base.chosen.calibration if taken_up is None else taken_up.with_stages(self.final.plant.stages)
 
     @cached_property
     def intervals(self) -> Calibration:

@@ -161,6 +161,10 @@ def _on_rows_read(
     first = place if reading is ReadingTime.START_OF_HOLD else place - every + 1
     whole = (first >= 0) & (first + every <= len(filled))
     held, kept = filled[first[whole, np.newaxis] + np.arange(every)], kept[whole]
+    if times is not None:  # rows on both sides of a gap are not one hold
+        spans = np.ptp(numbers[times][held], axis=1)
+        together = spans < 1.5 * np.median(spans)
+        held, kept = held[together], kept[together]
     found = {column: values[kept] for column, values in numbers.items()}
     changed = 0
     for column in roles["input"]:
@@ -168,16 +172,15 @@ def _on_rows_read(
         if np.isnan(levels).any():
             row = int(held.flat[np.argmax(np.isnan(levels))])
             raise DataError(
-                f'{table.where(row)}, column "{table.shown(column)}": no value, though the row has a reading, and so in most rows; '
-                "fill it with the command that was held then"
+                f'{table.where(row)}, column "{table.shown(column)}": no value; fill it with the command that was held then'
             )
         moves = np.ptp(levels, axis=1) > 0.0
         changed = max(changed, int(moves.sum()))
         found[column] = np.where(moves, levels.mean(axis=1), levels[:, 0])
     if times is not None:
         found[times] = numbers[times][held[:, 0]]
-    within = f" ({changed} of {len(kept)} times it changed within them)" if changed else ""
-    said = f"only every {every}. row has a reading: {every} rows became one, with their mean command{within}"
+    within = f" (it changed within {changed} of the {len(kept)})" if changed else ""
+    said = f"one row in {every} has a reading: {every} rows became one, with their mean command{within}"
     return found, kept, said
 
 

@@ -35,6 +35,7 @@ from deatwin.plant.safe_read import COLUMNS, RECORDING_BYTES, ROWS, TEXT_BYTES, 
 DESCRIPTION = f"# {SCHEMA} "  # Start of a line above the header that holds a description
 _GZIP = b"\x1f\x8b"  # First bytes of a gzip file
 EXACT = Context(prec=800)  # Decimal context with enough digits for the exact sum of any two floats
+_TIMED = re.compile("(?i)time|stamp|clock|millis|zeit|dat[eu]|temps|heure|hora|tiempo|fecha|^ts?$")  # Names of times
 _FORTRAN = re.compile(r"(\d\.\d*)[dD](?=[+-]\d\d)")  # Exponent of a double-precision number in Fortran
 _NO_VALUE = frozenset(
     {
@@ -280,7 +281,8 @@ def table_of(numbered: Iterable[tuple[int, str]], name: str, sha256: str) -> Csv
     if any(mark in whole for mark in ("#", "%", "//")):
         kept = [k for k, line in enumerate(lines) if not is_comment(line)]
         rows, lines = [rows[k] for k in kept], [lines[k] for k in kept]
-    if layout.head and header in lines:  # a logger that is started again repeats its header
+    # A logger that is started again repeats its header; without times the runs could not be told apart.
+    if layout.head and header in lines and any(map(_TIMED.search, names)):
         kept = [k for k, line in enumerate(lines) if line not in above]
         rows, lines = [rows[k] for k in kept], [lines[k] for k in kept]
     return CsvTable(

@@ -47,7 +47,8 @@ def decode(content: bytes, path: str) -> str:
             return content.decode(bare or "utf-16")
         except UnicodeDecodeError as error:
             raise DataError(f"{path}: UTF-16 text that breaks off at byte {error.start}; save it again") from None
-    content = content.rstrip(b"\0")  # a logger that loses power leaves the rest of its file unwritten
+    written = content.rstrip(b"\0")  # a logger that loses power leaves the rest of its file unwritten
+    content = written if written.endswith(b"\n") else content  # in the middle of a row, a number may be cut
     if b"\0" in content:
         book = "; end the name of an Excel workbook in .xlsx" if content[:2] == b"PK" else ""
         raise DataError(f"{path}: not a text file; save the table as CSV in UTF-8{book}")

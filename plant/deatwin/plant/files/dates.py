@@ -13,7 +13,10 @@ ORDERS = ("dmy", "mdy")  # Order of day and month, as a user states it
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _ISO = re.compile(r"(\d{4})[-/.](\d\d?)[-/.](\d\d?)(?:[T ,]+(.*))?")
 _OTHER = re.compile(r"(\d\d?)([-/. ])(\d\d?|[A-Za-z]{3})\2(\d{4}|\d\d)(?:[T ,]+(.*))?")
-_COMPACT = re.compile(r"((?:19|20)\d{6})T?(\d{6}(?:[.,]\d+)?(?:Z|[+-]\d\d:?\d\d)?)")  # 14 digits are no Unix time
+_COMPACT = re.compile(  # 14 digits are no Unix time
+    r"((?:19|20)\d\d(?:0[1-9]|1[0-2])(?:0[1-9]|[12]\d|3[01]))T?"
+    r"((?:[01]\d|2[0-3])[0-5]\d[0-5]\d(?:[.,]\d+)?(?:Z|[+-]\d\d:?\d\d)?)"
+)
 _CLOCK = re.compile(
     r"(\d{1,2}):(\d\d)(?::(\d\d)(?:[.,:](\d+))?)?\s*(?:([ap])\.?m\.?)?\s*(Z|UTC|GMT|[+-]\d\d(?::?\d\d)?)?",
     re.IGNORECASE,

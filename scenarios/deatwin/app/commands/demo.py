@@ -41,6 +41,7 @@ def demo(
         diagnosis = run(folder, effect, command=context.obj, jobs=jobs, seed=seed, progress=progress)
     voice.say(f"concealed: {effect} (truth.json)")
     voice.say(f"{diagnosis.verdict.value}: {diagnosis.sentence}")
-    voice.say(f"how sure: {how_sure(diagnosis)}")
+    if sure := how_sure(diagnosis):
+        voice.say(f"how sure: {sure}")
     voice.say(f"report: {folder.path / 'report.html'}")
     voice.result({"concealed": effect, **diagnosis.to_dict()})

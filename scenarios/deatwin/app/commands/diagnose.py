@@ -84,7 +84,8 @@ def diagnose(
     with results(out, voice, "reading") as (folder, progress):
         diagnosis = task.run(folder, progress, voice.say)
     voice.say(f"{diagnosis.verdict.value}: {diagnosis.sentence}")
-    voice.say(f"how sure: {how_sure(diagnosis)}")
+    if sure := how_sure(diagnosis):
+        voice.say(f"how sure: {sure}")
     for warning in diagnosis.warnings:
         voice.say(f"note: {warning}")
     for reading in diagnosis.taught or ():

@@ -16,7 +16,7 @@ from deatwin.ident.greybox.filter_openings import opened_equations, places
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.kalman import kalman_filter
 from deatwin.ident.state_space import StateSpace
-from deatwin.plant import Diaphragm, Experiment, Parameter, Plant, Recording
+from deatwin.plant import Delay, Diaphragm, Experiment, Parameter, Plant, Recording
 from deatwin.plant.builder import Builder
 from deatwin.plant.errors import ModelError
 
@@ -47,6 +47,14 @@ def test_a_rig_with_functions_of_numpy_is_opened_without_a_word() -> None:
     plant = Plant(rig=Saturated())
     assert COMMAND in places(plant)
     assert opened_equations(plant, [COMMAND], []).states == ("position",)
+
+
+def test_opened_equations_are_solved_with_the_stages_of_their_plant() -> None:
+    """A late reading has one moment for each stage."""
+    plant = Plant(rig=Diaphragm(), effects=(Delay().placed("reading"),), stages=4)
+    opened = opened_equations(plant, [], [])
+    assert opened.stages == 4 and opened.states == plant.equations.states
+    assert places(plant)
 
 
 def test_the_step_of_a_linear_plant_is_its_matrix_exponential(oscillator):

@@ -123,13 +123,40 @@ def test_a_slow_reading_takes_the_mean_command_of_its_rows(tmp_path: Path, readi
     assert (found.sample_time, found.start) == (pytest.approx(0.08), pytest.approx(T[rows.start]))
     np.testing.assert_allclose(found.inputs[0][:9], U[rows].reshape(9, 4).mean(axis=1))
     np.testing.assert_allclose(found.outputs[0][:9], 1e-3 * Y[3:36:4])
-    assert "only every 4. row has a reading" in str(found.provenance["clock"])
+    assert "one row in 4 has a reading" in str(found.provenance["clock"])
+
+
+def test_rows_on_both_sides_of_a_gap_are_not_one_hold(tmp_path: Path) -> None:
+    slow = [row if k % 4 == 3 else row.rpartition(",")[0] + "," for k, row in enumerate(ROWS)]
+    later = [f"{float(row.partition(',')[0]) + 10.0:.2f},{row.partition(',')[2]}" for row in slow[18:]]
+    (tmp_path / "r.csv").write_text("\n".join([HEAD, *slow[:16], *later]), encoding="utf-8")
+    first, second = read_recordings(tmp_path / "r.csv", allow_gaps=True)
+    np.testing.assert_allclose(first.outputs[0], 1e-3 * Y[3:16:4])
+    np.testing.assert_allclose(second.outputs[0], 1e-3 * Y[23 : len(ROWS) : 4])  # the rest of the hold before is lost
+
+
+def test_a_power_cut_within_a_row_is_refused_and_one_between_rows_is_not(tmp_path: Path) -> None:
+    table = "\n".join([HEAD, *ROWS]) + "\n"
+    (tmp_path / "r.csv").write_bytes(table.encode() + bytes(64))
+    assert read_recording(tmp_path / "r.csv").n_samples == len(ROWS)
+    (tmp_path / "r.csv").write_bytes(table.encode()[:-3] + bytes(64))  # the last number is cut
+    with pytest.raises(DataError, match="not a text file"):
+        read_recording(tmp_path / "r.csv")
+
+
+def test_a_header_repeated_without_times_is_refused(tmp_path: Path) -> None:
+    """The runs would be joined, although the plant had rested in between."""
+    rows = [row.partition(",")[2] for row in ROWS]
+    head = HEAD.partition(",")[2]
+    (tmp_path / "r.csv").write_text("\n".join([head, *rows, head, *rows]), encoding="utf-8")
+    with pytest.raises(DataError, match=f"row {len(ROWS) + 2}"):
+        read_recording(tmp_path / "r.csv", dt=0.02)
 
 
 def test_commands_written_only_when_they_change_are_refused(tmp_path: Path) -> None:
     rows = [row if k % 4 == 0 else f"{T[k]:.2f},,{Y[k]}" for k, row in enumerate(ROWS)]
     (tmp_path / "r.csv").write_text("\n".join([HEAD, *rows]), encoding="utf-8")
-    with pytest.raises(DataError, match=r'row 3, column "command_V": no value, though the row has a reading'):
+    with pytest.raises(DataError, match=r'row 3, column "command_V": no value; fill it with the command'):
         read_recordings(tmp_path / "r.csv", allow_gaps=True)
 
 

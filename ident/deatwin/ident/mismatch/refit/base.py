@@ -44,8 +44,8 @@ FEWER = 4
 """Number of stages with which candidates are simulated, if that is as good as the plant's own number: vectors of the
 processor hold four stages, so a simulation takes a third less time than with five."""
 UNSEEN = 1.0
-"""Largest sum of the squared changes of the readings, in units of noise and model error, that fewer stages may cause: it
-changes a log-likelihood by at most half a nat."""
+"""Largest sum of the squared changes of the calibrated plant's readings, in units of the noise, that fewer stages may
+cause; a log-likelihood then changes by one nat (standard deviation)."""
 MORE_STARTS, SPREAD = 2, 0.2
 """Number of further starts, and relative standard deviation of their parameters: typical errors of elastomers' data
 sheets."""
@@ -170,10 +170,9 @@ def enough_stages(problem: DiagnosisProblem, base: Base) -> int:
     """Return the number of stages with which candidates are simulated: few, if that does not change the readings."""
     plant = base.chosen.calibration.plant
     few = min(FEWER, plant.stages)
-    if few < plant.stages:
+    if few < plant.stages and plant.rig.equations_known:
         usual, fast = (free_run_residuals(replace(plant, stages=n), problem.fitted) for n in (plant.stages, few))
-        variance = base.noise**2 + plant.rig.model_error**2
-        if usual is None or fast is None or np.sum((fast - usual) ** 2) > UNSEEN * variance:
+        if usual is None or fast is None or np.sum((fast - usual) ** 2) > UNSEEN * base.noise**2:
             return plant.stages
     return few
 
