@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -238,8 +238,8 @@ def _in_words(explanation: Candidate) -> str:
 
 
 def _causes(findings: Findings) -> tuple[Cause, ...]:
-    naming, final, base = findings.naming, findings.final, findings.base
-    shares = shares_explained(base.chosen, findings.answer, naming.candidates, base.noise)
+    final, base, weights = findings.final, findings.base, _weights(findings)
+    shares = shares_explained(base.chosen, findings.answer, findings.naming.candidates, base.noise)
     causes, every = [], findings.problem.everywhere
     for effect in final.plant.effects:
         if effect.name not in findings.answer.effects:
@@ -251,7 +251,7 @@ def _causes(findings: Findings) -> tuple[Cause, ...]:
             short = parameter.name.removeprefix(f"{effect.name}.")
             parameters[short] = Interval(value=value, low=low, high=high, unit=parameter.unit)
         places, same = _places(effect, findings), {e.name for e in every if e.cause == effect.cause}
-        weight = sum(p for names, p in naming.probabilities.items() if same.intersection(names))
+        weight = sum(p for names, p in weights.items() if same.intersection(names))
         causes.append(
             Cause(
                 effect=effect.cause,
@@ -266,15 +266,20 @@ def _causes(findings: Findings) -> tuple[Cause, ...]:
     return tuple(sorted(causes, key=lambda c: -c.share_explained))
 
 
+def _weights(findings: Findings) -> Mapping[tuple[str, ...], float]:
+    """Return the probabilities of all explanations; alternatives that evidence cannot compare have the answer's."""
+    naming, known = findings.naming, findings.naming.probabilities
+    unknown = [c.effects for c in naming.alternatives if c.effects not in known]
+    return normalised({**known, **dict.fromkeys(unknown, known[findings.answer.effects])}) if unknown else known
+
+
 def _explanations(findings: Findings) -> tuple[Explanation, ...]:
     """Return the probabilities of the answer and of its alternatives, each over all places of its effects."""
     if not findings.named or findings.verdict is Verdict.PARTLY:
         return ()
     naming, cause_of = findings.naming, {e.name: e.cause for e in findings.problem.everywhere}
-    # An alternative that evidence cannot compare has the probability of the answer.
-    likely = dict.fromkeys((c.effects for c in naming.alternatives), naming.probabilities[findings.answer.effects])
     weights: dict[tuple[str, ...], float] = {}
-    for names, weight in normalised(likely | dict(naming.probabilities)).items():
+    for names, weight in _weights(findings).items():
         causes = tuple(sorted(cause_of[name] for name in names))
         weights[causes] = weights.get(causes, 0.0) + weight
     offered = dict.fromkeys(causes_of(candidate) for candidate in (findings.answer, *naming.alternatives))

@@ -119,11 +119,12 @@ class TestBoth:
             read_recording(save(signals))
 
 
-def test_another_hdf5_file_has_its_units_as_attributes(tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", [str, np.bytes_])
+def test_another_hdf5_file_has_its_units_as_attributes(tmp_path: Path, kind: type) -> None:
     h5py = pytest.importorskip("h5py")
     with h5py.File(tmp_path / "r.h5", "w") as file:
         for name, values, unit in (("t", 20.0 * np.arange(N), "ms"), ("u", COMMAND, "V"), ("y", 0.1 * COMMAND, "mm")):
-            file.create_dataset(f"run/{name}", data=values).attrs["units"] = unit
+            file.create_dataset(f"run/{name}", data=values).attrs["units"] = kind(unit)
     check(read_recording(tmp_path / "r.h5", input_column="u", output_column="y"))
 
 

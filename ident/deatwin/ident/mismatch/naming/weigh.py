@@ -10,8 +10,9 @@ effect could cause and the rest. Let :math:`c` be the contribution of the single
 
 A difference larger than such errors is a second effect. Of all pairs that were fitted, that one gives :math:`\delta`
 whose error helps the single effect most, since each pair is compared with the same single effect: what a second effect
-explains worse than an error of the law along another one is no reason to name it. An exact law and an inexact one have
-equal prior probability.
+explains worse than an error of the law along another one is no reason to name it. That is cautious: with equal prior
+probabilities of all directions, the single effect would have the mean of these likelihoods, not the largest. An exact
+law and an inexact one have equal prior probability.
 """
 
 from __future__ import annotations

@@ -187,8 +187,10 @@ def of_hdf5(content: bytes, path: str) -> dict[str, Any]:
                 values[name.replace("/", ".")] = node[()].T.astype("<u2").tobytes().decode("utf-16-le")
             elif node.dtype.kind in "fiub" and kind not in ("cell", "function_handle"):
                 values[name.replace("/", ".")] = node[()].T  # MATLAB stores arrays by columns
-                if isinstance(unit := node.attrs.get("units", node.attrs.get("unit")), str):
-                    values[f"units.{name.replace('/', '.')}"] = unit
+                unit = node.attrs.get("units", node.attrs.get("unit"))
+                if isinstance(unit, str | bytes):
+                    text = unit if isinstance(unit, str) else unit.decode("utf-8", errors="replace")
+                    values[f"units.{name.replace('/', '.')}"] = text
     return values
 
 
