@@ -82,8 +82,7 @@ class Findings:
     @property
     def calibrated(self) -> Calibration:
         """The base plant as reported; fitted to all data if that removes the apparent mismatch."""
-        taken_up = self.detection.taken_up
-        return self.base.chosen.calibration if taken_up is None else taken_up.with_stages(self.final.plant.stages)
+        return self.base.chosen.calibration if self.detection.taken_up is None else self.final
 
     @cached_property
     def intervals(self) -> Calibration:
