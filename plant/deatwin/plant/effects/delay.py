@@ -50,8 +50,8 @@ class Delay(Effect):
               m_j = \frac1h \int_{t_k}^{t_{k+1}} \Big(\frac{t_{k+1}-t}{h}\Big)^j y\,dt, \qquad
               H_{ij} = \frac{1}{i+j+1}
 
-    With five stages it errs by at most :math:`(\omega h)^5/15000` of a component of the angular frequency :math:`\omega`, and by nothing at
-    whole samples; the corners at which a held command changes lie between samples, and cost nothing. A command and a
+    With five stages it errs by at most :math:`(\omega h)^5/15000` of a component of the angular frequency
+    :math:`\omega`, and by nothing at whole samples; the corners at which a held command changes lie between samples, and cost nothing. A command and a
     reading that are both late by parts of a sample have a corner within one, which the polynomial rounds. One reading
     alone cannot distinguish the two places; a second reading that is not delayed can.
 

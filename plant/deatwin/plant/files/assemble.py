@@ -1,7 +1,6 @@
 """Make recordings from the table of a file: clock, pieces, signals."""
 
 import logging
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -28,7 +27,7 @@ from deatwin.plant.files.timecolumns import (
 )
 from deatwin.plant.files.times import BEGAN, DATES
 from deatwin.plant.files.units import UNITS
-from deatwin.plant.files.usual import USUAL_TIMES
+from deatwin.plant.files.usual import LIKE_TIMES, USUAL_TIMES
 from deatwin.plant.readings import ELECTRICAL_UNITS, Reading
 from deatwin.plant.readoptions import NO_OPTIONS, ReadOptions
 from deatwin.plant.recording import Recording, label
@@ -40,7 +39,6 @@ logger = logging.getLogger(__name__)
 
 
 Floats = NDArray[np.float64]
-_LIKE_TIMES = re.compile("(?i)time|stamp|clock|millis|zeit|temps|^t$|^ts$")
 
 
 def recordings_of(
@@ -372,7 +370,7 @@ def _passed_over(table: Table, used: Sequence[int], dt: float) -> str:
     named = [
         k
         for k, name in enumerate(table.names)
-        if k not in used and _LIKE_TIMES.search(name) and UNITS[table.units[k]].si in ("", "s")
+        if k not in used and LIKE_TIMES.search(name) and UNITS[table.units[k]].si in ("", "s")
     ]
     for column in named:
         try:

@@ -30,12 +30,12 @@ from deatwin.plant.files.formats.description import SCHEMA, read_description
 from deatwin.plant.files.formats.table import Declared, Table
 from deatwin.plant.files.headers import split_unit
 from deatwin.plant.files.units import Unit
+from deatwin.plant.files.usual import LIKE_TIMES
 from deatwin.plant.safe_read import COLUMNS, RECORDING_BYTES, ROWS, TEXT_BYTES, clipped, in_words, read_regular
 
 DESCRIPTION = f"# {SCHEMA} "  # Start of a line above the header that holds a description
 _GZIP = b"\x1f\x8b"  # First bytes of a gzip file
 EXACT = Context(prec=800)  # Decimal context with enough digits for the exact sum of any two floats
-_TIMED = re.compile("(?i)time|stamp|clock|millis|zeit|dat[eu]|temps|heure|hora|tiempo|fecha|^ts?$")  # Names of times
 _FORTRAN = re.compile(r"(\d\.\d*)[dD](?=[+-]\d\d)")  # Exponent of a double-precision number in Fortran
 _NO_VALUE = frozenset(
     {
@@ -282,7 +282,7 @@ def table_of(numbered: Iterable[tuple[int, str]], name: str, sha256: str) -> Csv
         kept = [k for k, line in enumerate(lines) if not is_comment(line)]
         rows, lines = [rows[k] for k in kept], [lines[k] for k in kept]
     # A logger that is started again repeats its header; without times the runs could not be told apart.
-    if layout.head and header in lines and any(map(_TIMED.search, names)):
+    if layout.head and header in lines and any(map(LIKE_TIMES.search, names)):
         kept = [k for k, line in enumerate(lines) if line not in above]
         rows, lines = [rows[k] for k in kept], [lines[k] for k in kept]
     return CsvTable(

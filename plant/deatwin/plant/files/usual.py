@@ -1,9 +1,13 @@
 """The columns of a recording that deatwin writes."""
 
+import re
+
 from deatwin.plant.files.headers import split_unit
 from deatwin.plant.files.units import UNITS
 
 USUAL_TIMES = "time_s"  # Header of the times in files that deatwin writes
+LIKE_TIMES = re.compile("(?i)time|stamp|clock|millis|zeit|dat[eu]|temps|heure|hora|tiempo|fecha|^ts?$")
+"""Words in the names of columns that hold times."""
 COLUMNS = {
     "time": USUAL_TIMES,
     "command": "command_V",

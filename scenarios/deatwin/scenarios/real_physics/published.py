@@ -1,4 +1,4 @@
-"""What others reached on the standard tasks, from `published.toml`: each figure with its source, and with where it was read."""
+"""List the errors that others reached on the standard tasks, from `published.toml`, each with its source."""
 
 from __future__ import annotations
 

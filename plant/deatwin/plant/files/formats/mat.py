@@ -1,9 +1,9 @@
 """MATLAB files: version 5 (and 4, 6, 7) by SciPy, 7.3 (HDF5 behind a user block of 512 bytes) and other HDF5 by h5py.
 
 Signals are numeric vectors named as CSV columns are, alone or as fields of structs, ``signals(2).values`` in an array of
-structs, or columns of a matrix, ``data(:,2)``. A struct ``units`` may name units: ``units.command = 'V'``; so may attributes of HDF5. A scalar
-``Ts``, ``dt`` or ``sample_time`` (s), ``fs`` or ``sample_rate`` (Hz) states the clock of a file without times. Texts go
-into the provenance.
+structs, or columns of a matrix, ``data(:,2)``. A struct ``units`` may name units: ``units.command = 'V'``; so may
+attributes of HDF5. A scalar ``Ts``, ``dt`` or ``sample_time`` (s), ``fs`` or ``sample_rate`` (Hz) states the clock of a
+file without times. Texts go into the provenance.
 """
 
 import hashlib
