@@ -44,6 +44,7 @@ _READERS: dict[str, Callable[[str | Path], Table]] = {
     ".tdms": read_tdms,
     ".nc": read_netcdf,
 }
+ENDINGS = tuple(_READERS)  # Endings of the names of files that can be read
 _PACKED = (".gz", ".zip", ".7z", ".bz2", ".xz", ".zst", ".rar", ".tar", ".tgz")
 _WRITERS: dict[str, Callable[[Path, Recording], None]] = {
     ".csv": lambda path, recording: _write_text(path, csv_text(recording)),

@@ -11,23 +11,8 @@ from itertools import count, islice
 from pathlib import Path
 
 from deatwin.plant.errors import DataError
+from deatwin.plant.files.recordings import ENDINGS
 
-RECORDINGS = (
-    ".csv",
-    ".txt",
-    ".tsv",
-    ".dat",
-    ".asc",
-    ".log",
-    ".lvm",
-    ".xlsx",
-    ".xlsm",
-    ".mat",
-    ".h5",
-    ".hdf5",
-    ".tdms",
-    ".nc",
-)
 RESULT = "diagnosis.json"
 MODEL = "model.json"
 WRITTEN = {"figures", "rivals", "next_input.csv"}  # Files of results that are not recordings
@@ -94,7 +79,7 @@ class Desk:
                 names["results"].append(name.parent.as_posix())
             elif path.suffix.lower() == ".toml" or path.name == MODEL:
                 names["rigs"].append(name.as_posix())
-            elif path.suffix.lower() in RECORDINGS and WRITTEN.isdisjoint(name.parts):
+            elif path.suffix.lower() in ENDINGS and WRITTEN.isdisjoint(name.parts):
                 names["recordings"].append(name.as_posix())
         found = {kind: tuple(sorted(listed)) for kind, listed in names.items()}
         return cls(**found, whole=len(files) <= MOST_FILES)

@@ -8,12 +8,13 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from deatwin.app.live.desk import RECORDINGS, safe_name
+from deatwin.app.live.desk import safe_name
 from deatwin.plant.errors import DataError, DeatwinError
+from deatwin.plant.files.recordings import ENDINGS
 from deatwin.plant.readoptions import NO_OPTIONS, ReadOptions
 
 MEGABYTE = 1_000_000
-UPLOADS = (*RECORDINGS, ".toml")
+UPLOADS = (*ENDINGS, ".toml")
 
 
 def keep_upload(

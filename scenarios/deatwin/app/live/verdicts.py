@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from deatwin.app.live.desk import RECORDINGS, RESULT, inside
+from deatwin.app.live.desk import RESULT, inside
 from deatwin.plant.errors import DeatwinError
+from deatwin.plant.files.recordings import ENDINGS
 
 if TYPE_CHECKING:
     from deatwin.ident.mismatch import Diagnosis
@@ -72,7 +73,7 @@ class Verdict:
     @property
     def recordings(self) -> frozenset[str]:
         """SHA-256 hashes of the recordings."""
-        return frozenset(digest for file, digest in self.inputs.items() if file.lower().endswith(RECORDINGS))
+        return frozenset(digest for file, digest in self.inputs.items() if file.lower().endswith(ENDINGS))
 
     @property
     def errors(self) -> tuple[float, ...]:
