@@ -134,13 +134,15 @@ def _promising(search: Search, scale: Scale) -> dict[Names, list[str]]:
 def _odds(search: Search, scale: Scale, first: Candidate) -> dict[Names, float]:
     """Return the log odds of each fitted pair over the likeliest of `first` and the pair's own two effects."""
     # Its own effects count only if each leaves no more than an error of its law may.
+    # Each pair is compared with the fits of all others, so any refits come first.
+    before = _pairs(search)
+    for pair in before:
+        if scale.of_two(pair, search.tried[first.effects], before) > 0.0:  # else a refit would hardly make it likely
+            search.no_worse(pair.effects)
     found: dict[Names, float] = {}
     for pair in (others := _pairs(search)):
         odds = scale.of_two(pair, search.tried[first.effects], others)
-        if odds > 0.0:  # otherwise further fits, each of which costs time, would hardly make the pair likely
-            again = search.no_worse(pair.effects)
-            if again.calibration is not pair.calibration:
-                pair, odds = again, scale.of_two(again, search.tried[first.effects], others)
+        if odds > 0.0:  # otherwise fits of its effects, each of which costs time, would not make it likely
             alone = [c for c in search.without_one(pair.effects) if errs_by_its_law(c, search.tried[()])]
             odds = min([odds, *(scale.of_two(pair, c, others) for c in alone if c.effects != first.effects)])
         found[pair.effects] = odds
