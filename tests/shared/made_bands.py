@@ -14,7 +14,7 @@ def mean(value: complex, variance: float = 0.0, gain: float = 2.0) -> BandMean:
         to_Hz=0.1,
         value=np.array([value.real, value.imag]),
         gradient=np.zeros((2, 1)),
-        scatter=Scatter(scale=variance * np.eye(2), dof=1e9),
+        scatter=Scatter(scale=variance * np.eye(2), dof=np.inf),
         gain=gain,
         unit="m/V",
     )

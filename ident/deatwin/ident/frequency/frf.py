@@ -11,6 +11,7 @@ from deatwin.ident.frequency.checks import whole_number
 from deatwin.ident.frequency.dc import Equilibrium
 from deatwin.ident.frequency.gfrf import checked_frequencies
 from deatwin.ident.frequency.many import Evaluated, stable_polynomials
+from deatwin.ident.frequency.parts import require_no_pole
 from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus, Pointwise
 from deatwin.ident.narx.linear import LinearModel
 from deatwin.ident.narx.linear.polynomials import Orders
@@ -41,13 +42,16 @@ def frf(model: LinearModel, omega: ArrayLike, *, channel: int = 0) -> FrequencyR
     Raises
     ------
     ModelError
-        If the model has no such input, or the frequencies are not real numbers in that range.
+        If the model has no such input, the frequencies are not real numbers in that range, or one of them is that of a
+        pole on the unit circle.
     """
     if not isinstance(model, LinearModel):
         raise ModelError(f"a {type(model).__name__} is not a LinearModel; gfrf computes the responses of a NarxModel")
     channel = whole_number(channel, "channel", 0, len(model.b) - 1)
     frequencies = checked_frequencies(omega, model.sample_time)
     point, angle = _at_rest(model), frequencies * model.sample_time
+    for polynomial in (model.a, model.f[channel]):
+        require_no_pole([(lag, -value) for lag, value in enumerate(polynomial[1:], start=1)], angle)
     units = (model.output_units[0], model.input_units[channel])
     return FrequencyResponse(
         symbol="H",

@@ -173,6 +173,11 @@ class CrossOrders(Orders):
         return np.roll(self.excitation[row], lag) if part == self._base**row else None
 
 
+def require_no_pole(feedback: Feedback, angles: Array) -> None:
+    """Raise ModelError if 1 - sum_l a_l e^(-jwl) is zero at an angle, (n,)."""
+    _denominator(feedback, np.exp(-1j * angles), lambda lag: np.exp(-1j * lag * angles))
+
+
 def _denominator(feedback: Feedback, turn: Array, shift: Callable[[int], Array]) -> Array:
     """Return 1 - sum_l a_l e^(-jwl), which must not be zero; ``turn`` is e^(-jw) and ``shift(l)`` is e^(-jwl)."""
     denominator, size = np.ones_like(turn), np.ones(1)

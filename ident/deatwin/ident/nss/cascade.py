@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -19,6 +20,7 @@ from deatwin.plant.recording import Recording
 
 Array = NDArray[np.float64]
 Roots = NDArray[np.complex128]
+_SIGNAL = re.compile(r"\bv\b")  # The signal in a term, and no letter of a function's name
 _TRIAL = 10  # Steps of a search after which divisions of poles and zeros are compared
 
 
@@ -91,7 +93,7 @@ class Cascade(StateSpaceIdentifier):
             raise ModelError(f"structure = {self.structure!r}; it must be one of {', '.join(Structure)}")
         if self.structure == Structure.WIENER_HAMMERSTEIN and self.states < 2:
             raise ModelError(f"states = {self.states}; two linear blocks need at least 2")
-        if wrong := [text for text in self.shape if "v" not in text]:
+        if wrong := [text for text in self.shape if not _SIGNAL.search(text)]:
             raise ModelError(f"the term {wrong[0]!r} of a static function must hold v, as v^2 or sat(v,1)")
 
     def _needed(self, record: Recording) -> int:
@@ -109,7 +111,7 @@ class Cascade(StateSpaceIdentifier):
 
     def _of(self, signal: str) -> list[str]:
         """Return the terms of a static function of a signal."""
-        return [text.replace("v", signal) for text in self.shape]
+        return [_SIGNAL.sub(signal, text) for text in self.shape]
 
     def _around(self, linear: System) -> System:
         """Return one linear block with static functions before it, after it, or both."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -68,17 +68,22 @@ def judged(system: System, starts: Array, records: Sequence[Record]) -> Point:
 
 def triangle(point: Point, records: Sequence[Record]) -> Array:
     """Return R, (n + 1, n + 1), of the QR decomposition of (sensitivities, errors) over the fitted samples."""
-    n = point.system.theta.size
     found = np.zeros((0, point.theta.size + 1))
+    for rows in _rows(point, records):
+        found = np.asarray(np.linalg.qr(np.concatenate([found, rows.reshape(-1, rows.shape[-1])]), mode="r"))
+    return found
+
+
+def _rows(point: Point, records: Sequence[Record]) -> Iterator[Array]:
+    """Yield (sensitivities, errors) of each record, shape (n, n_outputs, n_theta + n_records n_states + 1)."""
+    n = point.system.theta.size
     for i, (record, start) in enumerate(zip(records, point.starts, strict=True)):
         outputs, gradient = point.system.sensitivities(record.inputs[:, : record.fitted], start)
-        rows = np.zeros((outputs.size, found.shape[1]))
-        flat = gradient.reshape(outputs.size, -1)
-        rows[:, :n] = flat[:, :n]
-        rows[:, n + i * start.size : n + (i + 1) * start.size] = flat[:, n:]
-        rows[:, -1] = (record.outputs[:, : record.fitted].T - outputs).ravel()
-        found = np.asarray(np.linalg.qr(np.concatenate([found, rows]), mode="r"))
-    return found
+        rows = np.zeros((*outputs.shape, point.theta.size + 1))
+        rows[..., :n] = gradient[..., :n]
+        rows[..., n + i * start.size : n + (i + 1) * start.size] = gradient[..., n:]
+        rows[..., -1] = record.outputs[:, : record.fitted].T - outputs
+        yield rows
 
 
 def moved(point: Point, step: Array, records: Sequence[Record]) -> Point:
@@ -156,12 +161,16 @@ def covariance(point: Point, rows: Array, records: Sequence[Record]) -> tuple[Ar
     scale, _, values, right, seen = _directions(rows, np.linalg.norm(rows, axis=0))
     rank, samples = int(seen.sum()), sum(record.fitted for record in records)
     p = len(point.system.output)
-    squares = np.zeros(p)
-    for record, start in zip(records, point.starts, strict=True):
-        outputs = point.system.run(record.inputs[:, : record.fitted], start)[0]
-        squares += ((outputs - record.outputs[:, : record.fitted].T) ** 2).sum(axis=0)
+    inverse = right[seen] / scale / values[seen, None]
+    squares, information = np.zeros(p), np.zeros((p, rank, rank))
+    for found in _rows(point, records):
+        squares += (found[..., -1] ** 2).sum(axis=0)
+        along = np.moveaxis(found[..., :-1] @ inverse.T, 1, 0)
+        information += along.swapaxes(1, 2) @ along
     noise = squares / max(samples - rank / p, 1.0)
-    roots = (right[seen] / scale / values[seen, None])[:, : point.system.theta.size] * np.sqrt(noise.mean())
+    # The fit weighs all outputs alike, so each adds its own noise (White); the information of one is a unit matrix.
+    sizes, axes = np.linalg.eigh(np.tensordot(noise, information, axes=1))
+    roots = np.sqrt(np.maximum(sizes, 0.0))[:, None] * (axes.T @ inverse[:, : point.system.theta.size])
     # Deviations whose squares underflow, as those of an exact fit, are set to zero.
     roots[:, np.linalg.norm(roots, axis=0) < np.sqrt(np.finfo(float).tiny / np.finfo(float).eps)] = 0.0
     return roots.T @ roots, noise

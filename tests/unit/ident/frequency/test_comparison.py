@@ -87,9 +87,19 @@ def test_a_margin_counts_from_its_nearest_point():
         constraints={"type": "ineq", "fun": lambda m: margin**2 - m @ m},
     )
     found = equality(apart, [Scatter(scale, np.inf)], margin)
-    # the edge is walked in steps of 2 degrees, which leaves at most (1 deg)^2 of relative excess around the minimum
-    assert found.statistic == pytest.approx(nearest.fun, rel=2e-3)
+    assert found.statistic == pytest.approx(nearest.fun, rel=1e-6)
     assert equality(apart, [Scatter(scale, np.inf)], 4.0).p_value == 1.0  # within the margin
+
+
+@pytest.mark.parametrize("scatter", [0.1, 0.001])
+def test_a_difference_as_large_as_the_margin_is_rarely_beyond_it(scatter):
+    """On the edge of a nearly flat margin a test at 5 % rejects if a normal number exceeds sqrt(5.99): 0.7 %, so that
+    1000 trials give 7 with a deviation of 2.7."""
+    rng, beyond = np.random.default_rng(11), 0
+    for angle in rng.uniform(0, 2 * np.pi, 1000):
+        apart = np.array([np.cos(angle), np.sin(angle)]) + scatter * rng.standard_normal(2)
+        beyond += equality(apart, [Scatter(scatter**2 * np.eye(2), np.inf)], 1.0).p_value < 0.05
+    assert beyond <= 20
 
 
 def test_of_several_differences_the_most_alike_counts():

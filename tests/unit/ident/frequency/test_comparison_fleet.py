@@ -7,7 +7,7 @@ import pytest
 from made_bands import mean
 
 from deatwin.ident.frequency.comparison.compare import Agreement
-from deatwin.ident.frequency.comparison.fleet import contrast, share_of
+from deatwin.ident.frequency.comparison.fleet import contrast, share_of, spread_of_means
 
 
 def test_a_measured_difference_beside_the_true_one() -> None:
@@ -30,3 +30,10 @@ def test_agreements_are_counted_by_column() -> None:
     )
     shares = share_of(table, Agreement.DIFFERENT)  # type: ignore[arg-type]
     np.testing.assert_allclose(shares, [2 / 3, 1 / 3])
+
+
+def test_the_spread_of_a_group_leaves_out_the_scatter_of_the_estimates() -> None:
+    # Values 0, 1 and 2 have the variance 1; each estimate scatters by 0.1 in both parts.
+    group = [(mean(value, 0.1),) for value in (0.0, 1.0, 2.0)]
+    gain = np.sqrt(np.mean([each.gain**2 for (each,) in group]))
+    np.testing.assert_allclose(spread_of_means(group), np.sqrt(1.0 - 0.2) / gain)

@@ -213,6 +213,26 @@ def test_the_phase_is_undefined_where_the_ellipse_holds_zero():
 # How far the law holds
 
 
+def test_bands_of_a_response_that_one_parameter_moves_round_zero():
+    # Where the only uncertain parameter moves the response across its value, its segment is long but stays away from 0:
+    # H = z^-1 / (1 - p z^-1) moves by H^2, which is across H where H is imaginary.
+    model = NarxModel.from_terms(
+        {"y(k-1)": 0.5, "u(k-1)": 1.0}, sample_time=1.0, theta_cov=np.diag([0.25**2, 0.0])
+    )
+    omega = np.arccos(0.5) + np.array([-0.1, -0.03, 0.03, 0.1])  # about where 1 / H = z - 0.5 is imaginary
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UncertaintyWarning)
+        found = propagate(model, partial(gfrf, order=1, omega=omega))
+    ends = found.values[:, None] + found.values[:, None] ** 2 * 1.959964 * 0.25 * np.linspace(-1, 1, 4001)
+    gain, phase = found.gain_band(), found.phase_band()
+    assert not gain.linear_law.any() and not phase.linear_law.any()
+    np.testing.assert_allclose(gain.low, np.abs(ends).min(axis=1), rtol=1e-3)
+    np.testing.assert_allclose(gain.high, np.abs(ends).max(axis=1), rtol=1e-3)
+    turned = np.degrees(np.angle(ends / found.values[:, None]))
+    np.testing.assert_allclose(phase.low - found.phase_deg, turned.min(axis=1), rtol=1e-3)
+    np.testing.assert_allclose(phase.high - found.phase_deg, turned.max(axis=1), rtol=1e-3)
+
+
 def test_nonlinearity_of_a_static_gain_against_its_series():
     """1/(1 - a): the term of second order is z² s²/(1 - a)³, so that the index is sqrt(3) s/(1 - a).
 
@@ -368,6 +388,14 @@ def test_linear_models_against_differences_and_python_control():
         np.testing.assert_allclose(response.gradient, slopes, rtol=1e-6, atol=1e-8)
         found = propagate(model, partial(frf, omega=OMEGA, channel=channel))
         np.testing.assert_allclose(found.covariance, response.covariance, rtol=1e-9)
+
+
+@pytest.mark.parametrize("polynomials", [{"a": [1.0, -1.0]}, {"a": [1.0], "f": [[1.0, -1.0]]}])
+def test_at_a_pole_on_the_unit_circle_a_linear_model_has_no_response(polynomials):
+    model = LinearModel(**polynomials, b=[[0.0, 1.0]], sample_time=1.0)
+    with pytest.raises(ModelError, match="a pole on the unit circle, at 0 times the sampling rate"):
+        frf(model, [0.0, 1.0])
+    np.testing.assert_allclose(frf(model, [1.0]).values, 1 / (np.exp(1j) - 1), rtol=1e-12)
 
 
 def test_an_arx_model_and_its_narx_form_agree():

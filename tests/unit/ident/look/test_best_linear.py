@@ -6,7 +6,8 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from deatwin.ident.look import BestLinearApproximation, best_linear_approximation, look_at
-from deatwin.plant import DataError, Recording
+from deatwin.ident.look.best_linear import _beside
+from deatwin.plant import DataError, ModelError, Recording
 from deatwin.plant.excitation import random_odd_harmonics, random_phase_multisine
 
 STEP, PERIOD, N = 0.01, 10.24, 1024
@@ -78,6 +79,52 @@ def test_the_same_signal_begun_later_is_no_other_realisation() -> None:
     found = best_linear_approximation([recorded(rng, u), recorded(rng, later)])
     assert found.realisations == 1 and found.periods >= 8
     assert inside(found, harmonics) > 0.88
+
+
+@pytest.mark.parametrize(("n", "later", "top"), [(511, 100.0, 230), (512, 100.5, 80)])
+def test_a_later_start_in_an_odd_period_or_between_samples_is_no_other_realisation(
+    n: int, later: float, top: int
+) -> None:
+    # Another realisation with the same distortion would show none, and discs of noise alone. Up to line 80 of 512
+    # no cube folds back, so that the system also answers to half a sample of delay with half a sample of delay.
+    rng = np.random.default_rng(11)
+    odd = np.arange(1, top, 2)
+    harmonics = odd[rng.random(odd.size) < 0.8]
+    phases = rng.uniform(0.0, 2.0 * np.pi, harmonics.size)
+
+    def begun(start: float) -> Recording:
+        angles = 2.0 * np.pi * np.outer(np.arange(4 * n) + start, harmonics) / n
+        u = np.cos(angles + phases).sum(axis=1) / np.sqrt(harmonics.size / 2)
+        return Recording.from_arrays(u, u + CUBE * u**3 + 1e-3 * rng.normal(size=u.size), STEP)
+
+    alone = best_linear_approximation(begun(0.0), period=n * STEP)
+    both = best_linear_approximation([begun(0.0), begun(later)], period=n * STEP)
+    assert (both.realisations, both.periods) == (1, 2 * alone.periods)
+    assert both.odd_rms == pytest.approx(alone.odd_rms, rel=0.01)
+    assert np.median(both.radius()) == pytest.approx(np.median(alone.radius()), rel=0.01)
+
+
+def test_detection_lines_of_equal_parity_stand_for_the_excited_lines_that_are_nearest_to_them() -> None:
+    rng = np.random.default_rng(12)
+    lines = np.arange(1, 400)
+    excited = rng.random(lines.size) < 0.6
+    found = _beside(lines, excited)
+    assert found is not None
+    first, last = lines[excited][[0, -1]]
+    for line, six in zip(lines[excited], lines[found], strict=True):
+        free = [k for k in lines[~excited] if k % 2 == line % 2 and first < k < last]
+        assert list(six) == sorted(free, key=lambda k: (abs(k - line), k))[:6]
+
+
+def test_arguments_that_make_no_sense_are_refused() -> None:
+    rng = np.random.default_rng(13)
+    record = recorded(rng, multisine(rng, np.arange(1, 300)))
+    for wrong in (-1, 1.5, True):
+        with pytest.raises(ModelError, match="skip"):
+            best_linear_approximation(record, skip=wrong)  # type: ignore[arg-type]
+    for period in (np.nan, np.inf):
+        with pytest.raises(DataError, match="whole number"):
+            best_linear_approximation(record, period=period)
 
 
 def test_a_linear_system_has_no_distortion_and_its_start_is_left_out() -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from deatwin.ident.narx import register_function
 from deatwin.ident.nss import Cascade
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -43,12 +44,21 @@ def test_a_static_function_may_be_a_spline():
     assert fitted.fit(Recording.from_arrays(u, y, 0.1)).error_ < 0.05 * fitted.linear_error_
 
 
+def test_a_function_with_the_letter_of_the_signal_in_its_name_keeps_its_name():
+    register_function("overbent", np.tanh)
+    u = np.random.default_rng(3).normal(size=400)
+    y = np.tanh(lfilter([0.5], [1.0, -0.6], u))
+    fitted = Cascade(structure="LN", states=1, shape=["overbent(v)"]).fit(Recording.from_arrays(u, y, 0.1))
+    assert "overbent(s1)" in fitted.model_.terms
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         ({"structure": "LL"}, "one of NL, LN, NLN, LNL"),
         ({"structure": "LNL", "states": 1}, "at least 2"),
         ({"shape": ["u^2"]}, "must hold v"),
+        ({"shape": ["curved(u)"]}, "must hold v"),
     ],
 )
 def test_what_is_no_cascade_is_refused(arguments, message):

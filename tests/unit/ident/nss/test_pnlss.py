@@ -276,3 +276,30 @@ def test_a_run_that_diverges_at_once_holds_the_origin():
 def test_a_power_that_no_number_has_is_refused(power):
     with pytest.raises(ModelError, match="must be at least 1 and at most 1023"):
         NonlinearStateSpace(terms=[f"u^{power}"], transition=[[0, 0.5, 1, 0]], output=[[0, 1, 0, 1]], sample_time=1.0)
+
+
+def test_each_output_adds_its_own_noise_to_the_covariance():
+    # A linear system: whatever the coordinates of its state, pole, gains and levels are determined, and their
+    # covariance is that of least squares with the outputs' own noise.
+    rng = np.random.default_rng(6)
+    u = rng.standard_normal(300)
+    x = lfilter([0.0, 0.5], [1.0, -0.7], u)
+    y = np.vstack([x + 0.01 * rng.standard_normal(300), 0.5 * x + 0.5 * rng.standard_normal(300)])
+    fitted = Pnlss(states=1, degrees=(), feedthrough=False, held_out=0.0).fit(Recording.from_arrays(u, y, 1.0))
+    model, n = fitted.model_, fitted.model_.theta.size
+
+    def known(theta):
+        system = model.system.with_theta(theta)
+        (level, pole, rate), reading = system.transition[0], system.output
+        return np.array([pole, *(reading[:, 1] * rate), *(reading[:, 0] + reading[:, 1] * level / (1.0 - pole))])
+
+    steps = 1e-5 * np.eye(n)
+    slopes = np.array([known(model.theta + step) - known(model.theta - step) for step in steps]).T / 2e-5
+    scaled = (u[None] - model.input_origin[:, None]) / model.input_scale[:, None]
+    rows = model.system.sensitivities(scaled, fitted.first_states_[0])[1].reshape(-1, n + 1)
+    inverse = np.linalg.pinv(rows, rcond=1e-10)
+    noise = np.tile(model.noise_variance / model.output_scale**2, 300)
+    wanted = slopes @ (inverse * noise @ inverse.T)[:n, :n] @ slopes.T
+    found = slopes @ model.theta_cov @ slopes.T
+    size = np.sqrt(np.diag(wanted))
+    np.testing.assert_allclose(found / np.outer(size, size), wanted / np.outer(size, size), atol=1e-6)

@@ -15,7 +15,7 @@ from deatwin.plant.errors import ModelError
 Array = NDArray[np.float64]
 
 _FLAT = 1e-12  # share of the largest variance below which a direction has no scatter
-_DIRECTIONS = 180  # points on the edge of a margin
+_HALVINGS = 100  # bisections of the multiplier of a margin, to 1e-30 of its bound
 
 
 class Scatter(NamedTuple):
@@ -82,10 +82,18 @@ def _beyond(difference: Array, inverse: Array, margin: float) -> Array:
     """Return the smallest squared distance to a point whose distance from zero is within the margin."""
     if margin <= 0:
         return np.asarray(np.einsum("...i,...ij,...j->...", difference, inverse, difference), dtype=np.float64)
-    angles = 2 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
-    left = difference[..., None, :] - margin * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    squared = np.einsum("...ki,...ij,...kj->...k", left, inverse, left).min(axis=-1)
-    return np.where(np.linalg.norm(difference, axis=-1) <= margin, 0.0, squared)
+    # The nearest point x of the disc solves (A + t) x = A d with A the inverse scale; t >= 0 shrinks x to the margin.
+    sizes, axes = np.linalg.eigh(inverse)
+    along = np.einsum("...ij,...i->...j", axes, difference)
+    low = np.zeros(along.shape[:-1])
+    high = sizes.max(axis=-1) * np.linalg.norm(along, axis=-1) / margin
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        nearest = sizes * along / (sizes + middle[..., None] + np.finfo(float).tiny)
+        far = np.linalg.norm(nearest, axis=-1) > margin
+        low, high = np.where(far, middle, low), np.where(far, high, middle)
+    left = along * high[..., None] / (sizes + high[..., None] + np.finfo(float).tiny)
+    return np.asarray(np.sum(sizes * left**2, axis=-1), dtype=np.float64)
 
 
 def holm(p_values: ArrayLike) -> Array:

@@ -71,4 +71,4 @@ def share_of(table: Comparison, agreement: Agreement) -> Array:
 
 def _variance(mean: BandMean) -> float:
     """Return the sum of the variances of both parts of an estimate."""
-    return float(np.trace(mean.scatter.scale)) * mean.scatter.dof / (mean.scatter.dof - 2)
+    return float(np.trace(mean.scatter.scale)) * (1.0 + 2.0 / (mean.scatter.dof - 2.0))

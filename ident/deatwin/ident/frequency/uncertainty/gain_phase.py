@@ -22,6 +22,7 @@ Complex = NDArray[np.complex128]
 
 _DEGENERATE = 1e-13  # share of the larger variance below which an ellipse is a line, up to rounding
 _NOTHING = 1e-24  # share of the largest variance over frequency below which the response is zero, up to rounding
+_BESIDE = 1e-6  # share of a value beyond which its distance from a line is no rounding, which is the root of the first
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,6 +54,11 @@ class Ellipses(Frozen):
         weights = np.divide(1.0, self.variances, out=np.zeros_like(self.variances), where=self.variances > 0)
         along = (away.real * self.axes[:, 0, i] + away.imag * self.axes[:, 1, i] for i in (0, 1))
         return sum((weights[:, i] * part**2 for i, part in enumerate(along)), start=np.zeros(away.shape))
+
+    def beside_zero(self, values: Complex) -> NDArray[np.bool_]:
+        """Return whether 0 lies beside the line on which ellipses of length 0 across it lie. Shapes: `values` (n,)."""
+        across = values.real * self.axes[:, 0, 0] + values.imag * self.axes[:, 1, 0]
+        return np.asarray((self.rank == 1) & (np.abs(across) > _BESIDE * np.abs(values)), dtype=np.bool_)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -187,9 +187,12 @@ class Propagated(Uncertain):
         low, high = (self.gain - half).clip(min=0.0), self.gain + half
         if not holds.all():
             outline = np.abs(self.ellipse(level, _OUTLINE)[~holds])
-            low[~holds] = np.where(self.contains(0.0, level)[~holds], 0.0, outline.min(axis=1))
+            low[~holds] = np.where(self._may_be_zero(level)[~holds], 0.0, outline.min(axis=1))
             high[~holds] = outline.max(axis=1)
         return Band(level=level, low=read_only(low), high=read_only(high), linear_law=holds)
+
+    def _may_be_zero(self, level: float) -> NDArray[np.bool_]:
+        return self.contains(0.0, level) & ~self._ellipses.beside_zero(self.values)
 
     def phase_band(self, level: float | None = None) -> Band:
         """Return a pointwise band of the phase in degrees, of probability `level`, by default ``self.level``.
@@ -202,7 +205,7 @@ class Propagated(Uncertain):
         half = interval_radius(level, self.dof) * np.sqrt(self._polar.covariance[:, 1, 1])
         ends = np.stack([-half, half], axis=-1)
         ends[~holds] = np.nan
-        bent = ~holds & ~self.contains(0.0, level)
+        bent = ~holds & ~self._may_be_zero(level)
         if bent.any():
             turned = np.angle(self.ellipse(level, _OUTLINE)[bent] * np.conj(self.values[bent])[:, None])
             ends[bent] = np.stack([turned.min(axis=1), turned.max(axis=1)], axis=-1)
