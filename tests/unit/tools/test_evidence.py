@@ -90,11 +90,11 @@ def test_a_folder_of_trials_becomes_data_and_pages(results: Path, docs: Path) ->
     assert (data["seed"], data["code"], data["remark"]) == (9, "c" * 64, "Run on a Sunday.")
     assert [Outcome(**row) for row in data["trials"]] == TRIALS
     page = (docs / "control-check.md").read_text(encoding="utf-8")
-    assert "5 trials with seed 9 (sources `cccccccccccc`). Run on a Sunday." in page
+    assert "5 trials with seed 9 (hash of the sources: `cccccccccccc`). Run on a Sunday." in page
     assert "In 1 of the 5 trials, the check failed at the design stage" in page
     assert "at least 90 %) | 1 of 2, 50 % (true rate above 2 %) |" in page  # 1 - 0.95^(1/2) = 2.53 %, rounded down
-    assert "the check did not pass (goal: at least 90 %) | 1 of 1, 100 % (true rate above 5 %) |" in page
-    assert "keep every limit on the true rig, those that the check did not pass | 1 of 3, 33 % |" in page
+    assert "the check rejected the design (goal: at least 90 %) | 1 of 1, 100 % (true rate above 5 %) |" in page
+    assert "keep every limit on the true rig: the check rejected the design | 1 of 3, 33 % |" in page
     assert "| nothing | 4 | 1 | 1 of 1 | 1 of 1 | 1 of 2 |\n| creep | 1 | 1 | 0 of 1 | – | 0 of 1 |" in page
     summary = (docs / "validation.md").read_text(encoding="utf-8")
     assert "| [control check](control-check.md) | 5 | 1 of 2 |" in summary
@@ -146,7 +146,7 @@ def test_a_story_becomes_data_and_its_tables_and_leaves_those_of_trials_alone(st
     assert evidence.main([str(docs), "--control-story", str(story), "--remark", "Run on a Monday."]) == 0
     assert (docs / "data" / "control-check.json").read_bytes() == trials
     page = (docs / "control-check.md").read_text(encoding="utf-8")
-    assert page.count("story part, seed 9, deatwin 7.8. Run on a Monday. ") == 3
+    assert page.count("story part, seed 9, deatwin 7.8). Run on a Monday. ") == 3
     assert "| tones | at least 5 times | 3.0 times | no |" in page
     assert "random rigs and designs that pass" not in page  # one of many trials, which have their own tables
     for name in ("tracking", "fleet", "models", "concealed"):
