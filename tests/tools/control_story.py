@@ -38,7 +38,8 @@ def story_data(folder: Path | str, remark: str = "") -> dict[str, Any]:
 
 def story_blocks(data: Mapping[str, Any]) -> dict[str, list[str]]:
     """The lines of the blocks that show a story."""
-    run = f"These results are from `deatwin scenario control-check` (story part, seed {data['seed']}, deatwin {data['version']})."
+    part = f"story part, seed {data['seed']}, deatwin {data['version']}"
+    run = f"These results are from `deatwin scenario control-check` ({part})."
     whence = f"{run} {data['remark']}".strip()
     measures = [
         [row["measure"], row["demanded"], row["reached"], "yes" if row["passed"] else "no"] for row in data["measures"]
@@ -53,8 +54,8 @@ def story_blocks(data: Mapping[str, Any]) -> dict[str, list[str]]:
             "",
             *markdown_table(["measure", "demanded", "reached", "met"], measures),
             "",
-            "The next table compares controllers that track tones. For each controller on each plant, it shows the rms error, "
-            "the factor by which the error of a PI controller is larger, and the margins of the loop with the identified "
+            "The next table compares controllers that track tones. For each controller on each plant, it shows the rms "
+            "error, the factor by which the error of a PI controller is larger, and the margins of the loop with the identified "
             "model. An *oracle* is a controller that was designed in the same way from the true plant.",
             "",
             *table["tracking"],
@@ -74,8 +75,8 @@ def story_blocks(data: Mapping[str, Any]) -> dict[str, list[str]]:
             *table["models"],
         ],
         "concealed-effects": [
-            f"{whence} Each row of the table is a controller for a rig with an effect that the base model lacks. *Reason* is "
-            "the first reason that the check gives for its verdict. The last column judges the controller on the true "
+            f"{whence} Each row of the table is a controller for a rig with an effect that the base model lacks. *Reason* "
+            "is the first reason that the check gives for its verdict. The last column judges the controller on the true "
             "rig. This judgement uses the full limits, while the check uses limits that are tightened by a fifth.",
             "",
             *table["concealed"],

@@ -121,7 +121,9 @@ def _of_trials(trials: Mapping[str, Any]) -> tuple[dict[str, list[str]], list[st
         "trials": _run(trials, outcomes),
         "promises": markdown_table(["statement", "true in"], _promises(outcomes)),
         "by-design": markdown_table(["design", *head], _grouped(outcomes, lambda o: o.design)),
-        "by-concealed": markdown_table(["effect that the plant lacks", *head], _grouped(outcomes, lambda o: o.concealed or "nothing")),
+        "by-concealed": markdown_table(
+            ["effect that the plant lacks", *head], _grouped(outcomes, lambda o: o.concealed or "nothing")
+        ),
         "control": markdown_table(["statement on the control check", "true in"], _promises(outcomes)),
     }, row
 
