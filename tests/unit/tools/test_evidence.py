@@ -208,7 +208,9 @@ def test_what_scenarios_reached_becomes_data_and_tables_and_leaves_that_of_other
     assert "| a cubic spring | cubic spring | cubic stiffness | open | 250 to 3 mV | 2 mV |" in page
     assert "| `silverbox` | 1 of 2 | seed 9, deatwin 7.8; commit 0123abc |" in page
     assert page.count("| `silverbox` | smooth ∣H(f)∣ | below 1 | 2 |") == 1  # among what was missed
-    assert page.count("| `semp-fleet` | smooth ∣H(f)∣ | below 1 | 2 | no |") == 1  # among the NARX models, and only there
+    assert (
+        page.count("| `semp-fleet` | smooth ∣H(f)∣ | below 1 | 2 | no |") == 1
+    )  # among the NARX models, and only there
     assert page.count("| `semp-fleet` | smooth ∣H(f)∣ | below 1 | 2 |") == 1
     assert evidence.main([str(docs)]) == 0
     assert (docs / "validation.md").read_text(encoding="utf-8") == page
