@@ -88,7 +88,7 @@ def drawing(found: dict[str, Any]) -> str:
     keys = " ".join(
         f'<span class="series{i}">■</span>&nbsp;{name.replace(" ", "&nbsp;")}' for i, name in enumerate(series, 1)
     )
-    what = "measured − simulated" if "verdict" in found else "reading"
+    what = "measured minus simulated reading" if "verdict" in found else "reading"
     label = f"{what}, {found['unit']}: {', '.join(series)}"
     return (
         f"<figcaption>{what}, {found['unit']}: {keys}</figcaption>"

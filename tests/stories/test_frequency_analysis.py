@@ -64,7 +64,7 @@ def test_the_page_and_what_fails_on_it(
     rows = {row["measure"]: row["passed"] for row in result["measures"]}
     # The recordings are not of these films, and the gains differ alike at all frequencies: both is told.
     missed = [measure for measure, passed in rows.items() if not passed]
-    assert any(measure.startswith("spread of |H₁|") for measure in missed)
+    assert any(measure.startswith("relative spread of |H₁|") for measure in missed)
     assert any("the true response of the film" in measure for measure in missed)
     assert f'<span class="verdict bad">{sum(rows.values())} of {len(rows)}' in page
     assert "table 4.3" in page and "figure 4.12" in page
@@ -90,6 +90,6 @@ def test_verdicts_fail_where_they_should(found: Actuators, known: Known, made: F
         "closed forms",
         "rewritten in deviations",
         "can amplify",
-        "error of the sum of all GₙUₙ, relative",
+        "error of the sum of all orders GₙUₙ, relative",
     ):
         assert sum(words in measure for measure in lost) == 1, words

@@ -38,7 +38,8 @@ def story_data(folder: Path | str, remark: str = "") -> dict[str, Any]:
 
 def story_blocks(data: Mapping[str, Any]) -> dict[str, list[str]]:
     """The lines of the blocks that show a story."""
-    run = f"Output of `deatwin scenario control-check`, story part, seed {data['seed']}, deatwin {data['version']}."
+    part = f"story part, seed {data['seed']}, deatwin {data['version']}"
+    run = f"These results are from `deatwin scenario control-check` ({part})."
     whence = f"{run} {data['remark']}".strip()
     measures = [
         [row["measure"], row["demanded"], row["reached"], "yes" if row["passed"] else "no"] for row in data["measures"]
@@ -53,28 +54,30 @@ def story_blocks(data: Mapping[str, Any]) -> dict[str, list[str]]:
             "",
             *markdown_table(["measure", "demanded", "reached", "met"], measures),
             "",
-            "The next table shows, for each controller on each plant, the rms error when it tracks the tones, the factor "
-            "by which the error of a PI controller is larger, and the margins of the loop with the identified model. An "
-            "*oracle* is the same design made from the true plant.",
+            "The next table compares controllers that track tones. For each controller on each plant, it shows the rms "
+            "error, the factor by which the error of a PI controller is larger, and the margins of the loop with the identified "
+            "model. An *oracle* is a controller that was designed in the same way from the true plant.",
             "",
             *table["tracking"],
             "",
-            "The last table shows one scheduled design on six actuators. The overshoot, and the rms motion in the last "
-            "third of each level, are stated in per cent of the step.",
+            "The last table shows how one scheduled controller works on six actuators. The reference consists of constant "
+            "levels. The overshoot, and the rms motion in the last third of each level, are in per cent of the step "
+            "between two levels.",
             "",
             *table["fleet"],
         ],
         "models": [
-            f"{whence} Each row is a model of the same actuator. For each model, a controller was designed by "
-            "lambda tuning with the same closed-loop time. Each cell gives the predicted value with its 95 % band; then "
-            "follows the value on the true actuator, which lies inside the band (✓) or outside (✗).",
+            f"{whence} Each row of the table is a model of one actuator. For each model, a controller was designed by "
+            "lambda tuning with one closed-loop time. Each cell gives the value that the model predicts, the 95 % band of "
+            "this value, and the value measured on the true actuator. The mark ✓ means that the measured value lies "
+            "inside the band, and ✗ means that it lies outside.",
             "",
             *table["models"],
         ],
         "concealed-effects": [
-            f"{whence} Each row is a design for a rig with an effect that the base model lacks. *Reason* is the check's "
-            "first reason for its verdict. The last column judges the design on the true rig by the full limits; the "
-            "check itself tightens them by a fifth.",
+            f"{whence} Each row of the table is a controller for a rig with an effect that the base model lacks. *Reason* "
+            "is the first reason that the check gives for its verdict. The last column judges the controller on the true "
+            "rig. This judgement uses the full limits, while the check uses limits that are tightened by a fifth.",
             "",
             *table["concealed"],
         ],

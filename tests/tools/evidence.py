@@ -107,9 +107,9 @@ def _of_trials(trials: Mapping[str, Any]) -> tuple[dict[str, list[str]], list[st
     head = [
         "trials",
         "passed",
-        "passed designs: inside the band",
-        "unsound designs rejected",
-        "sound designs rejected",
+        "passed designs whose steps lie inside the predicted band",
+        "rejected, of the unsound designs",
+        "rejected, of the sound designs",
     ]
     row = [
         "[control check](control-check.md)",
@@ -121,8 +121,10 @@ def _of_trials(trials: Mapping[str, Any]) -> tuple[dict[str, list[str]], list[st
         "trials": _run(trials, outcomes),
         "promises": markdown_table(["statement", "true in"], _promises(outcomes)),
         "by-design": markdown_table(["design", *head], _grouped(outcomes, lambda o: o.design)),
-        "by-concealed": markdown_table(["concealed", *head], _grouped(outcomes, lambda o: o.concealed or "nothing")),
-        "control": markdown_table(["control check: statement", "true in"], _promises(outcomes)),
+        "by-concealed": markdown_table(
+            ["effect that the plant lacks", *head], _grouped(outcomes, lambda o: o.concealed or "nothing")
+        ),
+        "control": markdown_table(["statement on the control check", "true in"], _promises(outcomes)),
     }, row
 
 
@@ -242,12 +244,14 @@ def _run(trials: Mapping[str, Any], outcomes: Sequence[Outcome]) -> list[str]:
     designs = sum(o.sound is not None for o in outcomes)
     passed, broken = inside(outcomes).count, caught(outcomes)
     words = [
-        f"{len(outcomes)} trials with seed {trials['seed']} (sources `{trials['code'][:12]}`).",
+        f"The study ran {len(outcomes)} trials with seed {trials['seed']} (hash of the sources: "
+        f"`{trials['code'][:12]}`).",
         trials["remark"],
         f"In {len(outcomes) - designs} of the {len(outcomes)} trials, the check failed at the design stage, because no "
-        f"design met the specification on the model. Of the {designs} designs, {passed} passed the check, and "
-        f"{broken.count} broke a limit on the true rig ({broken.count - broken.hits} did both). Bounds of the true rate "
-        "have 95 % confidence (Clopper and Pearson).",
+        f"design met the specification on the model. Of the remaining {designs} designs, {passed} passed the check, and "
+        f"{broken.count} broke a limit on the true rig; {broken.count - broken.hits} designs did both. The next table "
+        "counts how often statements about these designs are true. A design that did not pass counts as rejected. The "
+        "*true rate* is the rate that very many trials would give; its bound has 95 % confidence (Clopper and Pearson).",
     ]
     return [" ".join(word for word in words if word)]
 
@@ -255,22 +259,21 @@ def _run(trials: Mapping[str, Any], outcomes: Sequence[Outcome]) -> list[str]:
 def _promises(outcomes: Sequence[Outcome]) -> list[list[str]]:
     return [
         [
-            "of the designs that passed, those whose steps on the true rig lie inside the predicted simultaneous "
-            "95 % band (goal: at least 90 %)",
+            "designs that passed: the steps on the true rig lie inside the predicted simultaneous 95 % band "
+            "(goal: at least 90 %)",
             _cell(inside(outcomes)),
         ],
         [
-            "of the designs that break a limit on the true rig, those that the check did not pass (goal: at least 90 %)",
+            "designs that break a limit on the true rig: the check rejected the design (goal: at least 90 %)",
             _cell(caught(outcomes)),
         ],
-        ["of the designs that passed, those that keep every limit on the true rig", _cell(sound(outcomes))],
+        ["designs that passed: the design keeps every limit on the true rig", _cell(sound(outcomes))],
         [
-            "of the designs that keep every limit on the true rig, those that the check did not pass",
+            "designs that keep every limit on the true rig: the check rejected the design",
             _cell(_cautious(outcomes), bound=False),
         ],
         [
-            "of the designs that break a limit on the true rig, those whose steps nevertheless lie inside the predicted "
-            "band",
+            "designs that break a limit on the true rig: the steps nevertheless lie inside the predicted band",
             _cell(Rate.of(o.inside == 1.0 for o in outcomes if o.sound is False), bound=False),
         ],
     ]

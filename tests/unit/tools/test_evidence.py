@@ -90,11 +90,11 @@ def test_a_folder_of_trials_becomes_data_and_pages(results: Path, docs: Path) ->
     assert (data["seed"], data["code"], data["remark"]) == (9, "c" * 64, "Run on a Sunday.")
     assert [Outcome(**row) for row in data["trials"]] == TRIALS
     page = (docs / "control-check.md").read_text(encoding="utf-8")
-    assert "5 trials with seed 9 (sources `cccccccccccc`). Run on a Sunday." in page
+    assert "5 trials with seed 9 (hash of the sources: `cccccccccccc`). Run on a Sunday." in page
     assert "In 1 of the 5 trials, the check failed at the design stage" in page
     assert "at least 90 %) | 1 of 2, 50 % (true rate above 2 %) |" in page  # 1 - 0.95^(1/2) = 2.53 %, rounded down
-    assert "the check did not pass (goal: at least 90 %) | 1 of 1, 100 % (true rate above 5 %) |" in page
-    assert "keep every limit on the true rig, those that the check did not pass | 1 of 3, 33 % |" in page
+    assert "the check rejected the design (goal: at least 90 %) | 1 of 1, 100 % (true rate above 5 %) |" in page
+    assert "keep every limit on the true rig: the check rejected the design | 1 of 3, 33 % |" in page
     assert "| nothing | 4 | 1 | 1 of 1 | 1 of 1 | 1 of 2 |\n| creep | 1 | 1 | 0 of 1 | – | 0 of 1 |" in page
     summary = (docs / "validation.md").read_text(encoding="utf-8")
     assert "| [control check](control-check.md) | 5 | 1 of 2 |" in summary
@@ -146,7 +146,7 @@ def test_a_story_becomes_data_and_its_tables_and_leaves_those_of_trials_alone(st
     assert evidence.main([str(docs), "--control-story", str(story), "--remark", "Run on a Monday."]) == 0
     assert (docs / "data" / "control-check.json").read_bytes() == trials
     page = (docs / "control-check.md").read_text(encoding="utf-8")
-    assert page.count("story part, seed 9, deatwin 7.8. Run on a Monday. ") == 3
+    assert page.count("story part, seed 9, deatwin 7.8). Run on a Monday. ") == 3
     assert "| tones | at least 5 times | 3.0 times | no |" in page
     assert "random rigs and designs that pass" not in page  # one of many trials, which have their own tables
     for name in ("tracking", "fleet", "models", "concealed"):
@@ -208,7 +208,10 @@ def test_what_scenarios_reached_becomes_data_and_tables_and_leaves_that_of_other
     assert "| a cubic spring | cubic spring | cubic stiffness | open | 250 to 3 mV | 2 mV |" in page
     assert "| `silverbox` | 1 of 2 | seed 9, deatwin 7.8; commit 0123abc |" in page
     assert page.count("| `silverbox` | smooth ∣H(f)∣ | below 1 | 2 |") == 1  # among what was missed
-    assert page.count("| `semp-fleet` | smooth ∣H(f)∣ | below 1 | 2 |") == 2  # and among the NARX models
+    assert (
+        page.count("| `semp-fleet` | smooth ∣H(f)∣ | below 1 | 2 | no |") == 1
+    )  # among the NARX models, and only there
+    assert page.count("| `semp-fleet` | smooth ∣H(f)∣ | below 1 | 2 |") == 1
     assert evidence.main([str(docs)]) == 0
     assert (docs / "validation.md").read_text(encoding="utf-8") == page
 
@@ -221,7 +224,7 @@ def test_a_black_box_is_ahead_where_it_errs_less(amended: float, verdict: str, s
     row = {"story": "silverbox", "verdict": verdict, "causes": ["cubic_stiffness"], **errors}
     made = measured_blocks({"stories": [], "measures": [], "recordings": [row]})["recordings-of-others"]
     assert f"| {shown} | open | 250 to {1000 * amended:g} mV | 2 mV |" in made[2]
-    assert f"smaller than the plant's for {ahead} of the 1 data sets." in made[-1]
+    assert f"The NARX model's error is smaller than the plant's for {ahead} of the 1 data sets." in made[-1]
 
 
 def test_a_folder_without_any_scenario_is_refused(tmp_path: Path) -> None:

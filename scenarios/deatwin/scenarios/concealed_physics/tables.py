@@ -134,7 +134,7 @@ def _effects(study: Opened) -> Table:
             "concealed as": lambda group: ", ".join(dict.fromkeys(_words(m) for c in group[1] for m in c.mechanisms)),
             "cases": lambda group: len(group[1]),
             "detected": lambda group: sum(c.detected for c in group[1]),
-            "true effect in the answer": lambda group: sum(c.inside for c in group[1]),
+            "true effect among causes or alternatives": lambda group: sum(c.inside for c in group[1]),
             "first cause right": lambda group: sum(c.first_right for c in group[1]),
             "wrong name": lambda group: sum(c.confidently_wrong for c in group[1]),
             "ratio and verdict of each case": lambda group: _each(group[1], _mark),
@@ -160,15 +160,15 @@ def _outside(study: Opened) -> Table:
         return "✗" if case.causes else {"unknown": "✓", "none": "–", "parameters": "–"}.get(case.verdict, "·")
 
     return Table.of(
-        "Outside the catalogue",
+        "Effects that the catalogue lacks (✓ unknown, ✗ a cause stated, – nothing detected, · other)",
         _grouped(study.of("outside"), lambda case: case.mechanisms[0]).items(),
         {
             "mechanism": lambda group: _words(group[0]),
             "cases": lambda group: len(group[1]),
             "detected": lambda group: sum(c.detected for c in group[1]),
             "unknown": lambda group: sum(c.verdict == "unknown" for c in group[1]),
-            "a cause named": lambda group: sum(bool(c.causes) for c in group[1]),
-            "which": lambda group: which(group[1]),
+            "a cause stated": lambda group: sum(bool(c.causes) for c in group[1]),
+            "causes stated, with the number of cases": lambda group: which(group[1]),
             "ratio and verdict of each case": lambda group: _each(group[1], mark),
         },
     )
@@ -180,7 +180,7 @@ def _pairs(study: Opened) -> Table:
         study.of("pair"),
         {
             "case": lambda case: case.name,
-            "truth": lambda case: " + ".join(case.truth),
+            "concealed effects": lambda case: " + ".join(case.truth),
             "ratio": lambda case: three_digits(case.ratio),
             "verdict": lambda case: case.verdict,
             "causes": lambda case: " + ".join(case.causes),
@@ -196,12 +196,12 @@ def _ties(study: Opened) -> Table:
         study.of("tie"),
         {
             "case": lambda case: case.name,
-            "truth": lambda case: case.truth[0],
+            "concealed effect": lambda case: case.truth[0],
             "ratio": lambda case: three_digits(case.ratio),
             "verdict": lambda case: case.verdict,
-            "answer": lambda case: ", ".join(sorted(case.answer)),
-            "with the advised experiment": lambda case: (case.advised or "–") + "†" * case.heavier,
-            "resolved": lambda case: "yes" if case.resolved else "at once" if case.named_right else "no",
+            "causes and alternatives": lambda case: ", ".join(sorted(case.answer)),
+            "verdict after the advised experiment": lambda case: (case.advised or "–") + "†" * case.heavier,
+            "true effect named": lambda case: "yes" if case.resolved else "at once" if case.named_right else "no",
         },
     )
 
@@ -219,9 +219,9 @@ def _predictions(study: Opened) -> Table:
         low, middle, high = np.quantile(ratios, (0.05, 0.5, 0.95))
         lost = sum(name in c.lost for c in study.of("effect", ratio=1.0) if "oracle" in c.errors)
         rows.append([MADE_BY[name], str(ratios.size), *(f"{r:.3f}" for r in (middle, low, high)), str(lost)])
-    columns = ["plant", "cases", "median", "5 %", "95 %", "diverged or failed runs"]
+    columns = ["model", "cases", "median", "5 % quantile", "95 % quantile", "diverged or failed runs"]
     return Table(
-        title="Error on the check recording, relative to that of the oracle, for one effect with a ratio of 1 or more",
+        title="One effect with a ratio of 1 or more: error on the check recording, divided by that of the oracle",
         columns=columns,
         rows=rows,
     )
@@ -230,7 +230,7 @@ def _predictions(study: Opened) -> Table:
 def _reach() -> Table:
     """Show how much of each mechanism the displacement at a given voltage can reveal at all."""
     return Table.of(
-        "Largest ratio that each mechanism reaches at a plausible size, measured beforehand on one rig with noise of 1 % of the motion",
+        "Largest ratio of each mechanism at a plausible size (measured before the study, on one rig whose noise is 1 % of the motion)",
         sorted(REACH, key=lambda name: (REACH[name], name in OUTSIDE, name)),
         {
             "mechanism": _words,
@@ -278,7 +278,7 @@ _COLUMNS: dict[str, Callable[[Case], object]] = {
     "probability": lambda case: f"{case.stated[0][0]:.4g}" if case.stated else "",
     **{f"{name}_rms": _rms(name) for name in ("nominal", *MADE_BY)},
     "sparse_term": lambda case: case.sparse_term,
-    "resolved": lambda case: int(case.resolved),
+    "true effect named": lambda case: int(case.resolved),
     "processor_s": lambda case: "" if case.seconds is None else case.seconds,
 }
 """Columns of ``cases.csv``."""
