@@ -86,20 +86,19 @@ class ActuationCurve(Described):
     @property
     def breakdown_command(self) -> float | None:
         """Command at which the film breaks down; None if it does not, or if the rig has no breakdown law."""
-        return self._crossing("breakdown_share", 1.0)
+        return self._crossing(self.signals.get("breakdown_share", np.zeros(0)) - 1.0)
 
     @property
     def slack_command(self) -> float | None:
         """Command at which the film loses its tension; None if it does not, or if the rig does not watch tension."""
-        return self._crossing("tension", 0.0)
+        return self._crossing(-self.signals.get("tension", np.zeros(0)))
 
-    def _crossing(self, name: str, limit: float) -> float | None:
-        """Return the command at which a signal crosses a limit."""
-        excess = self.signals.get(name, np.empty(0)) - limit
-        beyond = excess * np.sign(excess[:1]) < 0
-        if not beyond.any():
+    def _crossing(self, excess: np.ndarray) -> float | None:
+        """Return the first command with an excess above 0, which may be the first of all. Shapes: `excess` (n,)."""
+        if not (excess > 0).any():
             return None
-        last = int(np.argmax(beyond))
+        if (last := int(np.argmax(excess > 0))) == 0:
+            return float(self.commands[0])
         share = excess[last - 1] / (excess[last - 1] - excess[last])
         return float(self.commands[last - 1] + share * (self.commands[last] - self.commands[last - 1]))
 

@@ -81,7 +81,7 @@ class AnyFilm(ABC):
 
     points: Sequence[FilmPoint]  # Points at which stretches are taken
     elastic: Symbol  # Energy of the equilibrium network, J
-    rest_stretch: float  # Start value of the search for the relaxed state
+    prestretches: tuple[float, float]  # In-plane stretches as mounted, from which the search for rest starts
     relaxing: Symbol = 0.0  # Energy of the branches, J
     capacitances: Sequence[Symbol] = ()  # Contribution of each point to the capacitance, F; 0 without an electrode
     breakdown: BreakdownLaw | None = None  # Law of the field that the film withstands; None if unknown
@@ -133,7 +133,7 @@ class Film(AnyFilm):
     def with_branch(self, name: str, modulus: Symbol, time: Symbol, build: Builder) -> Self:
         """Add a Maxwell branch of one viscous stretch xi: E = mu e(q, xi), tau d(ln xi)/dt = -(de/d ln xi) / kappa."""
         xi = build.state(f"{name}_stretch", scale=1.0)
-        build.guess(xi, self.rest_stretch)
+        build.guess(xi, self.prestretches[0])
         pairs = zip(self.points, self.relaxed(xi), strict=True)
         energy = sum(p.volume * maxwell_branch(p.stretches[0] / c, p.stretches[1] / d) for p, (c, d) in pairs)
         build.rate(xi, -(xi**2) * ca.gradient(energy, xi) / self.stiffness, mass=time)
@@ -162,8 +162,8 @@ class PointwiseFilm(AnyFilm):
             first, second = (stretch / xi for stretch, xi in zip(point.stretches, viscous, strict=True))
             across = 1 / (first * second) ** 2
             stresses = (first**2 - across, second**2 - across)
-            for xi, along, other in zip(viscous, stresses, reversed(stresses), strict=True):
-                build.guess(xi, self.rest_stretch)
+            for xi, along, other, mounted in zip(viscous, stresses, stresses[::-1], self.prestretches, strict=True):
+                build.guess(xi, mounted)
                 build.rate(xi, xi * (along - other / 2) / 3, mass=time)
                 build.displace(name, xi, partial(_unstrained, xi))
             energy += point.volume * maxwell_branch(first, second)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 
+from deatwin.plant.effects.electrode_loss import rate_of
 from deatwin.plant.errors import RigError
 
 if TYPE_CHECKING:
@@ -31,8 +32,8 @@ class Supply:
     .. math:: \frac{d}{dt}\bigl[(C(q) + C_p)V\bigr] = I(V_a - V) - \frac{V}{R_b}, \qquad
               I(x) = \frac{x}{R}\Bigl(1 + \Bigl|\frac{x}{R\,I_\pm}\Bigr|^8\Bigr)^{-1/8}
 
-    The source acts through a resistance R. Its current stays below :math:`I_+` into the film and below :math:`I_-` out
-    of it.
+    The source acts through a resistance R. Its current stays below :math:`I_+` towards the commanded polarity, into the
+    film, and below :math:`I_-` away from it.
 
     Parameters
     ----------
@@ -96,31 +97,33 @@ class Supply:
             "bleed_conductance", 0.0 if self.bleed_resistance is None else 1 / self.bleed_resistance
         )
         resistance = build.constant("supply_resistance", self.series_resistance)
-        whole = film.capacitance / build.signal("electrode_share", otherwise=1.0)
-        # A part of the electrode that loses contact takes its charge along, so that the voltage does not jump.
-        all_of_it, reached = whole + beside, film.capacitance + beside
-        size = build.at_rest("supplied_capacitance", all_of_it)
+        left = build.signal("electrode_share", otherwise=1.0)
+        whole, reached = film.capacitance / left, film.capacitance + beside
+        size = build.at_rest("supplied_capacitance", whole + beside)
         charge = build.state("supplied_charge", scale=1e3)  # divided by the capacitance at rest: V
-        voltage = charge * size / all_of_it
+        voltage = charge * size / reached
         current = build.coordinate("supply_current", scale=1e-6)
-        build.rate(charge, (current - bleeder * voltage) * all_of_it / (reached * size))
+        # A part of the electrode that loses contact takes its charge along, so that the voltage does not jump.
+        gone = whole * rate_of(left, build.time)
+        build.rate(charge, (current - bleeder * voltage + gone * voltage) / size)
         # Into the film, the balance is one of voltage drops, because a search for rest from afar would find the current
         # flat. Out of it, it is one of currents: a converter that sinks none has nearly no current at any drop.
         ahead = wanted - voltage
-        excess, drop = self._excess(ahead, build), resistance * current
-        build.balance(ca.if_else(ahead > 0, ahead - drop * excess, ahead / excess - drop))
+        into = ahead * wanted > 0
+        excess, drop = self._excess(ahead, into, build), resistance * current
+        build.balance(ca.if_else(into, ahead - drop * excess, ahead / excess - drop))
         return voltage
 
-    def _excess(self, ahead: Symbol, build: Builder) -> Symbol:
+    def _excess(self, ahead: Symbol, into: Symbol, build: Builder) -> Symbol:
         """Return the ratio of the current that the resistance would allow to the source's largest current, smoothly
         limited to at least 1.
         """
-        into = inf if self.current_limit is None else self.current_limit
-        out = into if self.sink_current is None else max(self.sink_current, LEAST_SUNK)
+        source = inf if self.current_limit is None else self.current_limit
+        sink = source if self.sink_current is None else max(self.sink_current, LEAST_SUNK)
         drops = [
-            build.constant(name, 1 / (self.series_resistance * i)) for name, i in (("into", into), ("out_of", out))
+            build.constant(name, 1 / (self.series_resistance * i)) for name, i in (("into", source), ("out_of", sink))
         ]
-        return (1 + (ahead * ca.if_else(ahead > 0, *drops)) ** SHARPNESS) ** (1 / SHARPNESS)
+        return (1 + (ahead * ca.if_else(into, *drops)) ** SHARPNESS) ** (1 / SHARPNESS)
 
 
 def supply_from(described: Mapping[str, Any]) -> Supply:

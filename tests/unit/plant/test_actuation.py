@@ -74,6 +74,15 @@ def test_a_held_film_goes_slack_where_maxwell_stress_is_its_tension():
     assert 800.0 * curve.slack_command == pytest.approx(volts, rel=1e-4)
 
 
+def test_a_film_that_is_slack_or_broken_from_the_first_command_on_says_so():
+    unstretched = BlockedPlanar(prestretch=1.0, side_prestretch=1.0)
+    assert actuation_curve(Plant(rig=unstretched), np.array([0.0, 1.0, 2.0])).slack_command == 0.0
+    pushed = Planar(sides="clamped", side_prestretch=0.3)
+    assert actuation_curve(Plant(rig=pushed), np.array([0.5, 1.0])).slack_command == 0.5
+    held = BlockedPlanar(prestretch=3.5, side_prestretch=3.5)  # breaks down at 10.2 kV, by the law of Huang et al.
+    assert actuation_curve(Plant(rig=held), np.array([13.0, 14.0])).breakdown_command == 13.0
+
+
 def test_a_film_that_hangs_free_has_no_tension_to_lose():
     for sides in ("equal", "free"):
         curve = actuation_curve(Plant(rig=Planar(prestretch=1.0, sides=sides)), np.linspace(0, 8, 5))

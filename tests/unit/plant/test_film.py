@@ -20,7 +20,7 @@ def sheet(build, stretches):
     return PointwiseFilm(
         points=points,
         elastic=VOLUME * gent(*points[0].stretches, 25e3, 107.0),
-        rest_stretch=3.5,
+        prestretches=(3.5, 3.5),
         capacitances=point_capacitances(points, 4.5, THICKNESS),
     )
 

@@ -1,11 +1,15 @@
 """Tension lost, breakdown and pull-in: signals against closed forms, statuses with place, voltage and time."""
 
+import casadi as ca
 import numpy as np
 import pytest
 
-from deatwin.plant import Diaphragm, Planar, Plant, RunStatus, SimulationError
+from deatwin.plant import Diaphragm, ParameterSet, Planar, Plant, RunStatus, SimulationError
+from deatwin.plant.builder import Builder
+from deatwin.plant.film import FilmPoint, PointwiseFilm
 from deatwin.plant.laws.dielectric import VACUUM_PERMITTIVITY
 from deatwin.plant.rest import rest_state
+from deatwin.plant.rigs.film_actuator import watch_field
 
 RAMP = np.linspace(0.0, 3.75, 500)
 SLACK = Plant(rig=Diaphragm(), values={"shear_modulus": 8e3})  # its stretch limit still holds it
@@ -47,6 +51,15 @@ def test_voltage_stresses_a_flat_film_least_along_the_radius_of_the_annulus(rig)
     present_mm = 1e3 * rig.thickness / stretch**2
     assert values["breakdown_share"] == pytest.approx(field / (51e6 * present_mm**-0.25 * stretch**0.63), rel=1e-3)
     assert values["breakdown_share_active"] == 1.0
+
+
+def test_the_field_is_that_under_the_electrode():
+    build = Builder(ParameterSet(Planar().parameters), ())
+    build.share("film_voltage", ca.SX(1e3))
+    points = [FilmPoint(volume=1e-8, stretches=(3.0, 3.0), radius=0.5), FilmPoint(volume=1e-8, stretches=(4.0, 4.0))]
+    watch_field(PointwiseFilm(points=points, elastic=ca.SX(0), prestretches=(3.0, 3.0)), build)
+    field = ca.Function("field", [build.own("thickness")], [build.signal("field")])
+    assert float(field(0.5e-3)) == pytest.approx(1e3 * 9.0 / 0.5e-3)
 
 
 def test_tension_lost_is_a_status_with_place_voltage_and_time(experiment):

@@ -67,6 +67,18 @@ def test_a_converter_that_cannot_sink_holds_the_peak_of_a_disc(limit: float | No
     assert np.all((left > 0.9) & (left < 1.0))
 
 
+def test_the_limits_hold_alike_for_both_polarities() -> None:
+    commands = np.r_[np.full(50, 2.5), np.full(50, 1.0)]
+    both = []
+    for sign in (1.0, -1.0):
+        rig = BlockedPlanar(sample_time=STEP, supply=Supply(current_limit=100e-6, sink_current=0.0))
+        recording = Recording.from_arrays(sign * commands, np.zeros(commands.size), STEP)
+        watched = Plant(rig=rig).simulate(Experiment(recordings=(recording,))).require().watched[0]
+        both.append(sign * watched["film_voltage"])
+    assert both[0][49] > 500.0
+    np.testing.assert_allclose(both[1], both[0], rtol=1e-9, atol=1e-9)
+
+
 def test_a_supply_without_limits_is_none() -> None:
     volts, _ = charged(Supply())
     np.testing.assert_allclose(volts[[20, RISE - 1, RISE + 20]], [VOLTS, VOLTS, 0.0], atol=0.1)

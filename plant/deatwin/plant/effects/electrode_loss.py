@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import casadi as ca
 import numpy as np
 
 from deatwin.plant.effects.base import Effect, Family, Place
@@ -14,6 +15,14 @@ from deatwin.plant.parameters import Parameter
 
 if TYPE_CHECKING:
     from deatwin.plant.builder import Builder
+
+
+def rate_of(share: Any, time: Any) -> Any:
+    """Return the rate at which the share of the electrode with contact changes, 1/s; 0 for one that is a number.
+
+    Equations of rest are those of clock 0, where nothing changes.
+    """
+    return 0.0 if isinstance(share, float) else ca.if_else(time == 0, 0.0, ca.jacobian(share, time))
 
 
 @dataclass(frozen=True, kw_only=True)

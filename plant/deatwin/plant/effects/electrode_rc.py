@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from deatwin.plant.effects.base import Effect, Family, Place
+from deatwin.plant.effects.electrode_loss import rate_of
 from deatwin.plant.parameters import Parameter
 
 if TYPE_CHECKING:
@@ -24,8 +25,8 @@ class ElectrodeRC(Effect):
     .. math:: \tau\dot\chi = V_a - V, \qquad V = \chi/c, \qquad c = 1 + s\,\Bigl(\frac{C(q)}{C_0} - 1\Bigr), \qquad
               s = \frac{C_0}{C_0 + C_p}
 
-    One state :math:`\chi` (V), the charge divided by :math:`C_0 + C_p`. If the electrode loses a share of its area
-    (`electrode_loss`), that share of :math:`C_0` and of C(q) is lost with its charge. Fresh carbon grease gives 0.1 ms
+    One state :math:`\chi` (V), the charge divided by :math:`C_0 + C_p`. A part of the electrode that loses contact
+    (`electrode_loss`) takes along its share of C(q) and of the charge, so that the voltage does not jump. Fresh carbon grease gives 0.1 ms
     or less; dried grease or a bad contact (10 to 100 MΩ, 1 to 3 nF) 10 to 300 ms. Signature: it acts before the square,
     so harmonics roll off; the phase lag grows with frequency and, since C(q) grows threefold up to 3 kV, with the
     voltage. A `delay` does neither. Off at :math:`\tau = 0`, where :math:`V = V_a`.
@@ -66,9 +67,9 @@ class ElectrodeRC(Effect):
     def rewrite(self, signal: Any, build: Builder) -> Any:
         left, share = build.signal("electrode_share", otherwise=1.0), self.own("film_share", build)
         whole = build.signal("capacitance") / left
-        growth = whole / build.at_rest("rest_capacitance", whole) - 1
-        size = 1 - share * (1 - left)
+        growth, time = whole / build.at_rest("rest_capacitance", whole) - 1, self.own("time", build)
         charge = build.state("film_charge", scale=1e3)
-        voltage = charge / (1 + share * left / size * growth)
-        build.rate(charge, (signal - voltage) / size, mass=self.own("time", build))
+        voltage = charge / (1 + share * (growth - (1 - left) * (1 + growth)))
+        gone = time * share * (1 + growth) * voltage * rate_of(left, build.time)
+        build.rate(charge, signal - voltage + gone, mass=time)
         return voltage

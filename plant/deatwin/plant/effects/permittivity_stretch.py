@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 class PermittivityStretch(Effect):
     r"""The permittivity depends on the stretch, so that the field also acts by electrostriction.
 
-    .. math:: \varepsilon(\lambda) = \varepsilon\,\bigl[1 + c(\lambda_1 + \lambda_2 - 2\lambda_p)\bigr]
+    .. math:: \varepsilon(\lambda) = \varepsilon\,\bigl[1 + c(\lambda_1 + \lambda_2 - \lambda_{p1} - \lambda_{p2})\bigr]
 
-    No state. :math:`\varepsilon` remains the permittivity at the prestretch :math:`\lambda_p`. The energy of the
+    No state. :math:`\varepsilon` remains the permittivity at the prestretch :math:`\lambda_{p1}, \lambda_{p2}`. The energy of the
     field is differentiated including this law, which multiplies the Maxwell stress :math:`\varepsilon E^2` in
     direction i by :math:`1 + \frac12\,d\ln\varepsilon/d\ln\lambda_i`. Typical for VHB: c = -0.08 to 0 from the
     prestretch; the Maxwell stress at 3.5 is then up to 14 % smaller. Signature: static and even in the voltage;
@@ -52,9 +52,9 @@ class PermittivityStretch(Effect):
         return (Parameter(name="slope", value=self.slope, unit="1", lower=-0.3, upper=0.3),)
 
     def rewrite(self, signal: AnyFilm, build: Builder) -> AnyFilm:
-        slope, rest = self.own("slope", build), signal.rest_stretch
+        slope, (first, second) = self.own("slope", build), signal.prestretches
 
         def factor(point: FilmPoint) -> Any:
-            return stretched(*point.stretches, permittivity=1.0, slope=slope, from_1=rest, from_2=rest)
+            return stretched(*point.stretches, permittivity=1.0, slope=slope, from_1=first, from_2=second)
 
         return signal.with_permittivity(factor)

@@ -52,7 +52,8 @@ class BowTie(FilmActuator):
         Stretch along the motion, without voltage, of a strip of the mean width. It fixes the dead load, which stays
         when a fit changes the material.
     side_prestretch : float, or None
-        Stretch across that strip; None for the :math:`\lambda^{-1/2}` of a free strip.
+        Stretch across that strip, which clamped sides hold; None for the same stretch as along it. Free sides take
+        None alone, since a free strip contracts to :math:`\lambda^{-1/2}`.
     sides : {"clamped", "free"}
         Support of the sides.
     stations : int
@@ -79,6 +80,11 @@ class BowTie(FilmActuator):
 
     def __post_init__(self) -> None:
         check_sides(self.sides, HELD)
+        if self.sides == "free" and self.side_prestretch is not None:
+            raise RigError(
+                f"free sides contract by themselves and hold no side_prestretch of {self.side_prestretch:g}: leave it "
+                'out (None), or take sides="clamped"'
+            )
         if self.stations < 1 or not (self.waist_width > 0 and self.bar_width > 0):
             raise RigError(
                 f"bow-tie of {self.stations} stations, {self.waist_width:g} m at the waist and {self.bar_width:g} m at "
@@ -88,7 +94,9 @@ class BowTie(FilmActuator):
     @property
     def across(self) -> float:
         """Prestretch across a strip of the mean width."""
-        return self.prestretch**-0.5 if self.side_prestretch is None else self.side_prestretch
+        if self.sides == "free":
+            return self.prestretch**-0.5
+        return self.prestretch if self.side_prestretch is None else self.side_prestretch
 
     @property
     def _outside(self) -> tuple[tuple[str, float, str], ...]:
@@ -104,8 +112,8 @@ class BowTie(FilmActuator):
         return self.length * float(self._stations[1] @ self._hanging)
 
     @property
-    def _rest_stretch(self) -> float:
-        return float(max(self.prestretch, (self.prestretch * self.across) ** 0.5))
+    def _prestretches(self) -> tuple[float, float]:
+        return self.prestretch, self.across
 
     @property
     def _watch_limits(self) -> Callable[[AnyFilm, Symbol, Builder], None]:

@@ -104,15 +104,17 @@ class Cone(FilmActuator):
         return self.frame_radius - self.disc_radius
 
     @property
-    def _rest_stretch(self) -> float:
-        return self.prestretch
+    def _prestretches(self) -> tuple[float, float]:
+        return self.prestretch, self.prestretch
 
     @cached_property
     def _rest_position(self) -> float:
-        """Return the height at which a straight cone of the published film carries weight and bias."""
+        """Return the height to which weight and bias move a flat film, which carries them as a straight cone there."""
         circle, values = 2 * np.pi * self.disc_radius * self.thickness / self.prestretch, np.linspace(0.0, 3.0, 301)
-        for ratio in values:
-            height = float(ratio * self._size)
+        loads = [value for _, value, _ in self._outside]
+        side = -1.0 if self._force(0.0, self.mass, *loads) < 0.0 else 1.0
+        for ratio in values[1:]:  # flat, a film may balance a bistable spring that would move it at once
+            height = float(side * ratio * self._size)
             try:
                 along, _ = relaxed_stresses(self.substance, self.prestretch * (1 + ratio**2) ** 0.5, self.prestretch)
             except RigError:
@@ -120,9 +122,9 @@ class Cone(FilmActuator):
             # At the disc the cone is steepest, and its film bears the whole force.
             steepest = ratio * self._size / (self.disc_radius * np.log(self.frame_radius / self.disc_radius))
             held = circle * along * steepest / (1 + steepest**2) ** 0.5
-            if held >= float(self._force(height, self.mass, *(value for _, value, _ in self._outside))):
+            if held >= side * float(self._force(height, self.mass, *loads)):
                 return height
-        return self._size
+        return side * self._size
 
     @staticmethod
     def _force(

@@ -116,7 +116,7 @@ class Coupon(Rig):
             stretch=stretch,
             relaxed=_uniaxial,
             stiffness=build.constant("relaxation_stiffness", self._stiffness),
-            rest_stretch=1.0,
+            prestretches=(1.0, 1.0),
         )
         strip = with_branches(strip, self.substance, build)
         stored = build.place(Place.FILM, "film", strip).stored

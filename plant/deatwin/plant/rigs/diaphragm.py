@@ -21,6 +21,7 @@ from deatwin.plant.limits import watch_limits
 from deatwin.plant.material import Material, material
 from deatwin.plant.parameters import Parameter, Scale
 from deatwin.plant.rigs.base import Rig, StartProcedure
+from deatwin.plant.rigs.film_actuator import relaxed_stresses
 from deatwin.plant.rigs.kinematics import material_film, squared_voltage
 from deatwin.plant.rigs.membrane import membrane
 from deatwin.plant.rigs.reduced import reduced
@@ -30,6 +31,7 @@ from deatwin.plant.rigs.unknown_start import SETTLING, memories, zero_of
 GRAVITY = 9.80665
 BALLS = ("bonded", "sliding")
 THESIS_PRESTRETCHES = (3.5, 4.5)  # Possible prestretches of the thesis' films; it leaves open which one they had
+LEAST = 1.05  # Least stretch for which the sag at the start of the search for rest is that of a linear film
 RESOLUTIONS = {"reduced": reduced, "fine": membrane}
 
 Symbol = Any
@@ -71,7 +73,8 @@ class Diaphragm(Rig):
         True if the experimenter is sure of the prestretch; otherwise 3.5 or 4.5, whichever is farther from it, is an
         alternative.
     resolution : {"reduced", "fine"}
-        Discretisation: a few coordinates, or axisymmetric elements with branches that flow independently at each point.
+        Discretisation: a few coordinates, or axisymmetric elements with branches that flow independently at each point,
+        which a film that relaxes needs below a prestretch of 1.5.
     elements : int
         Number of elements of the fine film under the electrode; the annulus has half as many.
     sample_time, noise, reading, model_error, command_range, chain, further, supply
@@ -176,7 +179,7 @@ class Diaphragm(Rig):
         velocity = build.watch("velocity", build.state("velocity", scale=0.05))
         displacement = build.watch("displacement", deflection - build.at_rest("rest_deflection", deflection))
         shape = RESOLUTIONS[self.resolution](self, deflection, build)
-        film = build.place(Place.FILM, "film", material_film(shape, self._material, self.prestretch, build))
+        film = build.place(Place.FILM, "film", material_film(shape, self._material, (self.prestretch,) * 2, build))
         squared = squared_voltage(build.share("film", film), build, self.supply)
         watch_limits(film, squared, build)
 
@@ -193,6 +196,8 @@ class Diaphragm(Rig):
     def sag(self, radius: float, build: Builder) -> Symbol:
         r"""Return the sag of a uniformly stretched film, :math:`z = mg\ln(B/r)/(2\pi N)`, a start value for rest.
 
+        The load itself stretches a film that was hardly stretched before.
+
         Parameters
         ----------
         radius : float
@@ -206,8 +211,9 @@ class Diaphragm(Rig):
             Sag, m.
         """
         elastic = (build.own(parameter.name) for parameter in self._material.elastic)
-        stress, _ = nominal_stress(self._material.energy, self.prestretch, self.prestretch, *elastic)
-        tension = stress * build.own("thickness") / self.prestretch
+        stretch = max(self.prestretch, LEAST)
+        stress, _ = nominal_stress(self._material.energy, stretch, stretch, *elastic)
+        tension = stress * build.own("thickness") / stretch
         return build.own("mass") * GRAVITY / (2 * np.pi * tension) * np.log(self.frame_radius / radius)
 
     @cached_property
@@ -230,7 +236,7 @@ class Diaphragm(Rig):
             Rig whose noise includes the rounding to the sensor's resolution.
         """
         film, load = described.film, described.load
-        return cls(
+        rig = cls(
             **described.shared,
             thickness=film["thickness"],
             prestretch=film["prestretch"],
@@ -241,3 +247,5 @@ class Diaphragm(Rig):
             ball=film.get("ball", cls.ball),
             ball_is_known="ball" in film,
         )
+        relaxed_stresses(rig._material, rig.prestretch, rig.prestretch)  # refuses a prestretch beyond the film's limit
+        return rig

@@ -100,8 +100,8 @@ class Disc(FilmActuator):
         return self.electrode_radius
 
     @property
-    def _rest_stretch(self) -> float:
-        return self.prestretch
+    def _prestretches(self) -> tuple[float, float]:
+        return self.prestretch, self.prestretch
 
     def _kinematics(self, position: Symbol, build: Builder) -> Kinematics:
         (radii, areas), thickness, share = self._points, build.parameter("thickness"), electrode_share(build)

@@ -102,7 +102,9 @@ class FilmActuator(Rig):
         own: dict[str, Any] = {**described.film, **described.load}
         whole = {field.name for field in fields(cls) if field.type == "int"}
         stated = {name: int(value) if name in whole else value for name, value in own.items()}
-        return cls(**{**described.shared, **stated})
+        rig = cls(**{**described.shared, **stated})
+        relaxed_stresses(rig.substance, *rig._prestretches)  # refuses a prestretch beyond the film's limit
+        return rig
 
     def write(self, build: Builder) -> Symbol:
         size = self._size
@@ -111,7 +113,7 @@ class FilmActuator(Rig):
         displacement = build.watch("displacement", position - build.at_rest("rest_position", position))
         build.guess(position, self._rest_position)
         shape = self._kinematics(position, build)
-        film = build.place(Place.FILM, "film", material_film(shape, self.substance, self._rest_stretch, build))
+        film = build.place(Place.FILM, "film", material_film(shape, self.substance, self._prestretches, build))
         squared = squared_voltage(build.share("film", film), build, self.supply)
         watch_field(film, build)
         self._watch_limits(film, squared, build)
@@ -146,8 +148,8 @@ class FilmActuator(Rig):
 
     @property
     @abstractmethod
-    def _rest_stretch(self) -> float:
-        """Return start values for the film's stretches at rest."""
+    def _prestretches(self) -> tuple[float, float]:
+        """Return the film's stretches as mounted."""
 
     @property
     def _watch_limits(self) -> Callable[[AnyFilm, Symbol, Builder], None]:
@@ -170,9 +172,26 @@ def relaxed_stresses(substance: Material, stretch_1: float, stretch_2: float) ->
     if not (np.isfinite(first) and np.isfinite(second)):
         raise RigError(
             f"{substance.name} has no stress at stretches of {stretch_1:g} and {stretch_2:g}: both must be above 0 "
-            "and below its limit"
+            f"and below its limit{_limit_below(substance, stretch_1, stretch_2)}"
         )
     return first, second
+
+
+def _limit_below(substance: Material, stretch_1: float, stretch_2: float) -> str:
+    """Say how far a film can be stretched in the same proportion of logarithms; empty if there is no such limit."""
+    values = [p.value for p in substance.elastic]
+
+    def finite(share: float) -> bool:
+        stresses = nominal_stress(substance.energy, stretch_1**share, stretch_2**share, *values)
+        return all(np.isfinite(float(stress)) for stress in stresses)
+
+    if min(stretch_1, stretch_2) <= 0.0 or not finite(0.0):
+        return ""
+    low, high = 0.0, 1.0
+    for _ in range(20):
+        middle = (low + high) / 2
+        low, high = (middle, high) if finite(middle) else (low, middle)
+    return f", here {stretch_1**low:.3g} and {stretch_2**low:.3g}"
 
 
 def watch_breakdown(film: AnyFilm, squared_voltage: Symbol, build: Builder) -> None:
@@ -184,7 +203,7 @@ def watch_breakdown(film: AnyFilm, squared_voltage: Symbol, build: Builder) -> N
 def watch_field(film: AnyFilm, build: Builder) -> None:
     """Watch the largest true field. `build` has the signal ``film_voltage`` and gets ``field`` in V/m."""
     thickness, voltage = build.parameter("thickness"), ca.fabs(build.signal("film_voltage"))
-    thinnings = ca.vertcat(*(p.stretches[0] * p.stretches[1] for p in film.points))
+    thinnings = ca.vertcat(*(p.stretches[0] * p.stretches[1] for p in film.points if p.active))
     build.watch("field", voltage * ca.mmax(thinnings) / thickness)
 
 

@@ -53,7 +53,7 @@ def electrode_share(build: Builder) -> Symbol:
     return build.share("electrode_share", build.place(Place.FILM, "electrode_share", 1.0))
 
 
-def material_film(shape: Kinematics, substance: Material, rest_stretch: float, build: Builder) -> AnyFilm:
+def material_film(shape: Kinematics, substance: Material, prestretches: tuple[float, float], build: Builder) -> AnyFilm:
     """Return the film of a rig, before any effect."""
     points = film_points(shape.points, build)
     elastic = [build.parameter(p.name) for p in substance.elastic]
@@ -61,7 +61,7 @@ def material_film(shape: Kinematics, substance: Material, rest_stretch: float, b
         points=points,
         elastic=sum(p.volume * substance.energy(*p.stretches, *elastic) for p in points),
         capacitances=point_capacitances(points, build.parameter("permittivity"), build.parameter("thickness")),
-        rest_stretch=rest_stretch,
+        prestretches=prestretches,
         breakdown=substance.breakdown,
     )
     return with_branches(film, substance, build)

@@ -20,6 +20,7 @@ from deatwin.plant.rigs.film_actuator import LIMITS, SIDES, FilmActuator, check_
 from deatwin.plant.rigs.kinematics import Kinematics, electrode_share, material_film, squared_voltage
 
 Symbol = Any
+ROUNDED = 0.01  # Share by which a rounded side stretch may miss that of a film without side load
 MIDDLE = 0.5**0.5  # Radius of a uniform film's only point, as a share of the electrode's; half of the area lies within
 
 
@@ -80,6 +81,11 @@ class Planar(FilmActuator):
                 f"equal sides have one prestretch, here are {self.prestretch:g} and {self.across:g}: leave out "
                 'side_prestretch, or take sides="free"'
             )
+        if self.sides == "free" and self.across < (least := self.prestretch**-0.5) * (1 - ROUNDED):
+            raise RigError(
+                f"a dead load cannot push: free sides of a prestretch of {self.prestretch:g} need a side_prestretch of "
+                f"at least {least:.4g}, not {self.across:g}"
+            )
 
     @property
     def across(self) -> float:
@@ -103,8 +109,8 @@ class Planar(FilmActuator):
         return self.prestretch * self.length
 
     @property
-    def _rest_stretch(self) -> float:
-        return float(max(self.prestretch, (self.prestretch * self.across) ** 0.5))
+    def _prestretches(self) -> tuple[float, float]:
+        return self.prestretch, self.across
 
     @property
     def _watch_limits(self) -> Callable[[AnyFilm, Symbol, Builder], None]:
@@ -191,7 +197,9 @@ class BlockedPlanar(Rig):
             coverage=electrode_share(build),
         )
         shape = Kinematics(points=[point], coordinates=[], film=PointwiseFilm)
-        film = build.place(Place.FILM, "film", material_film(shape, self._material, self.prestretch, build))
+        film = build.place(
+            Place.FILM, "film", material_film(shape, self._material, (self.prestretch, self.side_prestretch), build)
+        )
         squared = squared_voltage(build.share("film", film), build, self.supply)
         watch_field(film, build)
         watch_limits(film, squared, build)

@@ -79,8 +79,8 @@ class Pressure(FilmActuator):
         return self.frame_radius
 
     @property
-    def _rest_stretch(self) -> float:
-        return self.prestretch
+    def _prestretches(self) -> tuple[float, float]:
+        return self.prestretch, self.prestretch
 
     @cached_property
     def _rest_position(self) -> float:

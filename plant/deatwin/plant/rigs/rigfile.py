@@ -181,7 +181,8 @@ def _checked(data: Mapping[str, Any], source: str, text: str = "") -> RigFile:
         raise RigError(format_errors(source, mistakes, lines_of(text) if len(mistakes) > 1 else {}))
     kind = KINDS[data.get("kind", "diaphragm")]
     values: dict[str, dict[str, Any]] = {
-        section: {keys[name].field: keys[name].to_si(value) for name, value in data.get(section, {}).items()}
+        section: {key.field: kind.absent[key.field] for key in keys.values() if key.field in kind.absent}
+        | {keys[name].field: keys[name].to_si(value) for name, value in data.get(section, {}).items()}
         for section, keys in kind.sections.items()
     }
     film, load, drive, sensor = (values.get(section, {}) for section in ("film", "load", "drive", "sensor"))
@@ -192,7 +193,7 @@ def _checked(data: Mapping[str, Any], source: str, text: str = "") -> RigFile:
         kind=data.get("kind", "diaphragm"),
         material=own or film.pop("material"),
         film=film,
-        load={**kind.absent, **load},
+        load=load,
         drive=DriveSpec(
             **{n: v for n, v in drive.items() if n != "start"},
             start_is_known="start" not in drive,

@@ -16,6 +16,7 @@ class NumberKey:
     lower: float  # Lower end of the range, included, in the file's unit
     upper: float  # Upper end, likewise
     per_si: float = 1.0  # File units in one SI unit
+    whole: bool = False  # True if only whole numbers are allowed
     required: bool = True  # True if the key must be present
     slips: tuple[tuple[str, float, float], ...] = ()
     about: str = ""
@@ -24,7 +25,7 @@ class NumberKey:
     @property
     def allowed(self) -> str:
         """Allowed values, in words."""
-        return f"a number from {self.lower:g} to {self.upper:g}"
+        return f"a {'whole ' if self.whole else ''}number from {self.lower:g} to {self.upper:g}"
 
     def fault(self, value: object) -> str:
         """Describe the fault of a value and what is allowed; empty if there is none."""
@@ -34,7 +35,7 @@ class NumberKey:
             return (
                 f"{_toml(value)} is out of range; it must be from {self.lower:g} to {self.upper:g}{self._slip(value)}"
             )
-        return ""
+        return f"{_toml(value)} is not whole; it must be {self.allowed}" if self.whole and value % 1 else ""
 
     def to_si(self, value: float) -> float:
         """Convert a value of the file to SI."""
@@ -201,9 +202,9 @@ def length(field: str, about: str, *, lower: float = 0.01, per_si: float = 1e3, 
     return NumberKey(field=field, lower=lower, upper=1e3, per_si=per_si, required=required, slips=_MM, about=about)
 
 
-def mass(about: str, *, required: bool = False) -> NumberKey:
+def mass(about: str, *, lower: float = 0.0, required: bool = False) -> NumberKey:
     """Make the key of a mass in g."""
-    return NumberKey(field="mass", lower=0.0, upper=1e3, per_si=1e3, required=required, slips=_MG, about=about)
+    return NumberKey(field="mass", lower=lower, upper=1e3, per_si=1e3, required=required, slips=_MG, about=about)
 
 
 def kind_of(value: object) -> str:
@@ -224,5 +225,5 @@ def key_schema(key: NumberKey | TextKey) -> dict[str, Any]:
     """Return the schema of a key's value."""
     about = {"description": key.about} if key.about else {}
     if isinstance(key, NumberKey):
-        return {"type": "number", "minimum": key.lower, "maximum": key.upper, **about}
+        return {"type": "integer" if key.whole else "number", "minimum": key.lower, "maximum": key.upper, **about}
     return {"type": "string", **({"enum": list(key.choices)} if key.choices else {"pattern": r"\S"}), **about}

@@ -39,7 +39,9 @@ class RigKind:
     sensor: Keys = field(default_factory=lambda: SENSOR)
     units: tuple[str, str] = ("V", "m")  # Units of the command and of the reading
     below: tuple[Pair, ...] = ()  # Pairs of numbers; the first must be smaller, as in a part that fits into another
-    absent: Mapping[str, float] = field(default_factory=dict)  # Values of the rig's fields whose key the file lacks
+    absent: Mapping[str, float | None] = field(
+        default_factory=dict
+    )  # Values of the rig's fields whose key the file lacks
     examples: Mapping[str, float | str] = field(default_factory=dict)  # Example values for a template
 
     @property
@@ -57,7 +59,13 @@ COMMANDS = tuple(
     (("drive", low), ("drive", high))
     for low, high in (("command_min_V", "command_max_V"), ("stretch_min", "stretch_max"))
 )
-_SIDE = NumberKey(field="side_prestretch", lower=0.1, upper=10.0, required=False, about="across the motion")
+_SIDE = NumberKey(
+    field="side_prestretch",
+    lower=0.1,
+    upper=10.0,
+    required=False,
+    about="across the motion; the same as along it if left out",
+)
 _FORCE = NumberKey(field="load", lower=-1e3, upper=1e3, required=False, about="0 if left out; it pulls the rig longer")
 _SILICONE: Mapping[str, float | str] = {
     "material": "Elastosil 2030",
@@ -83,7 +91,7 @@ KINDS: Mapping[str, RigKind] = MappingProxyType(
                 ),
             },
             load={
-                "mass_g": mass("of the ball", required=True),
+                "mass_g": mass("of the ball", lower=1e-3, required=True),
                 "contact_diameter_mm": length("contact_diameter", "of ball and film"),
             },
             below=(_ELECTRODE_IN_FRAME, (("load", "contact_diameter_mm"), ("film", "electrode_diameter_mm"))),
@@ -125,7 +133,7 @@ KINDS: Mapping[str, RigKind] = MappingProxyType(
         "stack": RigKind(
             about="A stack: films on top of each other that contract across their faces.",
             film={
-                "layers": NumberKey(field="layers", lower=1.0, upper=1e6, about="number of films"),
+                "layers": NumberKey(field="layers", lower=1.0, upper=1e6, whole=True, about="number of films"),
                 "area_mm2": NumberKey(field="area", lower=0.01, upper=1e6, per_si=1e6, about="of a film's electrode"),
             },
             load={"force_N": _FORCE, "mass_g": _MOVED},
@@ -141,11 +149,14 @@ KINDS: Mapping[str, RigKind] = MappingProxyType(
                 "prestretch": PRESTRETCH,
                 "side_prestretch": _SIDE,
                 "sides": TextKey(
-                    field="sides", choices=("clamped", "free"), required=False, about="clamped if left out"
+                    field="sides",
+                    choices=("clamped", "free"),
+                    required=False,
+                    about="clamped if left out; free ones have no side_prestretch",
                 ),
             },
             load={"mass_g": _MOVED},
-            absent={"mass": 0.0},
+            absent={"mass": 0.0, "side_prestretch": None},
             examples={"length_mm": 40.0, "waist_width_mm": 20.0, "bar_width_mm": 60.0, "prestretch": 1.5}
             | {"side_prestretch": 1.2, "sides": "clamped"},
         ),
@@ -160,7 +171,7 @@ KINDS: Mapping[str, RigKind] = MappingProxyType(
                 "hoop_prestretch": NumberKey(field="hoop_prestretch", lower=1.0, upper=10.0, about="around the axis"),
             },
             load={
-                "spring_rate_N_m": NumberKey(field="spring_rate", lower=0.0, upper=1e6, about="of the core"),
+                "spring_rate_N_m": NumberKey(field="spring_rate", lower=1e-3, upper=1e6, about="of the core"),
                 "force_N": _FORCE,
                 "mass_g": _MOVED,
             },

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from deatwin.plant.builder import Builder
+from deatwin.plant.errors import RigError
 from deatwin.plant.film import FilmPoint, PointwiseFilm
 from deatwin.plant.rigs.film_actuator import FilmActuator, relaxed_stresses
 from deatwin.plant.rigs.kinematics import Kinematics, electrode_share
@@ -64,6 +65,10 @@ class Roll(FilmActuator):
 
     kind: ClassVar[str] = "roll"
 
+    def __post_init__(self) -> None:
+        if not self.spring_rate > 0.0:
+            raise RigError(f"a spring of {self.spring_rate:g} N/m cannot hold the film: its rate must be above 0")
+
     @property
     def _outside(self) -> tuple[tuple[str, float, str], ...]:
         axial, _ = relaxed_stresses(self.substance, self.prestretch, self.hoop_prestretch)
@@ -83,8 +88,8 @@ class Roll(FilmActuator):
         return self.prestretch * self.length
 
     @property
-    def _rest_stretch(self) -> float:
-        return (self.prestretch * self.hoop_prestretch) ** 0.5
+    def _prestretches(self) -> tuple[float, float]:
+        return self.prestretch, self.hoop_prestretch
 
     def _kinematics(self, position: Symbol, build: Builder) -> Kinematics:
         length = build.constant("length", self.length)

@@ -74,8 +74,8 @@ class Stack(FilmActuator):
         return 0.0
 
     @property
-    def _rest_stretch(self) -> float:
-        return 1.0
+    def _prestretches(self) -> tuple[float, float]:
+        return 1.0, 1.0
 
     @property
     def _watch_limits(self) -> Callable[[AnyFilm, Symbol, Builder], None]:

@@ -47,7 +47,7 @@ class Chain(Bare):
             stretch=swelling,
             relaxed=lambda xi: [(xi, xi)],
             stiffness=1.0,
-            rest_stretch=1.0,
+            prestretches=(1.0, 1.0),
         )
         build.share("film", film)
         command = build.watch("acting_command", build.place(Place.DRIVE, "command", build.command))

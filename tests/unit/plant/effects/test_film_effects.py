@@ -8,7 +8,8 @@ import pytest
 from runs import readings as play
 from scipy.special import erf
 
-from deatwin.plant import Coupon, Diaphragm, Experiment, Plant, Recording
+from deatwin.plant import BlockedPlanar, Coupon, Diaphragm, Experiment, Planar, Plant, Recording, Roll
+from deatwin.plant.actuation import actuation_curve
 from deatwin.plant.builder import Builder
 from deatwin.plant.effects.mullins import Mullins
 from deatwin.plant.effects.permittivity_drift import PermittivityDrift
@@ -157,12 +158,23 @@ def permitting(effect, stretch):
         stretch=symbol,
         relaxed=lambda xi: [(xi, xi)],
         stiffness=1.0,
-        rest_stretch=3.5,
+        prestretches=(3.5, 3.5),
     )
     changed = effect.rewrite(film, build)
     slope = build.own("permittivity_stretch.slope")
     found = [ca.Function("f", [symbol, slope], [f.force(symbol, 1.0), f.capacitance]) for f in (film, changed)]
     return [[float(v) for v in f(stretch, effect.slope)] for f in found]
+
+
+@pytest.mark.parametrize(
+    "rig",
+    [Roll(), Planar(sides="free", side_prestretch=3.0**-0.5), BlockedPlanar(prestretch=2.0)],
+    ids=lambda r: r.kind,
+)
+def test_a_permittivity_is_that_of_the_prestretch_also_where_that_is_unequal(rig):
+    with_law = Plant(rig=rig, effects=(PermittivityStretch(slope=-0.07),))
+    found = [actuation_curve(p, np.array([0.0])).signals["capacitance"][0] for p in (Plant(rig=rig), with_law)]
+    assert found[1] == pytest.approx(found[0], rel=1e-9)
 
 
 @pytest.mark.parametrize("stretch", [3.5, 4.2])

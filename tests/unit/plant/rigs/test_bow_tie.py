@@ -24,6 +24,14 @@ def test_free_sides_give_far_less_than_held_ones():
     assert held > 10 * free
 
 
+def test_a_free_strip_of_the_mean_width_has_the_prestretch():
+    rig = BowTie(sides="free", side_prestretch=None, waist_width=40e-3, bar_width=40e-3)
+    curve = actuation_curve(Plant(rig=rig), np.array([0.0]))
+    assert curve.unknowns["position"][0] == pytest.approx(1.5 * rig.length, rel=1e-9)
+    with pytest.raises(RigError, match="free sides contract by themselves"):
+        BowTie(sides="free", side_prestretch=3.0)
+
+
 @pytest.mark.parametrize("wrong", [{"sides": "equal"}, {"stations": 0}, {"waist_width": 0.0}])
 def test_it_says_what_it_cannot_be(wrong):
     with pytest.raises(RigError, match=r"sides|stations"):

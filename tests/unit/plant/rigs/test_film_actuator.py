@@ -9,6 +9,7 @@ from slopes import slope_errors
 
 from deatwin.plant import Cone, Coupon, Diaphragm, Disc, Plant, Pressure, RigError, catalogue
 from deatwin.plant.actuation import actuation_curve
+from deatwin.plant.rest import rest_state
 from deatwin.plant.rigs.bow_tie import BowTie
 from deatwin.plant.rigs.planar import BlockedPlanar, Planar
 from deatwin.plant.rigs.roll import Roll
@@ -120,3 +121,13 @@ def test_a_part_without_mass_and_with_little_damping_follows_at_once(experiment)
 def test_what_does_not_fit_is_refused(kind, wrong):
     with pytest.raises(RigError, match=r"does not fit|above 0"):
         kind(**wrong)
+
+
+@pytest.mark.parametrize(
+    ("middle", "reach", "place"), [(1e-3, 2e-3, -1e-3), (2e-3, 5e-3, -3e-3), (0.0, 3e-3, 3e-3), (3e-3, 2e-3, 1e-3)]
+)
+def test_a_bistable_spring_takes_the_disc_to_the_place_on_its_own_side(middle, reach, place):
+    # A spring of 1 N is far stiffer at its places than a flat film of 50 µm, about 0.1 N/mm: each lies within 0.5 mm.
+    plant = Plant(rig=Cone(mass=5e-3, snap_force=1.0, snap_middle=middle, snap_reach=reach))
+    rest = rest_state(plant.equations, 0.0, plant.free_values)
+    assert rest.x[0] == pytest.approx(place, abs=0.5e-3)

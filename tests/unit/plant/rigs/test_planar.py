@@ -33,7 +33,9 @@ def test_it_says_what_it_cannot_be():
         Planar(sides="clampd")
     with pytest.raises(RigError, match="equal sides have one prestretch"):
         Planar(prestretch=2.0, side_prestretch=3.0)
-    with pytest.raises(RigError, match="below its limit"):
+    with pytest.raises(RigError, match=r"a side_prestretch of at least 0\.5774, not 0\.1"):
+        Planar(sides="free", side_prestretch=0.1)
+    with pytest.raises(RigError, match=r"below its limit, here 7\.4"):
         _ = Planar(prestretch=8.0).parameters  # Gent's limit of 107 is at 7.4
 
 

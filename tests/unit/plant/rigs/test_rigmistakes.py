@@ -43,7 +43,7 @@ ALL = (
         "electrode_diameter_mm = 90.0",
         "[film] electrode_diameter_mm: 90 is out of range; it must be below frame_diameter_mm, 80",
     ),
-    ('mass_g = "3"', '[load] mass_g: "3" is a text; it must be a number from 0 to 1000'),
+    ('mass_g = "3"', '[load] mass_g: "3" is a text; it must be a number from 0.001 to 1000'),
     (
         "[drive]",
         '[drive]: the key "gain" is missing; it must be a number from 1 to 100000; or give input = "film voltage" instead',
@@ -82,7 +82,7 @@ def test_what_is_missing_has_the_line_of_its_section_or_none() -> None:
     with pytest.raises(RigError) as caught:
         RigFile.from_dict(data, "a rig")
     assert str(caught.value) == (
-        'a rig: 3 mistakes: (1) [load]: the key "mass_g" is missing; it must be a number from 0 to 1000 '
+        'a rig: 3 mistakes: (1) [load]: the key "mass_g" is missing; it must be a number from 0.001 to 1000 '
         '(2) [load]: the key "contact_diameter_mm" is missing; it must be a number from 0.01 to 1000 '
         "(3) the section [sensor] is missing; it must hold sample_rate_Hz, noise_um, zero"
     )

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from deatwin.plant import RigError, load_plant, read_rig
+from deatwin.plant import BowTie, RigError, load_plant, read_rig
 from deatwin.plant.rigs.rigkinds import KINDS
 from deatwin.plant.rigs.rigtemplate import rig_template
 
@@ -62,3 +62,34 @@ def test_its_own_material_is_read_in_place_of_the_key(tmp_path: Path, kind: str)
     parameters = load_plant(read_rig(path)).plant.parameters
     values = [parameters[name].value for name in ("shear_modulus", "branch_modulus", "branch_time")]
     assert values == [300e3, 40e3, 8.0]
+
+
+@pytest.mark.parametrize(
+    ("kind", "line", "other", "told"),
+    [
+        ("stack", "layers = 100.0", "layers = 100.5", "100.5 is not whole; it must be a whole number from 1 to 1e+06"),
+        ("bow_tie", 'sides = "clamped"', 'sides = "free"', "free sides contract by themselves"),
+        ("roll", "spring_rate_N_m = 250.0", "spring_rate_N_m = 0", "it must be from 0.001 to 1e+06"),
+        ("diaphragm", "prestretch = 3.5", "prestretch = 8.0", "below its limit, here 7.4"),
+        ("disc", "prestretch = 1.2", "prestretch = 8.0", "below its limit, here 7.4"),
+    ],
+)
+def test_values_that_no_film_can_have_are_refused(tmp_path: Path, kind: str, line: str, other: str, told: str) -> None:
+    path = tmp_path / "rig.toml"
+    text = re.sub(r"^#(?=\w)", "", rig_template(KNOWN, kind), flags=re.MULTILINE).replace("Elastosil 2030", "VHB 4905")
+    assert text.count(f"\n{line}\n") == 1
+    path.write_text(text.replace(f"\n{line}\n", f"\n{other}\n"), encoding="utf-8")
+    with pytest.raises(RigError, match=re.escape(told)) as caught:
+        load_plant(path)
+    assert "rig.toml" in str(caught.value)
+
+
+@pytest.mark.parametrize(("sides", "across"), [("clamped", 1.5), ("free", 1.5**-0.5)])
+def test_a_bow_tie_has_no_side_prestretch_that_nobody_stated(tmp_path: Path, sides: str, across: float) -> None:
+    path = tmp_path / "rig.toml"
+    text = re.sub(r"^#(?=\w)", "", rig_template(KNOWN, "bow_tie"), flags=re.MULTILINE)
+    text = text.replace("side_prestretch = 1.2\n", "").replace('sides = "clamped"', f'sides = "{sides}"')
+    path.write_text(text, encoding="utf-8")
+    rig = load_plant(path).plant.rig
+    assert isinstance(rig, BowTie)
+    assert rig.across == pytest.approx(across)

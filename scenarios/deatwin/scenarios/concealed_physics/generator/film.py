@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.effects.base import Place
+from deatwin.plant.laws.energies import first_invariant
 from deatwin.scenarios.concealed_physics.generator.mechanism import Draw, PlantMechanism
 
 
@@ -34,7 +35,7 @@ class PowerLawCreep(PlantMechanism, place=Place.FILM, signal="film", largest=60e
             area = ca.log(point.stretches[0] * point.stretches[1])
             for k, ratio in enumerate(self.ratios):
                 flowed = build.state(f"flowed_area_{number}_{k}", scale=0.1)
-                build.guess(flowed, 2 * np.log(signal.rest_stretch))
+                build.guess(flowed, np.log(np.prod(signal.prestretches)))
                 build.rate(flowed, area - flowed, mass=fastest * ratio)
                 energy += 1.5 * modulus * ratio**-exponent / total * point.volume * (area - flowed) ** 2
         return replace(signal, relaxing=signal.relaxing + energy)
@@ -59,12 +60,12 @@ class ChainDamage(PlantMechanism, place=Place.FILM, signal="film", order=1, larg
     energy: float = Draw.log_uniform(2e3, 2e4)  # m, J/m³
 
     def law(self, signal: Any, build: Any, damage: Any, scale: Any) -> Any:
-        modulus, lost, flat = build.parameter("shear_modulus"), ca.SX(0), signal.rest_stretch
+        modulus, lost = build.parameter("shear_modulus"), ca.SX(0)
         for number, point in enumerate(signal.points):
             first, second = point.stretches
             density = modulus / 2 * (first**2 + second**2 + 1 / (first * second) ** 2 - 3)
             largest = build.state(f"largest_energy_{number}", scale=1e5, start=density)
-            build.guess(largest, build.own("shear_modulus") / 2 * (2 * flat**2 + flat**-4 - 3))
+            build.guess(largest, build.own("shear_modulus") / 2 * (first_invariant(*signal.prestretches) - 3))
             # Only upwards, within a few milliseconds.
             build.rate(largest, ca.fmax(density - largest, 0.0), mass=4e-3)
             beyond = ca.fmax(largest - build.at_rest(f"energy_at_rest_{number}", density), 0.0)
@@ -80,7 +81,7 @@ class ExponentialStiffening(PlantMechanism, place=Place.FILM, signal="film", lar
     exponent: float = Draw.uniform(0.05, 0.2)  # b
 
     def law(self, signal: Any, build: Any, modulus: Any, b: Any) -> Any:
-        mounted = build.constant("mounted_invariant", 2 * signal.rest_stretch**2 + signal.rest_stretch**-4)
+        mounted = build.constant("mounted_invariant", first_invariant(*signal.prestretches))
 
         def density(first: Any, second: Any) -> Any:
             x = first**2 + second**2 + 1 / (first * second) ** 2 - mounted
@@ -107,7 +108,7 @@ class DilutedPermittivity(PlantMechanism, place=Place.FILM, signal="film", large
     exponent: float = Draw.part()  # c
 
     def law(self, signal: Any, build: Any, exponent: Any) -> Any:
-        mounted = build.constant("mounted_area", signal.rest_stretch**2)
+        mounted = build.constant("mounted_area", np.prod(signal.prestretches))
         pairs = zip(signal.points, signal.capacitances, strict=True)
         diluted = [c * (p.stretches[0] * p.stretches[1] / mounted) ** -exponent if p.active else c for p, c in pairs]
         return replace(signal, capacitances=diluted)
