@@ -216,9 +216,7 @@ def test_the_phase_is_undefined_where_the_ellipse_holds_zero():
 def test_bands_of_a_response_that_one_parameter_moves_round_zero():
     # Where the only uncertain parameter moves the response across its value, its segment is long but stays away from 0:
     # H = z^-1 / (1 - p z^-1) moves by H^2, which is across H where H is imaginary.
-    model = NarxModel.from_terms(
-        {"y(k-1)": 0.5, "u(k-1)": 1.0}, sample_time=1.0, theta_cov=np.diag([0.25**2, 0.0])
-    )
+    model = NarxModel.from_terms({"y(k-1)": 0.5, "u(k-1)": 1.0}, sample_time=1.0, theta_cov=np.diag([0.25**2, 0.0]))
     omega = np.arccos(0.5) + np.array([-0.1, -0.03, 0.03, 0.1])  # about where 1 / H = z - 0.5 is imaginary
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UncertaintyWarning)
