@@ -19,6 +19,7 @@ from deatwin.control.arguments import coefficients, number, taking
 from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel, linear_model
 from deatwin.control.stability.circle import search
+from deatwin.control.stability.loops import near
 from deatwin.control.stability.margins import margins
 from deatwin.control.stability.polynomials import in_series
 from deatwin.ident.frequency.dc import Equilibrium
@@ -35,6 +36,7 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 _LOWEST, _POINTS = 1e-4, 2000  # Lowest frequency of the locus, rad per sample, and number of frequencies
+_TOUCHES = 1e-9  # Distance from -1 that counts as none; rounding of a crossing's angle leaves up to 1e-12
 _ELLIPSES = 24  # Number of ellipses that are drawn; more would cover each other
 
 
@@ -212,11 +214,13 @@ def band_margins(
     ModelError
         If no controller can be designed on the model.
     ControlError
-        If the loop of the model itself is unstable, or the level is not between 0 and 1.
+        If the loop of the model itself is unstable, the model's coefficients have lost the digits of its matrices, or
+        the level is not between 0 and 1.
     """
     if not 0.0 < level < 1.0:
         raise ControlError(f"the level is {level}: it must lie between 0 and 1")
-    linear.require()
+    if linear.require().realisation is not None and linear.detail:
+        raise ControlError(f"no band of the loop: {linear.detail}")
     top, bottom = np.atleast_1d(feedback_numerator, feedback_denominator)
     feedback = (np.asarray(top, np.float64), np.asarray(bottom, np.float64))
     top, bottom = in_series(linear.numerator, feedback[0]), in_series(linear.denominator, feedback[1])
@@ -224,11 +228,13 @@ def band_margins(
     if not own.stable[0]:
         raise ControlError("the loop of the model itself is unstable: it has no margins; choose a slower controller")
     size = max(top.size, bottom.size)
-    found = search(*(np.pad(c, (0, size - c.size))[None, :] for c in (top, bottom)))
+    top, bottom = (np.pad(c, (0, size - c.size)) for c in (top, bottom))
+    found = search(top[None, :], bottom[None, :])
     at = partial(_loop, linear, feedback)
-    angle = np.geomspace(_LOWEST, np.pi, _POINTS)
-    # Within a thousandth of a sharp approach to -1 the grid may be too coarse, so the approach itself is added.
-    angle = np.union1d(angle, found.modulus.angle[found.modulus.angle > _LOWEST])
+    # Between grid points -1 may be approached sharply, and a band as thin as a line contains it only where L is real.
+    poles = np.concatenate([np.roots(c) for c in (bottom, top + bottom)])
+    angle = np.concatenate([found.modulus.angle, found.real.angle, near(poles)])
+    angle = np.union1d(np.geomspace(_LOWEST, np.pi, _POINTS), angle[(angle > _LOWEST) & (angle < np.pi)])
     response = _response(linear, feedback, angle)
     return MarginBand(
         gain=_gain(at, _real_angles(found.real.angle), linear.covariance, level),
@@ -370,7 +376,7 @@ def _distance(response: FrequencyResponse, radius: float) -> Array:
     """Return the distance of -1 from the ellipses; the nearest point on an axis of length s is at d s²/(s² + l)."""
     ellipses = Ellipses.of(response.covariance)
     away = 1.0 + response.values
-    along = np.stack([away.real * ellipses.axes[:, 0, i] + away.imag * ellipses.axes[:, 1, i] for i in (0, 1)], axis=-1)
+    along = _along_axes(away, ellipses)
     squares = radius**2 * ellipses.variances
     low, high = np.zeros(away.size), np.sqrt(squares.max(axis=1)) * np.abs(away)
     for _ in range(100):  # bisection for the multiplier l at which the point lies on the ellipse
@@ -381,7 +387,27 @@ def _distance(response: FrequencyResponse, radius: float) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         rest = np.where(squares > 0.0, high[:, None] / (squares + high[:, None]), 1.0)
         inside = np.all(squares > 0.0, axis=1) & (np.sum(along**2 / squares, axis=1) <= 1.0)
-    return np.where(inside, 0.0, np.hypot(*(along * rest).T))
+    distance = np.hypot(*(along * rest).T)
+    return np.where(inside | (distance <= _TOUCHES), 0.0, distance)
+
+
+def stable_probability(band: MarginBand) -> float:
+    """Return the probability that a loop of the model is stable, to first order; 1 if -1 lies outside the band."""
+    if band.modulus_low > 0.0:
+        return 1.0
+    from scipy.stats import norm
+
+    # The most probable unstable loop passes through -1; beyond its distance, in deviations, lies the normal law's tail.
+    ellipses = Ellipses.of(band.response.covariance)
+    along = _along_axes(1.0 + band.response.values, ellipses)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        squares = np.where(np.abs(along) <= _TOUCHES, 0.0, along**2 / ellipses.variances)
+    return float(norm.cdf(np.sqrt(squares.sum(axis=1).min())))
+
+
+def _along_axes(away: Complex, ellipses: Ellipses) -> Array:
+    """Return the parts of distances along the axes of ellipses. Shapes: `away` (n,); returns (n, 2)."""
+    return np.stack([away.real * ellipses.axes[:, 0, i] + away.imag * ellipses.axes[:, 1, i] for i in (0, 1)], axis=-1)
 
 
 def _evenly_along(values: Complex, count: int) -> NDArray[np.intp]:
