@@ -194,7 +194,7 @@ def band_margins(
 
     At a phase crossing ln|L| changes by Re(dL/L) and the crossing moves by -Im(dL/L)/Im(L'/L); at a gain crossing the
     phase changes by Im(dL/L) and the crossing moves by -Re(dL/L)/Re(L'/L); the disk margin changes like the distance at
-    the frequency where that is least.
+    the frequency where that is least, and its limit is the lowest of all approaches to -1.
 
     Parameters
     ----------
@@ -240,7 +240,7 @@ def band_margins(
         gain=_gain(at, _real_angles(found.real.angle), linear.covariance, level),
         phase_deg=_phase(at, found.gain.angle, linear.covariance, level),
         delay=_delay(at, found.gain.angle, linear.covariance, level, linear.sample_time),
-        disk=_disk(at, found.disk.angle, linear.covariance, level),
+        disk=_disk(at, found.disk.angle, angle, linear.covariance, level),
         modulus=float(own.modulus[0]),
         modulus_low=float(_distance(response, _scheffe(linear.covariance, level)).min()),
         response=response,
@@ -350,7 +350,19 @@ def _delay(at: partial[_Loop], angle: Array, covariance: Array, level: float, h:
     return _least(values, deviations, _lower(values, deviations, level))
 
 
-def _disk(at: partial[_Loop], angle: Array, covariance: Array, level: float) -> UncertainMargin:
+def _disk(at: partial[_Loop], nearest: Array, grid: Array, covariance: Array, level: float) -> UncertainMargin:
+    value, deviation = _disk_at(at, grid, covariance)
+    # Another approach to -1 on the grid, less close but less certain, may become the nearest.
+    inner = 1 + np.flatnonzero((value[1:-1] < value[:-2]) & (value[1:-1] <= value[2:]))
+    inner = inner[(grid[inner - 1] > nearest[0]) | (grid[inner + 1] < nearest[0])]
+    own = _disk_at(at, nearest, covariance)
+    value, deviation = (np.append(first, others[inner]) for first, others in zip(own, (value, deviation), strict=True))
+    low = float(np.exp((value - interval_radius(level, np.inf) * deviation).min()))
+    return UncertainMargin(value=float(np.exp(value[0])), deviation=float(deviation[0]), low=low)
+
+
+def _disk_at(at: partial[_Loop], angle: Array, covariance: Array) -> tuple[Array, Array]:
+    """Return the logarithm of the symmetric distance from -1 at each angle, and its deviation, both (n,)."""
     # At an integrator's pole the loop is infinite, and the distance is 1 whatever the coefficients.
     with np.errstate(divide="ignore", invalid="ignore"):
         loop = at(angle)
@@ -358,9 +370,7 @@ def _disk(at: partial[_Loop], angle: Array, covariance: Array, level: float) -> 
         value = np.log(2 * np.abs((1 + loop.value) / (1 - loop.value)))
     sound = np.isfinite(value) & np.isfinite(gradient).all(axis=1)
     value, gradient = np.where(sound, value, np.log(2.0)), np.where(sound[:, None], gradient, 0.0)
-    deviation = _deviations(gradient, covariance)
-    low = value - interval_radius(level, np.inf) * deviation
-    return UncertainMargin(value=float(np.exp(value[0])), deviation=float(deviation[0]), low=float(np.exp(low[0])))
+    return value, _deviations(gradient, covariance)
 
 
 def _scheffe(covariance: Array, level: float) -> float:

@@ -143,6 +143,23 @@ def test_a_resonance_between_two_points_of_the_grid_is_resolved():
     assert found.modulus_low == pytest.approx(_distance(dense, found.radius).min(), rel=1e-3)
 
 
+def test_a_less_close_but_less_certain_approach_limits_the_disk_margin():
+    # The loop is nearest to -1 at half the sampling rate, and certain there: L = -0.6. A resonance is only a little
+    # farther away, and its size has a deviation of 30 %.
+    pole = 0.99 * np.exp(2.0j)
+    denominator, size = np.array([1.0, -2 * pole.real, 0.99**2]), 1e-3 * np.exp(1j * (1.23 + np.pi))
+    resonance = in_series([0.0, 2 * size.real, -2 * (size * pole.conjugate()).real], [1.0, -1.0])
+    numerator = in_series([0.0, 1.2], denominator) + resonance
+    moved = 0.3 * np.append(resonance, [0.0, 0.0])
+    model = linear_model(numerator, denominator, covariance=np.outer(moved, moved))
+    draws = numerator + np.random.default_rng(0).standard_normal((4000, 1)) * moved[: numerator.size]
+    drawn = margins(draws, in_series(denominator, [1.0, -1.0]), H)
+    found = band_margins(model, [1.0], [1.0, -1.0]).disk
+    assert found.value == pytest.approx(2 * 0.4 / 1.6, rel=0.01)
+    # The logarithm's deviation is 0.05; what first order neglects of it is its square, 0.2 %, at two deviations 1 %.
+    assert found.low == pytest.approx(np.quantile(drawn.disk, 0.025), rel=0.02)
+
+
 def test_a_margin_that_nothing_bounds_is_infinite_and_not_nan():
     model = linear_model([0.0, 0.1], [1.0, -0.5], covariance=1e-6 * np.eye(3))
     found = band_margins(model, [1.0], [1.0])
