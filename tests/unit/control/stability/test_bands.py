@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from scipy.stats import norm
 from made_models import linear_model
+from scipy.stats import norm
 
 from deatwin.control.errors import ControlError
 from deatwin.control.stability.bands import _distance, _response, band_margins, stable_probability
