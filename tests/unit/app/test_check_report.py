@@ -18,6 +18,7 @@ def test_numbers_that_are_far_off_are_told_so_in_the_table_and_limits_are_told_a
             ("ripple", 0.4),
             ("tracking", 101.0),
             ("limit cycle", 10.1),
+            ("unstable limit cycle", 0.9),
             ("plant", None),
             ("steady-state error", np.inf),
         )
@@ -32,10 +33,13 @@ def test_numbers_that_are_far_off_are_told_so_in_the_table_and_limits_are_told_a
         "40 %",
         "more than 100 times",
         "more than 1000 %",
+        "90 %",
         "–",
         "∞",
     ]
     assert (rows["overshoot"].good, rows["overshoot"].poor) == ("≤ 2e+03 %", "≤ 5e+03 %")
+    assert (rows["limit cycle"].good, rows["limit cycle"].poor) == ("≤ 5 %", "≤ 30 %")
+    assert (rows["unstable limit cycle"].good, rows["unstable limit cycle"].poor) == ("≥ 200 %", "≥ 100 %")
     assert (rows["tracking"].good, rows["tracking"].poor) == ("≤ 1.50 times", "≤ 3.00 times")
 
 

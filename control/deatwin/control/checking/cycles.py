@@ -73,7 +73,8 @@ def _judged(what: str, cycle: LimitCycle, share: float, specification: Specifica
         f"describing functions predict {kind} at {cycle.frequency_Hz:.2g} Hz, with an "
         f"amplitude of {amount(100 * share, '.3g', ' %')} of a step, caused by {what}{wanted}"
     )
-    return Finding(subject="limit cycle", value=share, verdict=verdict, text=text)
+    subject = "limit cycle" if cycle.stable else "unstable limit cycle"
+    return Finding(subject=subject, value=share, verdict=verdict, text=text)
 
 
 def _none(of: str) -> Finding:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from deatwin.control.controllers.base import Controller
 from deatwin.control.linear.family import LinearFamily
 from deatwin.control.linear.model import LinearModel, LinearStatus
-from deatwin.control.stability.bands import MarginBand
+from deatwin.control.stability.bands import MarginBand, stable_probability
 from deatwin.control.stability.loops import family_margins
 from deatwin.control.stability.margins import Margins
 
@@ -88,7 +88,8 @@ class MarginRow:
     gain_low, phase_low_deg, delay_low, disk_low : float
         2.5 % quantiles of these margins over the draws, in the same units.
     stable_share : float
-        Share of the draws with a stable closed loop.
+        Share of the draws with a stable closed loop. For the analytic band it is 1 if the whole band is stable, else
+        the probability of a stable loop to first order.
     samples : int
         Number of draws, the source itself included.
     """
@@ -137,7 +138,7 @@ def row_of_band(band: MarginBand, linear: LinearModel, crossover_Hz: float) -> M
         phase_low_deg=band.phase_deg.low,
         delay_low=band.delay.low,
         disk_low=band.disk.low,
-        stable_share=1.0 if band.modulus_low > 0.0 else band.level,
+        stable_share=stable_probability(band),
         samples=1,
     )
 

@@ -79,11 +79,12 @@ class Trial:
         return closed_loop(plant, controller, reference, rng=self.rng, progress=progress)
 
     def sine_error(self) -> float:
-        """Return the rms error that the model predicts for the sine: its amplitude times the sensitivity function."""
+        """Return the rms error that the model predicts for the sine, with the law's own response to the reference."""
         omega = 2 * np.pi * self.frequency_Hz
         law = self.controller.local(self.controller.operating_input)
-        loop = law.feedback_response([omega], self.controller.sample_time) * self.linear.response([omega])
-        return float(self.amplitude / np.sqrt(2.0) / np.abs(1.0 + loop[0]))
+        z, model = np.exp(1j * omega * self.controller.sample_time), self.linear.response([omega])[0]
+        asked, seen = law.c @ np.linalg.solve(z * np.eye(law.c.size) - law.a, law.b) + law.d
+        return float(self.amplitude / np.sqrt(2.0) * np.abs(1.0 - asked * model / (1.0 - seen * model)))
 
 
 def require_short_runs(controller: Controller) -> None:

@@ -64,6 +64,9 @@ def controller_from_dict(data: Mapping[str, Any]) -> Controller:
         raise ControlError(f"the description of a controller lacks {', '.join(absent)}")
     for kind in _KINDS:
         if kind.kind == data["kind"]:
-            return kind.from_details({name: data[name] for name in _COMMON}, data)
+            try:
+                return kind.from_details({name: data[name] for name in _COMMON}, data)
+            except KeyError as error:
+                raise ControlError(f"the description of a controller lacks {error.args[0]}") from None
     known = ", ".join(kind.kind for kind in _KINDS)
     raise ControlError(f"a controller of the kind {data['kind']!r} is not known; there are {known}")

@@ -57,6 +57,8 @@ class LinearController(Controller):
         object.__setattr__(self, "windup", values)
         if values.shape != self.law.c.shape:
             raise ControlError(f"windup has the shape {values.shape}: it must be {self.law.c.shape}")
+        if not np.isfinite(values).all():
+            raise ControlError("windup must be finite")
         held = np.abs(np.linalg.eigvals(self.law.a - np.outer(values, self.law.c))).max(initial=0.0)
         if not held < 1.0:
             raise ControlError(f"at a limit the controller's states would drift away (eigenvalue {held:.4g})")

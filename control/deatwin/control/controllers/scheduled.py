@@ -79,6 +79,8 @@ class ScheduledController(Controller):
         shape = (self.points.size, first.c.size)
         if self.windup.shape != shape:
             raise ControlError(f"windup has the shape {self.windup.shape}: it must be {shape}, a row for each law")
+        if not np.isfinite(self.windup).all():
+            raise ControlError("windup must be finite")
         for law, point, windup in zip(self.laws, self.points, self.windup, strict=True):
             if not _rest_alike(first, law):
                 raise ControlError(

@@ -41,6 +41,11 @@ def reduce_to_first_order(linear: LinearModel) -> FirstOrderDelay:
     decay = np.log(_SETTLED) / np.log(slowest) if slowest > 0.0 else 0.0
     count = int(min(max(decay, 0.0), _LONGEST)) + linear.numerator.size + linear.denominator.size + 1
     reached = linear.step_response(count) / linear.static_gain
+    if reached.max() < _LATE:
+        raise ControlError(
+            f"the model has not settled to 63 % within {count} samples, the longest response that is computed: sample "
+            "more slowly, or leave slow effects out"
+        )
     early, late = (_first_time(reached, share) * linear.sample_time for share in (_EARLY, _LATE))
     time_constant = 1.5 * (late - early)
     return FirstOrderDelay(gain=linear.static_gain, time_constant=time_constant, delay=max(late - time_constant, 0.0))
@@ -96,7 +101,8 @@ def lambda_tuning(
     ModelError
         If no controller can be designed on the model.
     ControlError
-        If the closed-loop time is shorter than a sample, or the limits do not enclose the operating input.
+        If the closed-loop time is shorter than a sample, the model needs more than 200000 samples to reach 63 % of a
+        step, or the limits do not enclose the operating input.
 
     References
     ----------

@@ -43,7 +43,9 @@ def from_control(
     -------
     LinearModel
         Linear model with the system's signal names and zero covariance. Its status says whether it is stable and has a
-        static gain; modes of a state-space system that the input does not excite are considered too.
+        static gain; modes of a state-space system that the input does not excite are considered too. The poles, gain
+        and responses of a state-space system are those of its matrices, because coefficients lose slow modes
+        (`LinearModel.detail` then says so).
 
     Raises
     ------
@@ -64,12 +66,14 @@ def from_control(
             "choose them, as system[0, 0]"
         )
     sample_time = _sample_time(system)
+    matrices, detail = None, ""
     if isinstance(system, control.StateSpace):
-        numerator, denominator = _of_states(system)
-        poles = np.linalg.eigvals(system.A)  # including uncontrollable and unobservable ones
+        whole = _matrices(system)
+        numerator, denominator = (_trimmed(c) for c in whole.coefficients())
+        if whole.c.size:
+            matrices, detail = whole, whole.remark_on(numerator, denominator, sample_time, "the system")
     else:
         numerator, denominator = _of_fraction(system)
-        poles = np.roots(denominator)
     size = numerator.size + denominator.size - 1
     linear = LinearModel(
         numerator=numerator,
@@ -82,8 +86,10 @@ def from_control(
         output_name=system.output_labels[0],
         input_unit=input_unit,
         output_unit=output_unit,
+        detail=detail,
+        realisation=matrices,
     )
-    return linear.judged(bool((np.abs(poles) < 1.0).all()))
+    return linear.judged(bool((np.abs(linear.poles) < 1.0).all()))
 
 
 def _sample_time(system: LTI) -> float:
@@ -108,11 +114,9 @@ def _of_fraction(system: TransferFunction) -> tuple[Array, Array]:
     return _trimmed(top / bottom[0]), _trimmed(bottom / bottom[0])
 
 
-def _of_states(system: StateSpace) -> tuple[Array, Array]:
-    matrices = {name: _finite(getattr(system, name.upper())) for name in "abcd"}
-    whole = Realisation(a=matrices["a"], b=matrices["b"], c=matrices["c"][0], d=matrices["d"][0])
-    numerator, denominator = whole.coefficients()
-    return _trimmed(numerator), _trimmed(denominator)
+def _matrices(system: StateSpace) -> Realisation:
+    a, b, c, d = (_finite(getattr(system, name)) for name in "ABCD")
+    return Realisation(a=a, b=b, c=c[0], d=d[0])
 
 
 def _leading(coefficients: Any) -> Array:

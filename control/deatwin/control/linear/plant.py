@@ -29,12 +29,9 @@ _GROWS = 1e-9
 _NO_GAIN = 1e-12
 """Static gain that counts as rounding, relative to the command's effect on the states times their effect on the
 reading."""
-_LOWEST, _POINTS = 1e-3, 50
-"""Lowest frequency, Hz, and number of frequencies at which the coefficients are compared with the matrices."""
 _GAIN_ERROR = 1e-3
 """Largest relative difference between the static gain of the matrices and the slope of the static curve with which a
 controller may be designed: far below any gain margin, and far above rounding."""
-_LOSS = 1e-6  # Relative error of the response by the coefficients above which a remark is made
 
 
 @taking(plant=instance(Plant), time=number)
@@ -171,7 +168,7 @@ def _model(plant: Plant, operating_input: float, small: SmallSignal | None) -> L
         denominator=denominator,
         covariance=np.zeros((size, size)),
         operating_output=small.reading,
-        detail=_lost(seen, numerator, denominator, plant),
+        detail=seen.remark_on(numerator, denominator, plant.rig.sample_time, "the plant"),
         realisation=seen,
         **signals,
     )
@@ -185,21 +182,6 @@ def _model(plant: Plant, operating_input: float, small: SmallSignal | None) -> L
         return judged
     detail = f"{linear.static_gain:.4g} against {small.static_gain:.4g}"
     return replace(judged, status=LinearStatus.INACCURATE, detail=detail)
-
-
-def _lost(seen: Realisation, numerator: Array, denominator: Array, plant: Plant) -> str:
-    """Return a remark on the digits that the coefficients have lost by rounding."""
-    interval = plant.rig.sample_time
-    omega = np.geomspace(min(2 * np.pi * _LOWEST, 0.1 * np.pi / interval), np.pi / interval, _POINTS)
-    delay = np.exp(-1j * omega * interval)
-    exact = seen.response(delay)
-    held = np.polyval(numerator[::-1], delay) / np.polyval(denominator[::-1], delay)
-    size = float(np.abs(exact).max(initial=0.0))
-    loss = float(np.max(np.abs(held - exact) / np.maximum(np.abs(exact), 1e-9 * size))) if size else 0.0
-    if loss <= _LOSS:
-        return ""
-    share = f"only to {loss:.1g} of it" if loss < 1.0 else "not at all"
-    return f"the plant has many slow modes, so that the coefficients hold its response {share}; its matrices do"
 
 
 def _signals(plant: Plant, operating_input: float) -> dict[str, Any]:

@@ -25,6 +25,9 @@ _BLOCK = 512  # Number of samples of a step response that are computed at once
 _BITS = 64
 """Number of bits of a matrix's largest entry in integers. Smaller entries keep all that a sum with the largest one
 would keep, and 11 bits more."""
+_LOWEST, _POINTS = 1e-3, 50
+"""Lowest frequency, Hz, and number of frequencies at which coefficients are compared with the matrices."""
+_LOSS = 1e-6  # Relative error of the response by the coefficients above which a remark is made
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -123,6 +126,19 @@ class Realisation:
         for i in range(c.size - 1, -1, -1):
             states[i] = (states[i] + upper[i, i + 1 :] @ states[i + 1 :]) / (1.0 / delay - upper[i, i])
         return np.asarray(c @ states + found, dtype=np.complex128)
+
+    def remark_on(self, numerator: Array, denominator: Array, sample_time: float, whose: str) -> str:
+        """Return a remark on the digits that coefficients of this system lost by rounding; empty if they are few."""
+        omega = np.geomspace(min(2 * np.pi * _LOWEST, 0.1 * np.pi / sample_time), np.pi / sample_time, _POINTS)
+        delay = np.exp(-1j * omega * sample_time)
+        exact = self.response(delay)
+        held = np.polyval(numerator[::-1], delay) / np.polyval(denominator[::-1], delay)
+        size = float(np.abs(exact).max(initial=0.0))
+        loss = float(np.max(np.abs(held - exact) / np.maximum(np.abs(exact), 1e-9 * size))) if size else 0.0
+        if loss <= _LOSS:
+            return ""
+        share = f"only to {loss:.1g} of it" if loss < 1.0 else "not at all"
+        return f"{whose} has many slow modes, so that the coefficients hold its response {share}; its matrices do"
 
     def minimal(self) -> Realisation:
         """Return a minimal realisation: without modes that are uncontrollable or unobservable."""

@@ -32,6 +32,7 @@ Array = NDArray[np.float64]
 _LEVEL = 5  # Least number of samples at one value in a level of a step reference
 _NEWS = 100  # Number of samples between two calls of the progress callback
 _LARGEST = 1e100  # Largest value of a signal, in any unit; its square is still finite
+_AT_LIMIT = 1e-9  # Distance from a limit, as a share of the range, that counts as rounding of an inverse curve
 _SERIES = ("timepts", "reference", "output", "measured", "command")
 
 
@@ -114,7 +115,8 @@ class ClosedLoop(Described):
     def saturated_share(self) -> float:
         """Share of the samples whose command is at a limit."""
         low, high = self.command_limits
-        return float(np.mean((self.command <= low) | (self.command >= high))) if self.command.size else 0.0
+        away = np.minimum(self.command - low, high - self.command)
+        return float(np.mean(away <= _AT_LIMIT * (high - low))) if self.command.size else 0.0
 
     @property
     def effort(self) -> float:

@@ -19,6 +19,7 @@ from deatwin.control.arguments import coefficients, number, taking
 from deatwin.control.errors import ControlError
 from deatwin.control.linear.model import LinearModel, linear_model
 from deatwin.control.stability.circle import search
+from deatwin.control.stability.loops import near
 from deatwin.control.stability.margins import margins
 from deatwin.control.stability.polynomials import in_series
 from deatwin.ident.frequency.dc import Equilibrium
@@ -35,6 +36,7 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 _LOWEST, _POINTS = 1e-4, 2000  # Lowest frequency of the locus, rad per sample, and number of frequencies
+_TOUCHES = 1e-9  # Distance from -1 that counts as none; rounding of a crossing's angle leaves up to 1e-12
 _ELLIPSES = 24  # Number of ellipses that are drawn; more would cover each other
 
 
@@ -192,7 +194,7 @@ def band_margins(
 
     At a phase crossing ln|L| changes by Re(dL/L) and the crossing moves by -Im(dL/L)/Im(L'/L); at a gain crossing the
     phase changes by Im(dL/L) and the crossing moves by -Re(dL/L)/Re(L'/L); the disk margin changes like the distance at
-    the frequency where that is least.
+    the frequency where that is least, and its limit is the lowest of all approaches to -1.
 
     Parameters
     ----------
@@ -212,11 +214,13 @@ def band_margins(
     ModelError
         If no controller can be designed on the model.
     ControlError
-        If the loop of the model itself is unstable, or the level is not between 0 and 1.
+        If the loop of the model itself is unstable, the model's coefficients have lost the digits of its matrices, or
+        the level is not between 0 and 1.
     """
     if not 0.0 < level < 1.0:
         raise ControlError(f"the level is {level}: it must lie between 0 and 1")
-    linear.require()
+    if linear.require().realisation is not None and linear.detail:
+        raise ControlError(f"no band of the loop: {linear.detail}")
     top, bottom = np.atleast_1d(feedback_numerator, feedback_denominator)
     feedback = (np.asarray(top, np.float64), np.asarray(bottom, np.float64))
     top, bottom = in_series(linear.numerator, feedback[0]), in_series(linear.denominator, feedback[1])
@@ -224,17 +228,19 @@ def band_margins(
     if not own.stable[0]:
         raise ControlError("the loop of the model itself is unstable: it has no margins; choose a slower controller")
     size = max(top.size, bottom.size)
-    found = search(*(np.pad(c, (0, size - c.size))[None, :] for c in (top, bottom)))
+    top, bottom = (np.pad(c, (0, size - c.size)) for c in (top, bottom))
+    found = search(top[None, :], bottom[None, :])
     at = partial(_loop, linear, feedback)
-    angle = np.geomspace(_LOWEST, np.pi, _POINTS)
-    # Within a thousandth of a sharp approach to -1 the grid may be too coarse, so the approach itself is added.
-    angle = np.union1d(angle, found.modulus.angle[found.modulus.angle > _LOWEST])
+    # Between grid points -1 may be approached sharply, and a band as thin as a line contains it only where L is real.
+    poles = np.concatenate([np.roots(c) for c in (bottom, top + bottom)])
+    angle = np.concatenate([found.modulus.angle, found.real.angle, near(poles)])
+    angle = np.union1d(np.geomspace(_LOWEST, np.pi, _POINTS), angle[(angle > _LOWEST) & (angle < np.pi)])
     response = _response(linear, feedback, angle)
     return MarginBand(
         gain=_gain(at, _real_angles(found.real.angle), linear.covariance, level),
         phase_deg=_phase(at, found.gain.angle, linear.covariance, level),
         delay=_delay(at, found.gain.angle, linear.covariance, level, linear.sample_time),
-        disk=_disk(at, found.disk.angle, linear.covariance, level),
+        disk=_disk(at, found.disk.angle, angle, linear.covariance, level),
         modulus=float(own.modulus[0]),
         modulus_low=float(_distance(response, _scheffe(linear.covariance, level)).min()),
         response=response,
@@ -344,7 +350,19 @@ def _delay(at: partial[_Loop], angle: Array, covariance: Array, level: float, h:
     return _least(values, deviations, _lower(values, deviations, level))
 
 
-def _disk(at: partial[_Loop], angle: Array, covariance: Array, level: float) -> UncertainMargin:
+def _disk(at: partial[_Loop], nearest: Array, grid: Array, covariance: Array, level: float) -> UncertainMargin:
+    value, deviation = _disk_at(at, grid, covariance)
+    # Another approach to -1 on the grid, less close but less certain, may become the nearest.
+    inner = 1 + np.flatnonzero((value[1:-1] < value[:-2]) & (value[1:-1] <= value[2:]))
+    inner = inner[(grid[inner - 1] > nearest[0]) | (grid[inner + 1] < nearest[0])]
+    own = _disk_at(at, nearest, covariance)
+    value, deviation = (np.append(first, others[inner]) for first, others in zip(own, (value, deviation), strict=True))
+    low = float(np.exp((value - interval_radius(level, np.inf) * deviation).min()))
+    return UncertainMargin(value=float(np.exp(value[0])), deviation=float(deviation[0]), low=low)
+
+
+def _disk_at(at: partial[_Loop], angle: Array, covariance: Array) -> tuple[Array, Array]:
+    """Return the logarithm of the symmetric distance from -1 at each angle, and its deviation, both (n,)."""
     # At an integrator's pole the loop is infinite, and the distance is 1 whatever the coefficients.
     with np.errstate(divide="ignore", invalid="ignore"):
         loop = at(angle)
@@ -352,9 +370,7 @@ def _disk(at: partial[_Loop], angle: Array, covariance: Array, level: float) -> 
         value = np.log(2 * np.abs((1 + loop.value) / (1 - loop.value)))
     sound = np.isfinite(value) & np.isfinite(gradient).all(axis=1)
     value, gradient = np.where(sound, value, np.log(2.0)), np.where(sound[:, None], gradient, 0.0)
-    deviation = _deviations(gradient, covariance)
-    low = value - interval_radius(level, np.inf) * deviation
-    return UncertainMargin(value=float(np.exp(value[0])), deviation=float(deviation[0]), low=float(np.exp(low[0])))
+    return value, _deviations(gradient, covariance)
 
 
 def _scheffe(covariance: Array, level: float) -> float:
@@ -370,7 +386,7 @@ def _distance(response: FrequencyResponse, radius: float) -> Array:
     """Return the distance of -1 from the ellipses; the nearest point on an axis of length s is at d s²/(s² + l)."""
     ellipses = Ellipses.of(response.covariance)
     away = 1.0 + response.values
-    along = np.stack([away.real * ellipses.axes[:, 0, i] + away.imag * ellipses.axes[:, 1, i] for i in (0, 1)], axis=-1)
+    along = _along_axes(away, ellipses)
     squares = radius**2 * ellipses.variances
     low, high = np.zeros(away.size), np.sqrt(squares.max(axis=1)) * np.abs(away)
     for _ in range(100):  # bisection for the multiplier l at which the point lies on the ellipse
@@ -381,7 +397,27 @@ def _distance(response: FrequencyResponse, radius: float) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         rest = np.where(squares > 0.0, high[:, None] / (squares + high[:, None]), 1.0)
         inside = np.all(squares > 0.0, axis=1) & (np.sum(along**2 / squares, axis=1) <= 1.0)
-    return np.where(inside, 0.0, np.hypot(*(along * rest).T))
+    distance = np.hypot(*(along * rest).T)
+    return np.where(inside | (distance <= _TOUCHES), 0.0, distance)
+
+
+def stable_probability(band: MarginBand) -> float:
+    """Return the probability that a loop of the model is stable, to first order; 1 if -1 lies outside the band."""
+    if band.modulus_low > 0.0:
+        return 1.0
+    from scipy.stats import norm
+
+    # The most probable unstable loop passes through -1; beyond its distance, in deviations, lies the normal law's tail.
+    ellipses = Ellipses.of(band.response.covariance)
+    along = _along_axes(1.0 + band.response.values, ellipses)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        squares = np.where(np.abs(along) <= _TOUCHES, 0.0, along**2 / ellipses.variances)
+    return float(norm.cdf(np.sqrt(squares.sum(axis=1).min())))
+
+
+def _along_axes(away: Complex, ellipses: Ellipses) -> Array:
+    """Return the parts of distances along the axes of ellipses. Shapes: `away` (n,); returns (n, 2)."""
+    return np.stack([away.real * ellipses.axes[:, 0, i] + away.imag * ellipses.axes[:, 1, i] for i in (0, 1)], axis=-1)
 
 
 def _evenly_along(values: Complex, count: int) -> NDArray[np.intp]:

@@ -3,7 +3,8 @@
 With N and D the polynomials of a loop L = N/D, and A = D + N, B = D - N, all that is looked for on the unit circle
 stands in a few trigonometric polynomials: Re(A B*) = |D|² - |N|² is zero where |L| is one, Im(A B*) = 2 Im(N D*) where
 L is real, and |1 + L|² = |A|²/|D|², |1 + L|²/|1 - L|² = |A|²/|B|². However sharp the resonances of a loop are, its
-polynomials are smooth, so that a grid of some points for each of their degrees brackets what there is.
+polynomials are smooth, so that a grid of some points for each of their degrees brackets what there is. It may miss
+crossings between two sharp resonances that lie closer together than a few points.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ Measure = Callable[[Array, Array, Array], tuple[Array, Array, Array]]
 
 _LOWEST = 1e-6  # Least distance of a crossing from 0 and from half the sampling rate, rad per sample
 _PER_DECADE = 16  # Number of points per decade in the logarithmic part of the grid, which serves slow loops
-_PER_DEGREE = 12  # Number of points per coefficient of the polynomials in the linear part of the grid
+_PER_DEGREE = 32  # Number of points per coefficient of the polynomials in the linear part of the grid
 _BLOCK = 1 << 16  # Number of values in a block of loops, which then stays in the processor's cache
 _MOST = 1 << 17  # Largest number of loops that are searched at once
 _STEPS = 80  # Largest number of steps of a refinement; bisection alone needs 60

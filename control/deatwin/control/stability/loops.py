@@ -122,11 +122,15 @@ def _closed(plant: Realisation, law: Law) -> Array | None:
 def _grid(poles: Complex) -> Array:
     """Return angles from far below all time constants to half the sampling rate, dense near the poles."""
     grid = [np.geomspace(_LOWEST, np.pi - _LOWEST, _POINTS), np.linspace(0.0, np.pi, _POINTS + 1)[1:-1]]
-    for pole in poles[(poles.imag > 0.0) & (np.abs(poles) > 0.0)]:
-        width = max(abs(np.log(abs(pole))), np.finfo(float).eps)
-        grid.append(np.angle(pole) + width * _NEAR)
-    found = np.unique(np.concatenate(grid))
+    found = np.unique(np.concatenate([*grid, near(poles)]))
     return found[(found >= _LOWEST) & (found <= np.pi - _LOWEST)]
+
+
+def near(poles: Complex) -> Array:
+    """Return angles close to each pole of the upper half plane; some may lie beyond 0 or pi."""
+    shown = poles[(poles.imag > 0.0) & (np.abs(poles) > 0.0)]
+    width = np.maximum(np.abs(np.log(np.abs(shown))), np.finfo(float).eps)
+    return np.asarray((np.angle(shown)[:, None] + width[:, None] * _NEAR).ravel())
 
 
 def _ends(loop: Loop, feedback: Realisation) -> Complex:

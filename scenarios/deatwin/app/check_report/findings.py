@@ -133,6 +133,7 @@ _KINDS: Mapping[str, _Kind] = {
     "prediction": _percent(group="Prediction", limit="inside"),
     "film": _Kind(group="Film", form=".0f", unit=" plants"),
     "limit cycle": _percent(group="Limit cycles", limit="limit_cycle"),
+    "unstable limit cycle": _percent(group="Limit cycles", limit="safe_region"),
     "excitation": _Kind(group="Excitation", form=".2f", unit=" Hz"),
     "model": _Kind(group="Design"),
     "design": _Kind(group="Design"),

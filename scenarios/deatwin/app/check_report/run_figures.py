@@ -99,8 +99,8 @@ def draw_sine(view: View, sine: ClosedLoop) -> Drawing:
                 label = "predicted amplitude" if sign > 0 else "_"
                 middle.axhline(sign * size, color=Hue.AFTER, linestyle="--", linewidth=0.9, label=label)
             caption += (
-                f" The rms error is {view.check.sine_predicted / view.size:.3g} {unit}".rstrip()
-                + f" as predicted by the linearised model, and {late_rms_error(sine) / view.size:.3g} {unit}".rstrip()
+                f" The model predicts an rms error of {view.check.sine_predicted / view.size:.3g} {unit}".rstrip()
+                + f"; it is {late_rms_error(sine) / view.size:.3g} {unit}".rstrip()
                 + " in the last two thirds of the simulated run."
             )
         upper.set_ylabel(view.reading)

@@ -90,6 +90,7 @@ def test_a_gain_that_grows_with_the_amplitude_uses_the_margin_up(lags):
     linear = linearise_plant(plant, 0.0).in_loop(plant.rig.reading)
     found = judge_cycles(plant, controller, linear, 1.0, Specification())
     assert "an unstable limit cycle" in found.text
+    assert found.subject == "unstable limit cycle"
     assert "the plant's own nonlinearity" in found.text
     at_edge = integral(plant, 1.0)  # whose loop gain is one where it turns by half a period
     omega = np.geomspace(0.5, 50.0, 20_000)

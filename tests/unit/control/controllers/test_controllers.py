@@ -137,6 +137,16 @@ def test_a_document_of_an_unknown_kind_is_refused(made):
         controller_from_dict({**controller_to_dict(made.pi), "kind": "fuzzy"})
 
 
+@pytest.mark.parametrize(
+    ("kind", "key"), [("pi", "law"), ("pi", "windup"), ("inverse", "curve"), ("scheduled", "points")]
+)
+def test_a_description_without_a_part_of_its_kind_is_refused(made, kind, key):
+    data = controller_to_dict(getattr(made, kind))
+    del data[key]
+    with pytest.raises(ControlError, match=f"lacks {key}"):
+        controller_from_dict(data)
+
+
 @pytest.mark.parametrize("factor", [0.0, np.nan, np.inf])
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_loop_gain_of_nothing_is_refused(made, kind, factor):

@@ -1,10 +1,12 @@
 """Linear laws: hand calculation, transfer functions, anti-windup."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
 
-from deatwin.control import Law, LinearController
+from deatwin.control import ControlError, Law, LinearController
 
 H = 0.02
 
@@ -60,6 +62,13 @@ def held_at_a_limit(controller, samples):
 def test_states_stay_bounded_at_a_limit(made):
     early, late = held_at_a_limit(made.pi, 200), held_at_a_limit(made.pi, 2000)
     np.testing.assert_allclose(early, late, rtol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["pi", "scheduled"])
+def test_an_anti_windup_gain_is_finite(made, kind):
+    controller = getattr(made, kind)
+    with pytest.raises(ControlError, match="windup must be finite"):
+        replace(controller, windup=np.full(controller.windup.shape, np.nan))
 
 
 def test_its_arrays_cannot_be_changed(made):

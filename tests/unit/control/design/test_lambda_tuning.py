@@ -111,6 +111,12 @@ def test_pid_gains_follow_the_rule(sampled):
     assert tuned.law.d[1] == pytest.approx(-(tuned.law.d[0] + series * 0.3 / (0.03 + H)), rel=2e-3)
 
 
+def test_a_lag_beyond_the_longest_response_is_refused(sampled):
+    # 6000 s are 300 000 samples; 200 000 are computed.
+    with pytest.raises(ControlError, match="has not settled to 63 % within 2000"):
+        lambda_tuning(sampled(1.0, [6000.0]), command_limits=LIMITS)
+
+
 @pytest.mark.parametrize("lags", [[0.5], [0.5, 0.01]])
 def test_a_model_without_a_second_lag_gets_no_pid(sampled, lags):
     with pytest.raises(ControlError, match=r"no second lag.*lambda_tuning"):

@@ -8,6 +8,8 @@ from deatwin.control.errors import ControlError
 from deatwin.control.interop.from_control import from_control
 from deatwin.control.linear.model import LinearStatus
 from deatwin.control.linear.narx import linearise
+from deatwin.control.stability.bands import band_margins
+from deatwin.plant.rigs.base import ReadingTime
 
 H = 0.02
 OMEGA = np.array([0.0, 0.5, 5.0, 50.0, 150.0])
@@ -48,6 +50,23 @@ def test_it_has_the_system_s_frequency_response(system):
     np.testing.assert_allclose(linear.response(OMEGA), system(np.exp(1j * OMEGA * H)), rtol=1e-12)
     assert linear.denominator[0] == 1.0
     np.testing.assert_allclose(linear.static_gain, system.dcgain(), rtol=1e-12)
+
+
+def test_a_state_space_with_many_slow_modes_keeps_its_digits():
+    lags = np.array([2000.0, 2100.0, 2200.0, 2300.0, 2400.0])
+    poles = np.exp(-H / lags)
+    turn = np.linalg.qr(np.random.default_rng(0).standard_normal((5, 5)))[0]
+    a, b, c = turn @ np.diag(poles) @ turn.T, turn @ (1.0 - poles)[:, None], 0.2 * np.ones((1, 5)) @ turn.T
+    linear = from_control(control.ss(a, b, c, 0.0, H))
+    # The matrices hold 1 - p, of 1e-5, to 1e-11.
+    assert linear.static_gain == pytest.approx(1.0, rel=1e-9)
+    omega = 2 * np.pi * np.array([1e-4, 1e-3, 1e-1])
+    lagging = np.mean((1.0 - poles) / (np.exp(1j * omega * H)[:, None] - poles), axis=1)
+    np.testing.assert_allclose(linear.response(omega), lagging, rtol=1e-8)
+    assert linear.status is LinearStatus.OK
+    assert linear.detail.startswith("the system has many slow modes")
+    with pytest.raises(ControlError, match="no band of the loop: the system has many slow modes"):
+        band_margins(linear.in_loop(ReadingTime.END_OF_HOLD), [1.0], [1.0])
 
 
 @pytest.mark.parametrize(

@@ -88,6 +88,13 @@ def test_effort_and_saturation():
     assert run.saturated_share == pytest.approx(3 / 5)
 
 
+def test_a_command_within_rounding_of_a_limit_is_at_it():
+    # The inverse of a static curve returns a limit only to rounding.
+    command = np.array([0.9 + 1.1e-16, 4.9 - 8.9e-16, 0.91, 4.89])
+    run = run_of(np.zeros(4), np.zeros(4), command, limits=(0.9, 4.9))
+    assert run.saturated_share == 0.5
+
+
 def test_plain_data_come_back():
     reference = step_reference(1.0, 0.5, 8, rise=2)
     run = run_of(reference, 0.9 * reference)

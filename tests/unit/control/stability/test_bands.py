@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from made_models import linear_model
+from scipy.stats import norm
 
 from deatwin.control.errors import ControlError
-from deatwin.control.stability.bands import band_margins
+from deatwin.control.stability.bands import _distance, _response, band_margins, stable_probability
 from deatwin.control.stability.margins import margins
 from deatwin.control.stability.polynomials import in_series
 from deatwin.plant.errors import ModelError
@@ -114,6 +115,49 @@ def test_a_certain_model_has_the_margins_of_the_model():
 
 def test_a_band_that_holds_minus_one_has_no_distance_from_it():
     assert band_margins(linear(30.0), *PI).modulus_low == 0.0
+
+
+@pytest.mark.parametrize(("gain", "deviation"), [(1.9, 0.5), (1.5, 0.5), (1.0, 0.2)])
+def test_the_probability_of_an_uncertain_gain_in_closed_form(gain, deviation):
+    # L = b z^-1 / (1 - z^-1) is stable for 0 < b < 2, and at its limit z = -1, where the band is a segment.
+    covariance = np.diag([0.0, deviation**2])
+    found = band_margins(linear_model([0.0, gain], [1.0], covariance=covariance), [1.0], [1.0, -1.0])
+    away = (2.0 - gain) / deviation
+    assert (found.modulus_low == 0.0) is (away < found.radius)
+    assert stable_probability(found) == pytest.approx(norm.cdf(away) if away < found.radius else 1.0, rel=1e-9)
+
+
+def test_a_resonance_between_two_points_of_the_grid_is_resolved():
+    # L = k z^-1/(1 - z^-1) + a resonance of the width 1e-4 with an uncertain numerator. The grid is compared with one
+    # of a hundredth of that width, on which the parabola about the nearest point of an ellipse is flat to 1e-4.
+    radius, angle = 1.0 - 1e-4, 2.9
+    pole = radius * np.exp(1j * angle)
+    size = 0.6e-4 * np.exp(1j * (angle + 2.0))
+    denominator = np.array([1.0, -2 * pole.real, radius**2])
+    resonance = [0.0, 2 * size.real, -2 * (size * pole.conjugate()).real]
+    numerator = in_series([0.0, 0.05], denominator) + in_series(resonance, [1.0, -1.0])
+    covariance = np.diag([0.0, 1e-10, 1e-10, 1e-10, 0.0, 0.0])
+    model = linear_model(numerator, denominator, covariance=covariance)
+    found = band_margins(model, [1.0], [1.0, -1.0])
+    dense = _response(model, (np.array([1.0]), np.array([1.0, -1.0])), angle + np.linspace(-3e-3, 3e-3, 6001))
+    assert found.modulus_low == pytest.approx(_distance(dense, found.radius).min(), rel=1e-3)
+
+
+def test_a_less_close_but_less_certain_approach_limits_the_disk_margin():
+    # The loop is nearest to -1 at half the sampling rate, and certain there: L = -0.6. A resonance is only a little
+    # farther away, and its size has a deviation of 30 %.
+    pole = 0.99 * np.exp(2.0j)
+    denominator, size = np.array([1.0, -2 * pole.real, 0.99**2]), 1e-3 * np.exp(1j * (1.23 + np.pi))
+    resonance = in_series([0.0, 2 * size.real, -2 * (size * pole.conjugate()).real], [1.0, -1.0])
+    numerator = in_series([0.0, 1.2], denominator) + resonance
+    moved = 0.3 * np.append(resonance, [0.0, 0.0])
+    model = linear_model(numerator, denominator, covariance=np.outer(moved, moved))
+    draws = numerator + np.random.default_rng(0).standard_normal((4000, 1)) * moved[: numerator.size]
+    drawn = margins(draws, in_series(denominator, [1.0, -1.0]), H)
+    found = band_margins(model, [1.0], [1.0, -1.0]).disk
+    assert found.value == pytest.approx(2 * 0.4 / 1.6, rel=0.01)
+    # The logarithm's deviation is 0.05; what first order neglects of it is its square, 0.2 %, at two deviations 1 %.
+    assert found.low == pytest.approx(np.quantile(drawn.disk, 0.025), rel=0.02)
 
 
 def test_a_margin_that_nothing_bounds_is_infinite_and_not_nan():

@@ -26,6 +26,20 @@ def test_sampled_integrator_with_a_delay_in_closed_form():
     assert found.stable.all()
 
 
+def test_crossings_of_two_close_resonances_are_found():
+    poles = np.array([0.9998 * np.exp(0.666j), 0.999 * np.exp(0.613j)])
+    top = np.array([0.0, 0.0, 5.36783278e-05, -1.68965528e-05])
+    bottom = np.convolve(np.poly(np.concatenate([poles, poles.conj()])).real, [1.0, -1.0])
+    # |L| exceeds one in less than a thousandth of the band, twice the width of the sharper resonance.
+    shift = np.exp(-1j * np.linspace(0.665, 0.668, 300_001))
+    loop = np.polyval(top[::-1], shift) / np.polyval(bottom[::-1], shift)
+    above = np.flatnonzero(np.abs(loop) > 1.0)
+    found = margins(top, bottom, H)
+    assert found.stable.all()
+    assert found.crossover[0] * H == pytest.approx(0.665 + 1e-8 * above[-1], abs=1e-8)
+    assert found.phase_deg[0] == pytest.approx(np.degrees(np.abs(np.angle(-loop[above]))).min(), abs=0.01)
+
+
 def test_what_grows_by_its_margin_is_at_the_edge():
     rng = np.random.default_rng(3)
     tops = rng.normal(size=(50, 3)) * [0.0, 0.1, 0.1]
