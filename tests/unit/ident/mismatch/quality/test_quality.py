@@ -251,7 +251,7 @@ def test_limits_jumps_steps_and_gaps_are_reported_but_no_faults(sound):
     given = Experiment(recordings=(replace(first, outputs=clipped), replace(second, start=second.start + 3.0)))
     assert check_quality(PLANT, [given]).soundness is Soundness.SOUND
     notes = check_quality(PLANT, [given]).notes
-    assert notes[0].startswith("record 1: the reading is at a limit in ")
+    assert notes[0].startswith("record 1: the reading stays at its limit in ")
     assert "no readings between 40.00 and 43.00 s" in notes[-1]
     coarse = np.round(first.outputs[0] / 8e-6) * 8e-6
     checked = check_quality(PLANT, [with_outputs(sound, coarse)])
