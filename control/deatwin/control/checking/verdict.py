@@ -78,7 +78,7 @@ def judge_margins(rows: Sequence[MarginRow], linear: LinearModel, specification:
     if stability.verdict is not Verdict.PASS:
         return (stability,)  # the margins of unstable loops would only repeat this
     by = (
-        ("gain margin", lambda r: r.gain_low, spec.gain, "a factor of {:.2f}"),
+        ("gain margin", lambda r: r.gain_low, spec.gain, "{:.2f}"),
         ("phase margin", lambda r: r.phase_low_deg, spec.phase_deg, "{:.0f}°"),
         ("delay margin", lambda r: r.delay_low / linear.sample_time, spec.delay_samples, "{:.1f} samples"),
         ("disk margin", lambda r: r.disk_low, spec.disk, "{:.2f}"),
@@ -141,7 +141,7 @@ def judge_draws(predicted: PredictedLoop, specification: Specification) -> Findi
 def judge_width(predicted: PredictedLoop, step: float, specification: Specification) -> Finding:
     """Judge whether the predicted band is narrow enough; a wide band would contain any run."""
     share = float(np.median(predicted.half_width)) / abs(step)
-    text = f"the predicted band is ± {amount(share, '.3g', ' times')} the height of a step wide"
+    text = f"the half-width of the predicted band is {amount(share, '.3g', ' times')} the height of the step"
     return _finding("width of the prediction", share, specification.width, text)
 
 
@@ -201,13 +201,12 @@ def _subject(name: str, row: MarginRow) -> str:
 def _margin(name: str, size: str, row: MarginRow, unit: str) -> str:
     """Return a margin with its operating point and source, in words."""
     where = _where(row, unit)
+    least = size if size == "infinite" else f"at least {size}"
     if row.source == BAND:
-        # The band does not bound an infinite margin.
-        least = size if size == "infinite" else f"at least {size}"
         of = "with 95 % confidence, linearised"
         return f"{where}, the {name} is {least} ({of})"
     if row.samples > 1:
-        return f"{where}, the {name} is at least {size} for 97.5 % of the {_draws(row)}"
+        return f"{where}, the {name} is {least} for 97.5 % of the {_draws(row)}"
     return f"{where}, the {name} is {size} for {_whose(row)}"
 
 
