@@ -121,7 +121,10 @@ def test_all_orders(
     assert all(f'href="figures/{name}.csv"' in page for name in TABLES)
     assert set(validate("run", folder / "run.json")["outputs"]) == FILES
     said = capsys.readouterr().out
-    assert "order 2 contributes to the output only at 0 to 2 Hz" in said and "order 3 contributes to the output only at 0 to 3 Hz" in said
+    assert (
+        "order 2 contributes to the output only at 0 to 2 Hz" in said
+        and "order 3 contributes to the output only at 0 to 3 Hz" in said
+    )
     assert "NOFRFs: the test signal and its amplitudes suit these orders" in said
 
 

@@ -66,8 +66,8 @@ def test_what_is_said_and_written(at_desk: Path, capsys: pytest.CaptureFixture[s
     assert main(["look", "a.csv", "--out", "looked"]) == 0
     said = capsys.readouterr().out
     assert 'column 2 "u": input, unit not given (guessed)' in said
-    assert 'other commands refuse this file: a.csv: no column "command_V"' in said
-    assert "with these options it can be read, as was done here: --input-column u --output-column y" in said
+    assert 'other commands cannot read this file as it is: a.csv: no column "command_V"' in said
+    assert "deatwin look read this file with the options --input-column u --output-column y" in said
     assert "the output follows the input" in said
     assert "deatwin identify a.csv --input-column u --output-column y --out narx.json" in said
     picture = Path("looked/look.svg").read_text(encoding="utf-8")
@@ -138,7 +138,7 @@ def test_an_input_that_never_moves_leads_to_no_model(at_desk: Path, capsys: pyte
     times, _, y = motion()
     table("a.csv", "time_s,command_V,displacement_mm", [times, np.ones(400), y])
     assert told(capsys, "a.csv")["next"] == {
-        "sentence": "the input never moves: name another column, or record again with a varying input",
+        "sentence": "the input is constant; name another column, or record again with a varying input",
         "command": "",
     }
 
