@@ -130,7 +130,9 @@ def _schema(source: str) -> str | None:
         return None
     schema = document.get("schema") if isinstance(document, dict) else None
     if schema not in (PLANT, NARX, CHECK, STATES):
-        raise ModelError(f"{source}: schema is {clipped(repr(schema))}; {PLANT}, {NARX} and {CHECK} can be exported")
+        raise ModelError(
+            f"{source}: its schema is {clipped(repr(schema))}, but only {PLANT}, {NARX} and {CHECK} can be exported"
+        )
     return str(schema)
 
 

@@ -288,7 +288,7 @@ def test_the_gate_draws_what_it_found(sound):
         (lambda sound: (), "no recording was given"),
         (lambda sound: None, "experiment 1 is a NoneType, neither an Experiment nor a Recording: .*from_arrays"),
         (lambda sound: [sound, sound.recordings[0].outputs], "experiment 2 is a ndarray"),
-        (lambda sound: replace(sound.recordings[0], input_units=("A",)), "is in A, but the plant takes it in V"),
+        (lambda sound: replace(sound.recordings[0], input_units=("A",)), "is in A, but the model needs it in V"),
     ],
 )
 def test_what_are_no_experiments_is_said(sound, given, said):
