@@ -29,6 +29,7 @@ from deatwin.ident.mismatch import (
     Verdict,
     how_sure,
 )
+from deatwin.ident.mismatch.layout import laid_out
 from deatwin.ident.mismatch.located import PlaceSummary, Region, Window
 from deatwin.ident.mismatch.quality.quality import check_quality
 from deatwin.ident.mismatch.result import (
@@ -52,6 +53,7 @@ from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import ModelError
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
+from deatwin.studies.report.figures import _faulty
 from deatwin.studies.report.origin import Origin
 from deatwin.studies.report.page import write_report
 from deatwin.studies.report.quantities import in_interval, with_interval
@@ -412,6 +414,25 @@ def test_the_first_screen_says_how_sure_a_verdict_is(tmp_path: Path, verdict: Ve
     page = (folder.path / "report.html").read_text(encoding="utf-8").replace("\xa0", " ")
     header = unescape(page[: page.index("</header>")])
     assert f"<strong>How sure:</strong> {how_sure(replace(diagnosis, readings=None))}." in header
+
+
+def test_the_closer_look_of_a_faulty_recording_shows_the_largest_fault() -> None:
+    silent = Recording.from_arrays(np.zeros(1000), np.zeros(1000), 0.02)
+    later = Recording.from_arrays(np.zeros(1000), np.zeros(1000), 0.02, start=30.0)
+    experiments = (Experiment(recordings=(silent, later)),)
+    still = ((np.zeros(1000), np.zeros(1000)),)
+    unseen = ((np.zeros(1000, dtype=bool), np.zeros(1000, dtype=bool)),)
+    tracks = laid_out(Readings(experiments=experiments, base=still, amended=None, unseen=unseen), 1e-6)
+    small = Fault(experiment=1, recording=1, file="a", fault="stuck", samples=11, from_s=1.0, to_s=1.2)
+    large = replace(small, recording=2, samples=301, from_s=40.0, to_s=46.0)
+    found = _faulty(tracks, [small, large])
+    assert found is not None and found[0] is tracks[1]
+    ends = found[0].clock[[found[1], found[2] - 1]]
+    assert ends == pytest.approx([37.0, 49.0], abs=0.03)  # half as long again on each side
+    found = _faulty(tracks, [small])
+    assert found is not None and found[0] is tracks[0]
+    assert found[1:] == pytest.approx((0, 181), abs=2)  # 250 samples about the fault, of which 69 lie before the start
+    assert _faulty(tracks, []) is None
 
 
 def test_the_rest_of_the_highest_probability_is_explained() -> None:

@@ -99,12 +99,8 @@ def _clean(diagnosis: Diagnosis) -> str:
 def _unknown(diagnosis: Diagnosis) -> str:
     located = diagnosis.location.place if diagnosis.location else ()
     best = max((place.score for place in located), default=None)
-    effect = (
-        ""
-        if best is None
-        else f", and no single effect or signal explains more than {100 * best:.0f} % of the mismatch"
-    )
-    return _beyond_noise(diagnosis) + effect
+    effect = "" if best is None else f"no single effect or signal explains more than {100 * best:.0f} % of the mismatch"
+    return ", and ".join(filter(None, [_beyond_noise(diagnosis), effect]))
 
 
 def _disturbance(diagnosis: Diagnosis) -> str:

@@ -55,7 +55,7 @@ Name = Annotated[
 
 
 def export(model: Source, to: To, out: OutFile, name: Name = None, as_json: Json = False, quiet: Quiet = False) -> None:
-    """Write a plant, a NARX model or a controller for other programs: as FMU 3.0, or as C source.
+    """Write a simulation model, a NARX model or a controller for other programs: as FMU 3.0, or as C source.
 
     FMUs need a C compiler and fmpy.
 
