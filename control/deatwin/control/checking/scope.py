@@ -99,7 +99,7 @@ def judge_film(source: str, plants: Sequence[Plant], commands: NDArray[np.float6
     used = sum(not (_rests(plant, commands, HEADROOM) and bears(plant, commands, rest)) for plant in plants)
     own = "the plant model" if source == "plant" else source
     many = len(plants) > 1
-    who = f"of {len(plants)} simulated actuators" if many else ""
+    who = f"of {len(plants)} simulated actuators (parameters within the calibration's intervals)" if many else ""
     who += f" of {source}" if many and source != "plant" else ""
     subject = "film" if source == "plant" else f"film ({source})"
 

@@ -177,7 +177,7 @@ def test_a_loop_that_leaves_the_training_data_is_at_most_marginal(checked, exact
     found = checked(exact(), rig, command_limits=(-10.0, 10.0), closed_loop_time=FAST)
     judged = {f.subject: f for f in found.findings}["training data"]
     assert judged.verdict is Verdict.MARGINAL
-    assert "beyond those of the training data, -1 to 1 V" in judged.text
+    assert "beyond the range of the training data, -1 to 1 V" in judged.text
 
 
 def test_a_recording_in_another_unit_is_noticed(checked, exact, rig, fast):

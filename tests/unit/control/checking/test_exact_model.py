@@ -187,7 +187,7 @@ def test_a_calibrated_plant_is_judged_on_draws_of_its_parameters(checked, exact,
     # The slope's coordinate is its logarithm or itself: deviations of 20 or 10 %, of which 20 draws reach two.
     assert all(row.gain_low < 0.9 * row.gain for row in rows)
     film = next(f for f in found.findings if f.subject == "film")
-    assert "8 plants" in film.text
+    assert "8 simulated actuators" in film.text
 
 
 def test_given_operating_inputs_are_judged_each_once_and_the_controller_s_own_as_well(checked, exact, rig, fast):

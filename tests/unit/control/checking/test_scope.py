@@ -15,4 +15,4 @@ def test_a_crossover_in_a_hole_is_marginal_and_told_what_would_settle_it() -> No
     assert "such as noise up to 2 Hz" in found.text
     assert judge_band([0.1], HOLED).verdict is Verdict.MARGINAL
     beyond = judge_band([1.0, 3.0], HOLED)  # the worse of the two is told
-    assert beyond.value == 3.0 and "record with an input up to 6 Hz to decide" in beyond.text
+    assert beyond.value == 3.0 and "record with an input up to 6 Hz" in beyond.text

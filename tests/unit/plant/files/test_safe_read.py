@@ -190,7 +190,7 @@ def test_what_unpacks_to_too_much_is_refused_within_little_memory(tmp_path: Path
         "whole.json": f"not a readable JSON file ({'9' * 20}… is not a finite number)",
         "infinite.json": "not a readable JSON file (1e400 is not a finite number)",
         "array.toml": "5 mistakes: (1) line 1: unknown section [a]; known are film, load, drive, sensor",
-        "digits.toml": "not valid TOML: Exceeds the limit",
+        "digits.toml": "this is not valid TOML: Exceeds the limit",
         "lines.csv": "it has 20000001 lines; at most 20000000 can be read",
         "columns.csv": "it has 20000 columns; at most 10000 can be read",
     }
