@@ -92,7 +92,17 @@ def _explained(causes: Sequence[Cause]) -> str:
     """Write the share of the mismatch that each cause explains."""
     first, *others = causes
     said = f"{_plain(first.effect)} explains {_share(first)} of the mismatch between model and recordings"
-    return ", and ".join([said, *(f"{_plain(cause.effect)} explains {_share(cause)} of it" for cause in others)])
+    return _and([said, *(f"{_plain(cause.effect)} {_share(cause)}" for cause in others)])
+
+
+def _and(texts: Sequence[str]) -> str:
+    """Join texts in words."""
+    return " and ".join([*filter(None, [", ".join(texts[:-1])]), *texts[-1:]])
+
+
+def _names(diagnosis: Diagnosis) -> str:
+    """Return the names of the causes."""
+    return _and([_plain(cause.effect) for cause in diagnosis.causes])
 
 
 def _ambiguous(diagnosis: Diagnosis) -> list[str]:
@@ -104,7 +114,7 @@ def _ambiguous(diagnosis: Diagnosis) -> list[str]:
     physics = ", and ".join(_physics(cause, diagnosis) for cause in diagnosis.causes)
     return [
         f"something is missing from the model, and these recordings cannot decide what: perhaps {listed(possible)}",
-        f"if {called(known, diagnosis)} is what is missing, {physics}",
+        f"if {called(known, diagnosis)} {'are' if len(known) > 1 else 'is'} missing, {physics}",
         *(_or_nothing(cause, diagnosis) for cause in diagnosis.causes),
         _gain(diagnosis),
         *_next(diagnosis),
@@ -123,7 +133,7 @@ def called(effects: Sequence[str], diagnosis: Diagnosis) -> str:
     names = [_plain(name) if name in answer else title_of(name, diagnosis) for name in effects]
     others = (answer, *diagnosis.rivals, *(one.effects for one in diagnosis.explanations))
     alone = len(effects) == 1 and any(set(effects) < set(other) for other in others)
-    return (" and ".join(names) or "no effect at all") + (" alone" if alone else "")
+    return (_and(names) or "no effect at all") + (" alone" if alone else "")
 
 
 def listed(texts: Sequence[str]) -> str:
@@ -155,8 +165,7 @@ def _partly(diagnosis: Diagnosis) -> list[str]:
     if left is None:
         raise ModelError("a diagnosis of a part of the mismatch needs the unexplained remainder")
     return [
-        f"the model lacks {' and '.join(_plain(cause.effect) for cause in diagnosis.causes)}, and something else that could "
-        "not be identified",
+        f"the model lacks {_names(diagnosis)}, and something else that could not be identified",
         *(_physics(cause, diagnosis) for cause in diagnosis.causes),
         _explained(diagnosis.causes),
         f"of the {_amplitude(left.mismatch, diagnosis)} mismatch, {_amplitude(left.rms, diagnosis)} remain unexplained"
@@ -327,7 +336,7 @@ def _gain(diagnosis: Diagnosis) -> str:
         raise ModelError("a diagnosis with causes needs the error that they leave on held-out data")
     chance = "" if gain > 0 else ", a fall that could be chance"
     return (
-        f"adding {' and '.join(_plain(cause.effect) for cause in diagnosis.causes)} to the model lowers the error"
+        f"adding {_names(diagnosis)} to the model lowers the error"
         f"{shown.reading and f' of {shown.reading}'} on held-out data from {_rounded(shown.unseen)} to "
         f"{shown.sized(shown.after)}{chance} ({_noise(diagnosis)})"
     )
@@ -451,7 +460,7 @@ def _next(diagnosis: Diagnosis) -> list[str]:
     if before == after and not advised.undecided:
         return []  # the recordings at hand have decided already as far as figures tell
     mass = advised.added_mass_g
-    load = "" if mass is None else f" with {number(mass)} g added"
+    load = "" if mass is None else f" with {number(mass)} g added to the load"
     return [
         f"recording {number(advised.seconds)} s of the input in {advised.file}{load} would lower the probability of "
         f"choosing a wrong explanation from {before} to {after} %",

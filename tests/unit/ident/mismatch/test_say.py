@@ -367,7 +367,7 @@ def test_each_verdict_says_only_what_it_may():
             (("sensor_jump", "delay"), ("delay",)),
             "creep and sensor jump, sensor jump and delay, or delay alone. ",
         ),
-        ((CREEP, JUMP, RC), (("creep",),), "creep and sensor jump and electrode rc, or creep alone. "),
+        ((CREEP, JUMP, RC), (("creep",),), "creep, sensor jump and electrode rc, or creep alone. "),
         ((CREEP,), (("creep", "delay"),), "creep alone, or creep and delay. "),
         ((CREEP,), ((), ("delay",)), "creep, no effect at all, or delay. "),
     ],
@@ -444,7 +444,7 @@ def test_a_narrow_interval_has_the_digits_that_tell_its_ends_apart():
 
 def test_a_small_share_is_said_to_be_small():
     assert "only 3 % of the mismatch" in DIAGNOSES["named, weakly"].sentence
-    said = "Creep explains 97 % of the mismatch between model and recordings, and sensor jump explains only 21 % of it."
+    said = "Creep explains 97 % of the mismatch between model and recordings and sensor jump only 21 %."
     assert said in DIAGNOSES["two causes"].sentence
 
 
