@@ -259,7 +259,7 @@ def test_limits_jumps_steps_and_gaps_are_reported_but_no_faults(sound):
     assert "record 1: the readings come in steps of 8 µm" in checked.notes
     jumped = first.outputs[0] - 3e-4 * (np.arange(2000) >= 1200)
     jumps = [note for note in check_quality(PLANT, [with_outputs(sound, jumped)]).notes if "jumps" in note]
-    assert jumps == ["record 1: jumps in one sample at 24.00 s"]
+    assert jumps == ["record 1: the reading jumps in one sample at 24.00 s"]
 
 
 def test_a_sound_experiment_needs_no_notes(sound):
