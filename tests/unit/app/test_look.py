@@ -85,7 +85,7 @@ def test_several_files_of_one_kind_are_given_to_one_model(at_desk: Path, capsys:
     table("slower.csv", "time_s,command_V,displacement_mm", [10.0 * times, u, y])
     found = told(capsys, "a.csv", "b.csv", "slower.csv", "--out", "looked")
     assert found["next"]["command"] == "deatwin identify a.csv b.csv --out narx.json"
-    assert "(without 1 file with other columns, units or sample times" in found["next"]["sentence"]
+    assert "(this leaves out 1 file, with different columns, units or sample times" in found["next"]["sentence"]
     assert sorted(path.name for path in Path("looked").glob("*.svg")) == ["look_1.svg", "look_2.svg", "look_3.svg"]
 
 
@@ -99,7 +99,7 @@ def test_only_recordings_with_many_frequencies_are_advised_for_a_model(
         )
     found = told(capsys, "steps.csv", "noise.csv")["next"]
     assert found["command"] == "deatwin identify noise.csv --out narx.json"
-    assert "; keep steps.csv to test it, because a fit to steps" in found["sentence"]
+    assert "; use steps.csv only to test the model, because a model fitted to steps" in found["sentence"]
     command = told(capsys, "steps.csv")["next"]["command"]
     assert command == "deatwin identify steps.csv --method semp --out narx.json"
     assert main(shlex.split(command)[1:]) == 0

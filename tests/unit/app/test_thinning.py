@@ -28,7 +28,7 @@ def fast() -> Recording:
 def test_it_is_said_and_what_is_offered_does_it(fast: Recording) -> None:
     said = thinned([fast], None, ReadingTime.END_OF_HOLD, held_out=0.3)
     assert said.records == [fast]
-    assert "--decimate auto keeps a sample every" in said.notes[0]
+    assert "use --decimate auto, which keeps a sample every" in said.notes[0]
     made = thinned([fast], "auto", ReadingTime.END_OF_HOLD, held_out=0.3)
     factor = choose_sampling(fast.section(0, 14_000)).factor
     assert made.records[0].sample_time == pytest.approx(0.001 * factor)
