@@ -38,7 +38,7 @@ FOLDER = Path(__file__).parents[1] / "recordings"
 CASE, JOBS = "open_creep", 2
 SECONDS, BASE_FITS, GIGABYTES = 180.0, 8.0, 2.0
 """Goals: of the clock, of base fits that a diagnosis takes as long as, and of memory."""
-CALIBRATING = "calibrating the base plant"
+CALIBRATING = "calibrating the model"
 
 
 @dataclass(frozen=True, kw_only=True)

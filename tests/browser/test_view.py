@@ -161,7 +161,7 @@ def test_a_recording_is_dropped_diagnosed_and_compared(
     page.choose("Rig file", "model", "model.json")
     page.click("Diagnose")
     page.says(".job", "running")
-    page.says(".job", "calibrating the base plant", 120)
+    page.says(".job", "calibrating the model", 120)
     page.says(".job .verdict", "done", 180)
     table = page.says(".compared", "diagnosis-1")
     assert "Nothing is missing" in table and "The film keeps creeping" in table and "0.140 → 0.00200 N" in table

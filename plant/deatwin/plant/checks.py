@@ -79,7 +79,7 @@ def _check_units(recording: Recording, rows: list[tuple[str, tuple[str, ...], tu
             factor = here.onto(there, wanted) if here.si and here.si == there.si else None
             times = f", {factor.numerator / factor.denominator:g} times these" if factor and not factor.shift else ""
             raise DataError(
-                f'{label(recording)}: the {kind} "{name}" is in {unit}, but the plant takes it in {wanted}; give a '
+                f'{label(recording)}: the {kind} "{name}" is in {unit}, but the model needs it in {wanted}; give a '
                 f"recording with the values in {wanted}{times}"
             )
 

@@ -40,7 +40,7 @@ def read_document(path: str | os.PathLike[str], schema: str, build: Callable[[Ma
         )
     if found != schema:
         shown = f"{clipped(found)!r}{_in_words(found)}" if isinstance(found, str) else "no text"
-        raise ModelError(f"{path}: schema is {shown}; {schema!r}{_in_words(schema)} is needed")
+        raise ModelError(f"{path}: its schema is {shown}, but {schema!r}{_in_words(schema)} is needed")
     try:
         content = build(document)
     except KeyError as error:

@@ -117,7 +117,7 @@ def plan_resampling(
     if not (math.isfinite(sample_time) and sample_time > 0.0):
         raise DataError(f"{where(0)}: resample is {sample_time} s; the sample time must be positive")
     if len(timepts) < 2:
-        raise DataError(f"{where(0)}: one sample only; a recording needs at least two")
+        raise DataError(f"{where(0)}: there is only one sample; a recording needs at least two")
     steps = np.diff(timepts)
     if (steps <= 0.0).any():
         row = int(np.argmax(steps <= 0.0))

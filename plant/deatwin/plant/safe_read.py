@@ -34,7 +34,7 @@ def read_regular(path: str | os.PathLike[str], limit: int, refuse: Callable[[str
         descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     except FileNotFoundError:
         if os.path.islink(path):
-            raise refuse(f"a link to {os.readlink(path)}, which is not there") from None
+            raise refuse(f"this is a link to {os.readlink(path)}, which does not exist") from None
         raise
     except ValueError:  # a null character in the name
         raise refuse("no name of a file") from None
@@ -43,7 +43,7 @@ def read_regular(path: str | os.PathLike[str], limit: int, refuse: Callable[[str
         if stat.S_ISDIR(found.st_mode):
             raise IsADirectoryError(21, "Is a directory")
         if not stat.S_ISREG(found.st_mode):
-            raise refuse(f"{_KINDS.get(stat.S_IFMT(found.st_mode), 'no file')}; give a plain file")
+            raise refuse(f"this is {_KINDS.get(stat.S_IFMT(found.st_mode), 'not a file')}; give a plain file")
         content = file.read(found.st_size + 1) if found.st_size <= limit else b""  # the file may be growing
     if max(found.st_size, len(content)) > limit:
         raise refuse(f"the file is too large: {in_words(found.st_size)}; at most {in_words(limit)} can be read")

@@ -28,7 +28,7 @@ from deatwin.studies.provenance import RunRecord, hashes
 from deatwin.studies.report.origin import Origin
 from deatwin.studies.voice import Progress
 
-CALIBRATED = "the calibrated plant"  # Name of the plant from a diagnosis that named no cause
+CALIBRATED = "the calibrated model"  # Name of the plant from a diagnosis that named no cause
 POINTS = 9  # Operating points of a range at which margins are judged
 
 

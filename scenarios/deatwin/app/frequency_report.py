@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 
 NEXT = {
     True: "use the responses at this operating point, for example to design a controller (deatwin check).",
-    False: "do not rely on the responses for which a measure below is missed; identify a better model, or record longer.",
+    False: "do not rely on responses that miss a goal below; identify a better model, or record longer.",
 }
 """Advice, by whether all measures are reached."""
 IN_ITS_UNIT = ("real", "imaginary", "gain", "gain_low", "gain_high", "truncation")
@@ -105,10 +105,8 @@ def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
         bode(_for_reading(found.first)[0], panels)
         caption = f"Gain and phase with 95 % bands. {at}.{_hatching(found.first)}"
         if found.excited_Hz is not None and found.extrapolated:
-            caption += (
-                f" Grey: above {found.excited_Hz:.3g} Hz, where only 1 % of the training input's power lies, the "
-            )
-            caption += "model extrapolates."
+            caption += f" The model extrapolates in the grey range, above {found.excited_Hz:.3g} Hz, where only 1 % of the power of the "
+            caption += "training input lies."
             for axes in panels:
                 axes.axvspan(
                     found.excited_Hz,
@@ -137,16 +135,16 @@ def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
                 axes.legend(markerscale=1)
             data, *further = [_table(f"nofrf{response.order}") for response, _ in _fitted(found.nofrfs)]
             caption = (
-                f"Gains of the NOFRFs for the test signal of {written(found.ranges_Hz[0])} Hz, with 95 % bands. {at}."
-                f"{_hatching(*found.nofrfs.orders[: found.nofrfs.order])} The dotted truncation error is the possible "
-                "error caused by orders above those fitted; where it is as large as the gain, the gain is unknown."
+                f"Gains of the NOFRFs for a test signal from {written(found.ranges_Hz[0])} Hz, with 95 % bands. {at}."
+                f"{_hatching(*found.nofrfs.orders[: found.nofrfs.order])} The dotted truncation error is the "
+                "largest error that higher orders may cause. If it is as large as the gain, the gain is unknown."
             )
             drawing = _drawn(figure, folder, "nofrf", "Nonlinear output frequency responses (NOFRFs)", caption)
             yield replace(drawing, data=data, further=tuple(further))
         with draw((7.4, 2.8)) as figure:
             axes = found.signal.plot(figure.add_subplot())
             axes.set_ylabel(f"deviation of the {axes.get_ylabel()}")
-            caption = "One period of the test signal used to estimate the NOFRFs, as a deviation from the operating input. All its spectral lines have the same phase."
+            caption = "One period of the test signal for the NOFRFs, as the deviation from the operating input."
             yield _drawn(figure, folder, "test_signal", "Test signal", caption)
 
 
@@ -159,7 +157,9 @@ def _hatching(*responses: FrequencyResponse) -> str:
     """Explain hatched areas, if there are any."""
     known = all(response.band().linear_law.all() for response in responses)
     return (
-        "" if known else " Hatched: the gain is less than four of its standard deviations, so its band is unreliable."
+        ""
+        if known
+        else " In hatched areas, the gain is less than four times its standard deviation, so the band is unreliable."
     )
 
 
@@ -190,14 +190,14 @@ def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
     orders = "order 1" if len(found.gfrfs) == 1 else f"orders 1 to {len(found.gfrfs)}"
     about = amount(f"{point.operating_input[0]:.4g}", unit)
     ranges = Table(
-        title="Frequencies at which each order of the output can have energy",
+        title="Frequencies at which each order contributes to the output",
         columns=["order", "frequencies (Hz)"],
         rows=[[str(n), written(bands)] for n, bands in enumerate(found.ranges_Hz, start=1)],
     )
     rows = _rows(found)
     return StoryPage(
         title="frequency",
-        sentence=f"Frequency responses of {orders} at an operating input of {about}: {found.first.status.value}.",
+        sentence=f"Frequency responses of {orders} were computed at an operating input of {about}: {found.first.status.value}.",
         caveats=[f"{text[:1].upper()}{text[1:]}." for text in found.caveats],
         rows=rows,
         notes=[Note(title="Notes", paragraphs=[f"{text[:1].upper()}{text[1:]}." for text in messages])],
@@ -225,7 +225,7 @@ def _reliance(known: Reliance) -> Measure:
         "the remarks above" if known.remarks else "",
     ]
     return Measure(
-        "failed residual tests of the model on held-out data, bias of its gain, and remarks",
+        "problems of the model on held-out data (failed residual tests, biased gain, remarks)",
         "none",
         ", ".join(filter(None, found)) or ("residual tests, as stated above" if known.caveats else "none"),
         not known.caveats,
@@ -242,7 +242,7 @@ def _rows(found: Responses) -> list[Measure]:
         share = float(np.mean(response.band(found.level).linear_law))
         rows.append(
             Measure(
-                f"share of frequencies at which the gain of {symbol_of(response)} exceeds four of its standard deviations",
+                f"share of frequencies at which the gain of {symbol_of(response)} exceeds four times its standard deviation",
                 "all",
                 f"{100 * share:.0f} %",
                 share == 1.0,
@@ -256,20 +256,20 @@ def _rows(found: Responses) -> list[Measure]:
         left = float(fitted.residual[:, -1].max())
         rows += [
             Measure(
-                "factor by which an error in one order is amplified in the NOFRF of this order, because of the test signal",
+                "factor by which the test signal amplifies errors in the NOFRFs",
                 f"at most {AMPLIFICATION:g}",
                 f"{grown:.3g}",
                 grown <= AMPLIFICATION,
             ),
             Measure(
-                f"largest share of an output that {fitted.highest} orders, fitted at {fitted.levels.size} amplitudes of the test "
-                "signal, leave unexplained",
+                f"share of the output that a fit of {fitted.highest} orders at {fitted.levels.size} amplitudes of the test "
+                "signal does not explain",
                 "below 1 %",
                 f"{100 * left:.2g} %",
                 left < 0.01,
             ),
             Measure(
-                measure="test signal and number of orders of the NOFRFs",
+                measure="choice of the test signal and of the number of orders",
                 demanded=NofrfStatus.OK.value,
                 reached=fitted.status.value,
                 passed=fitted.status.ok,

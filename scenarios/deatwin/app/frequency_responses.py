@@ -101,7 +101,7 @@ class Responses:
                 for y, stable in zip(point.outputs, point.stable, strict=True)
             )
             yield (
-                f"the model has several equilibria at this input, at outputs of {others}; the responses are those at "
+                f"the model has several equilibria at this input, at outputs of {others}; the responses hold for "
                 f"{with_unit(point.output, output_unit)}"
             )
         if self.beyond_training is not None:
@@ -109,30 +109,29 @@ class Responses:
             yield (
                 "the operating input lies outside the range of the training inputs, "
                 + amount(f"{low:.4g} to {high:.4g}", unit)
-                + ": the responses are extrapolated, and their bands do not cover that error"
+                + ", so the responses are extrapolated, and their bands do not include the error of extrapolation"
             )
         if self.extrapolated:
             yield (
-                f"99 % of the power of the training input lies below {self.excited_Hz:.3g} Hz: above this frequency, H₁ is "
-                "extrapolated, and its band does not cover that error"
+                f"above {self.excited_Hz:.3g} Hz, H₁ is extrapolated, because 99 % of the power of the training input lies below; "
+                "the band of H₁ does not include the error of extrapolation"
             )
         for order, bands in enumerate(self.ranges_Hz[1:], start=2):
-            yield f"the part of the output of order {order} can have energy only at {written(bands)} Hz"
+            yield f"order {order} contributes to the output only at {written(bands)} Hz"
         for response in self.gfrfs:
             share = float(np.mean(~response.band(self.level).linear_law))
             if share > 0:
                 yield (
-                    f"the band of {symbol_of(response)} is unreliable at {100 * share:.0f} % of the frequencies, where the "
-                    "gain is less than four of its standard deviations"
+                    f"the band of {symbol_of(response)} is unreliable at {100 * share:.0f} % of the frequencies, because the gain "
+                    "there is less than four times its standard deviation"
                 )
         for response, law in zip(self.gfrfs, self.laws, strict=True):
             if law.status in (UncertaintyStatus.BENT, UncertaintyStatus.LOST):
                 yield f"{symbol_of(response)}: {law.advice}"
         if self.nofrfs is not None and self.signal is not None:
             yield (
-                f"NOFRFs: {self.nofrfs.status.value}; {self.nofrfs.highest} orders were fitted to the responses to test "
-                f"signals of up to {amount(f'{self.signal.amplitude:.4g}', unit)}, with a condition number of "
-                f"{self.nofrfs.condition:.3g}"
+                f"NOFRFs: {self.nofrfs.status.value}; {self.nofrfs.highest} orders were fitted, with test signals of up to "
+                f"{amount(f'{self.signal.amplitude:.4g}', unit)} (condition number: {self.nofrfs.condition:.3g})"
             )
             yield from _truncated(self.nofrfs)
         if self.missing:
@@ -299,7 +298,7 @@ def _truncated(found: Nofrf) -> Iterator[str]:
         share = float(np.mean(error > UNKNOWN * g.gain))
         if share > 0:
             yield (
-                f"at {100 * share:.0f} % of the frequencies, orders above those fitted may cause more than "
+                f"at {100 * share:.0f} % of the frequencies, orders that were not fitted may cause more than "
                 f"{100 * UNKNOWN:.0f} % of the gain of {symbol_of(g)}"
             )
 

@@ -90,8 +90,8 @@ def direction_notes(plant: GivenPlant, records: Sequence[Recording]) -> list[str
     if plant.described is None or plant.described.sensor.direction == AGAINST or not falls_with_voltage(records):
         return []
     return [
-        f"in the recordings the {plant.model.plant.rig.output_name} falls when the voltage rises, but that of a "
-        f"{plant.described.kind} rises: "
+        f"in the recordings the {plant.model.plant.rig.output_name} falls when the voltage rises, but in the simulation of this "
+        f"{plant.described.kind} it rises; "
         f'if the sensor is mounted on the other side, write direction = "{AGAINST}" under [sensor] of {plant.source}'
     ]
 

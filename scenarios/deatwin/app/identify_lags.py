@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 FIRST, LAST = 0, 2  # First and last input lag if there is no dead time
 _WITHIN = (
-    "in a closed loop, lag 0 would include the controller's reaction within the sample; give --first-input-lag 0 only "
-    "if each reading is taken at the end of its sample interval and the controller reacts in the next one"
+    "the recording was made in a closed loop, where an input lag of 0 would model the reaction of the controller; give "
+    "--first-input-lag 0 only if each reading is taken at the end of its sample interval"
 )
 OUTPUT_LAGS = 2  # Number of output lags, unless others are requested
 
@@ -70,7 +70,7 @@ def choose_input_lags(recordings: Sequence[Recording], first: int | None, last: 
     if missed:
         low, high = min(one[0] for one in missed), max(one[1] for one in missed)
         said.append(
-            f"the given input lags end at {usual[-1]}, before the input acts: take "
+            f"the given input lags end at {usual[-1]}, before the input has any effect; take "
             f"--first-input-lag {low} --input-lags {high + LAST}"
         )
     return InputLags(lags=usual, dead_times=dead_times, sentences=tuple(said))
@@ -86,17 +86,17 @@ def disagreements(model: NarxModel, found: InputLags, *, by_free_run: bool) -> l
         lags = [v.lag for term in model.terms for v, _ in term.factors if v.kind == "u" and v.index == row]
         if not lags and one.status in acting and one.interval is not None and one.interval[1] in found.lags:
             advice = (
-                "use --method frols, which judges terms one step ahead"
+                "use --method frols, which chooses terms by the prediction one step ahead"
                 if by_free_run
                 else "record with a stronger input"
             )
             said.append(
-                f"{one.input_name} is in no term of the model, although it has an effect and its lags "
-                f"{_written(found.lags)} were candidates: {advice}"
+                f"no term of the model contains {one.input_name}, although this input has an effect and its lags "
+                f"{_written(found.lags)} were candidates; {advice}"
             )
         elif not lags:
             said.append(
-                f"{one.input_name} is in no term of the model, so the model says nothing about its effect: allow later "
+                f"no term of the model contains {one.input_name}, so the model does not describe its effect; allow later "
                 "lags (--input-lags), or record with a stronger input"
             )
         elif (
@@ -106,8 +106,8 @@ def disagreements(model: NarxModel, found: InputLags, *, by_free_run: bool) -> l
         ):
             said.append(
                 f"{one.input_name} begins to act after {one.samples} {'sample' if one.samples == 1 else 'samples'}, but "
-                f"its first lag in the model is {min(lags)}: noise may hide single lags when terms are chosen, so "
-                "the dead time is more reliable"
+                f"its first lag in the model is {min(lags)}; the first number is more reliable, because noise can hide a lag "
+                "when terms are chosen"
             )
     return said
 
@@ -135,12 +135,12 @@ def bounded(
         fit(tried)
         if not _diverges(tried.model_, training):
             return tried, (
-                f"with {OUTPUT_LAGS} lags of the output the model had an unstable pole at a negative z, which no "
-                f"sampled plant has; the model therefore uses only {fewer}",
+                f"the model uses only {fewer} lag of the output, because with {OUTPUT_LAGS} lags it had an unstable pole at a "
+                "negative z, which no sampled plant has",
             )
     return identifier, (
-        "the model's free run diverges on its own training recordings: do not simulate with it; unless the "
-        "plant is unstable, take fewer --output-lags, a lower --degree, or --method semp",
+        "the free run of the model diverges on its own training recordings, so do not simulate with this model; unless the "
+        "actuator is unstable, take fewer --output-lags, a lower --degree, or --method semp",
     )
 
 

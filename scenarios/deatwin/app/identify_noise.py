@@ -55,7 +55,6 @@ def biased_by_noise(model: NarxModel, training: Sequence[Recording], unseen: Seq
         return []
     own_error, other_error = (with_unit(error, model.output_units[0]) for error in (before, after))
     return [
-        f"on the held-out part, the free-run error of these terms is {own_error} rms, but only {other_error} rms if they "
-        "are fitted to the free run instead of one step ahead: noise on the readings, or missing dynamics, bias the "
-        "one-step fit; --method semp fits the free run"
+        f"the fit is biased by noise on the readings or by missing dynamics; use --method semp (a fit of the same terms to the "
+        f"free run has an error of only {other_error} rms on held-out data, and this model {own_error} rms)"
     ]

@@ -30,8 +30,8 @@ def degree_remarks(found: BestLinearApproximation | None, degree: int) -> list[s
         return []
     size = with_unit(found.odd_rms, found.output_unit)
     return [
-        f"the odd nonlinear distortion, {size} rms, is larger than the noise and than the even distortion: allow terms of "
-        "the third degree, --degree 3"
+        f"allow terms of the third degree (--degree 3), because the odd nonlinear distortion, {size} rms, is larger than the "
+        "noise and the even distortion"
     ]
 
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 NEXT = {
     True: "use the model within the range and frequencies of these inputs.",
-    False: "the table below shows which measure the model misses; try other lags, another --degree or another --method.",
+    False: "try other lags, another --degree or another --method; the table below shows which goal the model misses.",
 }
 """Advice, by whether all measures are reached."""
 MOST = 6  # Most recordings that have a figure of their own
@@ -122,14 +122,13 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
     rows = _rows(found, runs)
     worst = max(runs, key=lambda run: run.rms_error)
     sentence = (
-        f"{found.told}: on held-out data the error of its {found.judged} is "
-        f"{'at most ' if len(runs) > 1 else ''}{found.amount(worst.rms_error)} rms"
-        f"{_beside(found)}."
+        f"{found.told} has {'at most ' if len(runs) > 1 else ''}an error of {found.amount(worst.rms_error)} rms in its "
+        f"{found.judged} on held-out data{_beside(found)}."
     )
     said = (
         found.tested.validation.status.value
         if found.tested.validation is not None
-        else f"no correlation tests: {found.tested.why_not}"
+        else f"the residual was not tested: {found.tested.why_not}"
     )
     unstable = found.tested.pole
     more = [] if unstable is None else unstable.sentences(found.model.output_units)
@@ -147,7 +146,7 @@ def write_identified(found: Identified, folder: ResultFolder, record: RunRecord)
         notes.append(
             Note(
                 title="The model",
-                paragraphs=["The equations relate scaled signals, not the signals in their units."],
+                paragraphs=["The signals in these equations are scaled and have no units."],
                 code=str(model),
             )
         )
@@ -213,7 +212,9 @@ def _free_run(found: Identified, number: int, part: Recording, run: NarxResponse
             if found.steps is None
             else f"the outputs measured at least {found.steps} samples earlier"
         )
-        caption = f"The model receives only the input and {given}. No parameter was fitted to this part."
+        caption = (
+            f"The model receives only the input and {given}. No parameter was fitted to this part of the recording."
+        )
         outputs = {f"measured{found.column}": measured, f"model{found.column}": simulated}
         return Drawing.of(figure, name, title, caption, {"time_s": timepts, "input": command, **outputs})
 
@@ -232,7 +233,7 @@ def _terms(model: NarxModel) -> Drawing:
         axes.set(xscale="log", xlabel="|parameter| / standard deviation", ylim=(-0.6, order.size - 0.4))
         plain_numbers(axes.xaxis, 1.0, 2.0, 5.0)
         figure.legend(loc="outside upper left")
-        caption = "Significance of each term: its parameter divided by its standard deviation."
+        caption = "Significance of each term of the model: the parameter of the term divided by its standard deviation."
         return Drawing.of(figure, "terms", "Terms", caption, drawn_table(figure))
 
 
@@ -240,7 +241,7 @@ def _tests(validation: Validation) -> Drawing:
     drawn = [t for t in validation.tests if t.output == 0 and t.name != "ee'" and t.other in (None, 0)]
     with draw((7.4, 1.7 * len(drawn))) as figure:
         validation.plot(list(figure.subplots(len(drawn), 1, squeeze=False)[:, 0]))
-        caption = "Correlations of the one-step residual e with itself and with the input u. Grey: the range that contains 95 % of chance values."
+        caption = "Correlations of the one-step residual e with itself and with the input u. Noise alone stays in the grey range in 95 % of all cases."
         return Drawing.of(figure, "tests", "Residual tests", caption, drawn_table(figure))
 
 
@@ -251,7 +252,7 @@ def _rows(found: Identified, runs: Sequence[NarxResponse]) -> list[Measure]:
         rows.append(
             Measure(
                 f"{found.judged} on the held-out part of {label(part)}",
-                f"below {found.amount(moved)} rms, the error of a constant output",
+                f"below {found.amount(moved)} rms, the error of a model with constant output",
                 f"{found.amount(run.rms_error)} rms{'' if run.status.ok else ' until it diverged'}",
                 run.status.ok and run.rms_error < moved,
             )

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from deatwin.plant.recording import Recording
 
 _USELESS = (
-    "no better than the mean of the readings: take fewer states or a lower degree, record longer, or try --method frols, "
-    "which fits one step ahead and so also suits plants that are unstable or integrate"
+    "no better than the mean of the readings; take fewer states or a lower degree, record longer, or try --method frols, "
+    "which also suits unstable and integrating actuators"
 )
 
 

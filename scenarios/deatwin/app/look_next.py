@@ -41,9 +41,12 @@ def next_step(seen: Sequence[Seen], rig: str | None = None) -> Next:
     if not read:
         file = next((one.file for one in seen if one.file.placeholders), None)
         if file is None:
-            return Next(sentence="correct the file as the error message says, and look again")
+            return Next(sentence="correct the file as the error message says, and run deatwin look again")
         command = shlex.join(["deatwin", "look", file.path, *file.options])
-        return Next(sentence="the file does not state its sample time: write it in place of SECONDS", command=command)
+        return Next(
+            sentence="the file does not state its sample time; replace SECONDS by the sample time in this command",
+            command=command,
+        )
     usable = [(file, look) for file, look in read if not _fault(file, look)]
     if not usable:
         return _fault(*read[0]) or Next(sentence="")
@@ -51,7 +54,11 @@ def next_step(seen: Sequence[Seen], rig: str | None = None) -> Next:
     alike = [(file, other) for file, other in usable if file.options == first.options and _alike(other, look)]
     different = len(seen) - len(alike)
     files = "1 file" if different == 1 else f"{different} files"
-    left_out = f" (without {files} with other columns, units or sample times, or with a fault)" if different else ""
+    left_out = (
+        f" (this leaves out {files}, with different columns, units or sample times, or with a fault)"
+        if different
+        else ""
+    )
     if rig is not None:
         return _diagnosis(rig, alike, left_out)
     rich = [(file, other) for file, other in alike if _has_many_frequencies(other)]
@@ -66,12 +73,12 @@ def next_step(seen: Sequence[Seen], rig: str | None = None) -> Next:
         words += ["--degree", "3"]
     sentence = f"identify a NARX model, which needs no rig file{left_out}"
     if kept:
-        sentence += f"; keep {', '.join(kept)} to test it, because a fit to {_FEW_FREQUENCIES} may diverge"
+        sentence += (
+            f"; use {', '.join(kept)} only to test the model, because a model fitted to {_FEW_FREQUENCIES} may diverge"
+        )
     if not rich:
         words += ["--method", "semp"]
-        sentence += (
-            f"; --method semp, because with {_FEW_FREQUENCIES} the default method may find a model that diverges"
-        )
+        sentence += f"; the command uses --method semp, because for {_FEW_FREQUENCIES} the default method may find a model that diverges"
     return Next(sentence=sentence, command=shlex.join(["deatwin", "identify", *words, "--out", "narx.json"]))
 
 
@@ -90,8 +97,8 @@ def _diagnosis(rig: str, alike: Sequence[tuple[Understood, Look]], left_out: str
             said = f"is in {units[0]}" if units[0] else "gives no unit"
             like = "mm" if wanted == "m" else wanted
             return Next(
-                sentence=f"the {role} of the rig is in {wanted}, but the column {names[0]} {said}: name the right column and its "
-                f"unit: --{role}-column NAME={like}"
+                sentence=f"the {role} of the rig is in {wanted}, but the column {names[0]} {said}; name the right "
+                f"column and its unit with --{role}-column NAME={like}"
             )
     ordered = sorted((one for _, one in alike), key=lambda one: one.recordings[0].start)
     follow = all(
@@ -101,7 +108,7 @@ def _diagnosis(rig: str, alike: Sequence[tuple[Understood, Look]], left_out: str
     given = paths if follow else [word for path in paths for word in ("--experiment", path)]
     command = ["deatwin", "diagnose", rig, *given, *file.options, "--out", "found"]
     return Next(
-        sentence=f"fill in {rig}; then this command finds which physics the plant model lacks{left_out}",
+        sentence=f"fill in {rig}, and then let this command find which physics the model of the rig lacks{left_out}",
         command=shlex.join(command),
     )
 
@@ -109,13 +116,13 @@ def _diagnosis(rig: str, alike: Sequence[tuple[Understood, Look]], left_out: str
 def _fault(file: Understood, look: Look) -> Next | None:
     """Recommend what to do first about a file that allows no model; None if it allows one."""
     if all(pattern.shape is InputShape.CONSTANT for pattern in look.patterns):
-        return _other_columns(file, "the input never moves: name another column, or record again with a varying input")
+        return _other_columns(file, "the input is constant; name another column, or record again with a varying input")
     if look.n_samples < LEAST:
-        return Next(sentence=f"{look.n_samples} samples are too few for a model: record at least {LEAST}")
+        return Next(sentence=f"{look.n_samples} samples are too few for a model; record at least {LEAST}")
     if all(channel.low == channel.high for channel in look.channels if channel.role == "output"):
-        return _other_columns(file, "the output never moves: name another column, or check the sensor")
+        return _other_columns(file, "the output is constant; name another column, or check the sensor")
     if all(link.status is LinkStatus.UNSEEN for link in look.links):
-        return _other_columns(file, "the output does not follow the input: name other columns, or check the wiring")
+        return _other_columns(file, "the output does not follow the input; name other columns, or check the wiring")
     return None
 
 

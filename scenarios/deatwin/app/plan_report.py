@@ -36,8 +36,8 @@ def _drawings(found: ExperimentPlan, folder: ResultFolder) -> Iterator[Drawing]:
         axes.legend(markerscale=1)
         folder.text("figures/visible.svg", standalone(figure))
         caption = (
-            "For each effect, the smallest change of the reading at which it is detected, and its typical change. If "
-            "the typical change is the smaller one, the effect is not detected with this input."
+            "Smallest change of the reading that is detected, and typical change, for each effect. If the typical change is "
+            "smaller, this input does not reveal the effect."
         )
         yield Drawing.of(figure, "visible", "What the input would show", caption, "\n".join([header, *rows, ""]))
 
@@ -49,11 +49,13 @@ def _page(found: ExperimentPlan, drawings: list[Drawing]) -> StoryPage:
         found.effects,
         {
             "effect": lambda one: _words(one.effect),
-            "smallest strength found": _least,
+            "smallest detected strength": _least,
             "typical strength": lambda one: with_unit(one.typical, one.unit),
-            f"rms change at the typical strength{f', {unit}' if unit else ''}": lambda one: f"{one.change:.3g}",
+            f"rms change of the reading at the typical strength{f', {unit}' if unit else ''}": lambda one: (
+                f"{one.change:.3g}"
+            ),
             "not distinguished from": lambda one: (
-                ", ".join(map(_words, one.alike)) or ("–" if one.visible else "not found")
+                ", ".join(map(_words, one.alike)) or ("–" if one.visible else "not detected")
             ),
         },
     )
@@ -77,7 +79,7 @@ def _page(found: ExperimentPlan, drawings: list[Drawing]) -> StoryPage:
                 {
                     "reading": lambda one: _words(one.reading),
                     "noise": lambda one: f"{with_unit(one.noise, one.unit)} ({one.noise_source})",
-                    "pairs of effects that it distinguishes": lambda one: (
+                    "pairs of effects that this reading distinguishes": lambda one: (
                         ", ".join(" / ".join(map(_words, pair)) for pair in one.tells) or "–"
                     ),
                 },
@@ -90,23 +92,24 @@ def _page(found: ExperimentPlan, drawings: list[Drawing]) -> StoryPage:
         notes=[Note(title="How this was computed", paragraphs=list(_said(found, unit)))],
         figures=drawings,
         tables=tables,
-        next="record this input if it reveals the effects that you suspect; otherwise plan a larger or a longer one.",
+        next="record this input if it reveals the effects that you suspect; otherwise plan a larger or longer input.",
     )
 
 
 def _said(found: ExperimentPlan, unit: str) -> Iterator[str]:
     noise, error = (amount(f"{value:.3g}", unit) for value in (found.noise, found.model_error))
     yield (
-        f"The plan is linearised about the nominal plant. It assumes sensor noise of {noise} and a model error of "
-        f"{error}. All parameters of the plant are refitted together with each effect."
+        f"The plan uses the nominal model, linearised. It assumes sensor noise of {noise} rms and a model error of {error} rms. "
+        "All parameters of the model are refitted together with each effect."
     )
     yield (
-        "An effect counts as found if its expected probability is at least 95 % and if it changes the reading, after the "
-        "parameters are refitted, by more than the model error. Two effects are not distinguished if the wrong one would "
-        "fit better in more than 2.3 % of all recordings. In this comparison the wrong effect may have any strength and any time constants."
+        "An effect counts as detected under two conditions. The diagnosis is expected to give it a probability of at least "
+        "95 %. After a refit of all parameters, it still changes the reading by more than the model error. Two effects are "
+        "not distinguished if the wrong one, with any strength and time constants, would fit better in more than 2.3 % of all "
+        "recordings."
     )
     if found.impossible:
-        yield f"The plant could not be simulated with {', '.join(map(_words, found.impossible))}."
+        yield f"The model could not be simulated with {', '.join(map(_words, found.impossible))}."
 
 
 def _words(name: str) -> str:

@@ -55,9 +55,8 @@ def thinned(records: list[Recording], wanted: str | None, reading: ReadingTime, 
     return Thinned(
         records=records,
         notes=[
-            f"the recordings are sampled every {choice.sample_time:g} s, far faster than a NARX model needs: {reason}; "
-            f"neighbouring samples are then almost equal and hardly determine the parameters; --decimate auto keeps a "
-            f"sample every {slower:g} s"
+            f"the recordings are sampled every {choice.sample_time:g} s, far too fast for a NARX model ({reason}); use "
+            f"--decimate auto, which keeps a sample every {slower:g} s"
         ],
     )
 
@@ -90,9 +89,8 @@ def lost(model: NarxModel, unseen: Sequence[Recording], whole: Sequence[Recordin
     unit = model.output_units[0]
     how = "diverges" if diverged else f"has an error of {with_unit(after, unit)} rms"
     return [
-        f"decimation lost information: on the held-out part the model's free run {how}, but the free run of a linear "
-        f"model of the original recording has an error of only {with_unit(before, unit)} rms; leave --decimate out, or "
-        "choose a smaller factor"
+        "decimation lost information; leave --decimate out, or choose a smaller factor (on held-out data, the free run of the "
+        f"model {how}, and that of a linear model without decimation has an error of only {with_unit(before, unit)} rms)"
     ]
 
 
@@ -113,9 +111,8 @@ def _choice(records: Sequence[Recording]) -> SamplingChoice | None:
 
 def _reason(choice: SamplingChoice) -> str:
     return (
-        f"the output's autocorrelation reaches its first minimum, or zero, only after {choice.first_minimum} samples (10 "
-        f"to 20 suffice), and the output contains frequencies only up to {choice.highest:.3g} Hz (10 samples per period "
-        "suffice)"
+        f"the autocorrelation of the output reaches its first minimum, or zero, only after {choice.first_minimum} samples, "
+        f"where 10 to 20 suffice, and the output contains frequencies only up to {choice.highest:.3g} Hz"
     )
 
 

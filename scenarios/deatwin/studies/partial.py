@@ -21,19 +21,19 @@ SCHEMA = "deatwin/partial/1"
 FOLDER = "partial"
 STEPS, BASE_MODEL = "steps.json", "base_model.json"
 NOTE = (
-    "This diagnosis was interrupted, so it has no verdict; later steps could have changed these results. The same "
-    "command runs it again from the start."
+    "This diagnosis was interrupted and has no verdict. Later steps could have changed these results. The same command "
+    "repeats the diagnosis from the start."
 )
 
 
 STEP_WORDS = {
     "gate": "check of the recordings",
-    "base": "fit of the base plant",
+    "base": "calibration of the model",
     "detect": "test for a mismatch",
     "locate": "location of the mismatch",
     "verify": "tests of the explanation",
     "advise": "next experiment",
-    "discover": "free form",
+    "discover": "formula without physics",
 }
 
 
@@ -42,18 +42,16 @@ def first_words(step: Step, unit: str) -> str:
     found = step.to_dict()
     if step.name == "base":
         left, noise, error = (amount(f"{found[k]:.3g}", unit) for k in ("fitted", "noise", "model_error"))
-        return (
-            f"base plant: its error after the fit is {left} rms; the noise is {noise}, the stated model error {error}"
-        )
+        return f"calibration: the calibrated model has an error of {left} rms (sensor noise: {noise}; allowed model error: {error})"
     if step.name == "detect" and found["excess"] is not None:
         size, least = (amount(f"{found[k]:.3g}", unit) for k in ("excess", "practical"))
-        return f"mismatch: the error exceeds the noise by {size}; less than {least} would not count as a mismatch"
+        return f"mismatch: the error beyond sensor noise is {size} rms ({least} rms count as a mismatch)"
     if step.name == "locate":
         times = sorted(found["time"], key=lambda window: -window["score"])[:1]
         bands = sorted(found["frequency"], key=lambda band: -band["excess_dB"])[:1]
         when = [f"from {w['from_s']:.4g} to {w['to_s']:.4g} s" for w in times]
         which = [f"from {b['from_Hz']:.3g} to {b['to_Hz']:.3g} Hz" for b in bands]
-        return f"location: mostly {' and '.join([*when, *which])}" if when or which else ""
+        return f"location: the mismatch is largest {' and '.join([*when, *which])}" if when or which else ""
     return ""
 
 

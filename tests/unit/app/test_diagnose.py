@@ -63,7 +63,7 @@ def test_the_command_line_says_how_sure_the_verdict_is(
     assert main(["diagnose", "strip_of_mine:strip", "pulls.csv", "--out", "again"]) == 0
     verdict, sure, *_ = capsys.readouterr().out.split("named: ")[1].splitlines()
     assert (verdict, sure) == (diagnosis.sentence, f"how sure: {how_sure(diagnosis)}")
-    assert "this explanation has a probability of 95 %" in sure
+    assert "creep is 95 % likely" in sure
 
 
 def test_the_amended_model_can_be_simulated(results: Path, on_bench: Path) -> None:
@@ -80,8 +80,8 @@ def test_the_report_needs_nothing_else(results: Path) -> None:
     page, text = report_alone(results)
     assert page.tags.count("svg") >= 6  # four of the recordings, and one of each step that draws itself
     diagnosis = json.loads((results / "diagnosis.json").read_text(encoding="utf-8"))
-    finding, _, details = diagnosis["sentence"].partition("; ")
-    assert f"<h1>{finding}" in text and details[1:] in text
+    finding, _, details = diagnosis["sentence"].partition(". ")
+    assert f"<h1>{finding}." in text and details in text
 
 
 def test_the_data_of_the_figures(results: Path) -> None:

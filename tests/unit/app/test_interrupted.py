@@ -123,7 +123,7 @@ def test_ctrl_c_keeps_the_calibrated_plant(recorded: Path, validate: Callable[[s
     assert files(recorded / "result") == {"partial/steps.json", "partial/base_model.json"}
     line = err.splitlines()[-1]
     assert "error: interrupted while looking for a mismatch; there is no verdict" in line
-    assert "result/partial keeps the finished steps: check of the recordings, fit of the base plant" in line
+    assert "result/partial keeps the finished steps: check of the recordings, calibration of the model" in line
     assert "Traceback" not in err
 
     steps = kept(recorded / "result")
@@ -152,7 +152,7 @@ def test_workers_are_interrupted_without_a_trace(bench: Path, interrupt: Callabl
     folder = interrupt.__name__
     arguments = ["diagnose", "strip_of_mine:strip", "pulls.csv", "--jobs", "2", "--out", folder]
     status, _, err = interrupted_at_a_terminal(
-        PROGRAM, arguments, bench, "fitting the plant with added effects", interrupt
+        PROGRAM, arguments, bench, "fitting the model with added effects", interrupt
     )
     assert status == 130
     assert "Traceback" not in err
@@ -247,15 +247,15 @@ def test_a_fit_is_shown_where_no_share_is_told_and_kept_where_it_is_interrupted_
             raise KeyboardInterrupt
 
     finished = partial.FinishedSteps(progress)
-    finished.tell(0.3, "fitting the plant with added effects")
+    finished.tell(0.3, "fitting the model with added effects")
     finished.take(Step(name="verify", result=EMPTY))
     finished.take(Step(name="fit", subject="creep", result=EMPTY))
     with pytest.raises(KeyboardInterrupt):
         finished.take(Step(name="fit", subject="creep+slip", result=EMPTY))
     assert said == [
-        (0.3, "fitting the plant with added effects"),
-        (0.3, "fitting the plant with added effects (creep)"),
-        (0.3, "fitting the plant with added effects (creep+slip)"),
+        (0.3, "fitting the model with added effects"),
+        (0.3, "fitting the model with added effects (creep)"),
+        (0.3, "fitting the model with added effects (creep+slip)"),
     ]
     assert "tests of the explanation, 2 fits with effects" in finished._listed()
 

@@ -282,7 +282,7 @@ def test_it_is_said_whether_the_recordings_are_the_same(
 
 def test_the_table_says_all_and_nothing_in_it_is_markup(root: Path) -> None:
     write_result(root / "<b>one", {"noise.csv": "a"}, set=["creep", "dielectric_absorption"])
-    write_result(root / "two", {"<i>.csv": "b"})
+    write_result(root / "two", {"<i>.csv": "b"}, explanations=[{"effects": ["creep"], "probability": 0.91}])
     (root / "two" / "report.html").write_text("", encoding="utf-8")
     table = compare([Verdict.read(root, name) for name in ("<b>one", "two")]).html().replace("\xa0", " ")
     for text in (
@@ -294,7 +294,8 @@ def test_the_table_says_all_and_nothing_in_it_is_markup(root: Path) -> None:
         "9.80 → 2.05 µm",
         "2.00 µm",
         64 * "a",
-        "The results are for different recordings",
+        "These results are for different recordings",
+        "<strong>How sure:</strong> creep is 91 % likely, other explanations from the catalogue 4 %, and causes that were not tried",
         'href="results/two/report.html"',
         "&lt;b&gt;one",
         "&lt;i&gt;.csv",

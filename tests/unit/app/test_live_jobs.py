@@ -76,12 +76,12 @@ def test_what_is_done_within_a_step_is_no_step(root: Path) -> None:
     job = board(root, "").start(order())
     job.wait(30)
     for share, step in (
-        (0.3, "fitting the plant with added effects"),
-        (0.3, "fitting the plant with added effects (creep)"),
+        (0.3, "fitting the model with added effects"),
+        (0.3, "fitting the model with added effects (creep)"),
         (0.8, "verifying"),
     ):
         job._hear(json.dumps({"share": share, "step": step}))
-    assert [step for step, _ in job.steps] == ["fitting the plant with added effects", "verifying"]
+    assert [step for step, _ in job.steps] == ["fitting the model with added effects", "verifying"]
 
 
 def test_a_job_gets_the_arguments_of_the_command(root: Path) -> None:

@@ -66,8 +66,8 @@ def test_what_is_said_and_written(at_desk: Path, capsys: pytest.CaptureFixture[s
     assert main(["look", "a.csv", "--out", "looked"]) == 0
     said = capsys.readouterr().out
     assert 'column 2 "u": input, unit not given (guessed)' in said
-    assert 'other commands refuse this file: a.csv: no column "command_V"' in said
-    assert "with these options it can be read, as was done here: --input-column u --output-column y" in said
+    assert 'other commands cannot read this file as it is: a.csv: no column "command_V"' in said
+    assert "deatwin look read this file with the options --input-column u --output-column y" in said
     assert "the output follows the input" in said
     assert "deatwin identify a.csv --input-column u --output-column y --out narx.json" in said
     picture = Path("looked/look.svg").read_text(encoding="utf-8")
@@ -85,7 +85,7 @@ def test_several_files_of_one_kind_are_given_to_one_model(at_desk: Path, capsys:
     table("slower.csv", "time_s,command_V,displacement_mm", [10.0 * times, u, y])
     found = told(capsys, "a.csv", "b.csv", "slower.csv", "--out", "looked")
     assert found["next"]["command"] == "deatwin identify a.csv b.csv --out narx.json"
-    assert "(without 1 file with other columns, units or sample times" in found["next"]["sentence"]
+    assert "(this leaves out 1 file, with different columns, units or sample times" in found["next"]["sentence"]
     assert sorted(path.name for path in Path("looked").glob("*.svg")) == ["look_1.svg", "look_2.svg", "look_3.svg"]
 
 
@@ -99,7 +99,7 @@ def test_only_recordings_with_many_frequencies_are_advised_for_a_model(
         )
     found = told(capsys, "steps.csv", "noise.csv")["next"]
     assert found["command"] == "deatwin identify noise.csv --out narx.json"
-    assert "; keep steps.csv to test it, because a fit to steps" in found["sentence"]
+    assert "; use steps.csv only to test the model, because a model fitted to steps" in found["sentence"]
     command = told(capsys, "steps.csv")["next"]["command"]
     assert command == "deatwin identify steps.csv --method semp --out narx.json"
     assert main(shlex.split(command)[1:]) == 0
@@ -138,7 +138,7 @@ def test_an_input_that_never_moves_leads_to_no_model(at_desk: Path, capsys: pyte
     times, _, y = motion()
     table("a.csv", "time_s,command_V,displacement_mm", [times, np.ones(400), y])
     assert told(capsys, "a.csv")["next"] == {
-        "sentence": "the input never moves: name another column, or record again with a varying input",
+        "sentence": "the input is constant; name another column, or record again with a varying input",
         "command": "",
     }
 

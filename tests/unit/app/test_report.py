@@ -29,6 +29,7 @@ from deatwin.ident.mismatch import (
     Verdict,
     how_sure,
 )
+from deatwin.ident.mismatch.layout import laid_out
 from deatwin.ident.mismatch.located import PlaceSummary, Region, Window
 from deatwin.ident.mismatch.quality.quality import check_quality
 from deatwin.ident.mismatch.result import (
@@ -52,6 +53,7 @@ from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.errors import ModelError
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
+from deatwin.studies.report.figures import _faulty
 from deatwin.studies.report.origin import Origin
 from deatwin.studies.report.page import write_report
 from deatwin.studies.report.quantities import in_interval, with_interval
@@ -88,8 +90,8 @@ def test_what_is_left_unexplained_is_shown_with_its_place(tmp_path: Path) -> Non
     whole = replace(DIAGNOSIS, verdict=Verdict.PARTLY, unexplained=left)
     write_report(folder, whole, Origin(inputs=[], seed=3))
     page = (folder.path / "report.html").read_text(encoding="utf-8").replace("\xa0", " ").replace("&nbsp;", " ")
-    assert "The causes leave 1.23 µm rms of a mismatch of 9.61 µm rms unexplained; this is 1.6 % of its power" in page
-    assert "The rest is predicted best by the signals at the ball." in page
+    assert "Of a mismatch of 9.61 µm rms, these effects leave 1.23 µm rms unexplained (1.6 % of its power)." in page
+    assert "The signals at the ball predict the unexplained mismatch best." in page
 
 
 def test_an_interval_has_the_prefix_of_its_value() -> None:
@@ -260,11 +262,11 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
     assert outline.headings == [
         "What the model lacks",
         "Recordings",
-        "The calibrated plant",
+        "The calibrated model",
         "Is anything missing?",
         "Where the mismatch lies",
         "What was tried",
-        "Free form",
+        "A formula without physics",
         "What to record next",
         "Does the explanation hold?",
         "Provenance",
@@ -282,7 +284,7 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
         "25 to 27 kPa",
         "0.00250",
         "0.610 µm",
-        "After a refit to all recordings, less than this remains",
+        "After a refit to all recordings, the error beyond sensor noise is smaller than this limit",
         "film: stiffness",
         "1234",
         "creep and delay (9.10)",
@@ -294,7 +296,7 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
         "ball = sliding",
         "as the rig file states",
         "12.6",
-        "creep with the opposite sign fits as well as the effect itself",
+        "a placebo, creep with the opposite sign, fits as well as creep itself",
         "the explanation raises the error on a part of the held-out data: lowest amplitudes",
         "6.78",
         "97 %",
@@ -305,7 +307,7 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
         "0 to 49.99 s after the command last rested",
         "displacement rate from -332 to 326 µm/s",
         "<td>falling reading</td>",
-        "the strength of creep, if allowed to vary, changes by -126 % over the fitted part",
+        "the strength of creep is not constant: if allowed to vary, it changes by -126 % over the fitted part",
     )
     for text in shown:
         assert text in page, text
@@ -330,7 +332,7 @@ def test_a_diagnosis_draws_itself_or_says_why_not() -> None:
     assert axes.get_title() == "named: creep"
     assert axes.get_ylabel() == "measured − simulated (µm)"
     legend = [text.get_text() for text in axes.get_legend().get_texts()]
-    assert legend == ["calibrated plant", "amended plant", "held out"]
+    assert legend == ["calibrated model", "amended model", "held out"]
     assert len(axes.patches) == 2  # one held-out part in each recording
     with pytest.raises(ModelError, match="no evidence"):
         DIAGNOSIS.plot()
@@ -352,37 +354,36 @@ EXPLANATIONS = {
     [
         (
             Verdict.NONE,
-            "0.230; the part of the error that noise does not explain is 0.340 µm rms; a mismatch is reported only if",
+            "the error beyond sensor noise is 0.340 µm rms, less than the 1.19 µm rms that count as a mismatch (p = 0.230).",
         ),
         (
             Verdict.PARAMETERS,
-            "0.230; the part of the error that noise does not explain is 0.340 µm rms; a mismatch is reported only if",
+            "the error beyond sensor noise is 0.340 µm rms, less than the 1.19 µm rms that count as a mismatch (p = 0.230).",
         ),
         (
             Verdict.UNKNOWN,
-            "where 1.19 µm rms would suffice for a mismatch; no single effect and no signal accounts for more than 34 % of the "
-            "mismatch.",
+            "the error beyond sensor noise is 0.340 µm rms (1.19 µm rms count as a mismatch), and no single effect or signal "
+            "explains more than 34 % of the mismatch.",
         ),
         (
             Verdict.DISTURBANCE,
-            "2 % of the mismatch's power repeats with the command (at most 9 %, two standard deviations higher); a mismatch "
-            "counts as a disturbance if this share is below 30 %",
+            "2 % of the mismatch's power repeats with the command (at most 9 %), and missing physics would need at least 30 %.",
         ),
-        (Verdict.DATA_FAULT, "201 of 1000 samples (20.1 %) are faulty"),
-        (Verdict.NOT_TESTABLE, "the command moves the reading by 3.00 µm rms; the sensor noise is 2.00 µm rms"),
+        (Verdict.DATA_FAULT, "201 of 1000 samples (20.1 %) are faulty, and at most 10 are accepted."),
+        (
+            Verdict.NOT_TESTABLE,
+            "the command moves the reading by only 3.00 µm rms, while sensor noise is 2.00 µm rms and the allowed model error "
+            "is ",
+        ),
         (
             Verdict.NAMED,
-            "this explanation has a probability of 90 %, other explanations that were tried 5 %, causes that were not tried 5 %.",
+            "creep is 90 % likely, other explanations from the catalogue 5 %, and causes that were not tried 5 %.",
         ),
         (
             Verdict.AMBIGUOUS,
-            "creep alone 62 %, creep and sensor drift 31 %, no effect below 1 %, other explanations that were tried 2 %, causes "
-            "that were not tried 5 %.",
+            "creep alone is 62 % likely, creep and sensor drift 31 %, no effect at all below 1 %, and any other cause 7 %.",
         ),
-        (
-            Verdict.PARTLY,
-            "probability of being a part of what is missing: creep 91 %; what else is missing is not known.",
-        ),
+        (Verdict.PARTLY, "creep is 91 % likely to be a part of what is missing."),
     ],
 )
 def test_the_first_screen_says_how_sure_a_verdict_is(tmp_path: Path, verdict: Verdict, said: str) -> None:
@@ -415,12 +416,27 @@ def test_the_first_screen_says_how_sure_a_verdict_is(tmp_path: Path, verdict: Ve
     assert f"<strong>How sure:</strong> {how_sure(replace(diagnosis, readings=None))}." in header
 
 
-def test_a_probability_as_high_as_any_is_said_to_be_the_highest() -> None:
+def test_the_closer_look_of_a_faulty_recording_shows_the_largest_fault() -> None:
+    silent = Recording.from_arrays(np.zeros(1000), np.zeros(1000), 0.02)
+    later = Recording.from_arrays(np.zeros(1000), np.zeros(1000), 0.02, start=30.0)
+    experiments = (Experiment(recordings=(silent, later)),)
+    still = ((np.zeros(1000), np.zeros(1000)),)
+    unseen = ((np.zeros(1000, dtype=bool), np.zeros(1000, dtype=bool)),)
+    tracks = laid_out(Readings(experiments=experiments, base=still, amended=None, unseen=unseen), 1e-6)
+    small = Fault(experiment=1, recording=1, file="a", fault="stuck", samples=11, from_s=1.0, to_s=1.2)
+    large = replace(small, recording=2, samples=301, from_s=40.0, to_s=46.0)
+    found = _faulty(tracks, [small, large])
+    assert found is not None and found[0] is tracks[1]
+    ends = found[0].clock[[found[1], found[2] - 1]]
+    assert ends == pytest.approx([37.0, 49.0], abs=0.03)  # half as long again on each side
+    found = _faulty(tracks, [small])
+    assert found is not None and found[0] is tracks[0]
+    assert found[1:] == pytest.approx((0, 181), abs=2)  # 250 samples about the fault, of which 69 lie before the start
+    assert _faulty(tracks, []) is None
+
+
+def test_the_rest_of_the_highest_probability_is_explained() -> None:
     sure = replace(DIAGNOSIS, verdict=Verdict.NAMED, explanations=(Explanation(effects=("creep",), probability=0.95),))
-    said = "this explanation has a probability of 95 %, the highest that is stated, since 5 % is kept for causes that were not tried"
-    assert how_sure(sure) == said
-    assert (
-        how_sure(replace(sure, verification=replace(VERIFIED.summary, holds=True)))
-        == f"{said}; it passes all tests on held-out data"
-    )
-    assert how_sure(replace(sure, verification=VERIFIED.summary)) == said  # which has failed some
+    assert how_sure(sure) == "creep is 95 % likely, and the remaining 5 % is kept for causes that were not tried"
+    both = replace(sure, explanations=(Explanation(effects=("creep", "delay"), probability=0.95),))
+    assert how_sure(both).startswith("creep and delay are 95 % likely, and the remaining ")

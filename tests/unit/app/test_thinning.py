@@ -28,7 +28,7 @@ def fast() -> Recording:
 def test_it_is_said_and_what_is_offered_does_it(fast: Recording) -> None:
     said = thinned([fast], None, ReadingTime.END_OF_HOLD, held_out=0.3)
     assert said.records == [fast]
-    assert "--decimate auto keeps a sample every" in said.notes[0]
+    assert "use --decimate auto, which keeps a sample every" in said.notes[0]
     made = thinned([fast], "auto", ReadingTime.END_OF_HOLD, held_out=0.3)
     factor = choose_sampling(fast.section(0, 14_000)).factor
     assert made.records[0].sample_time == pytest.approx(0.001 * factor)
@@ -56,7 +56,7 @@ def test_a_decimated_model_that_is_worse_than_a_linear_one_is_told(fast: Recordi
     good = Frols(output_lags=1, input_lags=[0, 1, 2], degree=1).fit(training).model_
     assert lost(good, unseen, [fast]) == []
     (said,) = lost(Frols(output_lags=[40], input_lags=[60], degree=1).fit(training).model_, unseen, [fast])
-    assert said.startswith("decimation lost information: on the held-out part the model's free run has an error of")
+    assert said.startswith("decimation lost information; leave --decimate out, or choose a smaller factor")
     same = Frols(output_lags=1, input_lags=[9], degree=1).fit([fast]).model_
     assert lost(same, [fast], [fast]) == []
 

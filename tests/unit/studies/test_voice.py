@@ -34,13 +34,13 @@ class Clock:
 def test_a_line_comes_every_half_minute(capsys: pytest.CaptureFixture[str]) -> None:
     clock = Clock(waits=3)
     progress = PlainProgress("reading", clock)
-    progress.tell(0.0, "calibrating the base plant")
+    progress.tell(0.0, "calibrating the model")
     told: list[float] = []
 
     def wait(seconds: float) -> bool:
         told.append(seconds)
         ended = clock.wait(seconds)
-        progress.tell((0.2, 0.25, 0.6, 1.0)[len(told) - 1], "calibrating the base plant")
+        progress.tell((0.2, 0.25, 0.6, 1.0)[len(told) - 1], "calibrating the model")
         return ended
 
     print_lines(progress, wait)
@@ -50,9 +50,9 @@ def test_a_line_comes_every_half_minute(capsys: pytest.CaptureFixture[str]) -> N
     # A fifth in 30 s: the rest takes 4 times as long; a quarter in 60 s: 3 times, of which a quarter more than before
     # is told; 0.6 in 90 s: 2/3 of it.
     assert err.splitlines() == [
-        "calibrating the base plant, 20 % done, about 2 min left",
-        "calibrating the base plant, 25 % done, about 2 min left",
-        "calibrating the base plant, 60 % done, about 60 s left",
+        "calibrating the model, 20 % done, about 2 min left",
+        "calibrating the model, 25 % done, about 2 min left",
+        "calibrating the model, 60 % done, about 60 s left",
     ]
 
 

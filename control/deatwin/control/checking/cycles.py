@@ -67,25 +67,27 @@ def _judged(what: str, cycle: LimitCycle, share: float, specification: Specifica
     verdict = limit.judge(share)
     wanted = "" if verdict is Verdict.PASS else f" (required: {limit.wanted} of a step)"
     kind = (
-        "a limit cycle" if cycle.stable else "an unstable limit cycle, outside which the loop does not return to rest,"
+        "a limit cycle"
+        if cycle.stable
+        else "an unstable limit cycle (the loop does not return to rest from larger amplitudes)"
     )
     text = (
-        f"describing functions predict {kind} at {cycle.frequency_Hz:.2g} Hz, with an "
-        f"amplitude of {amount(100 * share, '.3g', ' %')} of a step, caused by {what}{wanted}"
+        f"{kind} is predicted (by describing functions) at {cycle.frequency_Hz:.2g} Hz, with an "
+        f"amplitude of {amount(100 * share, '.3g', ' %')} of a step, because of {what}{wanted}"
     )
     subject = "limit cycle" if cycle.stable else "unstable limit cycle"
     return Finding(subject=subject, value=share, verdict=verdict, text=text)
 
 
 def _none(of: str) -> Finding:
-    text = f"describing functions of {of} predict no limit cycle"
+    text = f"no limit cycle is predicted (by describing functions of {of})"
     return Finding(subject="limit cycle", value=0.0, verdict=Verdict.PASS, text=text)
 
 
 def _with_plant_unmeasured(judged: list[Finding]) -> Finding:
     """Return the worst finding on limits and codes; at best marginal, because the plant itself was not measured."""
     least = f"{100 * SIZES[1]:g} % of the distance to the command's limits"
-    why = f"the plant's own response to sines is unknown, because the plant fails even under sines of {least}"
+    why = f"the plant model itself was not tested, because its simulation fails even under sines of {least}"
     # Without a cycle the finding has no number; zero would be one.
     finding = worst(judged) if judged else replace(_none("the command limits and the sensor's resolution"), value=None)
     verdict = max(finding.verdict, Verdict.MARGINAL, key=lambda verdict: verdict.severity)
@@ -98,7 +100,7 @@ def _sizes_measured(response: SineResponse) -> str:
     if len(lived) == len(SIZES):
         return ""
     sizes = f"{', '.join(lived[:-1])} and {lived[-1]} % of the distance to the command's limits"
-    return f"; the plant was tested only with sines of {sizes}, because it fails under larger ones"
+    return f"; the plant model was tested only with sines of {sizes}, because its simulation fails under larger ones"
 
 
 def _that_matter(found: list[_Found]) -> list[_Found]:

@@ -185,7 +185,8 @@ class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_d
     def reason(self) -> str:
         """Texts of all findings that are as severe as the verdict; empty if the verdict is `pass`."""
         if self.verdict is Verdict.PASS:
-            return f"all requirements are met{self._where}"
+            tuned = "controller" if self.controller is None else f"{self.controller.name} controller"
+            return f"the {tuned} meets all requirements{self._where}"
         return "; ".join(f.text for f in self.findings if f.verdict is self.verdict)
 
     @property
@@ -208,18 +209,18 @@ class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_d
 
     @property
     def sentence(self) -> str:
-        """The check in one plain sentence; every number in it is a field of the file."""
+        """The check in plain sentences; every number in them is a field of the file."""
         if self.controller is None or self.margins is None:
             return f"{self.verdict.value}: {self.reason}.{self._warned}"
         tuned, at, least = self.controller, self.operating, self.least_margins
-        margins = ", ".join(
-            f"{name} {value:.2g}{unit}" if isfinite(value) else f"{name} infinite"
+        margins = ", and the lowest ".join(
+            f"{name} is {value:.2g}{unit}" if isfinite(value) else f"{name} is infinite"
             for name, value, unit in (("gain margin", least["gain"], ""), ("phase margin", least["phase_deg"], "°"))
         )
         return (
-            f"{self.verdict.value}: the {tuned.name} controller with a closed-loop time of "
-            f"{tuned.closed_loop_time:.2g} s at {amount(f'{at.input:.3g}', at.input_unit)} (crossover "
-            f"{self.margins.crossover_Hz:.2g} Hz; lowest {margins}): {self.reason}.{self._warned}"
+            f"{self.verdict.value}: {self.reason}. The {tuned.name} controller has a closed-loop time of "
+            f"{tuned.closed_loop_time:.2g} s, and a crossover frequency of {self.margins.crossover_Hz:.2g} Hz at a constant "
+            f"input of {amount(f'{at.input:.3g}', at.input_unit)}. The lowest {margins}.{self._warned}"
         )
 
     @property

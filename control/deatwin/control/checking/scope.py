@@ -25,23 +25,22 @@ def judge_band(crossovers_Hz: Sequence[float], excited: Excitation) -> Finding:
     crossover, band = max(crossovers_Hz), excited.highest_Hz
     if crossover > band:
         text = (
-            f"the highest crossover frequency, {crossover:.2f} Hz, lies above {band:.2f} Hz, up to which the recording "
-            f"excited the actuator: the margins there are extrapolated; record with an input up to {2 * crossover:.2g} Hz "
-            "to decide"
+            f"the highest crossover frequency is {crossover:.2f} Hz, but the recording excited the actuator only up to "
+            f"{band:.2f} Hz, so the margins are extrapolated; record with an input up to {2 * crossover:.2g} Hz"
         )
         return Finding(subject="excitation", value=crossover, verdict=Verdict.MARGINAL, text=text)
     for inside in sorted(crossovers_Hz, reverse=True):
         if (hole := excited.hole_at(inside)) is not None:
             low, high = hole
             text = (
-                f"a crossover frequency, {inside:.2g} Hz, lies between {low:.2g} and {high:.2g} Hz, where the recording's "
-                "input has no power, so nothing supports the margins there; record with an input that has power there, such "
-                f"as noise up to {max(2 * inside, band):.2g} Hz, to decide"
+                f"a crossover frequency is {inside:.2g} Hz, but the input of the recording has no power from {low:.2g} to "
+                f"{high:.2g} Hz, so the margins are extrapolated; record with an input that has power there, such as noise "
+                f"up to {max(2 * inside, band):.2g} Hz"
             )
             return Finding(subject="excitation", value=inside, verdict=Verdict.MARGINAL, text=text)
     text = (
-        f"the highest crossover frequency, {crossover:.2f} Hz, lies below {band:.2f} Hz, up to which the recording "
-        "excited the actuator"
+        f"the recording excited the actuator up to {band:.2f} Hz, and the highest crossover frequency is only "
+        f"{crossover:.2f} Hz"
     )
     return Finding(subject="excitation", value=crossover, verdict=Verdict.PASS, text=text)
 
@@ -59,9 +58,8 @@ def judge_rests(
     text = (
         f"at a constant input of {amount(f'{linear.operating_input:.3g}', linear.input_unit)} the model's output is "
         f"{centre / size:.3g} {unit} and the plant's is {rests[1] / size:.3g} {unit}, a difference of "
-        f"{abs(centre - rests[1]) / size:.3g} {unit}: no controller can move the plant over the steps that were planned "
-        f"with the model, because constant commands within the limits move the plant only to outputs from "
-        f"{rests.min() / size:.3g} to {rests.max() / size:.3g} {unit}"
+        f"{abs(centre - rests[1]) / size:.3g} {unit}; within the limits of the command, the plant reaches only "
+        f"{rests.min() / size:.3g} to {rests.max() / size:.3g} {unit}, so it cannot follow the steps planned with the model"
     )
     return Finding(subject=runs.subject("operating point"), value=float(rests[1] - centre), verdict=verdict, text=text)
 
@@ -74,8 +72,8 @@ def judge_training(model: NarxModel, points: Sequence[float], commands: NDArray[
     least, most = min(*points, *commands), max(*points, *commands)
     outside, unit = least < low or most > high, model.input_units[0]
     text = (
-        f"the commands in the loop range from {amount(f'{least:.3g} to {most:.3g}', unit)}, "
-        f"{'beyond' if outside else 'inside'} those of the training data, {amount(f'{low:.3g} to {high:.3g}', unit)}"
+        f"the closed loop uses commands from {amount(f'{least:.3g} to {most:.3g}', unit)}, "
+        f"{'beyond' if outside else 'inside'} the range of the training data, {amount(f'{low:.3g} to {high:.3g}', unit)}"
     )
     verdict = Verdict.MARGINAL if outside else Verdict.PASS
     return Finding(subject="training data", value=None, verdict=verdict, text=text)
@@ -84,8 +82,8 @@ def judge_training(model: NarxModel, points: Sequence[float], commands: NDArray[
 def judge_unknown_band() -> Finding:
     """Return the finding for a recording whose excited band is unknown."""
     text = (
-        "it is unknown up to which frequency the recording excited the actuator: give the recording, or a model from "
-        "`deatwin identify`, which states this frequency"
+        "it is unknown up to which frequency the recording excited the actuator; give the recording (--recording), or a "
+        "model from `deatwin identify`, which states this frequency"
     )
     return Finding(subject="excitation", value=None, verdict=Verdict.MARGINAL, text=text)
 
@@ -101,7 +99,7 @@ def judge_film(source: str, plants: Sequence[Plant], commands: NDArray[np.float6
     used = sum(not (_rests(plant, commands, HEADROOM) and bears(plant, commands, rest)) for plant in plants)
     own = "the plant model" if source == "plant" else source
     many = len(plants) > 1
-    who = f"of {len(plants)} plants with parameters inside the calibration's intervals" if many else ""
+    who = f"of {len(plants)} simulated actuators (parameters within the calibration's intervals)" if many else ""
     who += f" of {source}" if many and source != "plant" else ""
     subject = "film" if source == "plant" else f"film ({source})"
 

@@ -78,7 +78,7 @@ def judge_margins(rows: Sequence[MarginRow], linear: LinearModel, specification:
     if stability.verdict is not Verdict.PASS:
         return (stability,)  # the margins of unstable loops would only repeat this
     by = (
-        ("gain margin", lambda r: r.gain_low, spec.gain, "a factor of {:.2f}"),
+        ("gain margin", lambda r: r.gain_low, spec.gain, "{:.2f}"),
         ("phase margin", lambda r: r.phase_low_deg, spec.phase_deg, "{:.0f}°"),
         ("delay margin", lambda r: r.delay_low / linear.sample_time, spec.delay_samples, "{:.1f} samples"),
         ("disk margin", lambda r: r.disk_low, spec.disk, "{:.2f}"),
@@ -111,16 +111,21 @@ def judge_runs(runs: Runs, sine_predicted: float, specification: Specification) 
             "steady-state error",
             steps.steady_error,
             spec.steady_error,
-            f"at the end of the steps the output differs from the reference by {off} of the step",
+            f"the output differs from the reference by {off} of the step at the end of a step",
         ),
-        ("ripple", steps.ripple, spec.ripple, f"the output still moves by {moves} of the step long after the step"),
+        ("ripple", steps.ripple, spec.ripple, f"the output still oscillates by {moves} of the step long after a step"),
         (
             "saturation",
             saturated,
             spec.saturated,
             f"the command is at one of its limits in {100 * saturated:.0f} % of the samples",
         ),
-        ("tracking", ratio, spec.tracking, f"the rms error on a slow sine is {times} the predicted one"),
+        (
+            "tracking",
+            ratio,
+            spec.tracking,
+            f"the rms error on a slow sine is {times} the error that the identified model predicts",
+        ),
     )
     return tuple(
         _finding(runs.subject(name), value, limit, f"{runs.where}, {text}") for name, value, limit, text in measured
@@ -129,7 +134,7 @@ def judge_runs(runs: Runs, sine_predicted: float, specification: Specification) 
 
 def judge_draws(predicted: PredictedLoop, specification: Specification) -> Finding:
     """Judge whether the closed loop of the model's draws remains stable."""
-    text = f"{100 * predicted.diverged:.0f} % of the closed loops with models drawn from the posterior diverge"
+    text = f"the closed loop diverges for {100 * predicted.diverged:.0f} % of the models drawn from the posterior"
     return _finding("model in closed loop", predicted.diverged, specification.diverged, text)
 
 
@@ -157,9 +162,11 @@ def judge_raised(raised: Sequence[tuple[float, ClosedLoop]], specification: Spec
         calm.append(factor)
     reached = max(calm, default=1.0)
     if calm:
-        text = f"the loop with the plant model does not ring when the controller's gain is multiplied by {reached:g}"
+        text = (
+            f"the loop with the plant model does not oscillate when the controller's gain is multiplied by {reached:g}"
+        )
     else:
-        text = f"the loop with the plant model rings or fails when the controller's gain is multiplied by {min(f for f, _ in raised):g}"
+        text = f"the loop with the plant model oscillates or fails when the controller's gain is multiplied by {min(f for f, _ in raised):g}"
     return _finding("gain margin on the plant", reached, specification.gain, text)
 
 
@@ -176,14 +183,14 @@ def _beyond(trained: tuple[float, float] | None, achieved: ClosedLoop) -> str:
     unit, size = written_amplitude(achieved.output_unit)
     ends = " to ".join(f"{value / size:.3g}" for value in (low, high))
     data = " to ".join(f"{value / size:.3g}" for value in trained)
-    return f", whose output ranges from {ends} {unit} and so leaves the range of the training data, {data} {unit}"
+    return f" (output {ends} {unit}, beyond the training data, {data} {unit})"
 
 
 def _failed(runs: Runs, run: ClosedLoop) -> Finding:
     """Return the finding on a run that ended early."""
     when = "before" if not run.timepts.size else f"{run.timepts[-1]:.2f} s after"
     who = "the plant model" if runs.source == "plant" else runs.source
-    text = f"{who} failed {when} the loop was closed: {run.status.value}"
+    text = f"the simulation with {who} failed {when} the loop was closed: {run.status.value}"
     return Finding(subject=runs.subject("plant"), value=None, verdict=Verdict.FAIL, text=text)
 
 
@@ -194,13 +201,12 @@ def _subject(name: str, row: MarginRow) -> str:
 def _margin(name: str, size: str, row: MarginRow, unit: str) -> str:
     """Return a margin with its operating point and source, in words."""
     where = _where(row, unit)
+    least = size if size == "infinite" else f"at least {size}"
     if row.source == BAND:
-        # The band does not bound an infinite margin.
-        least = size if size == "infinite" else f"at least {size}"
-        of = "lower end of its 95 % interval, linearised from the model's covariance"
+        of = "with 95 % confidence, linearised"
         return f"{where}, the {name} is {least} ({of})"
     if row.samples > 1:
-        return f"{where}, the {name} is {size} (the 2.5 % quantile over {_draws(row)})"
+        return f"{where}, the {name} is {least} for 97.5 % of the {_draws(row)}"
     return f"{where}, the {name} is {size} for {_whose(row)}"
 
 
@@ -208,7 +214,7 @@ def _partly_stable(row: MarginRow, unit: str) -> str:
     where = _where(row, unit)
     share = f"{100 * row.stable_share:.0f} %"
     if row.source == BAND:
-        of = "linearised from the model's covariance"
+        of = "linearised"
         return f"{where}, the model's loop is stable with a probability of {share} ({of})"
     if row.samples > 1:
         return f"{where}, the loop is stable for {share} of the {_draws(row)}"
@@ -239,7 +245,7 @@ def _stable(rows: Sequence[MarginRow], unit: str) -> str:
     """Return the finding that all loops of one source are stable, in words."""
     if rows[0].source == BAND:
         where = _where(rows[0], unit)
-        return f"{where}, the loop is stable for all responses within the model's 95 % band (linearised from its covariance)"
+        return f"{where}, the loop is stable for every response within the model's 95 % band (linearised)"
     whose = _whose(rows[0])
     kind = "operating points" if all(row.time is None for row in rows) else "operating points and times"
     count = f" at all {len(rows)} {kind}" if len(rows) > 1 else ""

@@ -85,7 +85,7 @@ def conclude(findings: Findings) -> Diagnosis:
             *_form(findings),
             *_variants_of_alternatives(findings),
             *(
-                f"the effect {name} could not be tried: the plant with it could not be simulated"
+                f"{name} was not tried, because the model with this effect could not be simulated"
                 for name in findings.naming.failed
             ),
             *(f"the fitted {name} lies at a bound of its allowed range" for name in findings.final.at_bound),
@@ -120,8 +120,8 @@ def _held_back(findings: Findings) -> Iterator[str]:
     held = [c for c in alone if takes_most(c, naming.base) and suffices(c, naming.base) and held_back_by(c)]
     for candidate in sorted(held, key=lambda c: -c.evidence)[:1]:
         yield (
-            f"the effect {candidate.effects[0]} would explain the recordings if {', '.join(held_back_by(candidate))} "
-            "were allowed to lie outside the stated range"
+            f"{candidate.effects[0]} would explain the recordings, but only with {', '.join(held_back_by(candidate))} "
+            "outside the allowed range"
         )
 
 
@@ -134,8 +134,8 @@ def _hardly_shown(findings: Findings) -> Iterator[str]:
         and not shows_its_cycles(best, findings.problem.everything)
     ):
         yield (
-            f"{'+'.join(best.effects)} would explain the recordings, but they show less than a quarter of its cycle, which "
-            "cannot be distinguished from any other slow change"
+            f"{'+'.join(best.effects)} could explain the recordings, but less than a quarter of its cycle was recorded, and so "
+            "short a part looks like any other slow change"
         )
 
 
@@ -150,8 +150,8 @@ def _alike_but_unlikely(findings: Findings) -> Iterator[str]:
         name = "+".join(other.effects)
         if name in near and name not in known and not is_possible(other, naming.best):
             yield (
-                f"only at an unusual strength could {_in_words(other)} change the readings almost as the named effects do "
-                f"(squared distance d² = {near[name]:.2g}; at least {DISTINGUISHED:g} is needed to distinguish them)"
+                f"{_in_words(other)} would fit these recordings as well (d² = {near[name]:.2g}), but only at an unusual strength, "
+                "so it does not count as an alternative"
             )
 
 
@@ -193,7 +193,9 @@ def _left_over(findings: Findings) -> list[str]:
         return []
     unit, size = findings.unit
     left = max(findings.answer.fitted_test.size, findings.answer.unseen_test.size) / size
-    return [f"the remaining error, {left:.3g} {written_unit(unit)}, exceeds the model error stated for the plant"]
+    return [
+        f"the explanation leaves an error of {left:.3g} {written_unit(unit)} rms, more than the allowed model error"
+    ]
 
 
 def _widened(plant: Plant) -> Iterator[str]:
@@ -209,14 +211,14 @@ def _placed_unseen(findings: Findings) -> Iterator[str]:
     problem, plant = findings.problem, findings.answer.calibration.plant
     for name in plant.event_times if findings.named else ():
         if gap_around(plant, name, problem.fitted, problem.everything) is not None:
-            yield f"{name} lies in the held-out data and was fitted to them, so they are not a fully independent test"
+            yield f"{name} was fitted to held-out data, so these data are not a fully independent test"
 
 
 def _form(findings: Findings) -> list[str]:
     """Warn if the recordings contradict the rig file, or fit one of its interpretations better."""
     stated, found = differences([findings.problem.nominal.rig, findings.final.plant.rig])
     return [
-        f"the recordings fit a rig with {name} = {found[name]!r} better than one with {value!r}"
+        f"the recordings fit a rig with {name} = {found[name]!r} better than one with {name} = {value!r}"
         for name, value in stated.items()
     ]
 
@@ -227,8 +229,8 @@ def _variants_of_alternatives(findings: Findings) -> Iterator[str]:
         _, found = differences([findings.answer.calibration.plant.rig, alternative.calibration.plant.rig])
         if found:
             variant = ", ".join(f"{name} = {value!r}" for name, value in found.items())
-            explanation = _in_words(alternative) or "without any effect"
-            yield f"the alternative {explanation} explains the recordings if the rig has {variant}"
+            explanation = _in_words(alternative) or "no effect at all"
+            yield f"the alternative explanation, {explanation}, requires that the rig has {variant}"
 
 
 def _in_words(explanation: Candidate) -> str:

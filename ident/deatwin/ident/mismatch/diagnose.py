@@ -96,7 +96,7 @@ def diagnose(
     keep(quality_step(checked))
     for_detection, for_location, for_verification, for_advice, for_discovery, for_rest = spawn_generators(seed, 6)
 
-    tell(0.02, "calibrating the base plant")
+    tell(0.02, "calibrating the model")
     problem, base = prepare(plant, checked, effects, jobs=jobs)
     fitted_plant = base.chosen.calibration.plant
     usable = without_unknown(without_faults(checked, fitted_plant), fitted_plant, base.noise)
@@ -134,13 +134,13 @@ def diagnose(
 
     found: Iterable[Naming] = [nothing_tried(base.chosen)]
     if detection.mismatch and checked.soundness is Soundness.SOUND:
-        tell(0.3, "fitting the plant with added effects")
+        tell(0.3, "fitting the model with added effects")
         found = explanations(
             problem,
             base.chosen,
             known,
             base.alternatives,
-            finished=lambda share: tell(0.3 + 0.5 * share, "fitting the plant with added effects"),
+            finished=lambda share: tell(0.3 + 0.5 * share, "fitting the model with added effects"),
             fitted=None if through is None else lambda fit, unseen: through(fit_step(problem, fit, unseen)),
         )
     naming, verification, stands = first_that_stands(

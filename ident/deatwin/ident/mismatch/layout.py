@@ -99,9 +99,9 @@ def draw_residuals(readings: Readings, unit: str, axes: Axes) -> None:
     first = True
     for each in laid_out(readings, reported_size(unit, readings.experiments[0].recordings[0].output_units[0])):
         hide = "" if first else "_"
-        axes.plot(each.axis, each.measured - each.base, color="C1", linewidth=0.8, label=f"{hide}calibrated plant")
+        axes.plot(each.axis, each.measured - each.base, color="C1", linewidth=0.8, label=f"{hide}calibrated model")
         if each.amended is not None:
-            axes.plot(each.axis, each.measured - each.amended, color="C0", linewidth=0.8, label=f"{hide}amended plant")
+            axes.plot(each.axis, each.measured - each.amended, color="C0", linewidth=0.8, label=f"{hide}amended model")
         for begin, end in stretches_of_true(each.unseen):
             span = each.axis[begin], each.axis[end - 1] + each.sample_time
             axes.axvspan(*span, color="0.5", alpha=0.18, linewidth=0, label=f"{hide}held out")

@@ -144,7 +144,7 @@ class ReadingLocation:
     def sentence(self) -> str:
         """Return, in words, where most of the mismatch lies."""
         if not self.time and not self.frequency:
-            return f"{self.reading.replace('_', ' ')}: no mismatch beyond its noise"
+            return f"{self.reading.replace('_', ' ')}: there is no mismatch beyond sensor noise"
         window = max(self.time, key=lambda one: one.score, default=None)
         band = max(self.frequency, key=lambda one: one.excess_dB, default=None)
         when = "" if window is None else f"from {window.from_s:.2f} to {window.to_s:.2f} s"

@@ -61,15 +61,14 @@ class ReadingSummary:
     def sentence(self) -> str:
         """Return, in words, how this reading changed the answer."""
         before, after = with_unit(self.unseen.before, self.unit), self.unseen.after
-        left = before + ("" if after is None else f", and {with_unit(after, self.unit)} with the causes")
-        noise = with_unit(self.noise, self.unit)
-        said = f"{self.name} (noise {noise}): the error of the calibrated plant on held-out data is {left}"
+        left = f"is {before} rms" if after is None else f"falls from {before} to {with_unit(after, self.unit)} rms"
+        said = f"{self.name}: the error on held-out data {left} (sensor noise: {with_unit(self.noise, self.unit)} rms)"
         if self.with_it is None or self.without_it is None:
             return said
         whole, without = _likely(self.with_it), _likely(self.without_it)
         if whole == without:
-            return f"{said}; the other readings alone give the same explanation: {whole}"
-        return f"{said}; the explanation is {whole} with this reading, and {without} without it"
+            return f"{said}; without this reading, the explanation would be the same: {whole}"
+        return f"{said}; the likeliest explanation is {whole} with this reading, and {without} without it"
 
     @property
     def name(self) -> str:

@@ -1,9 +1,9 @@
-"""The conclusion in one plain sentence; the verdict decides which words are allowed.
+"""The conclusion in a few plain sentences; the verdict decides which words are allowed.
 
-Every number in it is a field of ``diagnosis.json``, rounded as it is shown. Shares are shown in per cent, and amplitudes
-of a further reading in a unit with a prefix. There are two exceptions: the 95 % of all intervals, stated at the first one,
-and a bound: a risk of less than a thousandth is written as below 0.1 %, since the digits of so small a prediction mean
-nothing.
+The first sentence is the finding, and each of the others states one fact. Every number is a field of ``diagnosis.json``,
+rounded as it is shown. Shares are shown in per cent, and amplitudes of a further reading in a unit with a prefix. There are
+three exceptions: the 95 % of all intervals, stated at the first one, the number of explanations that are not named, and a
+bound: a risk of less than a thousandth is written as below 0.1 %, since the digits of so small a prediction mean nothing.
 """
 
 from __future__ import annotations
@@ -32,8 +32,10 @@ LEAST_RISK = 1e-3
 """Smallest probability of a wrong explanation that is stated; instead of a smaller one this bound is stated."""
 HALF = 0.5
 """Share of the remaining mismatch above which most of it is said to be in one stretch of time."""
-COUNTED = {2: "Two", 3: "Three"}
-_LEVEL = "95 %: "
+COUNTED = {2: "two effects", 3: "three effects"}
+MOST_NAMED = 3
+"""Largest number of possible explanations that are named; a report lists all of them in a table."""
+_LEVEL = "95 % interval: "
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -47,7 +49,7 @@ def risk(share: float) -> str:
 
 
 def say(diagnosis: Diagnosis) -> str:
-    """Write the conclusion of a diagnosis as one sentence.
+    """Write the conclusion of a diagnosis in plain sentences.
 
     Parameters
     ----------
@@ -57,54 +59,90 @@ def say(diagnosis: Diagnosis) -> str:
     Returns
     -------
     str
-        One sentence that claims no more than the verdict allows.
+        Sentences that claim no more than the verdict allows, the finding first.
     """
-    first, level, rest = _SENTENCES[diagnosis.verdict](diagnosis).partition(_LEVEL)
+    said = " ".join(f"{_first_up(one)}." for one in _SENTENCES[diagnosis.verdict](diagnosis) if one)
+    first, level, rest = said.partition(_LEVEL)
     return first + level + rest.replace(_LEVEL, "")
 
 
-def _none(diagnosis: Diagnosis) -> str:
-    return f"Nothing is missing: {_left(_of_first(diagnosis))}, which {_accounted(diagnosis)} explain."
+def _none(diagnosis: Diagnosis) -> list[str]:
+    return ["nothing is missing from the model", _left(_of_first(diagnosis)), _accounted(diagnosis)]
 
 
-def _parameters(diagnosis: Diagnosis) -> str:
-    late = diagnosis.parameters.get("delay.time") if diagnosis.detection.taken_up else None
-    timing = "" if late is None else f" and with a dead time of {_with_interval(late)}"
-    left, accounted = _left(_of_first(diagnosis)), _accounted(diagnosis)
-    if diagnosis.detection.taken_up:
-        told = f"{left}; after a fit to all recordings{timing}, no more remains than {accounted} explain"
-    else:
-        told = f"{left}, which {accounted} explain"
-    return f"No physics is missing; only parameters were wrong: {told}."
+def _parameters(diagnosis: Diagnosis) -> list[str]:
+    taken_up = diagnosis.detection.taken_up
+    late = diagnosis.parameters.get("delay.time") if taken_up else None
+    return [
+        "no physics is missing: only parameters of the model were wrong",
+        _left(_of_first(diagnosis)),
+        f"after a fit to all recordings, {_accounted(diagnosis)}" if taken_up else _accounted(diagnosis),
+        "" if late is None else f"the fit to all recordings includes a dead time of {_with_interval(late)}",
+    ]
 
 
-def _named(diagnosis: Diagnosis) -> str:
-    causes, gain = diagnosis.causes, _gain(diagnosis)
-    if len(causes) == 1:
-        explains = f"this explains {_share(causes[0])} of the mismatch"
-        return f"{_first_up(_physics(causes[0], diagnosis))}, which the model lacks; {explains}, and {gain}."
-    parts = [f"{_physics(cause, diagnosis)}, which explains {_share(cause)} of the mismatch" for cause in causes]
-    count = COUNTED.get(len(causes), "Several")
-    return f"{count} effects are missing from the model: {', and '.join(parts)}; with them {gain}."
+def _named(diagnosis: Diagnosis) -> list[str]:
+    causes = diagnosis.causes
+    count = "an effect" if len(causes) == 1 else COUNTED.get(len(causes), "several effects")
+    physics = ", and ".join(_physics(cause, diagnosis) for cause in causes)
+    return [f"the model lacks {count}: {physics}", _explained(causes), _gain(diagnosis)]
 
 
-def _ambiguous(diagnosis: Diagnosis) -> str:
-    guess = ", and ".join(_physics(cause, diagnosis) + _or_nothing(cause, diagnosis) for cause in diagnosis.causes)
-    known = [cause.effect for cause in diagnosis.causes]
-    without = [f"the same without {_joined(absent)}" for absent in _absent(known, diagnosis.rivals)]
-    beside = _beside(known, diagnosis.rivals)
-    also = [f"the same and also {_joined(more)}" for more in beside]
-    replacing = {name for rival in diagnosis.rivals if not set(rival) > set(known) for name in rival}
-    only_beside = {name for more in beside for name in more} - replacing
-    others = [title_of(name, diagnosis) for name in diagnosis.names if name not in {*known, *only_beside}]
-    rivals = (*without, *also, *others)
-    # in the same clause, because a report's headline ends at the first semicolon
-    instead = f", or alternatively {', or '.join(rivals)}" if rivals else ""
-    which = "the first explanation" if len(known) == 1 else f"the first {COUNTED[len(known)].lower()}"
-    return (
-        f"Something is missing, and these recordings cannot decide what: perhaps {guess}{instead}; "
-        f"with {which} {_gain(diagnosis)}{_next(diagnosis)}."
-    )
+def _explained(causes: Sequence[Cause]) -> str:
+    """Write the share of the mismatch that each cause explains."""
+    first, *others = causes
+    said = f"{_plain(first.effect)} explains {_share(first)} of the mismatch between model and recordings"
+    return _and([said, *(f"{_plain(cause.effect)} {_share(cause)}" for cause in others)])
+
+
+def _and(texts: Sequence[str]) -> str:
+    """Join texts in words."""
+    return " and ".join([*filter(None, [", ".join(texts[:-1])]), *texts[-1:]])
+
+
+def _names(diagnosis: Diagnosis) -> str:
+    """Return the names of the causes."""
+    return _and([_plain(cause.effect) for cause in diagnosis.causes])
+
+
+def _ambiguous(diagnosis: Diagnosis) -> list[str]:
+    known = tuple(cause.effect for cause in diagnosis.causes)
+    possible = [called(effects, diagnosis) for effects in (known, *alternatives(diagnosis))]
+    more = len(possible) - MOST_NAMED
+    if more > 0:
+        possible = [*possible[:MOST_NAMED], f"one of {more} others" if more > 1 else "one other"]
+    physics = ", and ".join(_physics(cause, diagnosis) for cause in diagnosis.causes)
+    return [
+        f"something is missing from the model, and these recordings cannot decide what: perhaps {listed(possible)}",
+        f"if {called(known, diagnosis)} {'are' if len(known) > 1 else 'is'} missing, {physics}",
+        *(_or_nothing(cause, diagnosis) for cause in diagnosis.causes),
+        _gain(diagnosis),
+        *_next(diagnosis),
+    ]
+
+
+def alternatives(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """Return the sets of effects that may be missing instead of the first explanation, the likeliest first."""
+    likely = {one.effects: one.probability for one in diagnosis.explanations}
+    return sorted(dict.fromkeys(map(tuple, diagnosis.rivals)), key=lambda effects: -likely.get(effects, 0.0))
+
+
+def called(effects: Sequence[str], diagnosis: Diagnosis) -> str:
+    """Return the names of an explanation's effects; a single one is alone if another explanation contains it."""
+    answer = tuple(cause.effect for cause in diagnosis.causes)
+    names = [_plain(name) if name in answer else title_of(name, diagnosis) for name in effects]
+    others = (answer, *diagnosis.rivals, *(one.effects for one in diagnosis.explanations))
+    alone = len(effects) == 1 and any(set(effects) < set(other) for other in others)
+    return (_and(names) or "no effect at all") + (" alone" if alone else "")
+
+
+def listed(texts: Sequence[str]) -> str:
+    """Join possibilities in words.
+
+    >>> listed(["A", "B", "C"]), listed(["A", "B"]), listed(["A"])
+    ('A, B, or C', 'A, or B', 'A')
+    """
+    return ", or ".join([*filter(None, [", ".join(texts[:-1])]), *texts[-1:]])
 
 
 def title_of(cause: str, diagnosis: Diagnosis) -> str:
@@ -118,37 +156,22 @@ def _or_nothing(cause: Cause, diagnosis: Diagnosis) -> str:
     """Return a warning if the interval of a strength includes zero."""
     strength = cause.parameters.get(_effect(cause, diagnosis).strength)
     absent = strength is not None and strength.low <= 0.0 <= strength.high
-    return ", which may be absent since its 95 % interval includes zero" if absent else ""
+    name = _plain(cause.effect)
+    return f"{name} may also be absent, because the 95 % interval of its strength includes zero" if absent else ""
 
 
-def _absent(known: Sequence[str], rivals: Sequence[Sequence[str]]) -> list[tuple[str, ...]]:
-    """Return the sets of causes that alternatives omit without replacement."""
-    fewer = [rival for rival in rivals if set(rival) < set(known)]
-    return list(dict.fromkeys(tuple(name for name in known if name not in rival) for rival in fewer))
-
-
-def _beside(known: Sequence[str], rivals: Sequence[Sequence[str]]) -> list[tuple[str, ...]]:
-    """Return the sets of causes that alternatives have in addition to all known ones."""
-    more = [rival for rival in rivals if set(rival) > set(known)]
-    return list(dict.fromkeys(tuple(name for name in rival if name not in known) for rival in more))
-
-
-def _joined(names: Sequence[str]) -> str:
-    return " and ".join(map(_plain, names))
-
-
-def _partly(diagnosis: Diagnosis) -> str:
+def _partly(diagnosis: Diagnosis) -> list[str]:
     left = diagnosis.unexplained
     if left is None:
         raise ModelError("a diagnosis of a part of the mismatch needs the unexplained remainder")
-    parts = [
-        f"{_physics(cause, diagnosis)}, which explains {_share(cause)} of the mismatch" for cause in diagnosis.causes
+    return [
+        f"the model lacks {_names(diagnosis)}, and something else that could not be identified",
+        *(_physics(cause, diagnosis) for cause in diagnosis.causes),
+        _explained(diagnosis.causes),
+        f"of the {_amplitude(left.mismatch, diagnosis)} mismatch, {_amplitude(left.rms, diagnosis)} remain unexplained"
+        f"{_mostly(left, diagnosis)}",
+        _gain(diagnosis),
     ]
-    return (
-        f"{_first_up(' and '.join(parts))}, but {_amplitude(left.rms, diagnosis)} of the "
-        f"{_amplitude(left.mismatch, diagnosis)} mismatch remain unexplained"
-        f"{_mostly(left, diagnosis)}; {_gain(diagnosis)}."
-    )
 
 
 def _mostly(left: Unexplained, diagnosis: Diagnosis) -> str:
@@ -189,44 +212,38 @@ def _in(region: Region, diagnosis: Diagnosis) -> str:
     )
 
 
-def _unknown(diagnosis: Diagnosis) -> str:
-    refuted = "; the explanation that fitted best failed its tests on held-out data" if _refuted(diagnosis) else ""
+def _unknown(diagnosis: Diagnosis) -> list[str]:
     form = diagnosis.free_form
-    shape = (
+    return [
+        "something is missing from the model, and no effect of the catalogue explains it",
+        f"{_left(_shown(diagnosis))} ({_noise(diagnosis)})",
+        *_where(diagnosis),
+        "the effect that fitted best failed its tests on held-out data" if _refuted(diagnosis) else "",
         ""
         if form is None
-        else (
-            "; a formula without physical meaning lowers the error on held-out data from "
-            f"{_rounded(form.before)} to {_amplitude(form.after, diagnosis)}"
-        )
-    )
-    return (
-        f"Something is missing, and no effect of the catalogue explains it: {_left(_shown(diagnosis))} "
-        f"({_noise(diagnosis)}){_where(diagnosis)}{refuted}{shape}."
-    )
+        else f"a fitted formula without physical meaning lowers the error on held-out data from {_rounded(form.before)} to "
+        f"{_amplitude(form.after, diagnosis)}",
+    ]
 
 
-def _where(diagnosis: Diagnosis) -> str:
-    """Return when, how fast and under which conditions the mismatch occurs, and where in the plant to look for it."""
+def _where(diagnosis: Diagnosis) -> list[str]:
+    """Return when, how fast and under which conditions the mismatch occurs, and where in the chain to look for it."""
     found = diagnosis.location
     if found is None:
-        return ""
+        return []
     band = next((b for b in found.frequency if b.power > HALF * sum(one.power for one in found.frequency)), None)
     region = max(found.region, key=lambda one: abs(one.mean_residual), default=None)
-    parts = [
+    best = [place.place for place in found.place if place.among_best and (place.explained or 0.0) > HALF]
+    return [
         _when(found, diagnosis),
-        "" if band is None else f"most of its power is {_at(band)}",
+        "" if band is None else f"most of the power of the mismatch is {_at(band)}",
         ""
         if region is None
-        else f"its mean is largest, {_amplitude(region.mean_residual, diagnosis)}, {_in(region, diagnosis)}",
-    ]
-    best = [place.place for place in found.place if place.among_best and (place.explained or 0.0) > HALF]
-    suspect = (
-        f"; suspect first what acts at the {' or the '.join(map(_plain, best))}, whose signals predict it best"
+        else f"the mean error is largest, {_size(region.mean_residual, diagnosis)}, {_in(region, diagnosis)}",
+        f"look for the cause at the {' or the '.join(map(_plain, best))} first, because signals there predict the mismatch best"
         if best
-        else ""
-    )
-    return f"; {', '.join(filter(None, parts))}{suspect}" if any(parts) else suspect
+        else "",
+    ]
 
 
 def _when(found: LocationSummary, diagnosis: Diagnosis) -> str:
@@ -236,7 +253,8 @@ def _when(found: LocationSummary, diagnosis: Diagnosis) -> str:
         return ""
     if longest.score <= HALF:
         return "the mismatch is spread over the recordings"
-    return f"{100 * longest.score:.0f} % of the mismatch lies {_between(longest)}{_recorded(longest, diagnosis)}"
+    share = f"{100 * longest.score:.0f} % of the mismatch between model and recordings"
+    return f"{share} lies {_between(longest)}{_recorded(longest, diagnosis)}"
 
 
 def _recorded(window: Window, diagnosis: Diagnosis) -> str:
@@ -254,32 +272,37 @@ def _between(window: Window) -> str:
     return f"between {window.from_s:.{decimals}f} and {window.to_s:.{decimals}f} s"
 
 
-def _disturbance(diagnosis: Diagnosis) -> str:
+def _disturbance(diagnosis: Diagnosis) -> list[str]:
     origin = diagnosis.detection.origin
-    back = "" if origin is None else f"; {_part(origin.share)} the mismatch repeats with the command"
-    return (
-        "The mismatch does not repeat when command and state do, so it is a disturbance rather than missing physics: "
-        f"{_left(_shown(diagnosis))} ({_noise(diagnosis)}){back}."
-    )
+    return [
+        "the mismatch between model and recordings is a disturbance, not missing physics: it does not repeat when command "
+        "and state repeat",
+        f"{_left(_shown(diagnosis))} ({_noise(diagnosis)})",
+        "" if origin is None else f"{_part(origin.share)} the mismatch repeats with the command",
+    ]
 
 
-def _data_fault(diagnosis: Diagnosis) -> str:
+def _data_fault(diagnosis: Diagnosis) -> list[str]:
     faults = diagnosis.faults
     many = any(fault.experiment > 1 for fault in faults)
     said = [_fault(fault, many) for fault in faults[:MOST_FAULTS]]
-    more = "; further faults are listed below" if len(faults) > MOST_FAULTS else ""
-    where = f": {'; '.join(said)}{more}" if said else ""
-    return f"The recording is faulty{where}."
+    if len(said) == 1:
+        return [f"the recording is faulty: {said[0]}"]
+    return [
+        "the recordings are faulty",
+        *said,
+        "the table below lists further faults" if len(faults) > MOST_FAULTS else "",
+    ]
 
 
-def _not_testable(diagnosis: Diagnosis) -> str:
-    return (
-        "The input excites too little to test whether physics is missing: "
-        f"{_left(_shown(diagnosis))} ({_noise(diagnosis)})."
-    )
+def _not_testable(diagnosis: Diagnosis) -> list[str]:
+    return [
+        "the input moves the actuator too little to test whether physics is missing",
+        f"{_left(_shown(diagnosis))} ({_noise(diagnosis)})",
+    ]
 
 
-_SENTENCES: Mapping[Verdict, Callable[[Diagnosis], str]] = {
+_SENTENCES: Mapping[Verdict, Callable[[Diagnosis], list[str]]] = {
     Verdict.NONE: _none,
     Verdict.PARAMETERS: _parameters,
     Verdict.NAMED: _named,
@@ -293,26 +316,29 @@ _SENTENCES: Mapping[Verdict, Callable[[Diagnosis], str]] = {
 
 
 def _left(shown: _Shown) -> str:
-    """Write the error of the calibrated plant."""
+    """Write the error of the calibrated base plant."""
     return (
-        f"the error of the calibrated plant{shown.reading and f' in {shown.reading}'} is {shown.sized(shown.fitted)} on "
-        f"fitted data and {shown.sized(shown.unseen)} on held-out data"
+        f"the calibrated model has an error{shown.reading and f' in {shown.reading}'} of {shown.sized(shown.fitted)} on fitted "
+        f"data and {shown.sized(shown.unseen)} on held-out data"
     )
 
 
 def _accounted(diagnosis: Diagnosis) -> str:
-    own = f"the stated model error of the plant ({_amplitude(diagnosis.model_error, diagnosis)})"
-    return f"sensor noise ({_amplitude(diagnosis.noise, diagnosis)}) and {own}"
+    return (
+        f"sensor noise ({_amplitude(diagnosis.noise, diagnosis)}) and the allowed model error "
+        f"({_amplitude(diagnosis.model_error, diagnosis)}) explain the error of the calibrated model"
+    )
 
 
 def _gain(diagnosis: Diagnosis) -> str:
     shown, gain = _shown(diagnosis), diagnosis.fit.unseen.gain_low
     if shown.after is None or gain is None:
         raise ModelError("a diagnosis with causes needs the error that they leave on held-out data")
-    alone = "" if gain > 0 else ", a fall that could be chance"
+    chance = "" if gain > 0 else ", a fall that could be chance"
     return (
-        f"the error{shown.reading and f' of {shown.reading}'} on held-out data falls from {_rounded(shown.unseen)} to {shown.sized(shown.after)}{alone} "
-        f"(sensor noise: {shown.sized(shown.noise)})"
+        f"adding {_names(diagnosis)} to the model lowers the error"
+        f"{shown.reading and f' of {shown.reading}'} on held-out data from {_rounded(shown.unseen)} to "
+        f"{shown.sized(shown.after)}{chance} ({_noise(diagnosis)})"
     )
 
 
@@ -328,7 +354,7 @@ class _Shown:
     reading: str = ""
 
     def sized(self, value: float) -> str:
-        return f"{_rounded(value)} {self.unit}".rstrip()
+        return f"{_rounded(value)} {self.unit}".rstrip() + " rms"
 
 
 def _of_first(diagnosis: Diagnosis) -> _Shown:
@@ -367,6 +393,10 @@ def _noise(diagnosis: Diagnosis) -> str:
 
 
 def _amplitude(value: float, diagnosis: Diagnosis) -> str:
+    return f"{_size(value, diagnosis)} rms"
+
+
+def _size(value: float, diagnosis: Diagnosis) -> str:
     return f"{_rounded(value)} {written_unit(diagnosis.output.unit)}".rstrip()
 
 
@@ -415,33 +445,29 @@ def _with_interval(parameter: Interval) -> str:
     return f"{value} {unit} ({_LEVEL}{low} to {high})".replace("  ", " ")
 
 
-def _next(diagnosis: Diagnosis) -> str:
+def _next(diagnosis: Diagnosis) -> list[str]:
     """Return what the advised experiment would decide."""
     advised = diagnosis.advice
     if advised is None:
-        return ""
-    seconds, shares = advised.seconds, (advised.confusion_before, advised.confusion_after)
-    before, after = ("" if share is None else risk(share) for share in shares)
-    if seconds is None:
+        return []
+    before, after = (
+        "" if share is None else risk(share) for share in (advised.confusion_before, advised.confusion_after)
+    )
+    if advised.seconds is None:
         measure = advised.measure
-        return (
-            ""
-            if measure is None
-            else f"; no input within the rig's limits would distinguish the explanations, so measure {measure}"
-        )
+        none = "no input within the rig's limits would distinguish the explanations"
+        return [] if measure is None else [f"{none}, so measure {measure}"]
     if before == after and not advised.undecided:
-        return ""  # the recordings at hand have decided already as far as figures tell
+        return []  # the recordings at hand have decided already as far as figures tell
     mass = advised.added_mass_g
-    load = "" if mass is None else f" with {number(mass)} g added"
-    rest = (
-        f"; for the explanations that this input cannot distinguish, measure {advised.measure}"
+    load = "" if mass is None else f" with {number(mass)} g added to the load"
+    return [
+        f"recording {number(advised.seconds)} s of the input in {advised.file}{load} would lower the probability of "
+        f"choosing a wrong explanation from {before} to {after} %",
+        f"also measure {advised.measure}, because the input in {advised.file} cannot distinguish all explanations"
         if advised.undecided
-        else ""
-    )
-    return (
-        f"; recording {number(seconds)} s of the input in {advised.file}{load} would lower the probability of "
-        f"choosing the wrong one from {before} to {after} %{rest}"
-    )
+        else "",
+    ]
 
 
 def _refuted(diagnosis: Diagnosis) -> bool:
@@ -451,7 +477,7 @@ def _refuted(diagnosis: Diagnosis) -> bool:
 def _fault(fault: Fault, many: bool) -> str:
     which = f"recording {fault.recording}" + (f" of experiment {fault.experiment}" if many else "")
     samples = f"{fault.samples} samples between {fault.from_s:.2f} and {fault.to_s:.2f} s"
-    return f"in {which} {fault.fault} in {samples if fault.samples > 1 else f'one sample, at {fault.from_s:.2f} s'}"
+    return f"in {which}, {fault.fault} in {samples if fault.samples > 1 else f'one sample, at {fault.from_s:.2f} s'}"
 
 
 def _first_up(text: str) -> str:

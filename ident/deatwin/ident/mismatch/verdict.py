@@ -39,18 +39,16 @@ class Verdict(Enum):
 
 _ADVICE: Mapping[Verdict, str] = {
     Verdict.NONE: (
-        "next: use the calibrated plant within the range and frequencies of these inputs; the table of smallest "
-        "detectable effects shows what could still be hidden"
+        "next: use the calibrated model within the range and frequencies of these inputs; the table of smallest detectable "
+        "effects shows how large a hidden effect could still be"
     ),
-    Verdict.PARAMETERS: "next: use the calibrated plant within the range and frequencies of these inputs",
-    Verdict.NAMED: "next: use the amended plant, model.json, which `deatwin simulate` and `deatwin check` accept",
-    Verdict.AMBIGUOUS: (
-        "next: record the advised experiment and diagnose all recordings together; until then no explanation is certain"
-    ),
-    Verdict.PARTLY: "next: use the amended plant with care, because something else is missing",
-    Verdict.UNKNOWN: "next: inspect the readings where the mismatch lies; if they are sound, add the effect that you suspect",
+    Verdict.PARAMETERS: "next: use the calibrated model within the range and frequencies of these inputs",
+    Verdict.NAMED: "next: use the amended model, model.json, with `deatwin simulate` or `deatwin check`",
+    Verdict.AMBIGUOUS: ("next: record the advised experiment, and diagnose all recordings together"),
+    Verdict.PARTLY: "next: use the amended model, model.json, with care, because it still lacks something",
+    Verdict.UNKNOWN: "next: look for a fault in the readings where the mismatch lies; if there is none, add the effect that you suspect",
     Verdict.DISTURBANCE: "next: find the source of the disturbance in the set-up; changing the model will not help",
-    Verdict.DATA_FAULT: "next: repeat the recording, or delete the faulty rows and read it with --allow-gaps",
+    Verdict.DATA_FAULT: "next: repeat the recording, or delete its faulty rows and use --allow-gaps",
     Verdict.NOT_TESTABLE: "next: record a larger input, or one with more frequencies; `deatwin plan` says what an input would show",
 }
 

@@ -85,8 +85,7 @@ class Reliance:
         found = []
         if self.status is None:
             found.append(
-                "the held-out data were too short for the residual tests, so the model is supported by its training "
-                "data only"
+                "the held-out data were too short for the residual tests, so only the training data support the model"
             )
         elif self.status is ValidationStatus.DIVERGED:
             found.append("the model's free run diverged on held-out data")
@@ -99,8 +98,8 @@ class Reliance:
             )
             names = f" ({', '.join(self.failed)}, where e is the residual and u the input)" if count else ""
             found.append(
-                f"the model failed {tests} on held-out data{names}: its residual {_MEANING[self.status]}, and the uncertainty "
-                "bands do not include this error"
+                f"the residual of the model {_MEANING[self.status]}, and the uncertainty bands do not include this error: the "
+                f"model failed {tests} on held-out data{names}"
             )
         if self.biased and self.gain_error is not None and self.gain_error_half_width is not None:
             way = "larger" if self.gain_error > 0 else "smaller"
@@ -114,7 +113,7 @@ class Reliance:
     def remarks(self) -> tuple[str, ...]:
         """Caveats that the residual tests do not reveal: too few training samples, and a useless free run."""
         useless = (
-            "the model explains nothing: its free run follows the held-out data no better than their mean does"
+            "the model predicts nothing: on held-out data, its free run is no better than the mean of the readings"
             if self.fit is not None and self.fit <= 0.0
             else ""
         )

@@ -58,7 +58,7 @@ class AmplifierSlew(Effect):
     strength: ClassVar[str] = "slowness"
     order: ClassVar[int] = 1
     """After clipping, because a command beyond the amplifier's range must not wind up the state."""
-    wording: ClassVar[str] = "The amplifier needs {slowness} upwards and falls {ratio} times as fast"
+    wording: ClassVar[str] = "The output of the amplifier needs {slowness} to rise, and falls {ratio} times as fast"
     lag: ClassVar[float] = 2e-3
     """Lag near the command, :math:`T_0`, s."""
     width: ClassVar[float] = 400.0

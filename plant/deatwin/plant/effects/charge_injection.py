@@ -46,7 +46,9 @@ class ChargeInjection(Effect):
     signal: ClassVar[str] = "field_voltage"
     strength: ClassVar[str] = "share"
     remembers: ClassVar[str] = "V"
-    wording: ClassVar[str] = "Injected charge takes {share} off the field with a time constant of {time}"
+    wording: ClassVar[str] = (
+        "Injected charge weakens the electric field by a share of {share}, with a time constant of {time}"
+    )
 
     def describe(self) -> tuple[Parameter, ...]:
         return (

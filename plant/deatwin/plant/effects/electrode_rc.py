@@ -54,8 +54,8 @@ class ElectrodeRC(Effect):
     signal: ClassVar[str] = "film_voltage"
     strength: ClassVar[str] = "time"
     wording: ClassVar[str] = (
-        "The film voltage lags the amplifier with a time constant of {time} at rest, "
-        "of which a share of {film_share} grows with the film's capacitance"
+        "The film voltage lags the amplifier with a time constant at rest of {time}, and a share of {film_share} of this time "
+        "grows with the film's capacitance"
     )
 
     def describe(self) -> tuple[Parameter, ...]:

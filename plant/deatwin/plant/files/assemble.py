@@ -136,7 +136,7 @@ def _rows_with_values(table: Table, needed: Mapping[int, Floats], *, timed: bool
         advice = "fill it, or leave such rows out: --allow-gaps, in Python allow_gaps=True"
         offers = ReadOptions(allow_gaps=True)
     more = f" ({count} such rows in all)" if count > 1 else ""
-    raise DataError(f'{table.where(sample)}, column "{table.shown(column)}": no value{more}; {advice}', offers)
+    raise DataError(f'{table.where(sample)}, column "{table.shown(column)}": there is no value{more}; {advice}', offers)
 
 
 def _on_rows_read(
@@ -170,7 +170,7 @@ def _on_rows_read(
         if np.isnan(levels).any():
             row = int(held.flat[np.argmax(np.isnan(levels))])
             raise DataError(
-                f'{table.where(row)}, column "{table.shown(column)}": no value; fill it with the command that was held then'
+                f'{table.where(row)}, column "{table.shown(column)}": there is no value; fill it with the command that was held then'
             )
         moves = np.ptp(levels, axis=1) > 0.0
         changed = max(changed, int(moves.sum()))

@@ -65,7 +65,7 @@ def even_pieces(
     if len(timepts) == 1 and stated:
         return stated, [Piece.even(1, stated, float(timepts[0]))]
     if len(timepts) < 2:
-        raise DataError(f"{where(0)}: one sample only; a recording needs at least two")
+        raise DataError(f"{where(0)}: there is only one sample; a recording needs at least two")
     steps = np.diff(timepts)
     if rounded := _read_as_even(timepts, stated):
         return rounded.sample_time, [_evenly(rounded, timepts)]

@@ -142,7 +142,7 @@ def _no_header(table: Table, fault: str, roles: Collection[str]) -> DataError:
     timed = NO_OPTIONS if times is None else times_options(table, times)
     clock = f"{timed} (or --dt SECONDS)" if timed else "--dt SECONDS"
     return DataError(
-        f"{table.path}, row {table.row(0)}: no header, so {fault}; name the columns by their positions, for example "
+        f"{table.path}, row {table.row(0)}: there is no header, so {fault}; name the columns by their positions, for example "
         f"{f'{said} {clock}'.strip()}, or put a header above: {header_line(len(table.headers), table.delimiter, times)}",
         said | timed,
     )

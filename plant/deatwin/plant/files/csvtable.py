@@ -140,7 +140,7 @@ class CsvTable(Table):
             for sample, row in enumerate(rows):
                 if len(row) != len(self.headers):
                     raise DataError(
-                        f"{self.where(sample)}: {len(row)} cells between blanks, where there are "
+                        f"{self.where(sample)}: the row has {len(row)} cells between blanks, where there are "
                         f"{len(self.headers)} columns"
                     )
             return rows
@@ -157,7 +157,7 @@ class CsvTable(Table):
         for sample, row in enumerate(rows):
             if len(row) > count and any(cell.strip() for cell in row[count:]):
                 hint = grouped(self.lines[sample], self.delimiter)
-                raise DataError(f"{self.where(sample)}: {len(row)} cells, but the header has {count}{hint}")
+                raise DataError(f"{self.where(sample)}: the row has {len(row)} cells, but the header has {count}{hint}")
         return rows
 
     def _with_decimal_points(self, columns: Sequence[int], texts: list[list[str]]) -> list[list[str]]:

@@ -314,9 +314,9 @@ def _no_layout(lines: list[str], rows: list[int], delimiter: str, path: str) -> 
             first = next((cell for cell in cells[row] if cell), "")
             found = f', and in row {rows[row]} "{clipped(first, 40)}" is not a number' if row else ""
             return DataError(
-                f"{path}: a header but no samples: no row holds numbers{found}"
+                f"{path}: the file has a header but no samples: no row holds numbers{found}"
                 if row
-                else f"{path}: a header but no samples"
+                else f"{path}: the file has a header but no samples"
             )
         delimiter, cells = BLANKS, [split_cells(line, BLANKS) for line in lines[:_HEAD]]
         numeric = [_is_sample(line, row) for line, row in zip(lines, cells, strict=False)]
@@ -324,7 +324,7 @@ def _no_layout(lines: list[str], rows: list[int], delimiter: str, path: str) -> 
         advice = f"the first line must name the columns, and no name is a number; for example {header_line(len(cells[0]), delimiter)}"
         if delimiter == "," and _is_cut(lines, cells):
             advice = "a comma is not delimiter and decimal sign at once: delimit by semicolon or tab"
-        return DataError(f"{path}, row {rows[0]}: no header; {advice}")
+        return DataError(f"{path}, row {rows[0]}: there is no header; {advice}")
     width = _width(lines, delimiter) if delimiter != BLANKS else 0
     before = [k for k in range(1, len(cells)) if numeric[k] and not numeric[k - 1]]
     k = next((k for k in before if len(cells[k]) >= width), before[-1])
@@ -341,6 +341,6 @@ def _no_layout(lines: list[str], rows: list[int], delimiter: str, path: str) -> 
     )
     by = _DELIMITERS.get(delimiter, "blanks")
     return DataError(
-        f"{path}, row {rows[k]}: {len(cells[k])} cells separated by {by}, but the header in row {rows[k - 1]} has "
+        f"{path}, row {rows[k]}: the row has {len(cells[k])} cells separated by {by}, but the header in row {rows[k - 1]} has "
         f"{len(header)}{advice}"
     )

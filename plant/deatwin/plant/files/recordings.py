@@ -309,7 +309,7 @@ def _by_ending(path: str | Path, ways: Mapping[str, Way], verb: str) -> Way:
     if ending == ".xls" and verb == "read":
         raise DataError(f'{path}: files ".xls" cannot be read; save the sheet as .xlsx or .csv')
     if ending not in ways and verb == "read" and Path(path).is_dir():
-        raise DataError(f"{path}: a folder; give the files in it")
+        raise DataError(f"{path}: this is a folder; give the files in it")
     if ending not in ways:
         kind = f'files "{ending}"' if ending else "files without an extension"
         hint = "; give a text file one of these, and export other tables to one" if verb == "read" else ""

@@ -189,7 +189,7 @@ def no_times(table: Table, taken: set[int]) -> DataError:
         others = likely_times(table, taken)
         offers = times_options(table, others[0]) if others else NO_OPTIONS
         return DataError(
-            f"{table.path}, row {table.row(0)}: no header, so it is unknown which column holds the times; name it by its "
+            f"{table.path}, row {table.row(0)}: there is no header, so it is unknown which column holds the times; name it by its "
             f"position ({offers or '--time-column POSITION'}), or give the sample time in seconds: --dt, in Python dt",
             offers,
         )

@@ -80,7 +80,7 @@ def require_stated_unit(table: Table, column: int, wanted: str) -> None:
     also = f" ({', '.join(likes)} would do)" if len(likes) > 1 else ""
     offers = ReadOptions(output_column=f"{table.unmistakable(column)}={shown}")
     raise DataError(
-        f'{table.path}: the column "{table.shown(column)}" has no unit, but the plant takes it in {wanted}: put the unit '
+        f'{table.path}: the column "{table.shown(column)}" has no unit, but the model needs it in {wanted}: put the unit '
         f'in the header, as in "{header_like(name, shown)}"{also}, or state it with {offers}',
         offers,
     )
@@ -130,11 +130,11 @@ def _another_unit(table: Table, column: int, unit: str, wanted: str, taken: Coll
     better = header_like(name.removesuffix(unit).rstrip(" _") if name.endswith(unit) else name, wanted)
     if wanted == "1":
         return DataError(
-            f"{place}, but the plant takes it without a unit: it is unclear whether it takes these numbers or those in "
+            f"{place}, but the model needs it without a unit: it is unclear whether these numbers are meant or those in "
             f'SI; declare the unit in the plant, or, if these numbers are meant, name the column "{better}"'
         )
     likes = units_like(wanted)
-    fault = f"{place}, but the plant takes it in {wanted}"
+    fault = f"{place}, but the model needs it in {wanted}"
     if len(likes) == 1:
         return DataError(f'{fault}; if these numbers are meant, name the column "{better}"')
     fitting = [k for k, own in enumerate(table.units) if own in likes and k not in taken]

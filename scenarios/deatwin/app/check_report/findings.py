@@ -131,7 +131,7 @@ _KINDS: Mapping[str, _Kind] = {
     "gain margin on the plant": _Kind(group=_OF_RUNS, form=".2g", unit=" times", limit="gain"),
     "model in closed loop": _percent(group="Prediction", limit="diverged"),
     "prediction": _percent(group="Prediction", limit="inside"),
-    "film": _Kind(group="Film", form=".0f", unit=" plants"),
+    "film": _Kind(group="Film", form=".0f", unit=" actuators"),
     "limit cycle": _percent(group="Limit cycles", limit="limit_cycle"),
     "unstable limit cycle": _percent(group="Limit cycles", limit="safe_region"),
     "excitation": _Kind(group="Excitation", form=".2f", unit=" Hz"),

@@ -95,10 +95,12 @@ def _draw(
         columns = 3 if max(map(len, handles[1])) < _LONG else 2
         figure.legend(*handles, loc="outside upper left", ncols=columns, markerscale=1)
         samples = max((row.samples for found in rows.values() for row in found), default=1)
-        caption = "The lines show the margins at the estimated parameters."
+        caption = "Lines show the margins of each model at its estimated parameters."
         if samples > 1:
-            caption += " The shading reaches down to the 2.5 % quantile of the draws (thin line), which is judged."
-        caption += " A margin at the upper edge is unbounded. Where a margin is zero, or at the lower edge, the loop is unstable."
+            caption += (
+                " The verdict uses the thin lines: 97.5 % of the models drawn from the posterior have larger margins."
+            )
+        caption += " A margin at the upper edge is infinite. If a margin is zero or at the lower edge, the closed loop is unstable."
         return Drawing.of(figure, name, title, caption, _columns(rows, place, column, measures))
 
 
@@ -177,14 +179,12 @@ def draw_nyquist(view: View, controller: Controller) -> Drawing:
         axes.set_aspect("equal")
         beside.legend(*axes.get_legend_handles_labels(), loc="upper left", markerscale=1)
         at_input = amount(f"{controller.operating_input:.4g}", view.check.operating.input_unit)
-        caption = (
-            f"The loop gain L, controller times model, at {at_input}. Large values of |L| lie outside the picture."
-        )
+        caption = f"Nyquist plot of the loop gain L (controller times model) at {at_input}. Large values of |L| lie outside the figure."
         if loops.band is not None:
-            caption += " The ellipses are its simultaneous 95 % band, from the covariance of the model's parameters."
+            caption += " The ellipses are the simultaneous 95 % band of the loop gain of the identified model."
         caption += (
-            " A loop that stays outside a disk tolerates the simultaneous changes of gain and phase that the disk "
-            "represents. A margin passes if the loop stays outside the larger disk, and fails if it enters the smaller one."
+            " The disk margin passes if the curve stays outside the larger disk, and fails if the curve enters the smaller "
+            "disk."
         )
         columns: Columns = {"frequency_Hz": loops.frequency_Hz}
         for source, values in loops.values.items():

@@ -18,9 +18,9 @@ from deatwin.studies.report.quantities import three_digits
 from deatwin.studies.report.rendering import write_page
 
 NEXT = {
-    Verdict.PASS: "write the controller as C source with deatwin export check.json --to c, and try small steps on the actuator.",
-    Verdict.MARGINAL: "remove the cause named above, or try another --design or a longer --closed-loop-time.",
-    Verdict.FAIL: "do not use this controller; remove the cause named above, or try another --design or a longer "
+    Verdict.PASS: "export the controller as C source with deatwin export check.json --to c, and try small steps on the actuator.",
+    Verdict.MARGINAL: "remove the cause that is named above, or try another --design or a longer --closed-loop-time.",
+    Verdict.FAIL: "do not use this controller; remove the cause that is named above, or try another --design or a longer "
     "--closed-loop-time.",
 }
 
@@ -65,13 +65,11 @@ def write_check_report(folder: ResultFolder, view: View, origin: Origin) -> None
 
 
 def _verdict(check: Check) -> tuple[str, list[str]]:
-    """Return the check's sentence with the decisive finding, and the other findings of the same severity."""
-    head = check.sentence.removeprefix(f"{check.verdict.value}: ")
-    head = f"{head.partition(f'{check.reason}.')[0]}{check.reason}."  # the caveats are shown below it
+    """Return the decisive finding, and the other findings of the same severity."""
+    if check.verdict is Verdict.PASS:
+        return _capital(f"{check.reason}."), []
     more = [f.text for f in check.findings if f.verdict is check.verdict and f is not check.worst_case]
-    if check.verdict is Verdict.PASS or not more:
-        return _capital(head), []
-    return _capital(f"{head.removesuffix(f'{check.reason}.')}{check.worst_case.text}."), [_capital(t) for t in more]
+    return _capital(f"{check.worst_case.text}."), [_capital(text) for text in more]
 
 
 def _capital(text: str) -> str:
@@ -125,7 +123,7 @@ def _tiles(view: View) -> list[Tile]:
     if check.steps is not None:
         tiles.append(
             Tile(
-                name="error on the steps, with the plant model",
+                name="error on steps in simulation with the plant model",
                 value=three_digits(check.steps.rms_error / view.size),
                 unit=f"{view.shown_unit} rms".strip(),
             )

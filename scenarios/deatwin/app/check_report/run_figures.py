@@ -41,16 +41,18 @@ def draw_steps(view: View, steps: ClosedLoop) -> Drawing:
         _draw_limits(lower, view, steps)
         figure.align_ylabels()
         figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=3)
-        caption = "Steps of the reference and the response of the plant model; dotted: the limits of the command."
+        caption = (
+            "Steps of the reference, and the response of the plant model. Dotted lines are the limits of the command."
+        )
         if view.check.predicted is not None:
             caption += (
-                " The band contains 95 % of the predicted loops at all times simultaneously. In these loops, "
-                "the parameters are drawn from the posterior, and the model's free-run residual and sensor noise are added."
+                " The band contains 95 % of the responses that the identified model predicts, at all times simultaneously. "
+                "The band includes the uncertainty of the parameters, the free-run error of the model, and sensor noise."
             )
         else:
             caption += (
-                " No band is predicted, because every draw of the model diverged, or because the model's free-run "
-                "error is unknown."
+                " There is no predicted band, because every model drawn from the posterior diverged or the free-run error of the "
+                "model is unknown."
             )
         return Drawing.of(
             figure, "steps", "Steps in simulation with the plant model", caption, _step_columns(view, steps)
@@ -77,8 +79,8 @@ def draw_others(view: View, others: Mapping[str, ClosedLoop]) -> Drawing:
         return Drawing.of(
             figure,
             "rivals",
-            "The same steps on the alternative plants",
-            "Responses of the alternative plants with the same controller. A line ends early if its plant failed.",
+            "The same steps with the alternative plant models",
+            "Responses of the alternative plant models with the same controller. A line ends early if its simulation failed.",
             _other_columns(view, others, longest),
         )
 
@@ -92,7 +94,7 @@ def draw_sine(view: View, sine: ClosedLoop) -> Drawing:
         _draw(upper, view, sine, sine.output, color=Hue.BEFORE, label="plant model")
         middle.plot(*envelope(sine.timepts, error), color=Hue.BEFORE, linewidth=0.9)
         middle.axhline(0, color=Hue.INK, linewidth=0.6)
-        caption = "A sine at a fifth of the required bandwidth, the response of the plant model, and the error."
+        caption = "Sine reference at a fifth of the required bandwidth, response of the plant model, and error."
         if view.check.sine_predicted is not None and error.size:
             size = np.sqrt(2.0) * view.check.sine_predicted / view.size
             for sign in (1.0, -1.0):
@@ -100,8 +102,8 @@ def draw_sine(view: View, sine: ClosedLoop) -> Drawing:
                 middle.axhline(sign * size, color=Hue.AFTER, linestyle="--", linewidth=0.9, label=label)
             caption += (
                 f" The model predicts an rms error of {view.check.sine_predicted / view.size:.3g} {unit}".rstrip()
-                + f"; it is {late_rms_error(sine) / view.size:.3g} {unit}".rstrip()
-                + " in the last two thirds of the simulated run."
+                + f"; the simulation has {late_rms_error(sine) / view.size:.3g} {unit}".rstrip()
+                + " in its last two thirds."
             )
         upper.set_ylabel(view.reading)
         middle.set_ylabel(axis_label("error", unit))

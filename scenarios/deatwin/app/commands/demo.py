@@ -15,7 +15,10 @@ OutFolder = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder fo
 Concealed = Annotated[
     str,
     typer.Option(
-        "--effect", metavar="NAME", autocompletion=complete_effects, help="Effect of the catalogue to conceal."
+        "--effect",
+        metavar="NAME",
+        autocompletion=complete_effects,
+        help="Effect that the demonstration hides in the recording.",
     ),
 ]
 
@@ -29,7 +32,7 @@ def demo(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Conceal an effect in a simulated recording, find it, and write the report. Takes about a minute.
+    """Hide an effect in a simulated recording, find it, and write the report. Takes about a minute.
 
     Example: deatwin demo --effect hysteresis --out demo
     """

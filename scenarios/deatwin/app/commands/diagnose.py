@@ -49,7 +49,7 @@ def diagnose(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Find the physics that a plant lacks, from recordings, and amend the plant.
+    """Find, from recordings, the physics that the model of a rig lacks, and add it to the model.
 
     Writes diagnosis.json, model.json, report.html, the figures' data and run.json into DIR. Ctrl-C keeps the finished
     steps in DIR/partial.

@@ -62,7 +62,7 @@ Warm = Annotated[
     bool,
     typer.Option(
         "--warm",
-        help="Compile the plants that a diagnosis of a diaphragm needs, so that the first one takes less time.",
+        help="Compile in advance what a diagnosis of a diaphragm needs, so that your first diagnosis is faster.",
     ),
 ]
 

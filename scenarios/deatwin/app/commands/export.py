@@ -55,7 +55,7 @@ Name = Annotated[
 
 
 def export(model: Source, to: To, out: OutFile, name: Name = None, as_json: Json = False, quiet: Quiet = False) -> None:
-    """Write a plant, a NARX model or a controller for other programs: as FMU 3.0, or as C source.
+    """Write a simulation model, a NARX model or a controller for other programs: as FMU 3.0, or as C source.
 
     FMUs need a C compiler and fmpy.
 
@@ -74,9 +74,9 @@ def export(model: Source, to: To, out: OutFile, name: Name = None, as_json: Json
     start = None if given.plant is None else given.plant.rig.start
     if start is not None and start.ramp + start.hold > 0.0:
         voice.say(
-            f"the exported plant starts at rest, but deatwin simulate reaches the first command by a ramp of {start.ramp:g} s "
-            f"and holds it for {start.hold:g} s before time 0: to obtain the same readings, start the exported plant at "
-            f"{-(start.ramp + start.hold):g} s with these commands"
+            f"the exported model starts at rest; deatwin simulate first ramps to the first command for {start.ramp:g} s "
+            f"and holds it for {start.hold:g} s, so start the exported model at {-(start.ramp + start.hold):g} s with these "
+            "commands to obtain the same readings"
         )
     voice.result({"out": str(out), "form": to.value, **said})
 
@@ -130,7 +130,9 @@ def _schema(source: str) -> str | None:
         return None
     schema = document.get("schema") if isinstance(document, dict) else None
     if schema not in (PLANT, NARX, CHECK, STATES):
-        raise ModelError(f"{source}: schema is {clipped(repr(schema))}; {PLANT}, {NARX} and {CHECK} can be exported")
+        raise ModelError(
+            f"{source}: its schema is {clipped(repr(schema))}, but only {PLANT}, {NARX} and {CHECK} can be exported"
+        )
     return str(schema)
 
 

@@ -57,8 +57,7 @@ OutputLags = Annotated[
     int | None,
     typer.Option(
         min=1,
-        help="Last lag of the output, in samples; by default 2, or 1 if the model with 2 is unstable because of a "
-        "negative real pole, which no sampled plant has.",
+        help="Last lag of the output, in samples; by default 2, or 1 if 2 lags lead to a spurious unstable pole.",
     ),
 ]
 FirstInputLag = Annotated[

@@ -125,8 +125,8 @@ def _seen(path: Path, asked: ReadOptions, voice: Voice) -> Seen:
         unit = f", {column.unit}" if column.unit else ", unit not given" if column.role in ("input", "output") else ""
         voice.say(f'  column {column.place} "{column.header}": {column.role or "-"}{unit} ({column.how})')
     if file.recordings and file.refused:
-        voice.say(f"  other commands refuse this file: {file.refused}")
-        voice.say(f"  with these options it can be read, as was done here: {shlex.join(file.options)}")
+        voice.say(f"  other commands cannot read this file as it is: {file.refused}")
+        voice.say(f"  deatwin look read this file with the options {shlex.join(file.options)}")
     if not file.recordings:
         complain(file.refused)
         if file.remaining:

@@ -71,6 +71,6 @@ def plan(
     for one in found.effects:
         voice.say(f"  {one.sentence}")
     if found.impossible:
-        voice.say(f"note: the plant could not be simulated with {', '.join(found.impossible)}")
+        voice.say(f"note: the model could not be simulated with {', '.join(found.impossible)}")
     voice.say(folder.summary)
     voice.result({"out": str(out), **found.to_dict()})

@@ -30,7 +30,11 @@ if TYPE_CHECKING:
 TWO_SIDED_95 = 1.959964
 
 InputFile = Annotated[
-    Path, typer.Argument(metavar="INPUT.csv", help="Columns time_s,command_V; a column of readings is ignored.")
+    Path,
+    typer.Argument(
+        metavar="INPUT.csv",
+        help="Commands to simulate, with the columns time_s,command_V; readings in this file are ignored.",
+    ),
 ]
 Effects = Annotated[
     list[str] | None,

@@ -88,7 +88,7 @@ class View:
                 max_file_size=self.most_bytes,
                 on_upload=self.take,
                 on_rejected=lambda: self.complain(
-                    f"refused: larger than {megabytes:g} MB (--upload-limit), or none of {', '.join(UPLOADS)}"
+                    f"this file was refused: it is larger than {megabytes:g} MB (--upload-limit), or its name ends in none of {', '.join(UPLOADS)}"
                 ),
             )
             .props(f'accept="{",".join(UPLOADS)}" flat color="transparent" text-color="inherit"')
@@ -125,7 +125,7 @@ class View:
                     ("resample", "Resample to (s), if its times are uneven"),
                 )
             }
-            self.allow_gaps = ui.checkbox("Split records at their gaps")
+            self.allow_gaps = ui.checkbox("Accept gaps, and split the recording there")
             self.seed = _field(ui.number("Seed", value=0, min=0, precision=0))
             ui.button("Read again", on_click=self.show).props("flat dense no-caps")
         self.fault = ui.label().classes("fault").props('role="alert"')
@@ -155,7 +155,7 @@ class View:
         if not self.out.value:
             self.out.set_value(free_name(self.board.root))
         if not desk.whole:
-            self.complain("the folder holds more files than the lists here show; choose a smaller folder")
+            self.complain("the folder holds too many files, so these lists are incomplete; choose a smaller folder")
 
     async def take(self, event: Any) -> None:
         """Save a file that was dropped on the page."""
@@ -290,7 +290,7 @@ class JobCard:
         job, state = self.job, self.job.state
         self.bar.set_value(round(job.share, 3))
         self.text.set_text(job.sentence if state is not State.RUNNING else _on_its_way(job))
-        self.steps.set_text(", ".join(f"{step} from {at:.0f} s" for step, at in job.steps))
+        self.steps.set_text(", ".join(f"{step} (since {at:.0f} s)" for step, at in job.steps))
         if state is self._last:
             return False
         ended = self._last is State.RUNNING

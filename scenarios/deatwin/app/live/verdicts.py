@@ -47,6 +47,7 @@ class Verdict:
     verdict: str = ""
     tone: str = "bad"
     sentence: str = ""
+    certainty: str = ""  # How sure the verdict is
     unit: str = ""
     noise: float | None = None
     causes: tuple[Left, ...] = ()  # Effects that the plant lacked
@@ -83,6 +84,7 @@ class Verdict:
 
 def _said(diagnosis: Diagnosis) -> dict[str, Any]:
     """Return the diagnosis in words."""
+    from deatwin.ident.mismatch import how_sure
     from deatwin.plant.amplitudes import written_unit
     from deatwin.studies.report.quantities import with_interval
 
@@ -102,6 +104,7 @@ def _said(diagnosis: Diagnosis) -> dict[str, Any]:
         "verdict": diagnosis.verdict.value,
         "tone": TONES.get(diagnosis.verdict.value, "bad"),
         "sentence": diagnosis.sentence,
+        "certainty": how_sure(diagnosis),
         "unit": written_unit(unit),
         "noise": diagnosis.noise,
         "causes": tuple(causes),

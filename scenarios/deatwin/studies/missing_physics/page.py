@@ -69,8 +69,8 @@ def _plain(trial: Trial) -> dict[str, Any]:
 def _said(case: Case, trial: Trial) -> str:
     base, amended = trial.base_error / case.scale, trial.amended_error / case.scale
     best = trial.best_black_box
-    beside = "" if best is None else f"; the best NARX leaves {best.free_run / case.scale:.3g}"
+    beside = "" if best is None else f" (best NARX model: {best.free_run / case.scale:.3g} {case.unit} rms)"
     return (
-        f"{trial.held_out.name} (held out): the free-run error in {case.loop} is {base:.3g} {case.unit} rms before and "
-        f"{amended:.3g} after{beside}."
+        f"On the held-out recording {trial.held_out.name}, the free-run error in {case.loop} is {base:.3g} {case.unit} rms "
+        f"without and {amended:.3g} {case.unit} rms with the added effects{beside}."
     )

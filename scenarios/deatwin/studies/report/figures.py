@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from deatwin.ident.mismatch import Diagnosis, LocationSummary
     from deatwin.ident.mismatch.located import Window
+    from deatwin.ident.mismatch.result import Fault
 
 
 Array = np.ndarray
@@ -48,7 +49,7 @@ class _View:
     @property
     def models(self) -> list[tuple[str, str, str]]:
         """For each simulation: attribute of a track, label and colour."""
-        base = ("base", "calibrated plant", BEFORE)
+        base = ("base", "calibrated model", BEFORE)
         return [base, ("amended", f"with {self.amendment}", AFTER)] if self.amendment else [base]
 
 
@@ -77,7 +78,8 @@ def drawings(diagnosis: Diagnosis) -> tuple[list[Drawing], dict[str, dict[str, A
     files = {"figures/time.csv": _time_columns(view, suffix), "figures/frequency.csv": spectrum}
     others = _further(diagnosis, view)
     files |= {f"figures/time_{name}.csv": _time_columns(one, f"_{one.unit}") for name, one in others.items()}
-    drawn = [_residual(view), _frequency(view, list(spectrum.values())), _zoom(view), _whole(view)]
+    faults = diagnosis.faults if diagnosis.verdict.value == "data_fault" else ()
+    drawn = [_residual(view), _frequency(view, list(spectrum.values())), _zoom(view, faults), _whole(view)]
     return [*drawn, *(_residual(one, name) for name, one in others.items())], files
 
 
@@ -95,7 +97,7 @@ def _amendment(diagnosis: Diagnosis) -> str:
     """Describe the added effects briefly, for a legend."""
     names = [cause.effect.replace("_", " ") for cause in diagnosis.causes]
     if not names and diagnosis.free_form is not None:
-        return "the free form"
+        return "the fitted formula"
     return " and ".join(names) if 0 < len(names) < 3 else "the amendments"
 
 
@@ -122,9 +124,9 @@ def _residual(view: _View, further: str = "") -> Drawing:
         name, which = f"residual_{further}" if further else "residual", further.replace("_", " ") or "reading"
         title = f"Residual of the {which} over time" if further else "Residual over time"
         svg = inline(figure, name, title)
-    caption = f"Measured minus simulated {which}. Grey: held-out samples, to which nothing was fitted."
+    caption = f"Measured minus simulated {which}. Grey marks held-out data, to which nothing was fitted."
     if any("mismatch" in text for text in handles[1]):
-        caption += " Ochre, with bars above: where the mismatch lies; the numbers are shares of the mismatch."
+        caption += " Ochre marks the times of the mismatch. The numbers are shares of the mismatch."
     data = f"figures/time_{further}.csv" if further else "figures/time.csv"
     return Drawing(name=name, title=title, caption=caption, svg=svg, data=data)
 
@@ -186,8 +188,8 @@ def _frequency(view: _View, columns: Sequence[Array]) -> Drawing:
         figure.legend(loc="outside upper left", ncols=3)
         svg = inline(figure, "frequency", "Residual over frequency")
     caption = (
-        "Amplitude spectral density of the residual. Shaded in ochre: the frequency bands in which it exceeds the sensor "
-        "noise."
+        "Amplitude spectral density of the residual (measured minus simulated). In the ochre bands, the residual exceeds the "
+        "sensor noise."
     )
     return Drawing(
         name="frequency", title="Residual over frequency", caption=caption, svg=svg, data="figures/frequency.csv"
@@ -221,9 +223,10 @@ def _smooth(frequency: Array, density: Array) -> tuple[Array, Array]:
     return np.bincount(place, frequency) / counts, np.bincount(place, density) / counts
 
 
-def _zoom(view: _View) -> Drawing:
-    """Draw the stretch with the largest residual of the base plant, its residual, and the command."""
-    track, first, last = _worst(view.tracks)
+def _zoom(view: _View, faults: Sequence[Fault] = ()) -> Drawing:
+    """Draw a stretch with its residual and the command: around the largest fault, or with the largest residual."""
+    faulty = _faulty(view.tracks, faults)
+    track, first, last = faulty or _worst(view.tracks)
     part = slice(first, last)
     with draw((6.4, 4.6)) as figure:
         upper, middle, lower = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 1.3))
@@ -241,10 +244,26 @@ def _zoom(view: _View) -> Drawing:
         figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=3)
         svg = inline(figure, "zoom", "Recording and simulations, a stretch of it")
     which = "held-out" if track.unseen[part].any() else "fitted"
-    caption = f"Section of the {which} part with the largest error of the calibrated plant."
+    caption = f"The part of the {which} data in which the calibrated model has its largest error."
+    if faulty:
+        caption = "The part of the recording with the largest number of faulty samples."
     if view.tracks[-1].experiment > 1:
         caption += f" Experiment {track.experiment}."
     return Drawing(name="zoom", title="A closer look", caption=caption, svg=svg, data="figures/time.csv")
+
+
+def _faulty(tracks: Sequence[Stretch], faults: Sequence[Fault]) -> tuple[Stretch, int, int] | None:
+    """Return the stretch around the fault with the most samples, by first and last-plus-one sample."""
+    if not faults:
+        return None
+    fault = max(faults, key=lambda one: one.samples)
+    own = [track for track in tracks if track.experiment == fault.experiment]
+    if fault.recording > len(own):
+        return None
+    track = own[fault.recording - 1]
+    first, last = np.searchsorted(track.clock, [fault.from_s, fault.to_s])
+    beside = max(ZOOM_SAMPLES - (last - first), last - first) // 2
+    return track, max(int(first - beside), 0), min(int(last + beside) + 1, track.clock.size)
 
 
 def _worst(candidates: Sequence[Stretch]) -> tuple[Stretch, int, int]:
@@ -285,9 +304,9 @@ def _whole(view: _View) -> Drawing:
         lower.set(xlabel=view.time, ylabel=view.command)
         figure.align_ylabels()
         figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=3)
-        svg = inline(figure, "whole", "The whole recording and the simulations")
-    caption = "All recordings, with free-run simulations that receive only the command."
-    return Drawing(name="whole", title="The whole recording", caption=caption, svg=svg, data="figures/time.csv")
+        svg = inline(figure, "whole", "All recordings and the simulations")
+    caption = "All recordings and their simulations. The simulations receive only the command."
+    return Drawing(name="whole", title="All recordings", caption=caption, svg=svg, data="figures/time.csv")
 
 
 def _time_columns(view: _View, suffix: str) -> dict[str, Array]:

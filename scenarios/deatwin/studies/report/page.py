@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from deatwin.ident.mismatch.certainty import how_sure
+from deatwin.ident.mismatch.certainty import how_sure, percent, ranked
 from deatwin.ident.mismatch.say import unit_of
 from deatwin.plant.amplitudes import reported_size, written_unit
 from deatwin.studies.folder import ResultFolder
@@ -38,6 +38,7 @@ def write_report(folder: ResultFolder, diagnosis: Diagnosis, origin: Origin) -> 
         origin,
         diagnosis=diagnosis,
         certainty=how_sure(diagnosis),
+        possible=_possible(diagnosis),
         unit=written_unit(unit),
         figures={figure.name: figure for figure in figures},
         steps=steps,
@@ -50,6 +51,12 @@ def write_report(folder: ResultFolder, diagnosis: Diagnosis, origin: Origin) -> 
         located=_located(diagnosis.location),
         units=_signal_units(diagnosis),
     )
+
+
+def _possible(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+    """Return the rows of the table of possible explanations, if there are several."""
+    found = [(name, percent(probability)) for name, probability in ranked(diagnosis)]
+    return found if len(found) > 1 else []
 
 
 def _causes(diagnosis: Diagnosis) -> list[dict[str, Any]]:
@@ -90,7 +97,7 @@ def _candidates(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     chosen = {effect.name for effect in plant.effects if effect.cause in causes} if plant else causes
     rows = [
         {
-            "effects": " + ".join(c.effects) or "none: the calibrated plant",
+            "effects": " + ".join(c.effects) or "none (the calibrated model)",
             "fitted": c.fitted / size,
             "unseen": c.unseen / size,
             "d2": c.d2,

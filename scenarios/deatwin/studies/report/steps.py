@@ -45,50 +45,50 @@ def _drawable(findings: Findings) -> dict[str, Drawable]:
     found["checked"] = (
         (WIDTH, 3.2),
         "The readings",
-        "The readings as recorded; stuck, outlying, clipped and jumping samples are marked.",
+        "The readings as recorded. Marks show samples that are stuck, outlying, clipped, noisier than elsewhere, or jump.",
         lambda figure: findings.checked.plot(figure.add_subplot()),
     )
     found["detection"] = (
         (WIDTH, 8.4),
         "Tests of the residual",
-        "Spectrum, cumulative periodogram and correlations of the calibrated plant's residual, with the limits that chance alone would exceed in 1 % of all cases.",
+        "Spectrum, cumulative periodogram and correlations of the residual of the calibrated model. Noise alone exceeds the "
+        "limits in 1 % of all cases.",
         lambda figure: findings.detection.plot(list(figure.subplots(3, 1))),
     )
     if (location := findings.location) is not None:
         found["region"] = (
             (WIDTH, 3.6),
             "The operating region",
-            "Mean residual as a function of each signal, from the signal's lowest to its highest value.",
+            "Mean residual (measured minus simulated) over each signal, from the lowest to the highest value of the signal.",
             lambda figure: location.region.plot(figure.add_subplot()),
         )
         if location.place.opened:
             found["place"] = (
                 (WIDTH, 4.2),
                 "Signals that predict the mismatch",
-                "Share of the mismatch that the signals at each place of the measuring chain predict in a flexible "
-                "regression, which assumes no physics.",
+                "Share of the mismatch that a regression without physics predicts from the signals at each place of the "
+                "measuring chain.",
                 lambda figure: location.place.plot(figure.add_subplot()),
             )
         if (lines := location.lines) is not None:
             found["lines"] = (
                 (WIDTH, 3.4),
-                "Lines of the periodic input",
-                "The mismatch on the input's spectral lines and between them.",
+                "Frequencies of the periodic input",
+                "Spectrum of the mismatch, on the frequencies that the periodic input contains and between them.",
                 lambda figure: lines.plot(figure.add_subplot(), unit=location.unit),
             )
     if (discovery := findings.discovery) is not None:
         found["free_form"] = (
             (WIDTH, 4.0),
-            "The free form",
-            "A formula fitted to the missing force as a function of the state. It describes the data; it does not name a "
-            "cause.",
+            "The formula without physics",
+            "A formula for the missing force as a function of the state, fitted to the recordings. The formula names no cause.",
             lambda figure: discovery.plot(figure.add_subplot()),
         )
     if (advice := findings.advice) is not None:
         found["advice"] = (
             (WIDTH, 4.4),
             "The next experiment",
-            "The advised input, and the readings that the alternatives predict for it.",
+            "The advised input, and the readings that each explanation predicts for this input.",
             lambda figure: advice.plot(figure.add_subplot()),
         )
     if findings.named:
@@ -96,9 +96,9 @@ def _drawable(findings: Findings) -> dict[str, Drawable]:
         rows = 1 + len(held.transfers) + len(held.ablations) + sum(s.share is not None for s in held.shams)
         found["verification"] = (
             (WIDTH, 1.3 + ROW * rows),
-            "On held-out data",
-            "Errors of free runs: without and with the explanation; with one effect removed and the others refitted; and "
-            "with a placebo effect, which must not fit as well, in place of an effect.",
+            "Errors on held-out data",
+            "Errors of simulations without and with the explanation, without one of its effects, and with a placebo in place "
+            "of an effect. A placebo must not fit as well as the real effect.",
             lambda figure: held.plot(figure.add_subplot()),
         )
     return found

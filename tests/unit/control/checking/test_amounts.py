@@ -43,11 +43,14 @@ def test_sentences_on_runs_near_the_limits_hold_the_numbers():
     found = texts(0.4, sine_predicted=0.4 * 2**0.5 / 7.0)
     assert "plant model, the output overshoots by 80 % of the step (" in found["overshoot"]
     assert (
-        "plant model, at the end of the steps the output differs from the reference by 40.0 % of the step"
+        "plant model, the output differs from the reference by 40.0 % of the step at the end of a step"
         in found["steady-state error"]
     )
-    assert "plant model, the output still moves by 40.0 % of the step long after the step" in found["ripple"]
-    assert "plant model, the rms error on a slow sine is 7.00 times the predicted one" in found["tracking"]
+    assert "plant model, the output still oscillates by 40.0 % of the step long after a step" in found["ripple"]
+    assert (
+        "plant model, the rms error on a slow sine is 7.00 times the error that the identified model predicts"
+        in found["tracking"]
+    )
 
 
 @pytest.mark.parametrize("size", [11.0, 7.3e11])
@@ -56,8 +59,11 @@ def test_sentences_on_runs_far_off_are_short_and_the_numbers_stay(size):
     for subject, says in (
         ("overshoot", ", the output overshoots by more than 1000 % of the step ("),
         ("steady-state error", "differs from the reference by more than 1000 % of the step"),
-        ("ripple", ", the output still moves by more than 1000 % of the step long after the step"),
-        ("tracking", ", the rms error on a slow sine is more than 100 times the predicted one"),
+        ("ripple", ", the output still oscillates by more than 1000 % of the step long after a step"),
+        (
+            "tracking",
+            ", the rms error on a slow sine is more than 100 times the error that the identified model predicts",
+        ),
     ):
         assert says in found[subject].text
         assert found[subject].verdict is Verdict.FAIL
@@ -68,7 +74,7 @@ def test_sentences_on_runs_far_off_are_short_and_the_numbers_stay(size):
 
 
 def test_an_error_that_the_model_does_not_predict_at_all_is_more_than_a_hundred_times_that():
-    assert "is more than 100 times the predicted" in texts(0.1, sine_predicted=0.0)["tracking"]
+    assert "is more than 100 times the error" in texts(0.1, sine_predicted=0.0)["tracking"]
 
 
 def test_a_band_of_any_width_is_told():

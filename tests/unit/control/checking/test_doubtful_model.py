@@ -110,7 +110,7 @@ def test_a_model_whose_own_loops_all_diverge_fails(checked, document_of, diverge
     """The references go to 0.6."""
     found = checked(divergent, rig)
     assert found.verdict is Verdict.FAIL
-    assert "100 % of the closed loops with models drawn from the posterior diverge" in found.reason
+    assert "the closed loop diverges for 100 % of the models drawn from the posterior" in found.reason
     assert found.predicted is None
     assert found.sine_predicted > 0.0
     document_of(found, tmp_path)
@@ -146,7 +146,7 @@ def test_a_crossover_beyond_the_band_is_marginal_and_says_what_would_settle_it(c
     found = checked(exact(provenance={**known, BAND_KEY: "0.2"}), rig, controller=fast)
     assert found.verdict is Verdict.MARGINAL
     assert found.worst_case.subject == "excitation"
-    assert "to decide" in found.reason
+    assert "so the margins are extrapolated; record with" in found.reason
 
 
 def test_a_crossover_between_two_tones_is_marginal(checked, exact, rig, fast, passed):
@@ -161,7 +161,7 @@ def test_a_crossover_between_two_tones_is_marginal(checked, exact, rig, fast, pa
     quiet = np.array(output) + 1e-3 * np.random.default_rng(2).standard_normal(2000)
     found = checked(exact(), rig, controller=fast, recording=Recording.from_arrays(command, quiet, H))
     assert (found.verdict, found.worst_case.subject) == (Verdict.MARGINAL, "excitation")
-    assert "where the recording's input has no power" in found.reason
+    assert "but the input of the recording has no power from" in found.reason
     assert found.excited_band_Hz == pytest.approx(3.0 * crossover, rel=0.05)
 
 
@@ -177,7 +177,7 @@ def test_a_loop_that_leaves_the_training_data_is_at_most_marginal(checked, exact
     found = checked(exact(), rig, command_limits=(-10.0, 10.0), closed_loop_time=FAST)
     judged = {f.subject: f for f in found.findings}["training data"]
     assert judged.verdict is Verdict.MARGINAL
-    assert "beyond those of the training data, -1 to 1 V" in judged.text
+    assert "beyond the range of the training data, -1 to 1 V" in judged.text
 
 
 def test_a_recording_in_another_unit_is_noticed(checked, exact, rig, fast):

@@ -30,7 +30,10 @@ MARGINS = ("gain margin", "phase margin", "delay margin", "disk margin")
 
 def test_an_exact_model_of_a_sound_loop_passes(subjects, passed):
     assert passed.verdict is Verdict.PASS, passed.sentence
-    assert passed.reason == "all requirements are met at constant inputs of -0.3 to 0.3 V"
+    assert (
+        passed.reason
+        == f"the {passed.controller.name} controller meets all requirements at constant inputs of -0.3 to 0.3 V"
+    )
     assert subjects(passed) == {
         "stability",
         "gain margin",
@@ -184,7 +187,7 @@ def test_a_calibrated_plant_is_judged_on_draws_of_its_parameters(checked, exact,
     # The slope's coordinate is its logarithm or itself: deviations of 20 or 10 %, of which 20 draws reach two.
     assert all(row.gain_low < 0.9 * row.gain for row in rows)
     film = next(f for f in found.findings if f.subject == "film")
-    assert "8 plants" in film.text
+    assert "8 simulated actuators" in film.text
 
 
 def test_given_operating_inputs_are_judged_each_once_and_the_controller_s_own_as_well(checked, exact, rig, fast):
@@ -249,4 +252,4 @@ def test_a_plant_with_another_zero_is_told_apart_from_a_bad_controller(checked, 
         assert len(apart) == told
     assert found.worst_case is apart[0] and apart[0].value == pytest.approx(-3.0)
     assert "the model's output is 3 mm and the plant's is 0 mm, a difference of 3 mm" in found.sentence
-    assert "constant commands within the limits move the plant only to outputs from -2 to 2 mm" in found.sentence
+    assert "within the limits of the command, the plant reaches only -2 to 2 mm" in found.sentence

@@ -11,8 +11,8 @@ def test_a_crossover_in_a_hole_is_marginal_and_told_what_would_settle_it() -> No
     assert judge_band([0.3, 1.6], HOLED).verdict is Verdict.PASS
     found = judge_band([0.3, 1.0, 1.6], HOLED)
     assert (found.verdict, found.value, found.subject) == (Verdict.MARGINAL, 1.0, "excitation")
-    assert "a crossover frequency, 1 Hz, lies between 0.5 and 1.5 Hz" in found.text
-    assert "noise up to 2 Hz, to decide" in found.text
+    assert "a crossover frequency is 1 Hz, but the input of the recording has no power from 0.5 to 1.5 Hz" in found.text
+    assert "such as noise up to 2 Hz" in found.text
     assert judge_band([0.1], HOLED).verdict is Verdict.MARGINAL
     beyond = judge_band([1.0, 3.0], HOLED)  # the worse of the two is told
-    assert beyond.value == 3.0 and "record with an input up to 6 Hz to decide" in beyond.text
+    assert beyond.value == 3.0 and "record with an input up to 6 Hz" in beyond.text

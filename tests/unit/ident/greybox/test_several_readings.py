@@ -96,7 +96,7 @@ def test_a_reading_in_another_unit_is_refused(recording: Recording) -> None:
     wrong = Recording.from_arrays(
         recording.inputs, recording.outputs, STEP, extras=recording.extras, extra_units={"outflow": "V"}
     )
-    with pytest.raises(DataError, match='the reading "outflow" is in V, but the plant takes it in m/s'):
+    with pytest.raises(DataError, match='the reading "outflow" is in V, but the model needs it in m/s'):
         calibrate(Plant(rig=Tank()), wrong)
 
 

@@ -97,12 +97,12 @@ def test_where_the_error_rises_as_predicted_the_intervals_are_those_of_the_covar
 
 def test_a_recording_in_another_unit_than_the_plants_is_refused():
     plant = Plant(rig=Table())
-    for units, said in ((("V",), "is in V, but the plant takes it in m"), (("mm",), "in m, 0.001 times these")):
+    for units, said in ((("V",), "is in V, but the model needs it in m"), (("mm",), "in m, 0.001 times these")):
         other = Recording.from_arrays(COMMAND, COMMAND, H, output_units=units)
         with pytest.raises(DataError, match=said):
             calibrate(plant, other)
     other = Recording.from_arrays(COMMAND, COMMAND, H, input_names=["drive"], input_units=["A"])
-    with pytest.raises(DataError, match='the input "drive" is in A, but the plant takes it in V'):
+    with pytest.raises(DataError, match='the input "drive" is in A, but the model needs it in V'):
         calibrate(plant, other)
 
 

@@ -32,7 +32,7 @@ def test_what_only_the_ranges_of_the_plant_refuse_is_said(monkeypatch, verdict, 
     monkeypatch.setattr(conclude, "held_back_by", lambda c: ("damping", "branch_time"))
     naming = SimpleNamespace(base=BASE, best=best, candidates=several)
     found = list(conclude._held_back(SimpleNamespace(verdict=verdict, naming=naming)))
-    expected = "the effect creep would explain the recordings if damping, branch_time were allowed to lie outside the stated range"
+    expected = "creep would explain the recordings, but only with damping, branch_time outside the allowed range"
     assert found == [expected] * said
 
 
@@ -49,7 +49,7 @@ def test_an_event_that_unseen_data_placed_is_said(at, causes, said):
         answer=SimpleNamespace(calibration=SimpleNamespace(plant=plant)),
     )
     found = list(conclude._placed_unseen(findings))
-    assert [text.startswith("sensor_jump.at lies in the held-out data") for text in found] == [True] * said
+    assert [text.startswith("sensor_jump.at was fitted to held-out data") for text in found] == [True] * said
 
 
 @pytest.mark.parametrize("verdict", [Verdict.AMBIGUOUS, Verdict.PARTLY])

@@ -119,7 +119,7 @@ def test_physics_outside_the_catalogue_is_unknown():
     assert found.causes == ()
     # a free form may stand in the model, never among the causes
     assert found.model.plant.effect_names == (() if found.free_form is None else ("free_form",))
-    assert found.sentence.startswith("Something is missing, and no effect of the catalogue explains it")
+    assert found.sentence.startswith("Something is missing from the model, and no effect of the catalogue explains it")
 
 
 def test_a_lag_is_named_though_readings_taken_a_sample_early_would_leave_little():
@@ -240,9 +240,7 @@ def doubted() -> Diagnosis:
 def test_a_doubt_of_one_of_two_effects_ends_as_ambiguous(doubted):
     assert doubted.verdict is Verdict.AMBIGUOUS
     assert {cause.effect for cause in doubted.causes} == {"creep", "electrode_rc"}
-    assert doubted.verification.failures == (
-        "it is not certain that the error on held-out data rises again without creep",
-    )
+    assert doubted.verification.failures == ("removing creep does not certainly raise the error on held-out data",)
     assert doubted.verification.holds is False
     assert doubted.verification.failures[0] in doubted.warnings
     certain = {cause.effect: cause.probability for cause in doubted.causes}

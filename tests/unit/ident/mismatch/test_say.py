@@ -1,4 +1,4 @@
-"""The sentence of a diagnosis: licensed by the verdict, and every number in it a field of the file."""
+"""The sentences of a diagnosis: licensed by the verdict, and every number in them a field of the file."""
 
 import json
 import re
@@ -29,7 +29,7 @@ from deatwin.ident.mismatch import (
 )
 from deatwin.ident.mismatch.located import Band, PlaceSummary, Region, Unexplained, Window
 from deatwin.ident.mismatch.result import Errors, Fault, OriginSummary, Output, Statistic, UnseenErrors
-from deatwin.ident.mismatch.say import number, risk, say, title_of
+from deatwin.ident.mismatch.say import MOST_NAMED, number, risk, say, title_of
 from deatwin.ident.mismatch.verdict import Shown
 from deatwin.plant import Coupon, Creep, Diaphragm, Effect, Experiment, Plant, Recording, SensorDrift
 from deatwin.plant.effects.catalogue import catalogue
@@ -37,7 +37,7 @@ from deatwin.plant.integrator.compiled import compiler
 from deatwin.plant.records import plain
 
 SCHEMA = json.loads((files("deatwin.ident") / "schemas" / "diagnosis.schema.json").read_text(encoding="utf-8"))
-LEVEL = "(95 %: "
+LEVEL = "(95 % interval: "
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?")
 
 
@@ -68,12 +68,15 @@ def foreign_numbers(data: dict) -> list[str]:
     said = data["sentence"].replace(LEVEL, "(", 1)
     found = [(place.group(), said[place.end() + 1 :][:1], said[: place.start()]) for place in NUMBER.finditer(said)]
     advised = data["next_experiment"] or {}
+    more = len({tuple(rival) for rival in data["rivals"]}) + 1 - MOST_NAMED
     bounded = any(risk is not None and risk < 1e-3 for name, risk in advised.items() if name.startswith("confusion"))
     return [
         text
         for text, unit, before in found
         if not any(shows(text, unit, x) for x in known)
         and not (bounded and text == "0.1" and unit == "%" and before.endswith(" below "))
+        and not (text == f"{more}" and before.endswith(", or one of "))
+        and not (text == "95" and before.endswith("because the "))
     ]
 
 
@@ -305,111 +308,96 @@ def test_after_the_answer_the_likeliest_alternative_is_stated_first():
     weighed = (("creep", 0.3), ("delay", 0.02), ("sensor_drift", 0.4), ("electrode_loss", 0.1))
     made = tuple(Explanation(effects=(name,), probability=share) for name, share in weighed)
     said = how_sure(replace(DIAGNOSES["ambiguous"], explanations=made))
-    assert said.startswith("creep 30 %, sensor drift 40 %, electrode loss 10 %, delay 2 %, ")
+    assert said == "creep is 30 % likely, sensor drift 40 %, electrode loss 10 %, and any other cause 20 %"
 
 
-def test_no_exponent_and_one_sentence():
+def test_no_exponent_and_one_fact_in_each_sentence():
     for diagnosis in DIAGNOSES.values():
         assert not re.search(r"\de[-+]?\d", diagnosis.sentence)
         assert diagnosis.sentence.endswith(".")
-        assert not re.search(r"[.!?] ", diagnosis.sentence)
-        assert "  " not in diagnosis.sentence
+        assert "  " not in diagnosis.sentence and ";" not in diagnosis.sentence
+        for one in diagnosis.sentence.removesuffix(".").split(". "):
+            assert one[0].isupper() or one[0].isdigit(), one
+
+
+def test_a_headline_names_three_explanations_and_counts_the_others():
+    weighed = (("creep",), 0.3), (("delay",), 0.02), (("sensor_drift",), 0.4), (("electrode_loss",), 0.1), ((), 0.01)
+    made = tuple(Explanation(effects=effects, probability=share) for effects, share in weighed)
+    found = replace(DIAGNOSES["ambiguous"], explanations=made, rivals=tuple(effects for effects, _ in weighed[1:]))
+    headline = "what: perhaps creep, sensor drift, electrode loss, or one of 2 others. "
+    assert headline in say(found)
+    assert foreign_numbers(replace(found, sentence=say(found)).to_dict()) == []
+    three = replace(found, rivals=found.rivals[:2])
+    assert "what: perhaps creep, sensor drift, or delay. " in say(three)
+    assert "what: perhaps creep, sensor drift, electrode loss, or one other. " in say(
+        replace(found, rivals=found.rivals[:3])
+    )
 
 
 def test_what_an_input_leaves_open_is_said_with_what_to_measure():
     assert (
-        "; for the explanations that this input cannot distinguish, measure the current."
+        " Also measure the current, because the input in next_input.csv cannot distinguish all explanations."
         in DIAGNOSES["ambiguous, in part"].sentence
     )
-    assert "remains open" not in DIAGNOSES["ambiguous, two and advice"].sentence
+    assert "measure" not in DIAGNOSES["ambiguous, two and advice"].sentence
 
 
 def test_each_verdict_says_only_what_it_may():
     for diagnosis in DIAGNOSES.values():
         said = diagnosis.sentence
-        assert ("the error on held-out data falls" in said) is bool(diagnosis.causes)
+        assert ("to the model lowers the error on held-out data from " in said) is bool(diagnosis.causes)
         low = diagnosis.fit.unseen.gain_low
         assert ("a fall that could be chance" in said) is (low is not None and low <= 0.0)
-        assert ("which the model lacks" in said or "missing from the model" in said) is (
-            diagnosis.verdict is Verdict.NAMED
-        )
+        assert said.startswith("The model lacks ") is (diagnosis.verdict in (Verdict.NAMED, Verdict.PARTLY))
         assert ("perhaps" in said) is (diagnosis.verdict is Verdict.AMBIGUOUS)
-        assert ("after a fit to all recordings" in said) is bool(diagnosis.detection.taken_up)
+        assert ("After a fit to all recordings" in said) is bool(diagnosis.detection.taken_up)
 
 
 @pytest.mark.parametrize(
-    ("rivals", "also", "said"),
+    ("causes", "rivals", "said"),
     [
-        ((("sensor_jump",),), (), "-11.0), or alternatively the same without creep; with the first two the error"),
+        ((CREEP, JUMP), (("sensor_jump",),), "creep and sensor jump, or sensor jump alone. "),
         (
+            (CREEP, JUMP),
             (("sensor_jump",), ("creep",)),
-            (),
-            "-11.0), or alternatively the same without creep, or the same without sensor jump; with the",
+            "creep and sensor jump, sensor jump alone, or creep alone. ",
         ),
         (
+            (CREEP, JUMP),
             (("sensor_jump", "delay"), ("delay",)),
-            ("delay",),
-            "-11.0), or alternatively delay; with the first two the error",
+            "creep and sensor jump, sensor jump and delay, or delay alone. ",
         ),
-        (
-            (("sensor_jump",), ("creep", "delay")),
-            ("delay",),
-            "-11.0), or alternatively the same without creep, or delay; with",
-        ),
+        ((CREEP, JUMP, RC), (("creep",),), "creep, sensor jump and electrode rc, or creep alone. "),
+        ((CREEP,), (("creep", "delay"),), "creep alone, or creep and delay. "),
+        ((CREEP,), ((), ("delay",)), "creep, no effect at all, or delay. "),
     ],
 )
-def test_a_rival_that_lacks_one_of_two_effects_is_said_beside_those_of_other_names(rivals, also, said):
-    names = ("creep", "sensor_jump", *also)
-    assert said in say(replace(made_up(Verdict.AMBIGUOUS, CREEP, JUMP), names=names, rivals=rivals))
+def test_an_explanation_is_named_with_all_its_effects(causes, rivals, said):
+    names = tuple(dict.fromkeys([c.effect for c in causes] + [name for rival in rivals for name in rival]))
+    assert f"perhaps {said}" in say(
+        replace(made_up(Verdict.AMBIGUOUS, *causes), names=names, rivals=rivals, explanations=())
+    )
 
 
-@pytest.mark.parametrize(
-    ("rivals", "said"),
-    [
-        (
-            (("creep",),),
-            ", or alternatively the same without sensor jump and electrode rc; with the first three the error",
-        ),
-        (
-            (("creep", "electrode_rc"), ("creep", "sensor_jump")),
-            ", or alternatively the same without sensor jump, or the same without electrode rc; with the first three the error",
-        ),
-    ],
-)
-def test_a_rival_that_lacks_two_of_three_effects_is_not_two_that_lack_one(rivals, said):
-    names = ("creep", "sensor_jump", "electrode_rc")
-    assert said in say(replace(made_up(Verdict.AMBIGUOUS, CREEP, JUMP, RC), names=names, rivals=rivals))
-
-
-@pytest.mark.parametrize(
-    ("rivals", "said"),
-    [
-        ((("creep", "delay"),), "), or alternatively the same and also delay; with the first explanation"),
-        ((("delay",), ("creep", "delay")), "), or alternatively the same and also delay, or delay; with"),
-    ],
-)
-def test_a_rival_with_a_further_effect_is_not_that_effect_alone(rivals, said):
-    assert said in say(replace(made_up(Verdict.AMBIGUOUS, CREEP), names=("creep", "delay"), rivals=rivals))
-
-
-def test_the_sentence_of_one_cause():
+def test_the_sentences_of_one_cause():
     assert DIAGNOSES["named"].sentence == (
-        "The film keeps creeping with a time constant of 54.1 s (95 %: 50.2 to 59.3), which the model lacks; "
-        "this explains 97 % of the mismatch, and the error on held-out data falls from 10.2 to 2.1 µm "
-        "(sensor noise: 2.0 µm)."
+        "The model lacks an effect: the film keeps creeping with a time constant of 54.1 s (95 % interval: 50.2 to 59.3). "
+        "Creep explains 97 % of the mismatch between model and recordings. Adding creep to the model lowers the error on "
+        "held-out data from 10.2 to 2.1 µm rms (sensor noise: 2.0 µm rms)."
     )
 
 
-def test_the_sentence_of_a_part():
+def test_the_sentences_of_a_part():
     assert DIAGNOSES["partly, when"].sentence == (
-        "The film keeps creeping with a time constant of 54.1 s (95 %: 50.2 to 59.3), which explains 97 % of the mismatch, but "
-        "1.2 µm of the 9.6 µm mismatch remain unexplained, mostly between 118 and 131 s; the error on held-out data "
-        "falls from 10.2 to 2.1 µm (sensor noise: 2.0 µm)."
+        "The model lacks creep, and something else that could not be identified. The film keeps creeping with a time constant "
+        "of 54.1 s (95 % interval: 50.2 to 59.3). Creep explains 97 % of the mismatch between model and recordings. Of the "
+        "9.6 µm rms mismatch, 1.2 µm rms remain unexplained, mostly between 118 and 131 s. Adding creep to the model lowers the "
+        "error on held-out data from 10.2 to 2.1 µm rms (sensor noise: 2.0 µm rms)."
     )
-    assert "unexplained, mostly from 0.025 to 0.48 Hz; the" in DIAGNOSES["partly, at which frequencies"].sentence
+    assert "unexplained, mostly from 0.025 to 0.48 Hz. " in DIAGNOSES["partly, at which frequencies"].sentence
     said = DIAGNOSES["partly, in which region"].sentence
-    assert "unexplained, mostly at a displacement rate from -12.3 to -3.21 µm/s; the" in said
-    assert "remain unexplained; the" in DIAGNOSES["partly, nowhere"].sentence
+    assert "unexplained, mostly at a displacement rate from -12.3 to -3.21 µm/s. " in said
+    assert "remain unexplained. " in DIAGNOSES["partly, nowhere"].sentence
 
 
 def test_an_experiment_that_lowers_no_risk_is_not_offered():
@@ -440,11 +428,11 @@ def test_a_narrow_interval_has_the_digits_that_tell_its_ends_apart():
         width = float(abs(low) * 10 ** rng.uniform(-7.5, 1))
         at = Interval(value=low + 0.4 * width, low=low, high=low + width, unit="s")
         told = made_up(Verdict.NAMED, replace(CREEP, parameters={**CREEP.parameters, "time": at})).to_dict()
-        shown = re.search(r"time constant of \S+ \S+ \(95 %: (\S+) to (\S+)\)", told["sentence"])
+        shown = re.search(r"time constant of \S+ \S+ \(95 % interval: (\S+) to (\S+)\)", told["sentence"])
         assert shown is not None and shown[1] != shown[2]
         assert foreign_numbers(told) == []
     assert (
-        "54.13 s (95 %: 54.12 to 54.15)"
+        "54.13 s (95 % interval: 54.12 to 54.15)"
         in made_up(
             Verdict.NAMED,
             replace(
@@ -456,8 +444,8 @@ def test_a_narrow_interval_has_the_digits_that_tell_its_ends_apart():
 
 def test_a_small_share_is_said_to_be_small():
     assert "only 3 % of the mismatch" in DIAGNOSES["named, weakly"].sentence
-    assert "(95 %: 50.2 to 59.3), which explains 97 % of the mismatch" in DIAGNOSES["two causes"].sentence
-    assert "(-13.0 to -11.0), which explains only 21 % of the mismatch" in DIAGNOSES["two causes"].sentence
+    said = "Creep explains 97 % of the mismatch between model and recordings and sensor jump only 21 %."
+    assert said in DIAGNOSES["two causes"].sentence
 
 
 def test_a_refuted_explanation_and_a_free_form_are_no_causes():
@@ -467,16 +455,19 @@ def test_a_refuted_explanation_and_a_free_form_are_no_causes():
 
 def test_an_unknown_mismatch_is_said_to_lie_where_and_what_to_suspect():
     assert (
-        "(sensor noise: 2.0 µm); the mismatch is spread over the recordings, most of its power is below 1.4 Hz, its mean is "
-        "largest, -6.7 µm, from 0.520 to 58.3 s after the command last rested; suspect first what "
-        "acts at the film, whose signals predict it best."
+        "(sensor noise: 2.0 µm rms). The mismatch is spread over the recordings. Most of the power of the mismatch is below "
+        "1.4 Hz. The mean error is largest, -6.7 µm, from 0.520 to 58.3 s after the command last rested. Look for the cause at "
+        "the film first, because signals there predict the mismatch best."
     ) in DIAGNOSES["unknown, located"].sentence
-    assert "; 90 % of the mismatch lies between 118 and 240 s." in DIAGNOSES["unknown"].sentence
+    assert (
+        " 90 % of the mismatch between model and recordings lies between 118 and 240 s."
+        in DIAGNOSES["unknown"].sentence
+    )
     falling = Region(signal="branch", low=-1.0, high=0.0, mean_residual=9.1)
     other = replace(LOCATED, time=(), frequency=LOCATED.frequency[1:], region=(falling,), place=LOCATED.place[2:])
     said = made_up(Verdict.UNKNOWN, location=other).sentence
     assert said.endswith(
-        "; most of its power is from 5.2 to 9.7 Hz, its mean is largest, 9.1 µm, while the reading falls."
+        " Most of the power of the mismatch is from 5.2 to 9.7 Hz. The mean error is largest, 9.1 µm, while the reading falls."
     )
 
 
@@ -495,20 +486,19 @@ def test_the_recording_of_a_mismatch_is_named_if_there_are_several_and_its_clock
     diagnosis = made_up(Verdict.UNKNOWN, location=replace(LOCATED, time=(window,)))
     known = replace(diagnosis, readings=Readings(experiments=experiments, base=(), amended=None, unseen=()))
     between = "between 122 and 180 s" if len(set(starts)) > 1 else "between 5.0 and 9.0 s"
-    assert f"; 90 % of the mismatch lies {between}{said}, most" in say(known)
+    assert f" 90 % of the mismatch between model and recordings lies {between}{said}. Most" in say(known)
 
 
 def test_a_late_answer_within_the_timing_of_readings_is_said_with_its_time():
     late = FittedParameter(value=3.7e-3, low=3.5e-3, high=3.9e-3, unit="s")
     diagnosis = replace(DIAGNOSES["parameters, once all is fitted"], parameters={"delay.time": late})
-    assert "; after a fit to all recordings and with a dead time of 3.70 ms (95 %: 3.50 to 3.90), no more" in say(
-        diagnosis
-    )
+    dead_time = "The fit to all recordings includes a dead time of 3.70 ms (95 % interval: 3.50 to 3.90)."
+    assert say(diagnosis).endswith(dead_time)
 
 
 def test_an_estimate_below_nothing_is_said_as_nothing():
-    assert "; 4 % of the mismatch repeats with the command." in DIAGNOSES["disturbance, known"].sentence
-    assert "; none of the mismatch repeats with the command." in DIAGNOSES["disturbance, all of it"].sentence
+    assert " 4 % of the mismatch repeats with the command." in DIAGNOSES["disturbance, known"].sentence
+    assert " None of the mismatch repeats with the command." in DIAGNOSES["disturbance, all of it"].sentence
 
 
 def test_every_effect_of_the_catalogue_can_be_said():
@@ -561,7 +551,8 @@ def test_every_number_of_a_real_diagnosis_is_a_field():
 def test_an_explanation_that_may_be_absent_is_said_to_be(low: float, said: bool) -> None:
     weak = replace(CREEP, parameters={**CREEP.parameters, "modulus": replace(CREEP.parameters["modulus"], low=low)})
     sentence = made_up(Verdict.AMBIGUOUS, weak).sentence
-    assert (", which may be absent since its 95 % interval includes zero, or alternatively delay;" in sentence) is said
+    absent = "Creep may also be absent, because the 95 % interval of its strength includes zero."
+    assert (absent in sentence) is said
 
 
 def titled(*rivals: Effect) -> str:

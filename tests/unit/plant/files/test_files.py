@@ -164,7 +164,9 @@ class TestClock:
         for place, mark in {11: "", 12: "NaN", 13: "n/a"}.items():
             lines[place] = f"{lines[place].rpartition(',')[0]},{mark}"
         path = write(lines)
-        with pytest.raises(DataError, match=r'row 12, column ".*": no value \(3 such rows in all\)') as refused:
+        with pytest.raises(
+            DataError, match=r'row 12, column ".*": there is no value \(3 such rows in all\)'
+        ) as refused:
             read_recording(path)
         pieces = read_recordings(path, **refused.value.offers.given)
         assert [(piece.start, piece.n_samples) for piece in pieces] == [(0.0, 10), (pytest.approx(0.26), 37)]

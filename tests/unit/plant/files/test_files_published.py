@@ -59,7 +59,7 @@ class TestNoHeader:
 
     def test_the_advice_works(self, write) -> None:
         path = write(*rows(seconds))
-        with pytest.raises(DataError, match=r"row 1: no header") as told:
+        with pytest.raises(DataError, match=r"row 1: there is no header") as told:
             read_recording(path)
         advice = dict(re.findall(r'--(\w+)-column "(#\d)"', str(told.value)))
         check(read_recording(path, **{f"{role}_column": place for role, place in advice.items()}))
@@ -71,7 +71,7 @@ class TestNoHeader:
 
     def test_uneven_times_are_advised_with_a_clock_that_works(self, write) -> None:
         path = write(*rows(lambda k: f"{0.02 * k + 0.004 * (k % 2):.3f}"))
-        with pytest.raises(DataError, match=r"row 1: no header") as told:
+        with pytest.raises(DataError, match=r"row 1: there is no header") as told:
             read_recording(path)
         found = re.search(r'--time-column "(#\d)" --resample (\S+) ', str(told.value))
         assert found

@@ -91,8 +91,11 @@ REFUSED = {
         "row 18: times do not increase.*; exactly an hour: where summer time .* offset from UTC; else there the clock",
     ),
     "an overflow": ([*ROWS[:9], "0.18,0.1,-9.9E37", *ROWS[10:]], 'row 11, .*_mm": -9.9E37 stands for an overflow'),
-    "an error of Excel": ([*ROWS[:9], "0.18,0.1,#DIV/0!", *ROWS[10:]], "row 11, .*: no value; .* --allow-gaps"),
-    "dashes": ([*ROWS[:9], "0.18,0.1,---", *ROWS[10:]], "row 11, .*: no value; .* --allow-gaps"),
+    "an error of Excel": (
+        [*ROWS[:9], "0.18,0.1,#DIV/0!", *ROWS[10:]],
+        "row 11, .*: there is no value; .* --allow-gaps",
+    ),
+    "dashes": ([*ROWS[:9], "0.18,0.1,---", *ROWS[10:]], "row 11, .*: there is no value; .* --allow-gaps"),
     "a capital unit": (with_times([str(20 * k) for k in range(40)]), 'said to be in "mS", .* such as .*"Time .mS.=ms"'),
 }
 
@@ -156,7 +159,7 @@ def test_a_header_repeated_without_times_is_refused(tmp_path: Path) -> None:
 def test_commands_written_only_when_they_change_are_refused(tmp_path: Path) -> None:
     rows = [row if k % 4 == 0 else f"{T[k]:.2f},,{Y[k]}" for k, row in enumerate(ROWS)]
     (tmp_path / "r.csv").write_text("\n".join([HEAD, *rows]), encoding="utf-8")
-    with pytest.raises(DataError, match=r'row 3, column "command_V": no value; fill it with the command'):
+    with pytest.raises(DataError, match=r'row 3, column "command_V": there is no value; fill it with the command'):
         read_recordings(tmp_path / "r.csv", allow_gaps=True)
 
 

@@ -85,8 +85,14 @@ class TestRefused:
     @pytest.mark.parametrize(
         ("lines", "message"),
         [
-            (dressed(",", ","), r"row 2: 6 cells separated by comma, but the header in row 1 has 3; a comma is not"),
-            (["command_V", "1,234", "2,345"], r"row 2: 2 cells separated by comma, but the header in row 1 has 1"),
+            (
+                dressed(",", ","),
+                r"row 2: the row has 6 cells separated by comma, but the header in row 1 has 3; a comma is not",
+            ),
+            (
+                ["command_V", "1,234", "2,345"],
+                r"row 2: the row has 2 cells separated by comma, but the header in row 1 has 1",
+            ),
             ([HEADER, "0.00,1,1e", *LINES[1:]], r'row 2, column "displacement_mm": "1e" is not a number'),
         ],
     )

@@ -104,7 +104,7 @@ def test_faults_of_columns_are_said(tmp_path: Path) -> None:
     (tmp_path / "lab.csv").write_text(rows("time_s,command_V,displacement_mm,I_mon", "1", "3", "2"))
     for column, text in (
         ("I_mom=nA", 'no column "I_mom"; .* did you mean "I_mon"'),
-        ("I_mon=mm", 'the column "I_mon" is in mm, but the plant takes it in A'),
+        ("I_mon=mm", 'the column "I_mon" is in mm, but the model needs it in A'),
     ):
         with pytest.raises(DataError, match=text):
             read_recording(tmp_path / "lab.csv", readings=[Reading(name="current", noise=1e-9, column=column)])

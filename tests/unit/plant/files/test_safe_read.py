@@ -54,8 +54,8 @@ print(next(line.split()[1] for line in open("/proc/self/status") if line.startsw
 @pytest.mark.parametrize("ending", READERS)
 def test_pipes_and_devices_are_refused_and_not_waited_for(ending: str, tmp_path: Path) -> None:
     for name, make, said in (
-        ("pipe", os.mkfifo, "a pipe; give a plain file"),
-        ("zero", lambda path: os.symlink("/dev/zero", path), "a device; give a plain file"),
+        ("pipe", os.mkfifo, "this is a pipe; give a plain file"),
+        ("zero", lambda path: os.symlink("/dev/zero", path), "this is a device; give a plain file"),
     ):
         path = tmp_path / f"{name}.{ending}"
         make(path)
@@ -70,7 +70,7 @@ def test_folders_and_links_to_nothing_are_named(ending: str, tmp_path: Path) -> 
     with pytest.raises(DeatwinError, match=f"{folder.name}: .*Is a directory"):
         READERS[ending](folder)
     link.symlink_to(tmp_path / "gone")
-    with pytest.raises(DeatwinError, match=rf"{link.name}: a link to .*gone, which is not there"):
+    with pytest.raises(DeatwinError, match=rf"{link.name}: this is a link to .*gone, which does not exist"):
         READERS[ending](link)
 
 
@@ -190,7 +190,7 @@ def test_what_unpacks_to_too_much_is_refused_within_little_memory(tmp_path: Path
         "whole.json": f"not a readable JSON file ({'9' * 20}… is not a finite number)",
         "infinite.json": "not a readable JSON file (1e400 is not a finite number)",
         "array.toml": "5 mistakes: (1) line 1: unknown section [a]; known are film, load, drive, sensor",
-        "digits.toml": "not TOML: Exceeds the limit",
+        "digits.toml": "this is not valid TOML: Exceeds the limit",
         "lines.csv": "it has 20000001 lines; at most 20000000 can be read",
         "columns.csv": "it has 20000 columns; at most 10000 can be read",
     }

@@ -56,7 +56,7 @@ def test_a_column_is_brought_into_the_unit_that_is_wanted(
 @pytest.mark.parametrize("header", ["speed", "speed_dps", "speed_krpm", "speed_1"])
 def test_a_reading_without_a_known_unit_is_refused_where_one_is_wanted(tmp_path: Path, header: str) -> None:
     path = written(tmp_path, header)
-    with pytest.raises(DataError, match=f'"{header}" has no unit, but the plant takes it in rad/s: .*"{header}=rad/s"'):
+    with pytest.raises(DataError, match=f'"{header}" has no unit, but the model needs it in rad/s: .*"{header}=rad/s"'):
         read(path, header, "rad/s")
     assert read(path, f"{header}=rad/s", "rad/s")[1:] == ("rad/s", [1.0, 2.0, -3.0])
     assert read(path, header)[1] == ""
@@ -166,7 +166,7 @@ def test_a_misspelt_column_is_offered_in_the_unit_that_is_wanted(tmp_path: Path,
 def test_what_stands_in_brackets_is_the_unit_known_or_not(tmp_path: Path, header: str, unit: str) -> None:
     for asked in ("speed", header, "#3"):
         assert read(written(tmp_path, header), asked) == ("speed", unit, [1.0, 2.0, -3.0])
-    with pytest.raises(DataError, match=re.escape(f"is in {unit}, but the plant takes it in m")):
+    with pytest.raises(DataError, match=re.escape(f"is in {unit}, but the model needs it in m")):
         read(written(tmp_path, header), "speed", "m")
     assert read(written(tmp_path, header), "speed=mm", "m") == ("speed", "m", [0.001, 0.002, -0.003])
 

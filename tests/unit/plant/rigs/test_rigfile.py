@@ -51,8 +51,12 @@ def test_some_keys_may_be_left_out(tmp_path: Path, text: str, expected: tuple[ob
         ("gain = 800.0", "gain = nan", r"gain: nan is out of range; it must be from 1 to 100000"),
         ("noise_um = 2.0", "noise_um = -2.0", r"noise_um: -2.0 is out of range; it must be from 0 to 10000"),
         ("prestretch = 3.5", 'prestretch = 3.5\nball = "glued"', r'ball: "glued" is not known; it must be "bonded" or'),
-        ("gain = 800.0", "gain 800.0", r"not TOML: line 11: write gain = 800.0"),
-        ("gain = 800.0", "gain = 800,5  # V/V", r"not TOML: line 11, gain: a number has a decimal point: write 800.5"),
+        ("gain = 800.0", "gain 800.0", r"not valid TOML: line 11: write gain = 800.0"),
+        (
+            "gain = 800.0",
+            "gain = 800,5  # V/V",
+            r"not valid TOML: line 11, gain: a number has a decimal point: write 800.5",
+        ),
         ("gain = 800.0", "gain = 800 V", r"line 11, gain: the key has the unit in its name: write 800$"),
         ("gain = 800.0", "gain = .8", r"line 11, gain: a number begins with a digit: write 0.8"),
         ("gain = 800.0", "gain = 800.", r"line 11, gain: a number ends with a digit: write 800.0"),
@@ -62,7 +66,7 @@ def test_some_keys_may_be_left_out(tmp_path: Path, text: str, expected: tuple[ob
         ("[drive]", "[drive" + "9" * 4000, r"a section stands in brackets: write \[drive9{0,75}…\]$"),
         ("gain = 800.0", f"gain = {'8' * 4000},5", r"line 11, gain: a number has a decimal point: write 8{0,80}….5$"),
         ("gain = 800.0", "gain = high", r'line 11, gain: a text stands in quotes: write "high"'),
-        ("gain = 800.0", "gain = [800.0", r"not TOML: .*line 1"),
+        ("gain = 800.0", "gain = [800.0", r"not valid TOML: .*line 1"),
     ],
 )
 def test_faults(tmp_path: Path, old: str, new: str, message: str) -> None:

@@ -137,8 +137,8 @@ class Advice(Described):
         before, after = _percent(self.confusion_before), _percent(self.confusion_after)
         rest = "" if not self.undecided else f"; if {_listed(self.undecided)} remain, measure {self.measure}"
         return (
-            f"Record a further experiment of {self.seconds:.4g} s{load} ({self.waveform}, {INPUT_FILE}): the "
-            f"probability of choosing the wrong one of {which} falls from {before} to {after}{rest}.{self._odds}"
+            f"Record a further experiment of {self.seconds:.4g} s{load} ({self.waveform}, {INPUT_FILE}). The probability of "
+            f"choosing the wrong one of {which} then falls from {before} to {after}{rest}.{self._odds}"
         )
 
     @property
@@ -148,9 +148,9 @@ class Advice(Described):
         if best is None:
             return ""
         return (
-            f" With {best.words} ({best.noise_source}), the true explanation is expected to become "
-            f"e^{best.log_odds:.3g} times as likely as the next best one; with the best input alone, it becomes "
-            f"e^{self.log_odds:.3g} times as likely."
+            f" If you add {best.words} ({best.noise_source}), the true explanation is expected to become "
+            f"e^{best.log_odds:.3g} times as likely as the next best one. The best input alone gives only "
+            f"e^{self.log_odds:.3g} times."
         )
 
     @property

@@ -66,9 +66,9 @@ class Foreseen:
         """Return, in one sentence, what the experiment would show of the effect."""
         name = self.effect.replace("_", " ")
         if self.smallest is None:
-            return f"{name}: this input does not show it at any strength within its range"
+            return f"{name}: not detected at any strength within its range"
         least = with_unit(self.smallest, self.unit)
-        shown = f"{name}: found if its {self.strength.replace('_', ' ')} is {least} or larger"
+        shown = f"{name}: detected if its {self.strength.replace('_', ' ')} is {least} or larger"
         others = ", ".join(other.replace("_", " ") for other in self.alike)
         return f"{shown}; not distinguished from {others}" if others else shown
 
@@ -145,8 +145,8 @@ class ExperimentPlan:
         of = f" of {self.seconds:.3g} s"
         what = f"the best input that was tried ({self.waveform}{of})" if self.waveform else f"this input{of}"
         return (
-            f"with {what}, {len(seen)} of {len(self.effects)} effects would be found at their typical strengths"
-            f"{f', and {told} of these would also be distinguished from all others' if seen else ''}{self._more}"
+            f"with {what}, {len(seen)} of {len(self.effects)} effects would be detected at their typical strengths"
+            f"{f', and {told} of these could be distinguished from every other effect' if seen else ''}{self._more}"
         )
 
     @property
@@ -156,8 +156,8 @@ class ExperimentPlan:
         if best is None:
             return ""
         return (
-            f"; {best.words} ({best.noise_source}) would also distinguish {len(best.tells)} of the {best.left} pairs of "
-            "effects that the input cannot"
+            f"; {best.words} ({best.noise_source}), would also distinguish {len(best.tells)} of the {best.left} pairs of "
+            "effects that this input cannot distinguish"
         )
 
     def to_dict(self) -> dict[str, Any]:

@@ -184,28 +184,34 @@ class DataQuality(Described):
     @property
     def findings(self) -> tuple[str, ...]:
         """Return the faults and where they are."""
-        return (*self._described(self.stuck, "the reading is stuck"), *self._described(self.outliers, "outliers"))
+        return (
+            *self._described(self.stuck, "the reading is stuck in"),
+            *self._described(self.outliers, "the reading has outliers in"),
+        )
 
     @property
     def notes(self) -> tuple[str, ...]:
         """Return remarks on features that are not faults: limits, jumps, coarse steps, gaps."""
-        found = [*self._described(self.clipped, "the reading is at a limit"), *self._described(self.jumps, "jumps")]
+        found = [
+            *self._described(self.clipped, "the reading stays at its limit in"),
+            *self._described(self.jumps, "the reading jumps in"),
+        ]
         for what, readings in (("is much noisier than elsewhere", self.bursts), ("is stuck", self.stuck_further)):
             for name, masks in readings.items():
-                found += self._described(masks, f"the {name.replace('_', ' ') or 'reading'} {what}, and is left out,")
+                found += self._described(masks, f"left out because the {name.replace('_', ' ') or 'reading'} {what}:")
         if self.unknown:
-            found += self._described(self.unknown, "the reading depends on when the command changed, and is left out,")
-        found += self._described(
-            self._unsettled, "the motion before the first sample is unknown, so readings are left out,"
-        )
+            found += self._described(
+                self.unknown, "left out because it is unknown when the command changed during a gap in the recording:"
+            )
+        found += self._described(self._unsettled, "left out because the motion before the first sample is unknown:")
         for experiment in self.experiments:
             for number, record in enumerate(experiment.recordings):
                 found += _coarse(_called(record, number), record)
             for before, after in pairwise(experiment.recordings):
                 if after.start - before.end > before.sample_time:
                     found.append(
-                        f"no readings between {before.end:.2f} and {after.start:.2f} s: the last command is assumed to "
-                        "have been held"
+                        f"there are no readings between {before.end:.2f} and {after.start:.2f} s; the last command is "
+                        "assumed to have been held"
                     )
         return tuple(found)
 
@@ -221,7 +227,7 @@ class DataQuality(Described):
                         each = (f"{record.timepts[run[0]]:.2f} to {record.timepts[run[-1]]:.2f} s" for run in stretches)
                         many = f"{where.size} samples: {', '.join(each)}"
                     one = f"one sample at {where[0]:.2f} s"
-                    found.append(f"{_called(record, number)}: {what} in {many if where.size > 1 else one}")
+                    found.append(f"{_called(record, number)}: {what} {many if where.size > 1 else one}")
         return found
 
     def plot(self, ax: Axes | None = None) -> Axes:

@@ -273,5 +273,5 @@ def _cannot_simulate(plant: Plant, parts: Sequence[Part]) -> SimulationError:
         try:
             plant.simulate(part.experiment).require()
         except SimulationError as error:
-            return SimulationError(f"the plant as described cannot follow these recordings: {error}")
-    return SimulationError("the plant as described cannot follow these recordings")
+            return SimulationError(f"the model of this rig cannot be simulated with these recordings: {error}")
+    return SimulationError("the model of this rig cannot be simulated with these recordings")

@@ -40,8 +40,8 @@ def exchanged_lags(fit: Calibration) -> Iterator[str]:
             other = tuple(equal[fit.names.index(name)] for name in (lag, own))
             if (unlike[0] - unlike[1]) * (other[0] - other[1]) < 0.0:
                 yield (
-                    f"two lags in series can be exchanged: {lag} = {other[0]:.4g} s and {own} = {other[1]:.4g} s explain "
-                    f"the recordings as well as {unlike[0]:.4g} s and {unlike[1]:.4g} s"
+                    f"two time constants can be exchanged: {lag} = {other[0]:.4g} s with {own} = {other[1]:.4g} s fits the "
+                    f"recordings as well as {unlike[0]:.4g} s with {unlike[1]:.4g} s"
                 )
 
 

@@ -127,7 +127,7 @@ class _Case:
         """Judge the best of several placebo effects that differ from the effect, whose gain is at least `at_least`, SI."""
         own, whole = (self.court.gain(self.named, of) for of in (self.mismatch, self.named))
         if own < NEARLY_LINEAR * self.gain:
-            return self.skipped(kind, "the readings are too far from linear in the effect")
+            return self.skipped(kind, "the readings do not change linearly with the effect")
         placebos, against = [self.court.left(change) for change in changes], max(own, at_least)
         pairs = [
             (self.court.gain(placebo, self.mismatch) / against, self.court.gain(placebo, self.named) / whole)
@@ -135,7 +135,7 @@ class _Case:
         ]
         distinct = [pair for pair in pairs if pair[1] <= DISTINCT]
         if 2 * len(distinct) <= len(pairs):
-            return self.skipped(kind, "with these inputs it hardly differs from the real effect")
+            return self.skipped(kind, "with these inputs the placebo hardly differs from the real effect")
         share, expected = max(distinct)
         return Placebo(effect=self.name, kind=kind, share=share, expected=expected)
 
@@ -166,9 +166,9 @@ def placebo_effects(
     problem = Problem(plant=without.plant, parts=tuple(everything), names=without.names)
     evaluated, change = problem.evaluate(problem.start()), _change(without.plant, effect, everything)
     if evaluated is None or change is None:
-        return _none_judged(effect.name, "the plant cannot be simulated without the effect, or with the placebo effect")
+        return _none_judged(effect.name, "the model cannot be simulated without the effect, or with the placebo effect")
     if gain <= 0:
-        return _none_judged(effect.name, "the effect gains nothing, so there is nothing to compare")
+        return _none_judged(effect.name, "the effect does not lower the error, so there is nothing to compare")
     residual, jacobian = evaluated
     length = np.linalg.norm(jacobian, axis=0)
     court = _Court(jacobian=jacobian / np.where(length > 0, length, 1.0), fitted=_fitted(fitted, everything))
@@ -178,7 +178,7 @@ def placebo_effects(
     drawn = [[[phase_randomised(y, rng) for y in each] for each in change] for _ in range(DRAWS)]
     turned = _change(without.plant, effect, [_backwards(part) for part in everything])
     return (
-        case.skipped(PlaceboKind.BACKWARDS, "the plant cannot be simulated with reversed commands")
+        case.skipped(PlaceboKind.BACKWARDS, "the model cannot be simulated with reversed commands")
         if turned is None
         else case.backwards(_counted(_forwards(turned), everything)),
         case.opposite(),

@@ -110,12 +110,12 @@ class Verification(Described):
         falls = self.gain_low > 0.0 or self.counts  # as for `Ablation.returns`
         found = [] if falls else ["it is not certain that the explanation lowers the error on held-out data"]
         found += [
-            f"it is not certain that the error on held-out data rises again without {a.effect}"
+            f"removing {a.effect} does not certainly raise the error on held-out data"
             for a in self.ablations
             if not a.returns
         ]
         found += [
-            f"the placebo effect {s.effect} {s.kind.value} fits as well as the effect itself"
+            f"a placebo, {s.effect} {s.kind.value}, fits as well as {s.effect} itself"
             for s in self.shams
             if not s.rejected
         ]
@@ -125,14 +125,15 @@ class Verification(Described):
             if t.worse
         ]
         found += [
-            f"the strength of {c.effect}, if allowed to vary, changes by {100 * c.change:.0f} % over "
+            f"the strength of {c.effect} is not constant: if allowed to vary, it changes by {100 * c.change:.0f} % over "
             + ("the recordings, which would explain most of the remaining error" if c.mends else "the fitted part")
             for c in self.constancies
             if c.change is not None and not c.holds
         ]
         if self.one_clock:
             found.append(
-                " and ".join(self.one_clock) + " have the same time constant: they may be one mechanism of another kind"
+                " and ".join(self.one_clock)
+                + " have the same time constant, so they may be a single effect of another kind"
             )
         return tuple(found)
 

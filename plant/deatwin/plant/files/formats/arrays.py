@@ -93,7 +93,7 @@ def array_table(
 ) -> ArrayTable:
     """Make a table from arrays and their attributes."""
     if not columns:
-        raise DataError(f"{path}: no vectors of numbers in it; a recording needs its signals as vectors")
+        raise DataError(f"{path}: there are no vectors of numbers in it; a recording needs its signals as vectors")
     if len(columns) > COLUMNS:
         raise DataError(f"{path}: it has {len(columns)} columns; at most {COLUMNS} can be read")
     names, found = [], []

@@ -114,7 +114,7 @@ def _segments(lines: list[str], separator: str, about: dict[str, str], path: str
             segments[-1].lines.append(kept.replace(",", ".") if comma else kept)
     segments = [segment for segment in segments if segment.lines]
     if not segments:
-        raise DataError(f"{path}: a header but no samples")
+        raise DataError(f"{path}: the file has a header but no samples")
     return segments
 
 

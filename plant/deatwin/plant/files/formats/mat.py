@@ -90,7 +90,7 @@ def _table(path: str, sha256: str, found: Mapping[str, Any]) -> ArrayTable:
     else:
         if not columns:
             raise DataError(
-                f"{path}: no vectors of numbers in it; a recording needs its signals as vectors (tables, timetables and "
+                f"{path}: there are no vectors of numbers in it; a recording needs its signals as vectors (tables, timetables and "
                 "other objects of MATLAB cannot be read; writetable and writetimetable write them as CSV)"
             )
         units = {name.removeprefix("units."): text for name, text in found.items() if name.startswith("units.")}

@@ -71,7 +71,7 @@ def test_steps_show_what_a_constant_cannot(plan: ExperimentPlan) -> None:
     held = plan_experiment(Plant(rig=Amplifier()), commands(np.zeros(600)), effects=EFFECTS)
     assert all(one.visible for one in plan.effects)
     assert row(held, "delay").smallest is None and row(held, "sensor_lag").smallest is None
-    assert "does not show it" in row(held, "delay").sentence
+    assert "not detected at any strength" in row(held, "delay").sentence
 
 
 def test_the_change_is_what_a_simulation_with_the_effect_gives(plan: ExperimentPlan) -> None:

@@ -35,7 +35,10 @@ def test_readings_count_again_where_the_time_of_the_change_no_longer_matters() -
     assert residual[first:].max() < 6 * PLANT.rig.noise  # one deviation of the noise's five is the gap's
     assert not (split(checked)[2][0].masks[1] & after).any()
     assert not checked.known("capacitance")[0][1][:first].any()
-    assert f"the reading depends on when the command changed, and is left out, in {first} samples" in checked.notes[0]
+    assert (
+        f"left out because it is unknown when the command changed during a gap in the recording: {first} samples"
+        in checked.notes[0]
+    )
 
 
 def behind_a_wander(rate: float, seed: int) -> tuple[float, float]:

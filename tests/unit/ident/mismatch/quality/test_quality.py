@@ -251,7 +251,7 @@ def test_limits_jumps_steps_and_gaps_are_reported_but_no_faults(sound):
     given = Experiment(recordings=(replace(first, outputs=clipped), replace(second, start=second.start + 3.0)))
     assert check_quality(PLANT, [given]).soundness is Soundness.SOUND
     notes = check_quality(PLANT, [given]).notes
-    assert notes[0].startswith("record 1: the reading is at a limit in ")
+    assert notes[0].startswith("record 1: the reading stays at its limit in ")
     assert "no readings between 40.00 and 43.00 s" in notes[-1]
     coarse = np.round(first.outputs[0] / 8e-6) * 8e-6
     checked = check_quality(PLANT, [with_outputs(sound, coarse)])
@@ -259,7 +259,7 @@ def test_limits_jumps_steps_and_gaps_are_reported_but_no_faults(sound):
     assert "record 1: the readings come in steps of 8 µm" in checked.notes
     jumped = first.outputs[0] - 3e-4 * (np.arange(2000) >= 1200)
     jumps = [note for note in check_quality(PLANT, [with_outputs(sound, jumped)]).notes if "jumps" in note]
-    assert jumps == ["record 1: jumps in one sample at 24.00 s"]
+    assert jumps == ["record 1: the reading jumps in one sample at 24.00 s"]
 
 
 def test_a_sound_experiment_needs_no_notes(sound):
@@ -288,7 +288,7 @@ def test_the_gate_draws_what_it_found(sound):
         (lambda sound: (), "no recording was given"),
         (lambda sound: None, "experiment 1 is a NoneType, neither an Experiment nor a Recording: .*from_arrays"),
         (lambda sound: [sound, sound.recordings[0].outputs], "experiment 2 is a ndarray"),
-        (lambda sound: replace(sound.recordings[0], input_units=("A",)), "is in A, but the plant takes it in V"),
+        (lambda sound: replace(sound.recordings[0], input_units=("A",)), "is in A, but the model needs it in V"),
     ],
 )
 def test_what_are_no_experiments_is_said(sound, given, said):

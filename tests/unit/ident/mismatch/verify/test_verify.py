@@ -202,7 +202,7 @@ def test_random_phases_compete_with_the_refit_and_what_runs_backwards_with_the_f
     less = replace(case, gain=0.5 * own)  # the refit fell short of what first order has
     assert less.random_phases([other]).share == pytest.approx(gained / own)
     nonlinear = replace(case, gain=2.5 * own)
-    assert "too far from linear" in nonlinear.random_phases([other]).skipped
+    assert "do not change linearly" in nonlinear.random_phases([other]).skipped
     # a part of what the refit gained is the parameters' alone, before any of these competes
     biased = replace(case, gain=1.8 * own, residual=mismatch + jacobian @ [0.5, -0.3])
     by_parameters = np.mean(biased.residual[250:] ** 2) - np.mean(mismatch[250:] ** 2)
@@ -227,7 +227,7 @@ def test_the_wrong_sign_is_noticed():
 @pytest.mark.parametrize(
     ("gain", "simulates", "reason"),
     [
-        (0.0, True, "the effect gains nothing"),
+        (0.0, True, "the effect does not lower the error"),
         (1e-12, False, "cannot be simulated without the effect, or with the placebo"),
     ],
 )
