@@ -22,6 +22,8 @@ from deatwin.plant.excitation import band_limited_noise
 NOISE = band_limited_noise(np.random.default_rng(4), 4.0, 0.02)
 GAIN = 800.0
 
+pytestmark = pytest.mark.usefixtures("uncompiled")
+
 
 def test_an_offset_is_added_to_the_command(chain):
     np.testing.assert_allclose(
