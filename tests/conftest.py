@@ -26,8 +26,17 @@ os.environ.setdefault("MPLBACKEND", "Agg")  # no test opens a window
 settings.register_profile("fixed", derandomize=True, database=None)
 settings.load_profile("fixed")
 
-LONG = Path(__file__).parent / "validation"
-"""Few tests a module, but whole diagnoses and studies."""
+TESTS = Path(__file__).parent
+LONG = (
+    "validation/test_recordings.py",
+    "unit/app/test_documented_commands.py",
+    "unit/app/test_diagnose.py",
+    "unit/app/test_interrupted.py",
+    "unit/ident/mismatch",
+    "validation",
+    "unit/plant/effects",
+)
+"""Files and folders with whole diagnoses, studies or many plants to compile, the longest first."""
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -36,7 +45,10 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    items.sort(key=lambda item: LONG not in item.path.parents)
+    long = [TESTS / name for name in LONG]
+    items.sort(
+        key=lambda item: next((k for k, at in enumerate(long) if at in (item.path, *item.path.parents)), len(long))
+    )
     for item in items:
         if item.path.suffix == ".ipynb":  # which has no place for a mark
             item.add_marker("extras")

@@ -4,22 +4,21 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
+from made_rigs import Bare
 
-from deatwin.plant import Builder, Parameter, Place, ReadingTime, Rig, Sizes
+from deatwin.plant import Builder, Parameter, Place, ReadingTime, Sizes
 
 GAIN, TIME, HOLD = 2.0, 0.08, 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lag(Rig):
+class Lag(Bare):
     """A tank with an outlet."""
 
     sample_time: float = HOLD
     noise: float = 1e-3
     reading: ReadingTime = ReadingTime.MEAN_OVER_HOLD
     kind: ClassVar[str] = "lag"
-    input_name: ClassVar[str] = "command"
-    input_unit: ClassVar[str] = "V"
     output_name: ClassVar[str] = "level"
     output_unit: ClassVar[str] = "1"
     sizes: ClassVar[Sizes] = Sizes(motion=1.0, force=1.0, period=0.3, command=1.0)

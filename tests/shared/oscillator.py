@@ -3,22 +3,19 @@
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from deatwin.plant import Builder, Parameter, Place, Rig
+from made_rigs import Bare
+
+from deatwin.plant import Builder, Parameter, Place
 
 MASS, DAMPING, STIFFNESS = 0.01, 0.05, 40.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Oscillator(Rig):
+class Oscillator(Bare):
     """The command is a force in mN; 10 Hz, and 1 mm for 40 of them."""
 
-    sample_time: float = 0.02
     noise: float = 2e-6
     kind: ClassVar[str] = "oscillator"
-    input_name: ClassVar[str] = "command"
-    input_unit: ClassVar[str] = "V"
-    output_name: ClassVar[str] = "displacement"
-    output_unit: ClassVar[str] = "m"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

@@ -19,6 +19,8 @@ RIG = Diaphragm()
 MU, LIMIT, PERMITTIVITY = 25e3, 107.0, 4.5
 NOISE = band_limited_noise(np.random.default_rng(4), 10.0, 0.02)
 
+pytestmark = pytest.mark.usefixtures("uncompiled")
+
 
 def at_rest(plant, command=0.0):
     """State of rest by name: branches are relaxed there, so only the hyperelastic film acts."""

@@ -68,7 +68,7 @@ def test_verdict_and_prediction(case: str, offered: list[str] | None, tmp_path: 
     effects = None if offered is None else [effect_named(name) for name in offered]
     history = Experiment(recordings=tuple(recording(case, part, tmp_path) for part in ("noise", "steps")))
     check = recording(case, "check", tmp_path)
-    diagnosis = diagnose(load_plant(FOLDER / case / "rig.toml").plant, history, effects=effects, jobs=-1)
+    diagnosis = diagnose(load_plant(FOLDER / case / "rig.toml").plant, history, effects=effects)
     error, cover = check_error(diagnosis, None, history, check)
     named = [cause.effect for cause in diagnosis.causes]
     if not truth(case):

@@ -11,7 +11,7 @@ import pytest
 from rig_files import RIG
 from strips import MODULE, pulled, strip, write
 
-from deatwin.plant import Creep
+from deatwin.plant import Coupon, Creep
 from deatwin.plant.files import write_csv
 
 ROOT = Path(__file__).parents[3]
@@ -61,6 +61,19 @@ def on_bench(bench: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """The same, as the working folder."""
     monkeypatch.chdir(bench)
     yield bench
+
+
+FEW = {"creep", "mullins", "prestretch_relaxation", "sensor_drift", "sensor_lag", "strain_stiffening"}
+"""What is told apart here in little time; the whole catalogue is for tests/unit/app/test_documented_commands.py."""
+
+
+@pytest.fixture(scope="module")
+def few_effects() -> Iterator[None]:
+    """The strip of the bench is offered few effects."""
+    offered = Coupon.effects
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Coupon, "effects", lambda rig: tuple(effect for effect in offered(rig) if effect.name in FEW))
+        yield
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ FILES = {"diagnosis.json", "model.json", "report.html", "run.json", "figures"}
 
 
 @pytest.fixture(scope="module")
-def results(bench: Path) -> Path:
+def results(bench: Path, few_effects: None) -> Path:
     """The results of one diagnosis of two experiments."""
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(bench)

@@ -35,6 +35,7 @@ SHAKER = "docs/how-to/own-plant.md"
 ELSEWHERE = {
     "doctor --warm": "tests/unit/app/test_doctor.py, with one effect of the catalogue",
     "view measurements": "tests/browser/test_view.py, a step of .ci/run, with the extra `view`",
+    "diagnose rig.toml noise.csv --out found": "here, with steps.csv: one recording less is no other command",
     "diagnose motor:plant recording.csv --out found": "tests/unit/app/test_worked_rigs.py, in Python, with the other rigs",
     "diagnose plate:plant heated.csv --out plate": "tests/unit/ident/mismatch/test_foreign.py, in Python, with another model",
     "diagnose motor.fmu recording.csv --out found": "tests/unit/plant/foreign/test_fmu.py, which simulates with such a file",

@@ -45,6 +45,8 @@ importlib.import_module("deatwin.ident.mismatch.diagnose").detect = lambda *_, *
 SCHEMA = json.loads((ROOT / "scenarios/deatwin/studies/schemas/partial.schema.json").read_text(encoding="utf-8"))
 DIAGNOSE = ["diagnose", "strip_of_mine:strip", "pulls.csv", "--jobs", "1", "--quiet", "--out"]
 
+pytestmark = pytest.mark.usefixtures("few_effects")
+
 
 def kept(folder: Path) -> dict[str, Any]:
     """What ``steps.json`` holds; it follows its schema."""

@@ -26,6 +26,7 @@ from deatwin.plant.datasets import (
 )
 
 pytest.importorskip("xarray")
+pytestmark = pytest.mark.usefixtures("uncompiled")
 
 
 def test_complex_numbers_units_truth_and_what_is_absent(kept):

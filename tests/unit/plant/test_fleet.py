@@ -12,6 +12,8 @@ from deatwin.plant.grease_ridge import GreaseRidge
 
 STEP = 0.02
 
+pytestmark = pytest.mark.usefixtures("uncompiled")
+
 
 def experiment(commands: np.ndarray, start: float = 0.0) -> Experiment:
     return Experiment(recordings=(Recording.from_arrays(commands, np.zeros_like(commands), STEP, start=start),))

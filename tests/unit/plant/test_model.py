@@ -24,6 +24,8 @@ from deatwin.plant.rigs.rigfile import RigFile
 
 NOISE = band_limited_noise(np.random.default_rng(8), 4.0, 0.02)
 
+pytestmark = pytest.mark.usefixtures("uncompiled")
+
 
 def reading(plant, experiment):
     return plant.simulate(experiment(NOISE)).require().outputs[0]

@@ -5,6 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from made_rigs import Bare
 
 from deatwin.plant import (
     BlockedPlanar,
@@ -21,7 +22,6 @@ from deatwin.plant import (
     Plant,
     Reading,
     Recording,
-    Rig,
     RigError,
 )
 from deatwin.plant.laws.dielectric import VACUUM_PERMITTIVITY, conduction_density
@@ -164,16 +164,14 @@ def test_derivatives_of_readings_are_those_of_differences() -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tank(Rig):
+class Tank(Bare):
     """A leaking tank: the level is read first, the outflow and the warmth of the pump beside it."""
 
     sample_time: float = 0.1
     noise: float = 1e-3
     kind: ClassVar[str] = "readings_test_tank"
     input_name: ClassVar[str] = "pump"
-    input_unit: ClassVar[str] = "V"
     output_name: ClassVar[str] = "level"
-    output_unit: ClassVar[str] = "m"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

@@ -13,6 +13,8 @@ from deatwin.plant.excitation import band_limited_noise
 SOFT = Plant(rig=Diaphragm(), values={"shear_modulus": 8e3, "stretch_limit": 1e4})
 TOLERANCE = 1e-6  # demanded of each parameter's sensitivity, relative to its rms
 
+pytestmark = pytest.mark.usefixtures("uncompiled")
+
 
 def commands(duration=8.0, seed=3):
     return band_limited_noise(np.random.default_rng(seed), duration, 0.02)

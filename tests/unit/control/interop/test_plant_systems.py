@@ -26,6 +26,8 @@ KINDS = {
     "memory and drift": (Hysteresis(), PermittivityDrift()),
 }
 
+pytestmark = pytest.mark.usefixtures("uncompiled")
+
 
 def experiment(count, seed=7):
     command = 2.4 + 0.4 * np.random.default_rng(seed).uniform(-1.0, 1.0, count)

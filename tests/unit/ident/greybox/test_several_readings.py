@@ -5,16 +5,17 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from made_rigs import Bare
 from scipy.optimize import least_squares
 
 from deatwin.ident.greybox import calibrate
-from deatwin.plant import Builder, DataError, Experiment, Parameter, Plant, Reading, Recording, Rig
+from deatwin.plant import Builder, DataError, Experiment, Parameter, Plant, Reading, Recording
 
 STEP, COUNT = 0.1, 300
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tank(Rig):
+class Tank(Bare):
     """A leaking tank: the level is read first, the outflow beside it."""
 
     sample_time: float = STEP
@@ -22,9 +23,7 @@ class Tank(Rig):
     further: tuple[Reading, ...] = (Reading(name="outflow", unit="m/s", noise=0.01),)
     kind: ClassVar[str] = "several_readings_tank"
     input_name: ClassVar[str] = "pump"
-    input_unit: ClassVar[str] = "V"
     output_name: ClassVar[str] = "level"
-    output_unit: ClassVar[str] = "m"
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

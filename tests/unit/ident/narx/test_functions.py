@@ -170,11 +170,6 @@ def test_candidates_hold_a_function_once() -> None:
     assert "u(k-1)|u(k-1)|" in written and "|u(k-1)|^2" not in written
 
 
-def test_a_model_with_functions_is_saved_and_read(tmp_path: Path) -> None:
-    MODEL.save(tmp_path / "narx.json")
-    assert NarxModel.load(tmp_path / "narx.json").terms == MODEL.terms
-
-
 def test_offsets_keep_the_zero_that_a_function_is_about() -> None:
     u = U + 50.0
     y = np.append(0.0, 0.1 * np.maximum(u[:-1] - 50.3, 0.0))

@@ -1,9 +1,7 @@
 """NarxModel: prediction, free run, divergence, and its file."""
 
-import copy
 import json
 import math
-import pickle
 from importlib.resources import files
 
 import numpy as np
@@ -161,11 +159,3 @@ def test_plot_has_units():
     axes = full_model().simulate(make_recording()).plot()
     assert axes.get_xlabel() == "time (s)" and "(m)" in axes.get_ylabel()
     pyplot.close("all")
-
-
-def test_a_model_goes_to_worker_processes_and_copies():
-    model = full_model()
-    for again in (pickle.loads(pickle.dumps(model)), copy.deepcopy(model)):
-        assert again.terms == model.terms and again.provenance == model.provenance
-        np.testing.assert_array_equal(again.theta_cov, model.theta_cov)
-        assert not again.theta.flags.writeable

@@ -57,8 +57,7 @@ def play(commands, force):
     return np.array(path)
 
 
-@pytest.mark.parametrize("period", [4.0, 16.0])
-@pytest.mark.parametrize("amplitude", [3e-3, 8e-3])
+@pytest.mark.parametrize(("amplitude", "period"), [(3e-3, 4.0), (8e-3, 4.0), (3e-3, 16.0)])
 def test_friction_is_the_play_of_a_slow_drive(amplitude, period):
     drive, friction = triangles(amplitude, period), 1e-3
     got = move(drive, CoulombFriction(force=friction, slip=50e-9), damper=0.5)
@@ -115,7 +114,7 @@ def memory_of(path, distance, beta):
 @pytest.mark.parametrize("beta", [0.5, 1.0, 2.0])
 def test_slow_hysteresis_follows_its_own_law_and_no_other(beta):
     amplitude, period, force, distance, damper = 15e-3, 48.0, 1e-3, 50e-6, 0.5
-    drive = triangles(amplitude, period)
+    drive = triangles(amplitude, period, count=2)  # from no memory, and round a whole loop
     got = move(drive, Hysteresis(force=force, distance=distance, beta=beta), damper=damper)
     slowly = 3 * damper * 4 * amplitude / period / STIFFNESS
     held = drive - STIFFNESS * got
@@ -127,8 +126,9 @@ def test_slow_hysteresis_follows_its_own_law_and_no_other(beta):
 def test_a_free_swing_under_friction_loses_as_much_at_each_turn():
     # 4 F_c/k a period, the textbook's straight envelope under Coulomb damping.
     friction, fine = 1e-4, 1e-3
-    drive = np.concatenate([np.full(4000, 6e-3), np.zeros(400)])
-    got = move(drive, CoulombFriction(force=friction, slip=50e-9), damper=0.0, sample_time=fine)[4000:]
+    # From rest it swings by 0.2 mm, loses 7 µm at each turn and sticks after 30 turns of 31 ms.
+    drive = np.concatenate([np.full(1500, 6e-3), np.zeros(400)])
+    got = move(drive, CoulombFriction(force=friction, slip=50e-9), damper=0.0, sample_time=fine)[1500:]
     turns = np.flatnonzero((got[1:-1] - got[:-2]) * (got[2:] - got[1:-1]) < 0) + 1
     heights = np.abs(got[turns[:8]])
     np.testing.assert_allclose(-np.diff(heights), 2 * friction / STIFFNESS, rtol=0.05)
@@ -173,7 +173,9 @@ def test_a_stop_takes_the_energy_of_a_slow_impact(loss):
     # spring and stop say how fast the ball is there. The second order is some lambda v = 2.5 % of that.
     swing, position, step, stop = -0.5e-3, 0.25e-3, 1e-4, 3e3
     period = round(2 * np.pi / np.sqrt(STIFFNESS / MASS) / step)
-    rise = np.sin(np.linspace(0, np.pi / 2, 40 * period)) ** 2  # its own swing is some (1/80)² of it
+    # Half a cosine that lasts whole periods and a half leaves no swing of its own: 1 + cos(omega T) = 0.
+    risen = round(4.5 * period)
+    rise = np.sin(np.linspace(0, np.pi / 2, risen)) ** 2
     drive = np.concatenate([STIFFNESS * swing * rise, np.zeros(2 * period)])
     got = move(drive, EndStop(stiffness=stop, position=position, loss=loss), damper=0.0, sample_time=step)
 
@@ -181,7 +183,7 @@ def test_a_stop_takes_the_energy_of_a_slow_impact(loss):
     push = stop * EndStop.width * np.logaddexp(0, (y - position) / EndStop.width)
     energy = STIFFNESS * (swing**2 - y**2) / 2 - cumulative_trapezoid(push, y, initial=0)
     speed = np.sqrt(np.maximum(2 * energy / MASS, 0))
-    back = got[40 * period + period // 2 :].min()
+    back = got[risen + period // 2 :].min()
     lost = STIFFNESS * (swing**2 - back**2) / 2
     assert lost == pytest.approx(2 * loss * trapezoid(push * speed, y), rel=0.05, abs=2e-4 * STIFFNESS * swing**2)
 
@@ -191,7 +193,9 @@ def test_a_second_mass_gives_the_response_of_two():
     omega_2 = 2 * np.pi * second.frequency
     spring, damper = second.mass * omega_2**2, 2 * second.damping_ratio * second.mass * omega_2
     fine = 1e-3
-    times = fine * np.arange(6000)
+    times = fine * np.arange(
+        4000
+    )  # after 3 s free swings have died to exp(-7), and their mean over the last one is less
     for frequency in (2.0, 6.0, 8.0, 12.0):
         s = 2j * np.pi * frequency
         coupling = damper * s + spring

@@ -51,6 +51,8 @@ CORNER = 0.01
 """Rounding of corners in units of the scale: p(x) = x²/(x + 0.01) is at most 0.01 below x."""
 NOISE = np.random.default_rng(3).uniform(-3, 3, 25).repeat(6)
 
+pytestmark = pytest.mark.usefixtures("uncompiled")
+
 
 @pytest.fixture
 def mass() -> Plant:

@@ -49,12 +49,6 @@ def test_a_drift_runs_by_the_clock(chain):
     np.testing.assert_allclose(got, -70e-6 * (1 - np.exp(-ENDS / 30.0)), rtol=1e-9)
 
 
-def test_a_drift_does_not_begin_before_the_clock(base, experiment):
-    plant = base.with_effects(SensorDrift(change=1e-3, time=20.0))
-    reading = plant.simulate(experiment(np.zeros(60), start=0.0)).require().outputs[0][0]
-    np.testing.assert_allclose(reading, 1e-3 * (1 - np.exp(-SAMPLE * np.arange(1, 61) / 20.0)), atol=1e-12)
-
-
 def test_a_jump_takes_one_sample(chain):
     got = chain(NOISE, SensorJump(change=30e-6, at=2.01))["reading"] - MOTION
     before, after = ENDS < 1.95, ENDS > 2.07  # 12 widths of h/4 away: exp(-12) is left

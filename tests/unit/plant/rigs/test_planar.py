@@ -22,12 +22,6 @@ def test_the_dead_load_holds_the_prestretch():
     assert curve.readings[0] == pytest.approx(0.0, abs=1e-14)
 
 
-def test_equal_sides_are_free_sides_under_equal_loads():
-    commands = np.linspace(0.0, 2.0, 5)
-    both = [actuation_curve(Plant(rig=Planar(sides=s)), commands).readings for s in ("equal", "free")]
-    np.testing.assert_allclose(both[0], both[1], rtol=1e-9, atol=1e-15)
-
-
 def test_it_says_what_it_cannot_be():
     with pytest.raises(RigError, match='did you mean "clamped"'):
         Planar(sides="clampd")
