@@ -25,7 +25,7 @@ def test_an_odd_distortion_asks_for_an_odd_degree(
         main(["identify", str(tmp_path / "a.csv"), *options, "--out", str(tmp_path / "m.json"), "--report", str(out)])
         == 0
     )
-    assert ("allow terms of the third degree, --degree 3" in capsys.readouterr().out) is said
+    assert ("allow terms of the third degree (--degree 3)" in capsys.readouterr().out) is said
     assert main(["look", str(tmp_path / "a.csv")]) == 0
     assert ("--degree 3" in capsys.readouterr().out) is said
     assert "Best linear approximation, estimated without a model" in (out / "report.html").read_text(encoding="utf-8")
