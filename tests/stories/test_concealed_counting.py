@@ -19,7 +19,8 @@ from deatwin.scenarios.concealed_physics.score import Goal, gaps_closed, score, 
 from deatwin.scenarios.concealed_physics.study import CASE_SCHEMA
 from deatwin.scenarios.concealed_physics.tables import by_effect, by_family, cases_csv, reported, tables
 from deatwin.studies.stories import Setting
-from deatwin.studies.sweep import CaseStore, SweepSeal, digest
+from deatwin.studies.sweep.seal import SweepSeal, digest
+from deatwin.studies.sweep.store import CaseStore
 
 # --- counting of hand-made cases ------------------------------------------------------------------------------------
 

@@ -16,9 +16,9 @@ from deatwin.scenarios.concealed_physics.score import NO_CASE, Goal
 from deatwin.scenarios.concealed_physics.study import key_of, labels
 from deatwin.scenarios.concealed_physics.tables import KINDS, tables
 from deatwin.studies.report.prose import rendered
-from deatwin.studies.sweep import CaseStore, SweepSeal, digest
 from deatwin.studies.sweep.json_files import read_object
-from deatwin.studies.sweep.store import read_seal
+from deatwin.studies.sweep.seal import SweepSeal, digest
+from deatwin.studies.sweep.store import CaseStore, read_seal
 
 DATA = "deatwin/concealed-physics/1"
 """Schema of the data of the page."""

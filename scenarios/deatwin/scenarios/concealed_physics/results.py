@@ -8,7 +8,8 @@ from typing import Any
 
 from deatwin.plant import DataError, effect_named
 from deatwin.scenarios.concealed_physics.key import TERM_NAMES
-from deatwin.studies.sweep import CaseStore, digest
+from deatwin.studies.sweep.seal import digest
+from deatwin.studies.sweep.store import CaseStore
 
 FAR = 16.0  # Distance d² from which on two explanations can be told apart
 CLEAN_VERDICTS = frozenset({"none", "parameters"})

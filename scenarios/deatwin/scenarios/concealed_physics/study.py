@@ -18,8 +18,10 @@ from deatwin.scenarios.concealed_physics.examine import examine
 from deatwin.scenarios.concealed_physics.generator.specimens import CaseSpec
 from deatwin.scenarios.concealed_physics.intervals import cover
 from deatwin.scenarios.concealed_physics.key import key_dict
-from deatwin.studies.sweep import CaseStore, SweepSeal, digest, run_sweep, sources_digest
 from deatwin.studies.sweep.constants import thresholds
+from deatwin.studies.sweep.run import run_sweep
+from deatwin.studies.sweep.seal import SweepSeal, digest, sources_digest
+from deatwin.studies.sweep.store import CaseStore
 
 CASE_SCHEMA = "deatwin/concealed-case/1"
 SEALED_CODE = ("deatwin.plant", "deatwin.ident")

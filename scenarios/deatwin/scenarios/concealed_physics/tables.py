@@ -16,7 +16,7 @@ from deatwin.scenarios.concealed_physics.score import Goal
 from deatwin.studies.report.quantities import three_digits
 from deatwin.studies.report.story import Table
 from deatwin.studies.report.tables import csv_text
-from deatwin.studies.sweep import SweepSeal
+from deatwin.studies.sweep.seal import SweepSeal
 
 KINDS = {
     "clean": "nothing concealed",

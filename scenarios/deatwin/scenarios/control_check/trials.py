@@ -19,7 +19,8 @@ from deatwin.plant import DeatwinError
 from deatwin.plant.records import read
 from deatwin.scenarios.control_check.rigs import LIMITS, Bench, calibrated, identified, random_bench
 from deatwin.studies.rates import Rate
-from deatwin.studies.sweep import CaseStore, SweepSeal, sources_digest
+from deatwin.studies.sweep.seal import SweepSeal, sources_digest
+from deatwin.studies.sweep.store import CaseStore
 
 SCHEMA = "deatwin/control-trial/1"
 PACKAGES = ("deatwin.plant", "deatwin.ident", "deatwin.control")

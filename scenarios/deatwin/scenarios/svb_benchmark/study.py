@@ -26,7 +26,9 @@ from deatwin.scenarios.svb_benchmark.draws import (
 )
 from deatwin.scenarios.svb_benchmark.methods import ESTIMATORS, METHODS, VARIATIONAL
 from deatwin.studies.provenance import versions
-from deatwin.studies.sweep import CaseStore, SweepSeal, run_sweep, sources_digest
+from deatwin.studies.sweep.run import run_sweep
+from deatwin.studies.sweep.seal import SweepSeal, sources_digest
+from deatwin.studies.sweep.store import CaseStore
 
 DRAWS = 100  # Draws of each system
 LEVELS = (0.0005, 0.001, 0.002, 0.004, 0.008)  # Variances of e(k) in the sweep of E1; its own is the fourth

@@ -18,17 +18,7 @@ SCHEMA = "deatwin/sweep-seal/1"
 
 @dataclass(frozen=True, kw_only=True)
 class SweepSeal:
-    """Everything that must not change between the first case of a sweep and its last; each case bears its hash.
-
-    The seal is made of named parts; its error lists each part that changed, with its old and its new value.
-
-    Parameters
-    ----------
-    schema : str
-        Schema of the case files, such as ``deatwin/study-case/1``.
-    parts : mapping of str to plain data
-        Hash of the code, versions, seed and settings, each under its name.
-    """
+    """Everything that must not change between the first case of a sweep and its last; each case bears its hash."""
 
     schema: str
     parts: Mapping[str, object]
@@ -44,22 +34,7 @@ class SweepSeal:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Read the seal from the content of ``seal.json``.
-
-        Parameters
-        ----------
-        data : mapping
-            Content of the file.
-
-        Returns
-        -------
-        SweepSeal
-
-        Raises
-        ------
-        DataError
-            If the content is not a seal, or was altered.
-        """
+        """Read the seal from the content of ``seal.json``."""
         try:
             seal, stated = cls(schema=data["cases"], parts=dict(data["parts"])), data["hash"]
         except (KeyError, TypeError, ValueError) as error:
@@ -71,20 +46,7 @@ class SweepSeal:
         return seal
 
     def require_same(self, other: SweepSeal, where: Path) -> None:
-        """Raise an error that names what differs from the seal found in a folder.
-
-        Parameters
-        ----------
-        other : SweepSeal
-            Seal of this version.
-        where : Path
-            File of the seal that was found.
-
-        Raises
-        ------
-        DataError
-            If the two differ.
-        """
+        """Raise an error that names what differs from the seal found in a folder."""
         if changed := self.changes(other):
             raise DataError(
                 f"{where} was begun under another seal ({changed}): its cases cannot be mixed with new ones; continue "
@@ -111,36 +73,12 @@ class SweepSeal:
 
 
 def digest(data: Any) -> str:
-    """Return the SHA-256 of plain data, independent of the order of its keys.
-
-    Parameters
-    ----------
-    data : plain data
-        Data that JSON can hold.
-
-    Returns
-    -------
-    str
-        64 hexadecimal digits.
-    """
+    """Return the SHA-256 of plain data, independent of the order of its keys."""
     return hashlib.sha256(json.dumps(data, sort_keys=True, ensure_ascii=True).encode()).hexdigest()
 
 
 def sources_digest(packages: Iterable[str], files: Iterable[Path] = ()) -> str:
-    """Return the SHA-256 of the Python and C sources of packages and of further files.
-
-    Parameters
-    ----------
-    packages : iterable of str
-        Names of packages, such as ``deatwin.plant``; subpackages are included.
-    files : iterable of path
-        Further files.
-
-    Returns
-    -------
-    str
-        64 hexadecimal digits.
-    """
+    """Return the SHA-256 of the Python and C sources of packages and of further files."""
     whole = hashlib.sha256()
     for package in packages:
         for root in import_module(package).__path__:
