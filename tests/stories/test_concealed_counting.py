@@ -13,11 +13,17 @@ from pages import story_page
 from deatwin.plant.errors import DataError
 from deatwin.scenarios import concealed_physics
 from deatwin.scenarios.concealed_physics import study as running
-from deatwin.scenarios.concealed_physics.figures import drawings, summary
-from deatwin.scenarios.concealed_physics.results import Opened, open_key
-from deatwin.scenarios.concealed_physics.score import Goal, gaps_closed, score, sentence
+from deatwin.scenarios.concealed_physics.page import (
+    by_effect,
+    by_family,
+    cases_csv,
+    drawings,
+    reported,
+    summary,
+    tables,
+)
+from deatwin.scenarios.concealed_physics.results import Goal, Opened, gaps_closed, open_key, score, sentence
 from deatwin.scenarios.concealed_physics.study import CASE_SCHEMA
-from deatwin.scenarios.concealed_physics.tables import by_effect, by_family, cases_csv, reported, tables
 from deatwin.studies.stories import Setting
 from deatwin.studies.sweep.seal import SweepSeal, digest
 from deatwin.studies.sweep.store import CaseStore

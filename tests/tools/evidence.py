@@ -34,8 +34,8 @@ from records import RECORDS, record_blocks
 
 from deatwin.plant.errors import DataError, DeatwinError
 from deatwin.plant.safe_read import clipped
-from deatwin.scenarios.concealed_physics.figures import summary
-from deatwin.scenarios.concealed_physics.score import NO_CASE, score
+from deatwin.scenarios.concealed_physics.page import summary
+from deatwin.scenarios.concealed_physics.results import NO_CASE, score
 from deatwin.scenarios.control_check.trials import Outcome, caught, inside, sound
 from deatwin.studies.rates import Rate
 from deatwin.studies.sweep.casefile import CASE_ENDING, read_case

@@ -14,11 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.scenarios.concealed_physics.figures import drawings, summary
-from deatwin.scenarios.concealed_physics.results import FAR, Opened, open_key
-from deatwin.scenarios.concealed_physics.score import score, sentence
+from deatwin.scenarios.concealed_physics.page import cases_csv, drawings, reported, sealed, summary, tables
+from deatwin.scenarios.concealed_physics.results import FAR, Opened, open_key, score, sentence
 from deatwin.scenarios.concealed_physics.study import carry_out, key_of, labels
-from deatwin.scenarios.concealed_physics.tables import cases_csv, reported, sealed, tables
 from deatwin.studies.report.prose import notes
 from deatwin.studies.report.story import Note, StoryPage, end_run, write_story
 from deatwin.studies.stories import Setting
