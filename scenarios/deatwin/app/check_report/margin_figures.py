@@ -16,9 +16,7 @@ from deatwin.control.checking.rows import MarginRow
 from deatwin.control.checking.specification import Limit
 from deatwin.control.controllers.base import Controller
 from deatwin.plant.amplitudes import amount
-from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import Hue, plain_numbers
-from deatwin.studies.report.svg import draw
+from deatwin.studies.report.drawing import Drawing, Hue, draw, plain_numbers
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

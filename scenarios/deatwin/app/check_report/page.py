@@ -13,9 +13,8 @@ from deatwin.app.check_report.view import View
 from deatwin.control import Check, Verdict
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.origin import Origin
 from deatwin.studies.report.quantities import three_digits
-from deatwin.studies.report.rendering import write_page
+from deatwin.studies.report.rendering import Origin, write_page
 
 NEXT = {
     Verdict.PASS: "write the controller as C source with deatwin export check.json --to c, and try small steps on the actuator.",

@@ -13,9 +13,7 @@ from deatwin.control import ClosedLoop
 from deatwin.control.checking.verdict import late_rms_error
 from deatwin.plant.amplitudes import axis_label
 from deatwin.plant.drawing import envelope
-from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import Hue, filled
-from deatwin.studies.report.svg import draw
+from deatwin.studies.report.drawing import Drawing, Hue, draw, filled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -161,7 +161,7 @@ def _result(seen: Sequence[Seen], following: Next) -> dict[str, Any]:
 def _draw(folder: ResultFolder, looks: Sequence[Look]) -> None:
     """Draw a picture of each recording."""
     from deatwin.plant.recording import label
-    from deatwin.studies.report.svg import draw, standalone
+    from deatwin.studies.report.drawing import draw, standalone
 
     for number, one in enumerate(looks, start=1):
         with draw((5.4, 6.4)) as figure:
@@ -214,7 +214,7 @@ def _rig_drawing(kind: str) -> str:
     from deatwin.plant.rigs.rigtemplate import rig_template
     from deatwin.plant.rigs.sketch import draw_rig
     from deatwin.plant.sources import load_plant
-    from deatwin.studies.report.svg import draw, standalone
+    from deatwin.studies.report.drawing import draw, standalone
 
     filled = re.sub(r"^#(?=\w)", "", rig_template({}, kind), flags=re.MULTILINE)
     rig = load_plant(RigFile.from_dict(tomllib.loads(filled))).plant.rig

@@ -339,7 +339,7 @@ def _section(title: str) -> Any:
 
 def _style() -> str:
     """Return the style of the page, in the colours of the report."""
+    from deatwin.studies.report.drawing import COLOURS
     from deatwin.studies.report.rendering import templates
-    from deatwin.studies.report.svg import COLOURS
 
     return templates("deatwin.app.live").get_template("view.css.j2").render(colours=COLOURS)

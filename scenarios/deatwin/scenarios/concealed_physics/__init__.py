@@ -17,8 +17,8 @@ import numpy as np
 from deatwin.scenarios.concealed_physics.page import cases_csv, drawings, reported, sealed, summary, tables
 from deatwin.scenarios.concealed_physics.results import FAR, Opened, open_key, score, sentence
 from deatwin.scenarios.concealed_physics.study import carry_out, key_of, labels
-from deatwin.studies.report.prose import notes
 from deatwin.studies.report.story import Note, StoryPage, end_run, write_story
+from deatwin.studies.report.words import notes
 from deatwin.studies.stories import Setting
 
 SIZE = "standard"

@@ -14,13 +14,10 @@ from deatwin.ident.mismatch import Verdict
 from deatwin.plant import Family, catalogue, effect_named
 from deatwin.scenarios.concealed_physics.cases import KEY, OUTSIDE, REACH, VISIBLE
 from deatwin.scenarios.concealed_physics.results import Case, Goal, Opened
-from deatwin.studies.calibration import brier_score, expected_calibration_error, reliability
-from deatwin.studies.rates import Rate
-from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import Hue, titled
+from deatwin.studies.rates import Rate, brier_score, expected_calibration_error, reliability
+from deatwin.studies.report.drawing import Drawing, Hue, draw, standalone, titled
 from deatwin.studies.report.quantities import three_digits
 from deatwin.studies.report.story import Table
-from deatwin.studies.report.svg import draw, standalone
 from deatwin.studies.report.tables import csv_text
 from deatwin.studies.report.words import Words
 from deatwin.studies.sweep.seal import SweepSeal

@@ -10,8 +10,7 @@ import numpy as np
 
 from deatwin.plant import DataError, effect_named
 from deatwin.scenarios.concealed_physics.cases import TERM_NAMES
-from deatwin.studies.calibration import brier_score, expected_calibration_error, median_interval, reliability
-from deatwin.studies.rates import Rate
+from deatwin.studies.rates import Rate, brier_score, expected_calibration_error, median_interval, reliability
 from deatwin.studies.report.story import Measure
 from deatwin.studies.report.words import Words
 from deatwin.studies.sweep.seal import digest

@@ -36,10 +36,9 @@ from deatwin.plant.interrupts import obeying
 from deatwin.plant.records import finite, plain
 from deatwin.scenarios.concealed_physics.cases import SIZES, IntervalSpec, case_specs, interval_specs, key_dict
 from deatwin.scenarios.concealed_physics.generator.specimens import CaseSpec, Specimen, make
-from deatwin.studies.missing_physics.case import experiment_of
-from deatwin.studies.sweep.constants import thresholds
+from deatwin.studies.missing_physics import experiment_of
 from deatwin.studies.sweep.run import run_sweep
-from deatwin.studies.sweep.seal import SweepSeal, digest, sources_digest
+from deatwin.studies.sweep.seal import SweepSeal, digest, sources_digest, thresholds
 from deatwin.studies.sweep.store import CaseStore
 
 RIG_SPREAD, EFFECT_SPREAD = 0.1, 0.4

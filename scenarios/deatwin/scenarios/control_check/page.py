@@ -16,11 +16,9 @@ from deatwin.scenarios.control_check.study import Study
 from deatwin.scenarios.control_check.tracking import SETTLED, FleetRun, Tracked, Tracking
 from deatwin.scenarios.control_check.trials import NO_MODEL, Outcome, broken, caught, in_words, inside, sound
 from deatwin.studies.rates import Rate
-from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import Hue, titled
+from deatwin.studies.report.drawing import Drawing, Hue, draw, legend_above, titled
 from deatwin.studies.report.quantities import in_interval
 from deatwin.studies.report.story import Measure, Table
-from deatwin.studies.report.svg import draw, legend_above
 from deatwin.studies.report.words import Words
 
 WORDS = Words(__package__)

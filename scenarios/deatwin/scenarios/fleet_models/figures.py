@@ -14,11 +14,9 @@ from deatwin.ident.narx.fleet.records import RECORDED, STEADY
 from deatwin.ident.narx.posterior import regressors
 from deatwin.plant import Recording
 from deatwin.scenarios.fleet_models import WORDS
+from deatwin.scenarios.fleet_models.results import TESTS
 from deatwin.scenarios.fleet_models.study import SEMP, SHOWN, SVB, THRESHOLDS, Bench, Study
-from deatwin.scenarios.fleet_models.tables import TESTS
-from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import Hue, panels_of, plain_numbers, titled
-from deatwin.studies.report.svg import draw, legend_above
+from deatwin.studies.report.drawing import Drawing, Hue, draw, legend_above, panels_of, plain_numbers, titled
 from deatwin.studies.report.words import Each
 
 Array = NDArray[np.float64]

@@ -20,10 +20,9 @@ from deatwin.scenarios.frequency_uncertainty.figures import fleet_drawings, know
 from deatwin.scenarios.frequency_uncertainty.fleet import FACTOR, REPEATS, SLOW, STRUCTURE, Consistency
 from deatwin.scenarios.frequency_uncertainty.measures import FASTER, column_of, counted, judge, tables
 from deatwin.scenarios.frequency_uncertainty.study import Plan, Study, carry_out
-from deatwin.studies.report.panels import SUBSCRIPTS
-from deatwin.studies.report.prose import listed, notes
+from deatwin.studies.report.drawing import SUBSCRIPTS
 from deatwin.studies.report.story import StoryPage, finish, reached
-from deatwin.studies.report.words import Span
+from deatwin.studies.report.words import Span, listed, notes
 from deatwin.studies.stories import Setting
 
 PLAN = Plan()

@@ -13,9 +13,17 @@ from deatwin.ident.frequency.uncertainty.beside_draws import Spread, columns_of
 from deatwin.scenarios.frequency_uncertainty.fleet import Consistency
 from deatwin.scenarios.frequency_uncertainty.known import BILINEAR, LINEAR, NOTCH, Known
 from deatwin.scenarios.frequency_uncertainty.measures import column_of
-from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import STYLES, SUBSCRIPTS, Hue, draw_between, panels_of, titled
-from deatwin.studies.report.svg import draw, legend_above
+from deatwin.studies.report.drawing import (
+    STYLES,
+    SUBSCRIPTS,
+    Drawing,
+    Hue,
+    draw,
+    draw_between,
+    legend_above,
+    panels_of,
+    titled,
+)
 from deatwin.studies.report.words import Words
 
 if TYPE_CHECKING:

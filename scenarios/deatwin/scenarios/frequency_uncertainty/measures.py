@@ -14,7 +14,7 @@ from deatwin.plant.fleet import TOLERANCES
 from deatwin.scenarios.frequency_uncertainty.fleet import Consistency
 from deatwin.scenarios.frequency_uncertainty.known import Known
 from deatwin.scenarios.frequency_uncertainty.study import Study
-from deatwin.studies.report.panels import SUBSCRIPTS
+from deatwin.studies.report.drawing import SUBSCRIPTS
 from deatwin.studies.report.story import Measure, Table
 from deatwin.studies.report.words import Span, Words
 

@@ -28,9 +28,8 @@ from deatwin.plant import (
     Sizes,
 )
 from deatwin.plant.effects.smooth import smooth_magnitude
-from deatwin.scenarios.real_physics.signals import derivatives, held
-from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of
-from deatwin.studies.missing_physics.page import tell
+from deatwin.scenarios.real_physics.silverbox import derivatives, held
+from deatwin.studies.missing_physics import Case, HeldOut, Law, experiment_of, tell
 from deatwin.studies.public.columns import hdf5_vectors, require_samples
 from deatwin.studies.public.records import Candidates, DataSet
 from deatwin.studies.report.words import Words

@@ -28,8 +28,7 @@ from deatwin.plant import (
     Sizes,
     catalogue,
 )
-from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of
-from deatwin.studies.missing_physics.page import tell
+from deatwin.studies.missing_physics import Case, HeldOut, Law, experiment_of, tell
 from deatwin.studies.public.columns import matlab_vectors, require_samples
 from deatwin.studies.public.records import EMPS_FILES, Candidates, DataSet, recorded
 from deatwin.studies.report.words import Words

@@ -7,15 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from deatwin.scenarios.svb_benchmark.draws import Oracle, Trial, consult, system_of
-from deatwin.scenarios.svb_benchmark.methods import METHODS, VARIATIONAL
+from deatwin.scenarios.svb_benchmark.draws import METHODS, VARIATIONAL, Oracle, Trial, consult, system_of
 from deatwin.scenarios.svb_benchmark.study import SWEPT, WHITE, Study
 from deatwin.studies.rates import Rate
-from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import Hue
+from deatwin.studies.report.drawing import COLOURS, Drawing, Hue, draw
 from deatwin.studies.report.quantities import three_digits
 from deatwin.studies.report.story import Measure, Table
-from deatwin.studies.report.svg import COLOURS, draw
 from deatwin.studies.report.words import Words
 
 if TYPE_CHECKING:

@@ -15,6 +15,9 @@ import numpy as np
 from deatwin.ident.narx.systems import SYSTEMS
 from deatwin.plant.records import plain, read
 from deatwin.scenarios.svb_benchmark.draws import (
+    ESTIMATORS,
+    METHODS,
+    VARIATIONAL,
     Comparison,
     Contrast,
     Flags,
@@ -24,7 +27,6 @@ from deatwin.scenarios.svb_benchmark.draws import (
     covered,
     try_out,
 )
-from deatwin.scenarios.svb_benchmark.methods import ESTIMATORS, METHODS, VARIATIONAL
 from deatwin.studies.provenance import versions
 from deatwin.studies.sweep.run import run_sweep
 from deatwin.studies.sweep.seal import SweepSeal, sources_digest
@@ -39,7 +41,7 @@ COVERAGE = {name: tuple(ESTIMATORS)[:2] for name in (*WHITE, SWEPT)} | {"S5": tu
 CASES = "draws"  # Folder of the cases
 SCHEMA = "deatwin/hit-rate-case/1"
 PACKAGES = ("deatwin.plant", "deatwin.ident")
-OWN = ("draws.py", "methods.py", "study.py")  # Packages and modules whose code decides an answer
+OWN = ("draws.py", "study.py")  # Packages and modules whose code decides an answer
 VERSIONS = ("deatwin", "numpy", "scipy", "scikit-learn")
 
 

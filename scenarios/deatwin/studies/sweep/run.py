@@ -15,7 +15,7 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.interrupts import obey
 from deatwin.studies.interrupts import forward_signals
 from deatwin.studies.sweep.store import CaseStore
-from deatwin.studies.timeleft import TimeLeft
+from deatwin.studies.voice import TimeLeft
 
 Case = TypeVar("Case")
 Tell = Callable[[float, str], None]

@@ -1,4 +1,4 @@
-"""Store the results of cases on disk, one complete file each, under one seal."""
+"""Store the results of cases on disk, one complete file each, under one seal and one lock."""
 
 from __future__ import annotations
 
@@ -12,13 +12,74 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
+from deatwin.plant.documents import read_json
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.files import write_text_atomic
 from deatwin.plant.safe_read import clipped
 from deatwin.studies.sweep.casefile import CASE_ENDING, read_case, write_case
-from deatwin.studies.sweep.json_files import read_object
-from deatwin.studies.sweep.lock import exclusive_lock
 from deatwin.studies.sweep.seal import SweepSeal
+
+
+def read_object(path: Path, wanted: str = "an object") -> dict[str, Any]:
+    """Return the object in a JSON file."""
+    try:
+        found = read_json(path)
+    except ModelError as error:
+        raise DataError(f"{error}; it must hold {wanted}") from None
+    if not isinstance(found, dict):
+        raise DataError(f"{path}: it must hold {wanted}")
+    return found
+
+
+LOCK_FILE = ".lock"
+
+
+@contextmanager
+def exclusive_lock(folder: Path) -> Iterator[None]:
+    """Hold the lock of a folder."""
+    path = folder / LOCK_FILE
+    held = _held(path)
+    try:
+        yield
+    finally:
+        with suppress(PermissionError):  # Windows cannot remove an open file; it stays there
+            path.unlink(missing_ok=True)
+        os.close(held)
+        with suppress(OSError):
+            folder.rmdir()
+
+
+def _held(path: Path) -> int:
+    """Return the open, locked lock file."""
+    while True:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            file = os.open(path, os.O_RDWR | os.O_CREAT)
+        except FileNotFoundError:  # a run that has just ended removed the folder
+            continue
+        try:
+            _lock(file)
+        except (BlockingIOError, PermissionError):
+            os.close(file)
+            raise DataError(f"{path.parent.parent}: another process is running these cases; wait for it") from None
+        except OSError:
+            return file
+        with suppress(FileNotFoundError):
+            if os.fstat(file).st_ino == path.stat().st_ino:
+                return file
+        os.close(file)  # the run that held the lock has removed the file
+
+
+def _lock(file: int) -> None:
+    if os.name == "nt":
+        import msvcrt
+
+        msvcrt.locking(file, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
+    else:
+        import fcntl
+
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
 
 SEAL_FILE = "seal.json"
 RUNNING = "running"
