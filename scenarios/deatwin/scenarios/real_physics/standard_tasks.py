@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -10,17 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.nss import Cascade, NonlinearStateSpace, Pnlss
 from deatwin.ident.nss.basis import monomials
 from deatwin.ident.parallel import jobs_as_they_end
 from deatwin.plant import DataError, Recording
-from deatwin.scenarios.real_physics import bouc_wen
 from deatwin.scenarios.real_physics.grey_boxes import Judged, calibrated, said, sources
 from deatwin.studies.provenance import RunRecord, hashes
 from deatwin.studies.public.black_boxes import GROWN, LINEAR, REFINED, Outcome, free, learned
-from deatwin.studies.public.columns import hdf5_vectors
 from deatwin.studies.public.peers import SYSIDENTPY, SysIdentPy, like_ours
 from deatwin.studies.public.records import (
     EMPS_FILES,
@@ -28,6 +24,8 @@ from deatwin.studies.public.records import (
     Candidates,
     DataSet,
     Learner,
+    bouc_wen,
+    bouc_wen_test,
     cascaded_tanks,
     emps_averaged,
     recorded,
@@ -35,7 +33,6 @@ from deatwin.studies.public.records import (
     silverbox_table,
 )
 from deatwin.studies.public.sources import data_folder
-from deatwin.studies.report.drawing import Drawing, Hue, draw, legend_above
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, finish, reached
 from deatwin.studies.report.words import Words
 from deatwin.studies.stories import Setting
@@ -183,26 +180,19 @@ def _emps(data: Path | None) -> Task:
 
 def _bouc_wen(data: Path | None) -> Task:
     folder = data_folder(data, "boucwen_benchmark_h5")
-    known = bouc_wen.case(folder).held_out[0].black_box
-    if known is None:
-        raise ValueError("the case has a black box")
+    known = bouc_wen(folder)
+    parts = {"multisine": "multisine", "sweep": "sinesweep"}
+    tests = tuple(Test(name=name, recording=bouc_wen_test(folder, kept), goal=15.0) for name, kept in parts.items())
     further = BOUC_WEN_STATES | like_ours(known.candidates)
-    tests = []
-    for name, kept in (("multisine", "multisine"), ("sweep", "sinesweep")):  # as sampled; plants get held values
-        force, motion = hdf5_vectors(folder / "test.h5", kept, ("u", "y"))
-        record = replace(known.test, inputs=force[None], outputs=motion[None])
-        tests.append(Test(name=name, recording=record, goal=15.0))
-    return Task(data=replace(known, unit="µm", scale=1e-6, further=further), tests=tuple(tests))
+    return Task(data=replace(known, unit="µm", scale=1e-6, further=further), tests=tests)
 
 
-Array = NDArray[np.float64]
 WORDS = Words(__package__)
 PLANT, UNEVEN = "calibrated plant", "calibrated plant, uneven friction"
 CLAIMED = (GROWN, STATES, CUBIC, PLANT, UNEVEN)
 """Recipes that stand for deatwin; the others stand beside them."""
-LONGEST = {("silverbox", STATES): 60.0, ("bouc_wen", STATES): 50.0, ("silverbox", GROWN): 10.0}
-USUAL, QUICK = 1.0, 0.2
-"""How long models take, compared with each other: for the progress, and for the order; linear ones are quick."""
+LENGTHS = {("silverbox", STATES): 60.0, ("bouc_wen", STATES): 50.0, ("silverbox", GROWN): 10.0}
+"""How long models take, compared with the others: for the progress, and for the order."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -239,19 +229,13 @@ def run(setting: Setting) -> Mapping[str, Any]:
 
 
 def _ordered(jobs: Sequence[tuple[str, DataSet]], workers: int) -> list[tuple[str, DataSet]]:
-    """Return the jobs as they begin, the shortest first; one of several workers begins with the longest."""
-    rising = sorted(jobs, key=_length)
-    if workers == 1:
-        return rising
-    quick = [job for job in rising if _length(job) <= QUICK]
-    usual = [job for job in rising if QUICK < _length(job) <= USUAL]
-    long = rising[len(quick) + len(usual) :]
-    return [*quick, *long[-1:], *usual, *long[-2::-1]]
+    """Return the jobs as they begin: the shortest first for one worker, the longest first for several."""
+    return sorted(jobs, key=_length, reverse=workers > 1)
 
 
 def _length(job: tuple[str, DataSet]) -> float:
     method, data = job
-    return LONGEST.get((data.name, method), QUICK if method == LINEAR else USUAL)
+    return LENGTHS.get((data.name, method), 0.2 if method == LINEAR else 1.0)
 
 
 def _learn(jobs: list[tuple[str, DataSet]], setting: Setting, done: list[Outcome]) -> None:
@@ -264,14 +248,11 @@ def _learn(jobs: list[tuple[str, DataSet]], setting: Setting, done: list[Outcome
         setting.progress(0.95 * share, f"{len(jobs) - len(left)} of {len(jobs)} models{''.join(still)}")
 
     tell()
-    quick = sum(_length(job) <= QUICK for job in jobs)
-    for begin, end, workers in ((0, quick, 1), (quick, len(jobs), setting.jobs)):  # workers take seconds to start
-        # Closing ends the workers at once.
-        with closing(jobs_as_they_end(learned, jobs[begin:end], workers=workers)) as running:
-            for number, outcome in running:
-                left.discard(begin + number)
-                tell()  # which raises where a fit was interrupted: what it found until then is no result
-                done.append(outcome)
+    with closing(jobs_as_they_end(learned, jobs, workers=setting.jobs)) as running:  # closing ends the workers at once
+        for number, outcome in running:
+            left.discard(number)
+            tell()  # which raises where a fit was interrupted: what it found until then is no result
+            done.append(outcome)
 
 
 def _written(
@@ -295,7 +276,6 @@ def _written(
         title="standard-tasks",
         sentence=f"{ended}The standard tasks, free runs over the official test parts: {reached(measures)} goals reached.",
         rows=measures,
-        figures=[] if ended else [_drawn(rows)],  # whoever interrupts waits for an answer
         notes=notes,
         tables=[_table(rows), sources()],
     )
@@ -370,33 +350,6 @@ def _table(rows: list[Row]) -> Table:
             "published": lambda row: said(row.task),
         },
     )
-
-
-def _drawn(rows: list[Row]) -> Drawing:
-    """Draw the errors over the goals, one line of dots for each test part."""
-    tasks, models = (sorted({getattr(row, name) for row in rows}) for name in ("task", "model"))
-    columns: dict[str, Array] = {"test_number": np.arange(1.0, len(tasks) + 1)}
-    looks = [(colour, marker) for marker in "osD" for colour in (Hue.AFTER, Hue.BEFORE, Hue.MARK, Hue.MEASURED)]
-    with draw((9.6, 4.6)) as figure:
-        axes = figure.subplots()
-        for model, (colour, marker) in zip(models, looks, strict=False):
-            found = {row.task: row.error / row.goal for row in rows if row.model == model}
-            values = np.array([found.get(task, np.nan) for task in tasks])
-            axes.plot(values, range(len(tasks)), marker, color=colour, markersize=4, label=model)
-            columns["_".join(re.findall(r"\w+", model)).lower()] = values
-        axes.axvline(1.0, color=Hue.INK, linestyle=":")
-        axes.set(xscale="log", xlabel="error / goal", xlim=(0.03, 100.0))
-        axes.set_yticks(range(len(tasks)), tasks)
-        axes.invert_yaxis()
-        legend_above(figure, axes, 3)
-        return Drawing.of(
-            figure,
-            "errors",
-            "Errors of free runs over the goals",
-            "Left of the dotted line a goal is reached; runs whose error is more than a hundred times the goal are left "
-            "out. Tests are numbered from above in the data.",
-            columns,
-        )
 
 
 def _plain(row: Row) -> dict[str, Any]:
