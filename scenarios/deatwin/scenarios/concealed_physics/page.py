@@ -1,4 +1,4 @@
-"""The tables and figures of the page, and the cases as CSV."""
+"""The tables and figures of the page."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,12 +15,11 @@ from deatwin.plant import Family, catalogue, effect_named
 from deatwin.scenarios.concealed_physics.cases import KEY, OUTSIDE, REACH, VISIBLE
 from deatwin.scenarios.concealed_physics.results import Case, Goal, Opened
 from deatwin.studies.rates import Rate, brier_score, expected_calibration_error, reliability
-from deatwin.studies.report.drawing import Drawing, Hue, draw, standalone, titled
+from deatwin.studies.report.drawing import Drawing, Hue, draw, numbers_of_decades, plain_numbers, standalone, titled
 from deatwin.studies.report.quantities import three_digits
 from deatwin.studies.report.story import Table
 from deatwin.studies.report.tables import csv_text
 from deatwin.studies.report.words import Words
-from deatwin.studies.sweep.seal import SweepSeal
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -249,49 +248,6 @@ def _reach() -> Table:
     )
 
 
-def sealed(seal: SweepSeal) -> Table:
-    """List what was sealed before the first case."""
-    parts = seal.to_dict()["parts"]
-    rows = [
-        ["seal (hash of all below)", seal.hash],
-        ["labels", parts["key"]],
-        ["code that runs the cases", parts["code"]],
-        ["thresholds", f"{len(parts['thresholds'])} numbers, listed in seal.json"],
-        ["version", parts["version"]],
-        ["size and seed", f"{parts['size']}, {parts['seed']}"],
-    ]
-    return Table(title="What was sealed before the first case", columns=["what", "SHA-256 or value"], rows=rows)
-
-
-def cases_csv(study: Opened) -> str:
-    """Write a line for each case."""
-    return csv_text(tuple(_COLUMNS), [[cell(case) for cell in _COLUMNS.values()] for case in study.cases])
-
-
-def _rms(name: str) -> Callable[[Case], str]:
-    return lambda case: f"{case.errors[name]:.5g}" if name in case.errors else ""
-
-
-_COLUMNS: dict[str, Callable[[Case], object]] = {
-    "case": lambda case: case.name,
-    "kind": lambda case: case.kind,
-    "truth": lambda case: "+".join(case.truth),
-    "concealed": lambda case: "+".join(case.mechanisms),
-    "rich": lambda case: int(case.rich),
-    "ratio": lambda case: f"{case.ratio:.4g}",
-    "verdict": lambda case: case.verdict,
-    "causes": lambda case: "+".join(case.causes),
-    "set": lambda case: "+".join(sorted(case.answer)),
-    "nearest_d2": lambda case: f"{case.nearest:.4g}",
-    "probability": lambda case: f"{case.stated[0][0]:.4g}" if case.stated else "",
-    **{f"{name}_rms": _rms(name) for name in ("nominal", *MADE_BY)},
-    "sparse_term": lambda case: case.sparse_term,
-    "resolved": lambda case: int(case.resolved),
-    "processor_s": lambda case: "" if case.seconds is None else case.seconds,
-}
-"""Columns of ``cases.csv``."""
-
-
 WORDS = Words(__package__)
 RUNGS = (0.0, 0.15, 0.39, 0.67, 1.2, 2.1, 3.7, np.inf)
 """Ends of the classes of structural residual over noise, halfway between the strengths of the cases."""
@@ -338,9 +294,6 @@ def _whole(figure: Figure, study: Opened) -> None:
         titled(axes, title)
 
 
-# --- confusion ------------------------------------------------------------------------------------------------------
-
-
 def _mechanisms(study: Opened) -> Drawing:
     table = by_effect(study)
     with draw((11.0, 9.6)) as figure:
@@ -371,9 +324,6 @@ def _draw_confusion(axes: Axes, table: Confusion, size: str) -> None:
     axes.grid(alpha=0.5)
 
 
-# --- power ----------------------------------------------------------------------------------------------------------
-
-
 def _draw_power(axes: Axes, study: Opened) -> None:
     for place, (words, (flag, colour, marker)) in enumerate(ANSWERS.items()):
         points = _classes(study.of("effect"), flag)
@@ -391,7 +341,8 @@ def _draw_power(axes: Axes, study: Opened) -> None:
             elinewidth=0.8,
         )
     axes.set(xscale="log", xlabel="structural residual over noise", ylabel="cases (%)", ylim=(-4, 104))
-    _plain_ratios(axes)
+    plain_numbers(axes.xaxis, 1.0, 3.0)
+    axes.legend(loc="upper left", bbox_to_anchor=(-0.02, -0.14), ncols=2, markerscale=1, fontsize="small")
 
 
 def _classes(cases: Sequence[Case], flag: Callable[[Case], bool]) -> list[tuple[float, Rate]]:
@@ -405,27 +356,14 @@ def _classes(cases: Sequence[Case], flag: Callable[[Case], bool]) -> list[tuple[
     return made
 
 
-def _plain_ratios(axes: Axes) -> None:
-    """Label the ratios, and put the legend below the axes."""
-    ticks = [t for t in (0.03, 0.1, 0.3, 0.5, 1, 2, 5) if axes.get_xlim()[0] <= t <= axes.get_xlim()[1]]
-    axes.set_xticks(ticks, [f"{t:g}" for t in ticks])
-    axes.minorticks_off()
-    axes.legend(loc="upper left", bbox_to_anchor=(-0.02, -0.14), ncols=2, markerscale=1, fontsize="small")
-
-
-# --- reliability ----------------------------------------------------------------------------------------------------
-
-
 def _draw_reliability(axes: Axes, study: Opened) -> None:
     stated = [pair for case in study.cases for pair in case.stated]
     bins = reliability(stated)
     axes.plot([0, 100], [0, 100], ":", color=Hue.INK, linewidth=0.9)
     for b in bins:
-        place, share = 100 * b.stated, 100 * b.came_true.share
-        axes.plot([place] * 2, [100 * end for end in b.came_true.interval], color=Hue.AFTER, linewidth=1.0, alpha=0.7)
-        axes.plot(place, share, "o", color=Hue.AFTER, markersize=5)
-        beside: dict[str, Any] = {"xytext": (-6, -3), "textcoords": "offset points", "ha": "right", "fontsize": "small"}
-        axes.annotate(str(b.came_true.count), (place, share), **beside)
+        place, share, (low, high) = 100 * b.stated, 100 * b.came_true.share, b.came_true.interval
+        axes.errorbar(place, share, [[share - 100 * low], [100 * high - share]], fmt="o", color=Hue.AFTER, markersize=5)
+        axes.annotate(str(b.came_true.count), (place, share), (-6, -3), textcoords="offset points", ha="right")
     label = "stated (%)"
     if stated:
         error, brier = expected_calibration_error(bins), brier_score(stated)
@@ -433,29 +371,13 @@ def _draw_reliability(axes: Axes, study: Opened) -> None:
     axes.set(xlabel=label, ylabel="right (%)", xlim=(-3, 103), ylim=(-3, 103))
 
 
-# --- errors on held-out data ------------------------------------------------------------------------------------------
-
-
 def _draw_errors(axes: Axes, study: Opened) -> None:
-    found, bottom, top = over_oracle(study), 1.0, 2.0
-    shown = [name for name in MADE_BY if name != "oracle"]
-    for place, name in enumerate(shown):
-        if name not in found:
-            continue
-        ratios = found[name]
-        low, middle, high = np.quantile(ratios, (0.05, 0.5, 0.95))
-        bottom, top = min(bottom, float(ratios.min())), max(top, float(ratios.max()))
-        colour = Hue.AFTER if name == "diagnosis" else Hue.BEFORE if name == "base" else Hue.MEASURED
-        axes.plot([low, high], [place, place], color=colour, linewidth=5, alpha=0.3, solid_capstyle="butt")
-        axes.plot(ratios, np.full(ratios.size, place + 0.2), "|", color=colour, markersize=5, alpha=0.6)
-        axes.plot(middle, place, "o", color=colour, markersize=6)
-        above: dict[str, Any] = {"xytext": (0, 7), "textcoords": "offset points", "ha": "center", "fontsize": "small"}
-        axes.annotate(f"{middle:.2f}", (middle, place), **above)
-    axes.axvline(1.0, color=Hue.INK, linestyle=":", linewidth=0.9)
-    axes.set_xscale("log")
-    ticks = [t for t in (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100) if bottom / 1.3 <= t <= 1.3 * top]
-    axes.set_xticks(ticks, [f"{t:g}" for t in ticks])
-    axes.minorticks_off()
-    axes.set_yticks(range(len(shown)), [MADE_BY[name].replace(" (", "\n(") for name in shown])
-    axes.set(xlabel="error over the oracle's", ylim=(len(shown) - 0.4, -0.6))
-    axes.grid(axis="y", visible=False)
+    found = over_oracle(study)
+    shown = [name for name in MADE_BY if name != "oracle" and name in found]
+    labels = [MADE_BY[name].replace(" ", "\n") for name in shown]
+    axes.boxplot([found[name] for name in shown], whis=(5, 95), tick_labels=labels, sym="_", widths=0.5)
+    axes.axhline(1.0, color=Hue.INK, linestyle=":", linewidth=0.9)
+    axes.set(yscale="log", ylabel="error over the oracle's")
+    axes.tick_params(axis="x", labelsize="small")
+    numbers_of_decades(axes.yaxis, 100.0)
+    axes.grid(axis="x", visible=False)

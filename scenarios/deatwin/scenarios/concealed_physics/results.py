@@ -52,7 +52,6 @@ class Case:
     covered: tuple[bool, ...]  # Whether the 95 % interval of each parameter that has a true value holds it
     advised: str  # What the advised experiment came to; empty where none was run
     again: bool  # It was diagnosed
-    sparse_term: str  # The strongest term of the sparse dynamics
     lost: frozenset[str]  # Models of the residual that diverged or failed
     seconds: float | None  # Processor time
 
@@ -137,7 +136,6 @@ def _case(spec: Mapping[str, Any], result: Mapping[str, Any], names: Mapping[str
         covered=_covered(result),
         advised=_advised(again),
         again="verdict" in again,
-        sparse_term=baselines.get("pysindy", {}).get("term", ""),
         lost=frozenset(name for name, made in baselines.items() if made["failure"]),
         seconds=result.get("seconds_in_all"),
     )

@@ -32,9 +32,6 @@ MICRO = 1e6
 NOTHING = "none"  # Stands where no effect is concealed
 
 
-# --- measures -------------------------------------------------------------------------------------------------------
-
-
 def judge(study: Study) -> list[Measure]:
     """Compare the study with its goals."""
     nominal = study.tracking[0]
@@ -97,9 +94,6 @@ def _both(designed: Designed) -> str:
     """Return the verdict of the check, and the behaviour on the true rig."""
     true = designed.truth.text.removeprefix("in simulation with the plant model, ").replace("the plant model", "it")
     return f"{designed.check.verdict.value}; on the true rig {designed.truth.verdict.value}: {true}"
-
-
-# --- tables ---------------------------------------------------------------------------------------------------------
 
 
 def tables(study: Study) -> list[Table]:
@@ -259,9 +253,6 @@ SHOWN = {
 def drawings(study: Study) -> list[Drawing]:
     """Draw all figures."""
     return [_tracking(study.tracking[0]), _concealed(study.concealed)]
-
-
-# --- figures ---------------------------------------------------------------------------------------------------
 
 
 def _tracking(nominal: Tracking) -> Drawing:

@@ -203,9 +203,6 @@ def _truth(found: Check, bench: Bench, model: NarxModel, rng: np.random.Generato
     }
 
 
-# --- on the disk ----------------------------------------------------------------------------------------------------
-
-
 class _Seal(SweepSeal):
     """Seed and code version, which each trial stores."""
 
@@ -231,9 +228,6 @@ def name_of(number: int) -> str:
 
 def _digest() -> str:
     return sources_digest(PACKAGES, [Path(__file__).parent / name for name in OWN])
-
-
-# --- rates ----------------------------------------------------------------------------------------------------------
 
 
 def inside(outcomes: Iterable[Outcome]) -> Rate:

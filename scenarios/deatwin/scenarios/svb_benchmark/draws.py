@@ -196,9 +196,6 @@ def try_out(name: str, method: str, seed: int, number: int, noise_variance: floa
     )
 
 
-# --- oracles --------------------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True, kw_only=True)
 class Contrast:
     """Margins by which the true terms of a draw stand out."""
@@ -250,9 +247,6 @@ def consult(margins: Sequence[Margin]) -> Oracle:
     exact = [(false <= threshold) & (threshold < true) for threshold in thresholds]
     best = int(np.argmax([flags.sum() for flags in exact]))
     return Oracle(threshold=float(thresholds[best]), exact=Rate.of(exact[best]), kept=Rate.of(true > thresholds[best]))
-
-
-# --- the sampler beside variational Bayes ---------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

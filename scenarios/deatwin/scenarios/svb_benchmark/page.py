@@ -40,9 +40,6 @@ def oracles(study: Study, system: str) -> tuple[Oracle, Oracle]:
     return consult([draw.full for draw in draws]), consult([draw.near for draw in draws])
 
 
-# --- measures -------------------------------------------------------------------------------------------------------
-
-
 def judge(study: Study) -> list[Measure]:
     """Compare the study with its goals."""
     rows: list[Measure] = []
@@ -122,9 +119,6 @@ def _band() -> str:
 
 def _within(share: float) -> bool:
     return COVERAGE[0] <= share <= COVERAGE[1]
-
-
-# --- tables ---------------------------------------------------------------------------------------------------------
 
 
 def tables(study: Study) -> list[Table]:
