@@ -11,7 +11,8 @@ from deatwin.studies.stories import Story
 
 def _story(entry: dict[str, Any]) -> Story:
     """Make an entry of the list; arrays become tuples."""
-    return Story(**{name: tuple(value) if isinstance(value, list) else value for name, value in entry.items()})
+    fields: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in entry.items()}
+    return Story(**fields)
 
 
 _FILE = tomllib.loads(files(__package__).joinpath("catalogue.toml").read_text(encoding="utf-8"))

@@ -133,7 +133,7 @@ def check(
     With a recording and a diagnosis: deatwin check narx.json --plant result/model.json --diagnosis result --recording noise.csv
     --design inverse --operating-range 1.5 3.2 --out control
     """
-    from deatwin.app.check_report.gains import written_gains
+    from deatwin.app.check_report.page import written_gains
     from deatwin.app.checking import CheckTask, load_rivals, rival_files
     from deatwin.app.given import GivenPlant, clock_notes, narx_model
     from deatwin.plant.readoptions import ReadOptions

@@ -12,8 +12,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from deatwin.ident.narx.fleet.records import RECORDED
-from deatwin.scenarios.fleet_models.figures import semp_drawings
-from deatwin.scenarios.fleet_models.results import candidates_in_words, failures, judge_semp, semp_tables
+from deatwin.scenarios.fleet_models.page import candidates_in_words, failures, judge_semp, semp_drawings, semp_tables
 from deatwin.scenarios.fleet_models.study import FROLS, SEMP, Programme, Study, carry_out, save
 from deatwin.studies.report.quantities import quantity
 from deatwin.studies.report.story import StoryPage, reached

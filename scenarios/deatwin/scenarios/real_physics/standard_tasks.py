@@ -16,8 +16,17 @@ from deatwin.ident.parallel import jobs_as_they_end
 from deatwin.plant import DataError, Recording
 from deatwin.scenarios.real_physics.grey_boxes import Judged, calibrated, said, sources
 from deatwin.studies.provenance import RunRecord, hashes
-from deatwin.studies.public.black_boxes import GROWN, LINEAR, REFINED, Outcome, free, learned
-from deatwin.studies.public.peers import SYSIDENTPY, SysIdentPy, like_ours
+from deatwin.studies.public.black_boxes import (
+    GROWN,
+    LINEAR,
+    REFINED,
+    SYSIDENTPY,
+    Outcome,
+    SysIdentPy,
+    free,
+    learned,
+    like_ours,
+)
 from deatwin.studies.public.records import (
     EMPS_FILES,
     SILVERBOX_RATE,
@@ -276,6 +285,7 @@ def _written(
         title="standard-tasks",
         sentence=f"{ended}The standard tasks, free runs over the official test parts: {reached(measures)} goals reached.",
         rows=measures,
+        figures=[],
         notes=notes,
         tables=[_table(rows), sources()],
     )

@@ -12,8 +12,7 @@ from deatwin.ident.frequency.varying.short_time import BANDS
 from deatwin.ident.narx import Term
 from deatwin.ident.narx.fleet.alike import OPERATING_INPUT
 from deatwin.ident.narx.wander import CONSTANT, VARYING
-from deatwin.scenarios.time_varying.known import LINES, ORDERS, Followed, FrozenRun, Known
-from deatwin.scenarios.time_varying.study import LEVEL, Driven, Study
+from deatwin.scenarios.time_varying.study import LEVEL, LINES, ORDERS, Driven, Followed, FrozenRun, Known, Study
 from deatwin.studies.report.drawing import (
     Drawing,
     Hue,

@@ -719,5 +719,5 @@ class ClockSkew(Mechanism, largest=2e-3):
 MECHANISMS: dict[str, type[Mechanism]] = {
     kind.name: kind
     for kind in list(vars().values())
-    if isinstance(kind, type) and issubclass(kind, Mechanism) and getattr(kind, "strength", None)
+    if isinstance(kind, type) and issubclass(kind, Mechanism) and getattr(kind, "strength", False)
 }
