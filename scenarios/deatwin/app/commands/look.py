@@ -10,16 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from deatwin.app.options import (
-    AllowGaps,
-    InputColumn,
-    Json,
-    OutputColumn,
-    Quiet,
-    Resample,
-    SampleTime,
-    TimeColumn,
-)
+from deatwin.app import options
 from deatwin.studies.voice import Voice, complain
 
 if TYPE_CHECKING:
@@ -58,14 +49,14 @@ def look(
     files: Files,
     out: OutFolder = None,
     rig: RigOption = None,
-    input_column: InputColumn = None,
-    output_column: OutputColumn = None,
-    time_column: TimeColumn = None,
-    allow_gaps: AllowGaps = False,
-    dt: SampleTime = None,
-    resample: Resample = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
+    input_column: options.InputColumn = None,
+    output_column: options.OutputColumn = None,
+    time_column: options.TimeColumn = None,
+    allow_gaps: options.AllowGaps = False,
+    dt: options.SampleTime = None,
+    resample: options.Resample = None,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Describe recordings before any model is made: columns, sample times, noise, faults, excitation, response.
 
