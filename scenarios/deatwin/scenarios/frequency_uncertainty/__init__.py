@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from deatwin.ident.frequency import Agreement, Comparison
 from deatwin.ident.narx.fleet.records import DRIFTING
-from deatwin.scenarios.frequency_uncertainty.fleet import FACTOR, REPEATS, SLOW, STRUCTURE, Consistency
 from deatwin.scenarios.frequency_uncertainty.page import (
     FASTER,
     column_of,
@@ -26,7 +25,16 @@ from deatwin.scenarios.frequency_uncertainty.page import (
     known_drawings,
     tables,
 )
-from deatwin.scenarios.frequency_uncertainty.study import Plan, Study, carry_out
+from deatwin.scenarios.frequency_uncertainty.study import (
+    FACTOR,
+    REPEATS,
+    SLOW,
+    STRUCTURE,
+    Consistency,
+    Plan,
+    Study,
+    carry_out,
+)
 from deatwin.studies.report.drawing import SUBSCRIPTS
 from deatwin.studies.report.story import StoryPage, finish, reached
 from deatwin.studies.report.words import Span, listed, notes

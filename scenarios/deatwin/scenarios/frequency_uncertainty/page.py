@@ -13,9 +13,7 @@ from deatwin.ident.frequency.comparison.fleet import share_of
 from deatwin.ident.frequency.uncertainty.beside_draws import Spread, columns_of
 from deatwin.ident.narx.fleet.records import DRIFTING
 from deatwin.plant.fleet import TOLERANCES
-from deatwin.scenarios.frequency_uncertainty.fleet import Consistency
-from deatwin.scenarios.frequency_uncertainty.known import BILINEAR, LINEAR, NOTCH, Known
-from deatwin.scenarios.frequency_uncertainty.study import Study
+from deatwin.scenarios.frequency_uncertainty.study import BILINEAR, LINEAR, NOTCH, Consistency, Known, Study
 from deatwin.studies.report.drawing import (
     STYLES,
     SUBSCRIPTS,
