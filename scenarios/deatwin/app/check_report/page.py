@@ -8,8 +8,14 @@ from dataclasses import dataclass
 from functools import partial
 from math import isfinite
 
-from deatwin.app.check_report.margin_figures import draw_margins, draw_margins_over_time, draw_nyquist
-from deatwin.app.check_report.run_figures import draw_others, draw_sine, draw_steps
+from deatwin.app.check_report.figures import (
+    draw_margins,
+    draw_margins_over_time,
+    draw_nyquist,
+    draw_others,
+    draw_sine,
+    draw_steps,
+)
 from deatwin.app.check_report.view import View
 from deatwin.control import Check, PidGains, Verdict
 from deatwin.control.checking.amounts import amount

@@ -24,7 +24,7 @@ from deatwin.studies.provenance import hashes
 from deatwin.studies.public.black_boxes import FROLS, GROWN, LINEAR, METHODS, REFINED, SEMP, Outcome, attempt
 from deatwin.studies.public.records import DataSet, buck, cascaded_tanks, emps, silverbox
 from deatwin.studies.public.sources import data_folder, origins
-from deatwin.studies.report.drawing import Drawing, Hue, draw, legend_above
+from deatwin.studies.report.drawing import Drawing, Hue, draw, draw_runs, legend_above
 from deatwin.studies.report.story import Measure, StoryPage, Table, finish, reached
 from deatwin.studies.report.words import Words, notes
 from deatwin.studies.stories import Setting
@@ -196,15 +196,8 @@ def _free_runs(data: DataSet, outcomes: Mapping[str, Outcome], methods: Sequence
 def _runs(shown: DataSet, runs: Mapping[str, Array], name: str, called: str = "", **said: str) -> Drawing:
     measured, timepts = shown.test.outputs[0] / shown.scale, shown.test.timepts
     size, unit = (1e3, "ms") if name == "converter" and shown.test.sample_time < 1e-3 else (1.0, "s")
-    columns: dict[str, Array] = {"time_s": timepts, "measured": measured}
+    scaled = {method: outputs / shown.scale for method, outputs in runs.items()}
+    columns = {"time_s": timepts, "measured": measured, **{_key(method): run for method, run in scaled.items()}}
     with draw((9.6, 4.8)) as figure:
-        top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-        top.plot(size * timepts, measured, color=Hue.MEASURED, linewidth=1.8, label="measured")
-        for (method, outputs), colour in zip(runs.items(), (Hue.BEFORE, Hue.MARK, Hue.AFTER), strict=False):
-            top.plot(size * timepts, outputs / shown.scale, color=colour, label=method)
-            bottom.plot(size * timepts, measured - outputs / shown.scale, color=colour)
-            columns[_key(method)] = outputs / shown.scale
-        top.set(ylabel=f"output ({shown.unit})")
-        bottom.set(ylabel=f"error ({shown.unit})", xlabel=f"time ({unit})")
-        legend_above(figure, top, 4)
+        draw_runs(figure, size * timepts, measured, scaled, shown.unit, f"time ({unit})")
         return WORDS.drawing(figure, name, columns, called, **said)

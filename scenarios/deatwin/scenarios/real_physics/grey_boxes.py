@@ -23,7 +23,7 @@ from deatwin.studies.missing_physics import HeldOut
 from deatwin.studies.provenance import hashes
 from deatwin.studies.public.records import EMPS_FILES, emps_averaged
 from deatwin.studies.public.sources import data_folder
-from deatwin.studies.report.drawing import Drawing, Hue, draw
+from deatwin.studies.report.drawing import Drawing, draw, draw_runs
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, finish, reached
 from deatwin.studies.report.tables import drawn_table
 from deatwin.studies.report.words import Words
@@ -254,16 +254,10 @@ def _bouc_wen(data: Path | None) -> tuple[Task, ...]:
 
 
 def _drawn(number: int, one: Judged) -> Drawing:
-    times, scale = one.task.held_out.timepts, one.task.scale
-    measured, model = one.task.held_out.measured / scale, one.readings / scale
+    held_out, scale = one.task.held_out, one.task.scale
+    runs = {"free run of the calibrated plant": one.readings / scale}
     with draw((7.4, 3.8)) as figure:
-        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
-        upper.plot(times, measured, color=Hue.MEASURED, linewidth=2.0, label="measured")
-        upper.plot(times, model, color=Hue.AFTER, linewidth=0.9, label="free run of the calibrated plant")
-        lower.plot(times, measured - model, color=Hue.BEFORE, linewidth=0.8)
-        upper.set_ylabel(f"reading ({one.task.unit})")
-        lower.set(xlabel="time (s)", ylabel=f"residual ({one.task.unit})")
-        figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=2)
+        draw_runs(figure, held_out.timepts, held_out.measured / scale, runs, one.task.unit)
         caption = "The test part, on which nothing was fitted."
         return Drawing.of(figure, f"test_{number}", one.task.name, caption, drawn_table(figure))
 

@@ -193,6 +193,21 @@ def titled(axes: Axes, text: str, size: str = "medium") -> None:
     axes.set_title(text, loc="left", fontsize=size)
 
 
+def draw_runs(
+    figure: Figure, timepts: Array, measured: Array, runs: Columns, unit: str, time: str = "time (s)"
+) -> None:
+    """Draw a measured output and the runs of models above, and what each run leaves of it below. Shapes: all (n,)."""
+    top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    top.plot(timepts, measured, color=Hue.MEASURED, linewidth=1.8, label="measured")
+    colours = (Hue.BEFORE, Hue.MARK, Hue.AFTER)[-len(runs) :]
+    for (name, outputs), colour in zip(runs.items(), colours, strict=False):
+        top.plot(timepts, outputs, color=colour, label=name)
+        bottom.plot(timepts, measured - outputs, color=colour)
+    top.set(ylabel=f"output ({unit})")
+    bottom.set(ylabel=f"error ({unit})", xlabel=time)
+    legend_above(figure, top, 4)
+
+
 def draw_between(
     axes: Axes, x: Array, low: Array, high: Array, colour: str, label: str = "", alpha: float = 0.25
 ) -> None:
