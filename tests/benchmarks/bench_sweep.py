@@ -25,7 +25,10 @@ import numpy as np
 from joblib import Parallel, delayed, parallel_config
 
 from deatwin.plant import Experiment, Recording, thesis_plant
-from deatwin.studies.sweep import CaseStore, SweepSeal, run_study, run_sweep
+from deatwin.studies.sweep import run_study
+from deatwin.studies.sweep.run import run_sweep
+from deatwin.studies.sweep.seal import SweepSeal
+from deatwin.studies.sweep.store import CaseStore
 
 COUNT, REPEATS, STUDY = 2500, 4, 1000
 SEAL = SweepSeal(schema="deatwin/bench-case/1", parts={"seed": 0})

@@ -13,13 +13,19 @@ from pages import story_page
 from deatwin.plant.errors import DataError
 from deatwin.scenarios import concealed_physics
 from deatwin.scenarios.concealed_physics import study as running
-from deatwin.scenarios.concealed_physics.figures import drawings, summary
-from deatwin.scenarios.concealed_physics.results import Opened, open_key
-from deatwin.scenarios.concealed_physics.score import Goal, gaps_closed, score, sentence
+from deatwin.scenarios.concealed_physics.page import (
+    by_effect,
+    by_family,
+    drawings,
+    reported,
+    summary,
+    tables,
+)
+from deatwin.scenarios.concealed_physics.results import Goal, Opened, gaps_closed, open_key, score, sentence
 from deatwin.scenarios.concealed_physics.study import CASE_SCHEMA
-from deatwin.scenarios.concealed_physics.tables import by_effect, by_family, cases_csv, reported, tables
 from deatwin.studies.stories import Setting
-from deatwin.studies.sweep import CaseStore, SweepSeal, digest
+from deatwin.studies.sweep.seal import SweepSeal, digest
+from deatwin.studies.sweep.store import CaseStore
 
 # --- counting of hand-made cases ------------------------------------------------------------------------------------
 
@@ -263,7 +269,6 @@ def test_figures_tables_and_page_hold_the_counts(
     goals = score(opened)
     assert all(isinstance(figure.columns, str) for figure in drawings(opened))
     assert "structural residual over noise" in summary(opened)
-    assert len(cases_csv(opened).splitlines()) == 1 + len(MADE)
     page = results_page(opened, goals, made[0].seal)
     assert made[0].seal.hash in page
     assert "1 of 4, 25.0 %" in page
@@ -286,7 +291,7 @@ def test_the_story_is_told_of_hand_made_cases(
     assert made[0].seal.hash in (tmp_path / "report.html").read_text(encoding="utf-8")
     assert json.loads((tmp_path / "key.json").read_text(encoding="utf-8")) == made[1]
     written = json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))["outputs"]
-    assert {"seal.json", "cases", "key.json", "cases.csv", "summary.svg", "report.html"} <= set(written)
+    assert {"seal.json", "cases", "key.json", "summary.svg", "report.html"} <= set(written)
 
 
 def test_of_an_interrupted_study_the_results_of_what_has_run_are_written(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from deatwin.scenarios.control_check.concealed import (
     VARIANCE,
     excitation,
 )
-from deatwin.scenarios.control_check.rigs import recorded
+from deatwin.scenarios.control_check.trials import recorded
 
 H = 0.02
 SLOWEST = 1.0 / (2 * np.pi * CLOSED_LOOP_TIME)

@@ -14,10 +14,8 @@ from deatwin.ident.narx.fleet.records import FILM, RECORDED, STEADY, VARIANTS, P
 from deatwin.ident.narx.preprocess import choose_sampling, choose_sections, inspect_recordings
 from deatwin.plant.fleet import fleet
 from deatwin.scenarios.fleet_models import semp_fleet, svb_fleet
-from deatwin.scenarios.fleet_models.figures import Choice, shares
-from deatwin.scenarios.fleet_models.measures import judge_semp, judge_svb
+from deatwin.scenarios.fleet_models.page import Choice, estimate_all, judge_semp, judge_svb, shares
 from deatwin.scenarios.fleet_models.study import FREE, FROLS, LINEAR, SEMP, SVB, Bench, Programme, Study, identify
-from deatwin.scenarios.fleet_models.tables import estimate_all
 from deatwin.studies.stories import Setting
 
 BOTH = Programme(methods=(SEMP, SVB), beside=(FROLS, FREE))

@@ -15,17 +15,20 @@ from deatwin.ident.frequency.uncertainty.propagate import propagate
 from deatwin.plant.fleet import TOLERANCES, Actuator, specification
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.scenarios import frequency_uncertainty
-from deatwin.scenarios.frequency_uncertainty import fleet, known
-from deatwin.scenarios.frequency_uncertainty.fleet import (
+from deatwin.scenarios.frequency_uncertainty import study
+from deatwin.scenarios.frequency_uncertainty.study import (
     BEGIN,
+    BILINEAR,
+    CASES,
     FACTOR,
+    LINEAR,
     SHARED,
     Consistency,
+    Plan,
     actuators,
     recorded,
+    spectra,
 )
-from deatwin.scenarios.frequency_uncertainty.known import BILINEAR, CASES, LINEAR, spectra
-from deatwin.scenarios.frequency_uncertainty.study import Plan
 from deatwin.studies.stories import Setting
 
 SAMPLE_TIME = 0.12
@@ -137,14 +140,14 @@ def polynomial(actuator: Actuator, duration: float) -> Recording:
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """The story on polynomials, with few draws."""
-    monkeypatch.setattr(fleet, "recorded", polynomial)
+    monkeypatch.setattr(study, "recorded", polynomial)
     monkeypatch.setattr(frequency_uncertainty, "PLAN", Plan(repeats=3, duration=300.0, data_sets=5))
     for module, name, less in (
         (beside_draws, "DRAWS", 500),
         (beside_draws, "CHUNKS", 3),
-        (known, "SURFACE", 9),
-        (fleet, "ORDERS", (1, 2)),
-        (fleet, "BANDS", ((0.0, 0.2), (0.2, 1.0))),
+        (study, "SURFACE", 9),
+        (study, "ORDERS", (1, 2)),
+        (study, "BANDS", ((0.0, 0.2), (0.2, 1.0))),
     ):
         monkeypatch.setattr(module, name, less)
 

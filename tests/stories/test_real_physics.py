@@ -10,7 +10,7 @@ from deatwin.ident.greybox.fit import calibrate
 from deatwin.ident.greybox.parts import Part
 from deatwin.plant import Experiment, Plant
 from deatwin.scenarios.real_physics import bouc_wen, cascaded_tanks, emps, silverbox
-from deatwin.scenarios.real_physics.signals import derivatives, held
+from deatwin.scenarios.real_physics.silverbox import derivatives, held
 
 
 def rms(values: np.ndarray) -> float:

@@ -11,8 +11,8 @@ from stopping import StopAt
 from deatwin.ident.nss import Pnlss
 from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording
-from deatwin.scenarios.real_physics import standard_tasks, task_parts
-from deatwin.scenarios.real_physics.task_parts import STATES, Task
+from deatwin.scenarios.real_physics import standard_tasks
+from deatwin.scenarios.real_physics.standard_tasks import STATES, Task
 from deatwin.studies.public.black_boxes import LINEAR
 from deatwin.studies.public.records import Candidates, DataSet
 from deatwin.studies.public.sources import data_folder
@@ -41,8 +41,8 @@ def setting(setting: Setting, monkeypatch: pytest.MonkeyPatch) -> Setting:
         scale=1.0,
         further={STATES: Pnlss(states=2, degrees=(), feedthrough=False)},
     )
-    test = task_parts.Test(name="validation", recording=data.test, goal=1e-3, shown=1)
-    monkeypatch.setattr(task_parts, "METHODS", (LINEAR,))
+    test = standard_tasks.Test(name="validation", recording=data.test, goal=1e-3, shown=1)
+    monkeypatch.setattr(standard_tasks, "METHODS", (LINEAR,))
     monkeypatch.setattr(
         standard_tasks, "standard_tasks", lambda *_: ((Task(data=data, tests=(test,), same_start=True),), ())
     )
@@ -71,14 +71,13 @@ def test_an_interrupt_keeps_the_models_that_were_learned(setting: Setting) -> No
     ]
 
 
-def test_the_quick_come_first_and_the_longest_beside_the_usual_ones() -> None:
-    lengths = {"a": 1.0, "b": 60.0, "c": 1.0, "d": 50.0, "e": 10.0, "f": 0.2}
+def test_one_worker_begins_with_the_shortest_and_several_with_the_longest() -> None:
+    lengths = {"a": 1.0, "b": 60.0, "c": 0.2, "d": 50.0}
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(standard_tasks, "_length", lambda job: lengths[job[0]])
         jobs = [(name, None) for name in lengths]
-        assert [name for name, _ in standard_tasks._ordered(jobs, 2)] == ["f", "b", "a", "c", "d", "e"]
-        assert [name for name, _ in standard_tasks._ordered(jobs, 1)] == ["f", "a", "c", "e", "d", "b"]
-        assert [name for name, _ in standard_tasks._ordered(jobs[1:2], 2)] == ["b"]
+        assert [name for name, _ in standard_tasks._ordered(jobs, 1)] == ["c", "a", "d", "b"]
+        assert [name for name, _ in standard_tasks._ordered(jobs, 2)] == ["b", "d", "a", "c"]
 
 
 def test_data_sets_that_are_not_at_hand_are_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -86,15 +85,15 @@ def test_data_sets_that_are_not_at_hand_are_left_out(tmp_path: Path, monkeypatch
     tasks = {"_silverbox": None, "_tanks": there, "_emps": None, "_bouc_wen": None}
     for maker, task in tasks.items():
         name = maker.strip("_")
-        monkeypatch.setattr(task_parts, maker, lambda data, name=name, task=task: task or data_folder(data, name))
-    found, lines = task_parts.standard_tasks(tmp_path)
+        monkeypatch.setattr(standard_tasks, maker, lambda data, name=name, task=task: task or data_folder(data, name))
+    found, lines = standard_tasks.standard_tasks(tmp_path)
     assert found == (there,)
-    assert task_parts.standard_tasks(tmp_path, ("cascaded-tanks",)) == ((there,), ())
+    assert standard_tasks.standard_tasks(tmp_path, ("cascaded-tanks",)) == ((there,), ())
     assert [line.split(" left out: ")[0] for line in lines] == ["Silverbox", "EMPS", "Bouc-Wen"]
     assert all("no such folder" in line and "\n" not in line for line in lines)
-    monkeypatch.setattr(task_parts, "_tanks", lambda data: data_folder(data, "tanks"))
+    monkeypatch.setattr(standard_tasks, "_tanks", lambda data: data_folder(data, "tanks"))
     with pytest.raises(DataError, match=r"Silverbox left out.*Cascaded tanks left out.*Bouc-Wen left out"):
-        task_parts.standard_tasks(tmp_path)
+        standard_tasks.standard_tasks(tmp_path)
 
 
 def test_what_learned_no_model_has_no_size() -> None:

@@ -15,6 +15,7 @@ from deatwin.plant.records import plain
 from deatwin.scenarios import svb_benchmark
 from deatwin.scenarios.svb_benchmark import draws, study
 from deatwin.scenarios.svb_benchmark.draws import (
+    METHODS,
     Contrast,
     Trial,
     consult,
@@ -22,7 +23,6 @@ from deatwin.scenarios.svb_benchmark.draws import (
     system_of,
     try_out,
 )
-from deatwin.scenarios.svb_benchmark.methods import METHODS
 from deatwin.scenarios.svb_benchmark.page import judge
 from deatwin.scenarios.svb_benchmark.study import WHITE, Answer, Draws, Plan, Study, carry_out
 from deatwin.studies.stories import Setting

@@ -11,9 +11,8 @@ from deatwin.app.stories import story
 from deatwin.plant.fleet import fleet
 from deatwin.plant.recording import Recording
 from deatwin.scenarios import thesis_data
-from deatwin.scenarios.thesis_data.counterevidence import SmallVoltages, side_bands
 from deatwin.scenarios.thesis_data.page import judge
-from deatwin.scenarios.thesis_data.study import RATES, Bench, Loop, Study, cycle
+from deatwin.scenarios.thesis_data.study import RATES, Bench, Loop, SmallVoltages, Study, cycle, side_bands
 from deatwin.studies.stories import Setting
 
 STEP = 0.02

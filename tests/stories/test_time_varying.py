@@ -12,17 +12,16 @@ from deatwin.ident.narx import ThetaTrajectory, generate_terms
 from deatwin.ident.narx.fleet.alike import linear_in_output
 from deatwin.ident.narx.varying_systems import MOVING_DC, RESONANCE, SYSTEMS, drawn_walk
 from deatwin.scenarios import time_varying
-from deatwin.scenarios.time_varying import known, study
-from deatwin.scenarios.time_varying.known import covered, follow, frozen_run
+from deatwin.scenarios.time_varying import study
 from deatwin.scenarios.time_varying.measures import judge
-from deatwin.scenarios.time_varying.study import Driven, Study, analyse
+from deatwin.scenarios.time_varying.study import Driven, Study, analyse, covered, follow, frozen_run
 from deatwin.studies.stories import Setting
 
 
 def test_the_effect_of_a_moving_constant_in_closed_form(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(known, "TIMES", 20)
+    monkeypatch.setattr(study, "TIMES", 20)
     # y = c + a y + q y² has the root below; about it the pole is a + 2 q ybar, so H_1 = b / (e^jw - a - 2 q ybar).
-    found = known.known_systems(
+    found = study.known_systems(
         (), (), [{1: np.ones((1, 1), bool), 2: np.ones((1, 1), bool)}], np.zeros(1), np.zeros(1)
     )
     truth = MOVING_DC.truth()
@@ -45,12 +44,12 @@ def test_tones_measure_the_response_of_a_system_that_stands_still() -> None:
     first = 0.5 * z / (1 - 0.7 * z)
     second = -0.15 * first**2 * z**2 / (1 - 0.7 * z**2)
     late = slice(800, None)
-    np.testing.assert_allclose(known._probed(still, omega, 1)[late], first, rtol=1e-4)
-    np.testing.assert_allclose(known._probed(still, omega, 2)[late], second, rtol=1e-4)
+    np.testing.assert_allclose(study._probed(still, omega, 1)[late], first, rtol=1e-4)
+    np.testing.assert_allclose(study._probed(still, omega, 2)[late], second, rtol=1e-4)
 
 
 def test_slow_variation_is_estimated_and_corrected(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(known, "TIMES", 60)
+    monkeypatch.setattr(study, "TIMES", 60)
     for system, count in ((RESONANCE, 1), (MOVING_DC, 2)):
         runs = frozen_run(system, 4.0)
         assert len(runs) == count
@@ -77,7 +76,7 @@ def made() -> Study:
         structure = tuple(generate_terms(1, (0, 1), 3, rule=linear_in_output))
         patch.setattr(study, "STRUCTURE", structure)
         patch.setattr(study, "MAP_TIMES", 12)
-        patch.setattr(known, "TIMES", 12)
+        patch.setattr(study, "TIMES", 12)
         falling, rising, still = (
             _analysed(name, drift, drawn)
             for name, drift, drawn in (("DEA 1", -0.3, True), ("DEA 2", 0.3, True), ("DEA 6", 0.0, False))
@@ -86,7 +85,7 @@ def made() -> Study:
         frozen = tuple(run for system in SYSTEMS for speed in (2.0, 4.0) for run in frozen_run(system, speed))
         timepts, frequencies = np.array([10.0, 20.0]), np.array([0.5, 2.0])
         held = [covered(np.random.default_rng(k), timepts, frequencies) for k in range(4)]
-        systems = known.known_systems(followed, frozen, held, timepts, frequencies)
+        systems = study.known_systems(followed, frozen, held, timepts, frequencies)
     plain = replace(rising, maps={}, whole=None, frozen={})
     driven = (falling, rising, *(replace(plain, track=replace(plain.track, name=f"DEA {n}")) for n in (3, 4, 5)), still)
     return Study(known=systems, driven=driven, stories=tuple(f"Story {n}." for n in range(1, 7)))

@@ -25,7 +25,7 @@ from deatwin.scenarios.unexplained_drift.sealed import Key, concealed_in, opened
 from deatwin.scenarios.unexplained_drift.study import VISITS, Answers, Case, Finding, Study, Track, carry_out, case_of
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.stories import Setting
-from deatwin.studies.sweep import SweepSeal
+from deatwin.studies.sweep.seal import SweepSeal
 
 
 def diagnosis(verdict: Verdict, causes: dict[str, dict[str, Interval]], names: tuple[str, ...] = ()) -> Diagnosis:

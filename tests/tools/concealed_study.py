@@ -11,14 +11,12 @@ import numpy as np
 from markdown_tables import markdown_table
 
 from deatwin.plant.errors import DataError
-from deatwin.scenarios.concealed_physics.results import FAR, Opened, open_key
-from deatwin.scenarios.concealed_physics.score import NO_CASE, Goal
+from deatwin.scenarios.concealed_physics.page import KINDS, tables
+from deatwin.scenarios.concealed_physics.results import FAR, NO_CASE, Goal, Opened, open_key
 from deatwin.scenarios.concealed_physics.study import key_of, labels
-from deatwin.scenarios.concealed_physics.tables import KINDS, tables
-from deatwin.studies.report.prose import rendered
-from deatwin.studies.sweep import CaseStore, SweepSeal, digest
-from deatwin.studies.sweep.json_files import read_object
-from deatwin.studies.sweep.store import read_seal
+from deatwin.studies.report.words import rendered
+from deatwin.studies.sweep.seal import SweepSeal, digest
+from deatwin.studies.sweep.store import CaseStore, read_object, read_seal
 
 DATA = "deatwin/concealed-physics/1"
 """Schema of the data of the page."""

@@ -9,7 +9,7 @@ from typing import Any
 from markdown_tables import markdown_table
 
 from deatwin.plant.errors import DataError
-from deatwin.studies.sweep.json_files import read_object
+from deatwin.studies.sweep.store import read_object
 
 STORY = "deatwin/control-story/2"
 """Schema of what the tables are made of."""

@@ -34,12 +34,12 @@ from records import RECORDS, record_blocks
 
 from deatwin.plant.errors import DataError, DeatwinError
 from deatwin.plant.safe_read import clipped
-from deatwin.scenarios.concealed_physics.figures import summary
-from deatwin.scenarios.concealed_physics.score import NO_CASE, score
+from deatwin.scenarios.concealed_physics.page import summary
+from deatwin.scenarios.concealed_physics.results import NO_CASE, score
 from deatwin.scenarios.control_check.trials import Outcome, caught, inside, sound
 from deatwin.studies.rates import Rate
 from deatwin.studies.sweep.casefile import CASE_ENDING, read_case
-from deatwin.studies.sweep.json_files import read_object
+from deatwin.studies.sweep.store import read_object
 
 TRIALS = "deatwin/control-trials/1"
 STUDY, LONG_STUDY = "concealed-physics", "concealed-physics-long"

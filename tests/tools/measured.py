@@ -13,7 +13,7 @@ from markdown_tables import markdown_table
 from deatwin.plant.errors import DataError
 from deatwin.scenarios.catalogue import STORIES
 from deatwin.studies.public.black_boxes import LINEAR
-from deatwin.studies.sweep.json_files import read_object
+from deatwin.studies.sweep.store import read_object
 
 MEASURED = "deatwin/story-measures/1"
 """Schema of what the tables are made of."""

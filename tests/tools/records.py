@@ -7,7 +7,7 @@ from typing import Any
 
 from markdown_tables import markdown_table
 
-from deatwin.scenarios.real_physics.published import sources
+from deatwin.scenarios.real_physics.grey_boxes import sources
 
 RECORDS = "deatwin/records/1"
 """Schema of what is kept by hand."""

@@ -1,6 +1,6 @@
 """The fleet identified: twelve models, as the thesis has them, and what their validation says.
 
-What is demanded is stated in `deatwin.scenarios.fleet_models.measures`. That all correlation tests pass is demanded and
+What is demanded is stated in `deatwin.scenarios.fleet_models.page`. That all correlation tests pass is demanded and
 not reached: the pages say why. That SVB runs free as well as SEMP, to 10 %, is reached with seed 0 (a median of 0.89
 times its error) and missed with seed 1 (1.18): SVB looks one step ahead only. This test says that it is only that.
 """

@@ -11,8 +11,7 @@ import pytest
 from deatwin.ident.parallel import run_jobs
 from deatwin.scenarios.svb_benchmark import run
 from deatwin.scenarios.svb_benchmark.draws import compare, covered, try_out
-from deatwin.scenarios.svb_benchmark.methods import VARIATIONAL
-from deatwin.scenarios.svb_benchmark.study import WHITE
+from deatwin.scenarios.svb_benchmark.study import VARIATIONAL, WHITE
 from deatwin.studies.stories import Setting
 
 SEED = 11

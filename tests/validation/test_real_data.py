@@ -8,8 +8,7 @@ import pytest
 from public_recordings import DATA, recordings
 
 from deatwin.ident.narx import NarxModel
-from deatwin.scenarios.real_data import LARGEST_ERROR, MOST_TERMS, SETS, judge, run
-from deatwin.scenarios.real_data.published import DOCUMENTED, documented_errors
+from deatwin.scenarios.real_data import DOCUMENTED, LARGEST_ERROR, MOST_TERMS, SETS, documented_errors, judge, run
 from deatwin.studies.public.black_boxes import FROLS, GROWN, LINEAR, REFINED, SEMP, Outcome, attempt
 from deatwin.studies.public.records import buck, cascaded_tanks, silverbox
 from deatwin.studies.stories import Setting

@@ -12,7 +12,7 @@ import pytest
 from deatwin.app.stories import story
 from deatwin.ident.drifts import gain_change, mean_shift
 from deatwin.plant.fleet import fleet, specification
-from deatwin.scenarios.thesis_data.counterevidence import small_voltages
+from deatwin.scenarios.thesis_data.study import small_voltages
 from deatwin.studies.stories import Setting
 
 OTHER_SEEDS = [pytest.param(seed, marks=pytest.mark.study) for seed in (1, 2)]

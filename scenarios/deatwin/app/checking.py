@@ -25,7 +25,7 @@ from deatwin.plant.sources import load_plant
 from deatwin.studies.diagnosing import RIVALS
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord, hashes
-from deatwin.studies.report.origin import Origin
+from deatwin.studies.report.rendering import Origin
 from deatwin.studies.voice import Progress
 
 CALIBRATED = "the calibrated model"  # Name of the plant from a diagnosis that named no cause

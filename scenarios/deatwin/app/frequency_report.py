@@ -20,9 +20,8 @@ from deatwin.plant.amplitudes import amount
 from deatwin.plant.prefixes import prefixed
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
-from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.drawing import COLOURS, Drawing, draw, standalone
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, write_story
-from deatwin.studies.report.svg import COLOURS, draw, standalone
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

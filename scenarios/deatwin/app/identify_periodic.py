@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 from deatwin.ident.look import BestLinearApproximation, best_linear_approximation
 from deatwin.plant.errors import DataError
 from deatwin.plant.prefixes import with_unit
-from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.svg import draw
-from deatwin.studies.report.tabulated import drawn_table
+from deatwin.studies.report.drawing import Drawing, draw
+from deatwin.studies.report.tables import drawn_table
 
 if TYPE_CHECKING:
     from deatwin.plant.recording import Recording

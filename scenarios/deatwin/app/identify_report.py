@@ -16,11 +16,9 @@ from deatwin.plant.drawing import envelope
 from deatwin.plant.recording import label
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
-from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import Hue, plain_numbers
+from deatwin.studies.report.drawing import Drawing, Hue, draw, plain_numbers
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, write_story
-from deatwin.studies.report.svg import draw
-from deatwin.studies.report.tabulated import drawn_table
+from deatwin.studies.report.tables import drawn_table
 
 if TYPE_CHECKING:
     from deatwin.ident.look import BestLinearApproximation

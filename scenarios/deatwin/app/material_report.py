@@ -10,9 +10,8 @@ from deatwin.ident.materials import CalibratedMaterial
 from deatwin.plant.prefixes import with_unit
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
-from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.drawing import Drawing, draw, standalone
 from deatwin.studies.report.story import Note, StoryPage, Table, end_run, write_story
-from deatwin.studies.report.svg import draw, standalone
 
 MATERIAL_FILE = "material.toml"
 _TITLES = {"stretch": "Stress over stretch", "time": "Stress over time", "frequency": "Moduli over frequency"}

@@ -9,9 +9,8 @@ from deatwin.plant.amplitudes import amount, written_unit
 from deatwin.plant.prefixes import with_unit
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
-from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.drawing import COLOURS, Drawing, draw, standalone
 from deatwin.studies.report.story import Note, StoryPage, Table, end_run, write_story
-from deatwin.studies.report.svg import COLOURS, draw, standalone
 
 
 def write_plan(found: ExperimentPlan, folder: ResultFolder, record: RunRecord) -> None:

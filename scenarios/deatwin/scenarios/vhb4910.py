@@ -20,8 +20,7 @@ import numpy as np
 
 from deatwin.ident.mismatch import diagnose
 from deatwin.plant import Coupon, DataError, Experiment, Plant, Recording, read_recording
-from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of
-from deatwin.studies.missing_physics.page import tell
+from deatwin.studies.missing_physics import Case, HeldOut, Law, experiment_of, tell
 from deatwin.studies.public.records import Candidates, DataSet, recorded
 from deatwin.studies.public.sources import data_folder
 from deatwin.studies.stories import Setting

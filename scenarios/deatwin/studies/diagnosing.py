@@ -15,8 +15,8 @@ from deatwin.plant.recording import Experiment
 from deatwin.studies.folder import ResultFolder, require_unread
 from deatwin.studies.partial import FinishedSteps, remove_partial
 from deatwin.studies.provenance import RunRecord, hashes
-from deatwin.studies.report.origin import Origin
 from deatwin.studies.report.page import write_report
+from deatwin.studies.report.rendering import Origin
 from deatwin.studies.voice import Progress
 
 RIVALS = "rivals"  # Folder of the plants that a diagnosis cannot distinguish from its answer, if there are any

@@ -27,7 +27,7 @@ from deatwin.plant.files import read_recordings
 from deatwin.plant.recording import Experiment, Recording
 from deatwin.studies.diagnosing import DiagnosisTask
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.report.origin import Origin
+from deatwin.studies.report.rendering import Origin
 
 PLANT = ["--plant", "strip_of_mine:strip"]
 FURTHER = """

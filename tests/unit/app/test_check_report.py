@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.app.check_report.findings import groups
+from deatwin.app.check_report.page import groups
 from deatwin.app.check_report.view import View
 from deatwin.control import Finding, Limit, Specification, Verdict
 

@@ -13,9 +13,8 @@ from made_diagnoses import DIAGNOSIS
 from deatwin.app.cli import main
 from deatwin.app.live import desk
 from deatwin.app.live.comparison import compare
-from deatwin.app.live.desk import Desk, free_name, inside, safe_name
+from deatwin.app.live.desk import Desk, free_name, inside, keep_upload, safe_name
 from deatwin.app.live.glance import glance
-from deatwin.app.live.uploads import keep_upload
 from deatwin.app.live.verdicts import Verdict
 from deatwin.ident.look import look_at
 from deatwin.plant import load_plant

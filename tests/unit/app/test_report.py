@@ -54,9 +54,9 @@ from deatwin.plant.errors import ModelError
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.figures import _faulty
-from deatwin.studies.report.origin import Origin
 from deatwin.studies.report.page import write_report
 from deatwin.studies.report.quantities import in_interval, with_interval
+from deatwin.studies.report.rendering import Origin
 from deatwin.studies.report.story import Note, StoryPage, write_story
 
 DIAGNOSIS = Diagnosis(

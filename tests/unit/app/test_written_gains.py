@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from deatwin.app.check_report.gains import written_gains
+from deatwin.app.check_report.page import written_gains
 from deatwin.control.design.pid import PidGains
 
 H = 0.02

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from deatwin.studies.sweep import CaseStore
+from deatwin.studies.sweep.store import CaseStore
 
 
 @pytest.fixture(scope="session")

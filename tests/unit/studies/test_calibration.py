@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from deatwin.studies.calibration import brier_score, expected_calibration_error, median_interval, reliability
+from deatwin.studies.rates import brier_score, expected_calibration_error, median_interval, reliability
 
 
 @pytest.mark.parametrize("count", [6, 25, 88])

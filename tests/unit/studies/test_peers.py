@@ -8,8 +8,8 @@ import pytest
 from deatwin.ident.narx.model import NarxModel
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
-from deatwin.studies.public import peers
-from deatwin.studies.public.peers import Fastcan, SysIdentPy
+from deatwin.studies.public import black_boxes
+from deatwin.studies.public.black_boxes import Fastcan, SysIdentPy
 from deatwin.studies.public.records import Learner
 
 
@@ -42,6 +42,6 @@ def test_a_package_that_is_not_installed_is_said_so(kind: Any, monkeypatch: pyte
     def absent(name: str) -> None:
         raise ModuleNotFoundError(name)
 
-    monkeypatch.setattr(peers, "import_module", absent)
+    monkeypatch.setattr(black_boxes, "import_module", absent)
     with pytest.raises(ModelError, match=r"^not installed \(extra compare\)$"):
         kind(lags=1, degree=1, terms=1).fit(drawn())

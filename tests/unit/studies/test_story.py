@@ -10,10 +10,9 @@ from scipy.stats import binom
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
 from deatwin.studies.rates import Rate
-from deatwin.studies.report import prose
-from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report import words
+from deatwin.studies.report.drawing import Drawing, draw
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, finish, reached
-from deatwin.studies.report.svg import draw
 from deatwin.studies.report.tables import csv_text
 
 
@@ -59,11 +58,11 @@ def test_notes_come_from_a_template_with_named_numbers(tmp_path, monkeypatch):
         "{% if n > 2 %}\n## Second\n```\na\n  b\n```\n{% endif %}\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
-    assert prose.notes("told", n=3, x=1.234, names=["a", "b"]) == [
+    assert words.notes("told", n=3, x=1.234, names=["a", "b"]) == [
         Note(title="First 3", paragraphs=["One line and another of 1.23 for a and b.", "Next."]),
         Note(title="Second", paragraphs=[], code="a\n  b\n"),
     ]
-    assert len(prose.notes("told", n=1, x=1, names=[])) == 1
+    assert len(words.notes("told", n=1, x=1, names=[])) == 1
 
 
 def test_tables_in_markdown():

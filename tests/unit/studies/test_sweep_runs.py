@@ -20,9 +20,11 @@ from joblib import parallel_config
 
 from deatwin.plant import Experiment, Recording, thesis_plant
 from deatwin.plant.errors import DataError
-from deatwin.studies.sweep import CaseStore, SweepSeal, grid, open_study, run_study, run_sweep
+from deatwin.studies.sweep import grid, open_study, run_study
 from deatwin.studies.sweep.casefile import decode
-from deatwin.studies.sweep.lock import exclusive_lock
+from deatwin.studies.sweep.run import run_sweep
+from deatwin.studies.sweep.seal import SweepSeal
+from deatwin.studies.sweep.store import CaseStore, exclusive_lock
 
 ROOT = Path(__file__).parents[3]
 SEAL = SweepSeal(schema="deatwin/test-case/1", parts={"seed": 1})

@@ -4,9 +4,8 @@ import csv
 
 import numpy as np
 
-from deatwin.studies.report.panels import draw_map, share_bar
-from deatwin.studies.report.svg import draw
-from deatwin.studies.report.tabulated import drawn_table
+from deatwin.studies.report.drawing import draw, draw_map, share_bar
+from deatwin.studies.report.tables import drawn_table
 
 
 def test_lines_maps_and_hidden_labels_are_told_with_their_panels() -> None:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from deatwin.studies.report.svg import draw
+from deatwin.studies.report.drawing import draw
 from deatwin.studies.report.words import Each, Span, Words
 
 FILE = '''

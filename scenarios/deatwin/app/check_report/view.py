@@ -14,7 +14,7 @@ from deatwin.control.checking.rows import MarginRow
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.amplitudes import amplitude_unit, axis_label, written_amplitude
 from deatwin.plant.model import Plant
-from deatwin.studies.report.panels import Hue
+from deatwin.studies.report.drawing import Hue
 
 Array = NDArray[np.float64]
 _DRAWN = 1000  # most points of a line: a picture can show no more

@@ -9,20 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from deatwin.app.options import (
-    AllowGaps,
-    InputColumn,
-    Jobs,
-    Json,
-    OutFolder,
-    OutputColumn,
-    Quiet,
-    Resample,
-    SampleTime,
-    Seed,
-    TimeColumn,
-    positive,
-)
+from deatwin.app import options
 from deatwin.app.working import results
 from deatwin.studies.voice import Voice
 
@@ -57,7 +44,7 @@ DesignOption = Annotated[
 ClosedLoopTime = Annotated[
     float | None,
     typer.Option(
-        callback=positive("give a positive number of seconds"),
+        callback=options.positive("give a positive number of seconds"),
         metavar="SECONDS",
         help="Desired time constant of the closed loop; by default as fast as model and recording allow.",
     ),
@@ -104,7 +91,7 @@ def check(
     context: typer.Context,
     model: ModelFile,
     plant: PlantSource,
-    out: OutFolder,
+    out: options.OutFolder,
     design: DesignOption = DesignName.PI,
     closed_loop_time: ClosedLoopTime = None,
     operating_input: OperatingInput = None,
@@ -112,16 +99,16 @@ def check(
     recording: RecordingFile = None,
     diagnosis: DiagnosisFolder = None,
     rival: Rivals = None,
-    input_column: InputColumn = None,
-    output_column: OutputColumn = None,
-    time_column: TimeColumn = None,
-    allow_gaps: AllowGaps = False,
-    dt: SampleTime = None,
-    resample: Resample = None,
-    jobs: Jobs = -1,
-    seed: Seed = 0,
-    as_json: Json = False,
-    quiet: Quiet = False,
+    input_column: options.InputColumn = None,
+    output_column: options.OutputColumn = None,
+    time_column: options.TimeColumn = None,
+    allow_gaps: options.AllowGaps = False,
+    dt: options.SampleTime = None,
+    resample: options.Resample = None,
+    jobs: options.Jobs = -1,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Design a controller on an identified model, simulate the loop with a plant model, and give a verdict.
 
@@ -133,7 +120,7 @@ def check(
     With a recording and a diagnosis: deatwin check narx.json --plant result/model.json --diagnosis result --recording noise.csv
     --design inverse --operating-range 1.5 3.2 --out control
     """
-    from deatwin.app.check_report.gains import written_gains
+    from deatwin.app.check_report.page import written_gains
     from deatwin.app.checking import CheckTask, load_rivals, rival_files
     from deatwin.app.given import GivenPlant, clock_notes, narx_model
     from deatwin.plant.readoptions import ReadOptions

@@ -7,22 +7,7 @@ from typing import Annotated
 
 import typer
 
-from deatwin.app.options import (
-    AllowGaps,
-    Experiments,
-    InputColumn,
-    Jobs,
-    Json,
-    OutFolder,
-    OutputColumn,
-    Quiet,
-    Resample,
-    RigSource,
-    SampleTime,
-    Seed,
-    TimeColumn,
-    unfold_experiment,
-)
+from deatwin.app import options
 from deatwin.app.working import results
 from deatwin.studies.voice import Voice
 
@@ -34,20 +19,20 @@ Recordings = Annotated[
 
 def diagnose(
     context: typer.Context,
-    rig: RigSource,
-    out: OutFolder,
+    rig: options.RigSource,
+    out: options.OutFolder,
     recordings: Recordings = None,
-    experiment: Experiments = None,
-    input_column: InputColumn = None,
-    output_column: OutputColumn = None,
-    time_column: TimeColumn = None,
-    allow_gaps: AllowGaps = False,
-    dt: SampleTime = None,
-    resample: Resample = None,
-    jobs: Jobs = -1,
-    seed: Seed = 0,
-    as_json: Json = False,
-    quiet: Quiet = False,
+    experiment: options.Experiments = None,
+    input_column: options.InputColumn = None,
+    output_column: options.OutputColumn = None,
+    time_column: options.TimeColumn = None,
+    allow_gaps: options.AllowGaps = False,
+    dt: options.SampleTime = None,
+    resample: options.Resample = None,
+    jobs: options.Jobs = -1,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Find, from recordings, the physics that the model of a rig lacks, and add it to the model.
 
@@ -59,7 +44,7 @@ def diagnose(
     Several experiments: deatwin diagnose rig.toml --experiment a.csv b.csv --experiment c.csv --out result
     """
     groups = [[str(path) for path in recordings]] if recordings else []
-    groups += [unfold_experiment(value) for value in experiment or []]
+    groups += [options.unfold_experiment(value) for value in experiment or []]
     if not groups:
         raise typer.BadParameter("give at least one recording", param_hint="REC.csv")
     from deatwin.app.given import GivenPlant, absent_readings, clock_notes, direction_notes

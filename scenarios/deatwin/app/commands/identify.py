@@ -9,16 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from deatwin.app.options import (
-    AllowGaps,
-    InputColumn,
-    Json,
-    OutputColumn,
-    Quiet,
-    Resample,
-    SampleTime,
-    TimeColumn,
-)
+from deatwin.app import options
 from deatwin.studies.voice import Voice, complain
 
 if TYPE_CHECKING:
@@ -115,16 +106,16 @@ def identify(
     max_terms: MaxTerms = 15,
     states: States = 2,
     functions: Functions = None,
-    input_column: InputColumn = None,
-    output_column: OutputColumn = None,
-    time_column: TimeColumn = None,
-    allow_gaps: AllowGaps = False,
-    dt: SampleTime = None,
-    resample: Resample = None,
+    input_column: options.InputColumn = None,
+    output_column: options.OutputColumn = None,
+    time_column: options.TimeColumn = None,
+    allow_gaps: options.AllowGaps = False,
+    dt: options.SampleTime = None,
+    resample: options.Resample = None,
     decimation: Decimation = None,
     report: ReportFolder = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Identify a polynomial NARX model, or a nonlinear state space, and test it on the last 30 % of each recording.
 

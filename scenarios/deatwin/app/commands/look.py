@@ -10,16 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from deatwin.app.options import (
-    AllowGaps,
-    InputColumn,
-    Json,
-    OutputColumn,
-    Quiet,
-    Resample,
-    SampleTime,
-    TimeColumn,
-)
+from deatwin.app import options
 from deatwin.studies.voice import Voice, complain
 
 if TYPE_CHECKING:
@@ -58,14 +49,14 @@ def look(
     files: Files,
     out: OutFolder = None,
     rig: RigOption = None,
-    input_column: InputColumn = None,
-    output_column: OutputColumn = None,
-    time_column: TimeColumn = None,
-    allow_gaps: AllowGaps = False,
-    dt: SampleTime = None,
-    resample: Resample = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
+    input_column: options.InputColumn = None,
+    output_column: options.OutputColumn = None,
+    time_column: options.TimeColumn = None,
+    allow_gaps: options.AllowGaps = False,
+    dt: options.SampleTime = None,
+    resample: options.Resample = None,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Describe recordings before any model is made: columns, sample times, noise, faults, excitation, response.
 
@@ -161,7 +152,7 @@ def _result(seen: Sequence[Seen], following: Next) -> dict[str, Any]:
 def _draw(folder: ResultFolder, looks: Sequence[Look]) -> None:
     """Draw a picture of each recording."""
     from deatwin.plant.recording import label
-    from deatwin.studies.report.svg import draw, standalone
+    from deatwin.studies.report.drawing import draw, standalone
 
     for number, one in enumerate(looks, start=1):
         with draw((5.4, 6.4)) as figure:
@@ -214,7 +205,7 @@ def _rig_drawing(kind: str) -> str:
     from deatwin.plant.rigs.rigtemplate import rig_template
     from deatwin.plant.rigs.sketch import draw_rig
     from deatwin.plant.sources import load_plant
-    from deatwin.studies.report.svg import draw, standalone
+    from deatwin.studies.report.drawing import draw, standalone
 
     filled = re.sub(r"^#(?=\w)", "", rig_template({}, kind), flags=re.MULTILINE)
     rig = load_plant(RigFile.from_dict(tomllib.loads(filled))).plant.rig

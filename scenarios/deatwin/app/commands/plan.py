@@ -7,19 +7,7 @@ from typing import Annotated
 
 import typer
 
-from deatwin.app.options import (
-    InputColumn,
-    Jobs,
-    Json,
-    OutFolder,
-    Quiet,
-    Resample,
-    RigSource,
-    SampleTime,
-    Seed,
-    TimeColumn,
-    positive,
-)
+from deatwin.app import options
 from deatwin.app.working import results
 from deatwin.studies.voice import Voice
 
@@ -29,24 +17,24 @@ InputFile = Annotated[
 ]
 Seconds = Annotated[
     float | None,
-    typer.Option(callback=positive("give a positive number of seconds"), help="Length of the suggested input."),
+    typer.Option(callback=options.positive("give a positive number of seconds"), help="Length of the suggested input."),
 ]
 
 
 def plan(
     context: typer.Context,
-    rig: RigSource,
-    out: OutFolder,
+    rig: options.RigSource,
+    out: options.OutFolder,
     commands: InputFile = None,
     seconds: Seconds = None,
-    input_column: InputColumn = None,
-    time_column: TimeColumn = None,
-    dt: SampleTime = None,
-    resample: Resample = None,
-    jobs: Jobs = -1,
-    seed: Seed = 0,
-    as_json: Json = False,
-    quiet: Quiet = False,
+    input_column: options.InputColumn = None,
+    time_column: options.TimeColumn = None,
+    dt: options.SampleTime = None,
+    resample: options.Resample = None,
+    jobs: options.Jobs = -1,
+    seed: options.Seed = 0,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """List, before you record, which missing effects an input would reveal, and which it could not distinguish.
 

@@ -8,16 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from deatwin.app.options import (
-    InputColumn,
-    Json,
-    Quiet,
-    Resample,
-    RigSource,
-    SampleTime,
-    TimeColumn,
-    complete_effects,
-)
+from deatwin.app import options
 from deatwin.studies.voice import Voice
 
 if TYPE_CHECKING:
@@ -41,7 +32,7 @@ Effects = Annotated[
     typer.Option(
         "--effect",
         metavar="NAME",
-        autocompletion=complete_effects,
+        autocompletion=options.complete_effects,
         help="Effect of the catalogue to add to the plant, such as creep; repeatable.",
     ),
 ]
@@ -55,17 +46,17 @@ OutFile = Annotated[
 
 
 def simulate(
-    rig: RigSource,
+    rig: options.RigSource,
     commands: InputFile,
     out: OutFile,
     effect: Effects = None,
     history: History = None,
-    input_column: InputColumn = None,
-    time_column: TimeColumn = None,
-    dt: SampleTime = None,
-    resample: Resample = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
+    input_column: options.InputColumn = None,
+    time_column: options.TimeColumn = None,
+    dt: options.SampleTime = None,
+    resample: options.Resample = None,
+    as_json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Predict the readings for the commands in a file, from rest and after earlier recordings of the experiment.
 

@@ -49,7 +49,7 @@ def compare(verdicts: Sequence[Verdict]) -> Comparison:
 
 def _drawn(number: int, verdict: Verdict, limit: float) -> str:
     """Draw errors before and after, on fitted and on held-out data, with the noise."""
-    from deatwin.studies.report.svg import COLOURS, draw, inline
+    from deatwin.studies.report.drawing import COLOURS, draw, inline
 
     with DRAWING, draw(SIZE) as figure:
         axes = figure.subplots()

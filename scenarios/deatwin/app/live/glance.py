@@ -66,7 +66,7 @@ def _further(root: Path, rig: str) -> tuple[Reading, ...]:
 def _looked(name: str, file: Understood) -> tuple[tuple[str, ...], str]:
     """Return facts and picture of the recordings."""
     from deatwin.ident.look import look_at
-    from deatwin.studies.report.svg import draw, inline
+    from deatwin.studies.report.drawing import draw, inline
 
     found = look_at(file.recordings)
     with DRAWING, draw(SIZE) as figure:

@@ -17,10 +17,9 @@ from fastapi import FastAPI
 from nicegui import run, ui
 
 from deatwin.app.live.comparison import MOST, compare
-from deatwin.app.live.desk import Desk, free_name
+from deatwin.app.live.desk import MEGABYTE, UPLOADS, Desk, free_name, keep_upload
 from deatwin.app.live.glance import Glance, glance
 from deatwin.app.live.jobs import Board, Diagnosing, Job, Order, Planning, State
-from deatwin.app.live.uploads import MEGABYTE, UPLOADS, keep_upload
 from deatwin.app.live.verdicts import Verdict
 from deatwin.plant.errors import DeatwinError
 from deatwin.plant.readoptions import ReadOptions
@@ -339,7 +338,7 @@ def _section(title: str) -> Any:
 
 def _style() -> str:
     """Return the style of the page, in the colours of the report."""
+    from deatwin.studies.report.drawing import COLOURS
     from deatwin.studies.report.rendering import templates
-    from deatwin.studies.report.svg import COLOURS
 
     return templates("deatwin.app.live").get_template("view.css.j2").render(colours=COLOURS)

@@ -13,10 +13,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from deatwin.app.live.desk import inside
+from deatwin.app.live.desk import MEGABYTE, inside
 from deatwin.app.live.guard import LOOPBACK, Guard
 from deatwin.app.live.jobs import Board
-from deatwin.app.live.uploads import MEGABYTE
 from deatwin.plant.errors import DataError, DeatwinError
 
 SERVED = {

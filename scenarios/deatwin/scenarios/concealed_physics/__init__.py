@@ -14,13 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from deatwin.scenarios.concealed_physics.figures import drawings, summary
-from deatwin.scenarios.concealed_physics.results import FAR, Opened, open_key
-from deatwin.scenarios.concealed_physics.score import score, sentence
+from deatwin.scenarios.concealed_physics.page import drawings, reported, summary, tables
+from deatwin.scenarios.concealed_physics.results import FAR, Opened, open_key, score, sentence
 from deatwin.scenarios.concealed_physics.study import carry_out, key_of, labels
-from deatwin.scenarios.concealed_physics.tables import cases_csv, reported, sealed, tables
-from deatwin.studies.report.prose import notes
 from deatwin.studies.report.story import Note, StoryPage, end_run, write_story
+from deatwin.studies.report.words import notes
 from deatwin.studies.stories import Setting
 
 SIZE = "standard"
@@ -37,7 +35,6 @@ def run(setting: Setting) -> Mapping[str, Any]:
     study = open_key(store, key)
     goals = score(study)
     folder.text("key.json", json.dumps(key, indent=1) + "\n")
-    folder.text("cases.csv", cases_csv(study))
     folder.text("summary.svg", summary(study))
     page = StoryPage(
         title="concealed-physics",
@@ -45,7 +42,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
         rows=[goal.row for goal in goals if goal.met is not None],
         notes=_notes(study, store.seal.hash),
         figures=drawings(study),
-        tables=[reported(goals), *tables(study), sealed(store.seal)],
+        tables=[reported(goals), *tables(study)],
     )
     write_story(folder, page, record)
     result = {

@@ -1,4 +1,4 @@
-"""Compare the result of each case with the concealed truth, and decide what may be counted."""
+"""Compare the result of each case with the concealed truth, decide what may be counted, and hold it against the stated goals."""
 
 from __future__ import annotations
 
@@ -6,9 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from deatwin.plant import DataError, effect_named
-from deatwin.scenarios.concealed_physics.key import TERM_NAMES
-from deatwin.studies.sweep import CaseStore, digest
+from deatwin.scenarios.concealed_physics.cases import TERM_NAMES
+from deatwin.studies.rates import Rate, brier_score, expected_calibration_error, median_interval, reliability
+from deatwin.studies.report.story import Measure
+from deatwin.studies.report.words import Words
+from deatwin.studies.sweep.seal import digest
+from deatwin.studies.sweep.store import CaseStore
 
 FAR = 16.0  # Distance d² from which on two explanations can be told apart
 CLEAN_VERDICTS = frozenset({"none", "parameters"})
@@ -46,7 +52,6 @@ class Case:
     covered: tuple[bool, ...]  # Whether the 95 % interval of each parameter that has a true value holds it
     advised: str  # What the advised experiment came to; empty where none was run
     again: bool  # It was diagnosed
-    sparse_term: str  # The strongest term of the sparse dynamics
     lost: frozenset[str]  # Models of the residual that diverged or failed
     seconds: float | None  # Processor time
 
@@ -131,7 +136,6 @@ def _case(spec: Mapping[str, Any], result: Mapping[str, Any], names: Mapping[str
         covered=_covered(result),
         advised=_advised(again),
         again="verdict" in again,
-        sparse_term=baselines.get("pysindy", {}).get("term", ""),
         lost=frozenset(name for name, made in baselines.items() if made["failure"]),
         seconds=result.get("seconds_in_all"),
     )
@@ -151,3 +155,184 @@ def _advised(again: Mapping[str, Any]) -> str:
 
 def _family(effect: str) -> str:
     return effect_named(effect).family.value
+
+
+WORDS = Words(__package__)
+NO_CASE = "not tested (no such cases)"  # Reached by a goal for which nothing was run
+STRONG, VERY_STRONG = 0.5, 1.0
+"""Structural residual over noise from which on a name, and a prediction as good as the oracle's, can be demanded."""
+LEAST_PARAMETERS = 300
+REPORTED = "reported"
+Ends = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Goal:
+    """A stated goal with the reached value."""
+
+    measure: str
+    demanded: str
+    reached: str
+    value: float | None  # Reached value; None where no case counts, as are the ends of its 95 % interval
+    low: float | None
+    high: float | None
+    count: int  # Cases that count
+    met: bool | None  # True if what is demanded is reached; None if nothing is demanded
+
+    @property
+    def row(self) -> Measure:
+        """Row of the page."""
+        return Measure(self.measure, self.demanded, self.reached, bool(self.met))
+
+
+def score(study: Opened) -> list[Goal]:
+    """Compare the study with its goals."""
+    clean, pairs, outside = study.of("clean"), study.of("pair"), study.of("outside", ratio=STRONG)
+    inside, ties = study.of("effect", ratio=STRONG), study.of("tie", ratio=STRONG)
+    far = [case for case in inside if case.nearest >= FAR]
+    detected = [case for case in study.of("effect", "tie", "pair") if case.detected]
+    named = [case for case in study.of("effect", "pair") if case.verdict == "named"]
+    tied = [case for case in study.of("tie") if case.verdict == "ambiguous"]
+    fine = [covered for case in study.cases for covered in case.covered]
+    return [
+        _at_most("false_alarm", [bool(c.causes) for c in clean], 1 / 150, "1 of 150"),
+        _at_least("cleared", [c.cleared for c in clean], 0.95),
+        _harm(study),
+        _at_most("wrong", [c.confidently_wrong for c in detected], 0.01, "1 %"),
+        _at_least("first_right", [c.first_right for c in far], 0.9),
+        _at_least("family_right", [c.family_right for c in far], 0.95),
+        _at_least("inside", [c.inside for c in inside], 0.95),
+        _mean("answer", [len(c.answer) for c in inside if c.rich and c.answer], 1.3),
+        _at_least("outside_unknown", [c.verdict == "unknown" for c in outside], 0.9),
+        _at_most("outside_named", [bool(c.causes) for c in outside], 0.05, "5 %"),
+        _at_least("both", [c.all_named for c in pairs], 0.7),
+        _at_least("no_wrong_of_two", [not c.failed and not c.wrong_cause for c in pairs], 0.9),
+        _at_least("resolved", [c.resolved for c in tied], 0.9),
+        _at_least("resolved_or_named", [c.resolved or c.named_right for c in ties], 0.9),
+        _at_least("tie_inside", [c.inside for c in ties], 0.95),
+        _median("gap_closed", gaps_closed(study), 0.95),
+        _at_least("ahead", [_ahead(c) for c in named], 0.9),
+        _points("beyond_sparse", inside, 0.3),
+        _coverage(study),
+        _rate("fine_covered", REPORTED, fine, None),
+        _calibration(study),
+    ]
+
+
+def sentence(study: Opened, goals: Sequence[Goal]) -> str:
+    """Summarise the results in one sentence."""
+    clean, concealed = study.of("clean"), study.of("effect", ratio=STRONG)
+    demanding = [goal for goal in goals if goal.met is not None]
+    return WORDS.text(
+        "sentence",
+        cases=len(study.cases),
+        alarms=sum(bool(c.causes) for c in clean),
+        clean=len(clean),
+        first=sum(c.first_right for c in concealed),
+        concealed=len(concealed),
+        wrong=sum(c.confidently_wrong for c in study.of("effect", "tie", "pair")),
+        met=sum(bool(goal.met) for goal in demanding),
+        goals=len(demanding),
+    )
+
+
+def gaps_closed(study: Opened) -> list[float]:
+    """Return how much of the oracle's gain over the base plant the diagnosis' plant reaches on the check record."""
+    closed = []
+    for case in study.of("effect", ratio=VERY_STRONG):
+        base, oracle = case.errors.get("base"), case.errors.get("oracle")
+        if case.failed:
+            closed.append(0.0)
+        elif base is not None and oracle is not None and oracle < base:
+            closed.append((base - case.errors.get("diagnosis", base)) / (base - oracle))
+    return closed
+
+
+def _ahead(case: Case) -> bool:
+    others = [case.errors[name] for name in ("pysindy", "gaussian_process", "narx") if name in case.errors]
+    return "diagnosis" in case.errors and all(case.errors["diagnosis"] < error for error in others)
+
+
+def _harm(study: Opened) -> Goal:
+    """Return the error of the diagnosis' plant on clean check records, relative to the base plant."""
+    errors = [case.errors for case in study.of("clean")]
+    ratios = [e["diagnosis"] / e["base"] for e in errors if {"diagnosis", "base"} <= e.keys()]
+    low, high = median_interval(ratios)
+    middle = float(np.median(ratios)) if ratios else np.nan
+    words = f"{middle:.4f} (95 % interval {low:.4f} to {high:.4f}), largest {max(ratios, default=np.nan):.3f}"
+    return _goal("harm", "at most 1.005", words, (middle, low, high), len(ratios), middle <= 1.005)
+
+
+def _coverage(study: Opened) -> Goal:
+    rate = Rate.of(study.intervals)
+    met = rate.count >= LEAST_PARAMETERS and 0.92 <= rate.share <= 0.98
+    return _rate("covered", f"92 to 98 % of at least {LEAST_PARAMETERS}", study.intervals, met)
+
+
+def _calibration(study: Opened) -> Goal:
+    stated = [pair for case in study.cases for pair in case.stated]
+    error = expected_calibration_error(reliability(stated))
+    words = f"{error:.3f} ({len(stated)} causes, Brier score {brier_score(stated):.3f})"
+    return _goal("calibration", "at most 0.05", words, (error, np.nan, np.nan), len(stated), error <= 0.05)
+
+
+def _at_most(name: str, flags: Sequence[bool], limit: float, words: str) -> Goal:
+    return _rate(name, f"at most {words}", flags, bool(flags) and sum(flags) / len(flags) <= limit, "at most")
+
+
+def _at_least(name: str, flags: Sequence[bool], limit: float) -> Goal:
+    met = bool(flags) and sum(flags) / len(flags) >= limit
+    return _rate(name, f"at least {100 * limit:g} %", flags, met, "at least")
+
+
+def _rate(name: str, demanded: str, flags: Sequence[bool], met: bool | None, side: str = "") -> Goal:
+    rate = Rate.of(flags)
+    if not rate.count:
+        return _goal(name, demanded, "", (np.nan, np.nan, np.nan), 0, met)
+    low, high = (0.0, rate.most) if side == "at most" else (rate.least, 1.0) if side else rate.interval
+    ends = f"{100 * low:.1f} to {100 * high:.1f}"
+    one_sided = f"below {100 * high:.1f} %" if side == "at most" else f"above {100 * low:.1f} %"
+    true_rate = one_sided if side else f"{ends} %"
+    words = f"{rate.hits} of {rate.count}, {100 * rate.share:.1f} % (true rate {true_rate})"
+    return _goal(name, demanded, words, (rate.share, low, high), rate.count, met)
+
+
+def _mean(name: str, values: Sequence[float], limit: float) -> Goal:
+    mean = float(np.mean(values)) if values else np.nan
+    half = 1.96 * float(np.std(values)) / np.sqrt(len(values)) if values else np.nan
+    words = f"{mean:.2f} ± {half:.2f} ({len(values)} cases)"
+    return _goal(name, f"at most {limit:g}", words, (mean, mean - half, mean + half), len(values), mean <= limit)
+
+
+def _median(name: str, values: Sequence[float], limit: float) -> Goal:
+    middle = float(np.median(values)) if values else np.nan
+    low, high = median_interval(values)
+    words = f"{100 * middle:.1f} % (95 % interval {100 * low:.1f} to {100 * high:.1f} %, {len(values)} cases)"
+    return _goal(name, f"at least {100 * limit:g} %", words, (middle, low, high), len(values), middle >= limit)
+
+
+def _points(name: str, cases: Sequence[Case], limit: float) -> Goal:
+    """Return the difference of two rates on the same cases, with a conservative bound."""
+    ours, theirs = Rate.of(c.first_right for c in cases), Rate.of(c.sparse_right for c in cases)
+    demanded = f"at least {100 * limit:g} points"
+    if not cases:
+        return _goal(name, demanded, "", (np.nan, np.nan, np.nan), 0, False)
+    ahead, (our_low, our_high), (low, high) = ours.share - theirs.share, ours.interval, theirs.interval
+    bound = f"true difference above {100 * (our_low - high):.1f}"
+    words = f"{100 * ahead:.1f} points ({ours.hits} and {theirs.hits} of {ours.count}; {bound})"
+    return _goal(name, demanded, words, (ahead, our_low - high, our_high - low), ours.count, ahead >= limit)
+
+
+def _goal(name: str, demanded: str, words: str, ends: Ends, count: int, met: bool | None) -> Goal:
+    """Make a goal from numbers, which are None if no case counts."""
+    value, low, high = ends if count else (None, None, None)
+    return Goal(
+        measure=WORDS.text(f"goal.{name}", strong=STRONG, far=FAR),
+        demanded=demanded,
+        reached=words if count else NO_CASE,
+        value=value,
+        low=low,
+        high=high,
+        count=count,
+        met=None if met is None else bool(met) and count > 0,
+    )

@@ -14,11 +14,20 @@ from deatwin.control import Specification
 from deatwin.scenarios.control_check import concealed
 from deatwin.scenarios.control_check.matters import QUANTITIES, Promise
 from deatwin.scenarios.control_check.page import INVERSES, WORDS, drawings, judge, tables
-from deatwin.scenarios.control_check.rigs import CALIBRATED, CONCEALED
 from deatwin.scenarios.control_check.study import Study, carry_out
-from deatwin.scenarios.control_check.trials import NO_MODEL, PASS, broken, caught, in_words, inside, sound
-from deatwin.studies.report.prose import notes
+from deatwin.scenarios.control_check.trials import (
+    CALIBRATED,
+    CONCEALED,
+    NO_MODEL,
+    PASS,
+    broken,
+    caught,
+    in_words,
+    inside,
+    sound,
+)
 from deatwin.studies.report.story import StoryPage, finish, reached
+from deatwin.studies.report.words import notes
 from deatwin.studies.stories import Setting
 
 SIZE = "short"

@@ -14,7 +14,7 @@ from deatwin.control.checking.verdict import Runs, judge_runs, worst
 from deatwin.ident.mismatch import Diagnosis, diagnose
 from deatwin.plant import CalibratedPlant, Creep, Diaphragm, Effect, ElectrodeRC, Experiment, Plant
 from deatwin.plant.excitation import band_limited_noise
-from deatwin.scenarios.control_check.rigs import identified, recorded
+from deatwin.scenarios.control_check.trials import identified, recorded
 
 EFFECTS: Mapping[str, Callable[[], Effect]] = {"electrode_rc": lambda: ElectrodeRC(time=0.4), "creep": Creep}
 """Concealed effects. A grease electrode of 0.4 s makes a design slow; one of 0.05 s does not (it would be no story)."""

@@ -32,7 +32,7 @@ from deatwin.ident.narx.fleet.alike import linear_in_output
 from deatwin.plant import CalibratedPlant, DeatwinError, Plant, ReadingTime, Recording
 from deatwin.plant.excitation import band_limited_noise
 from deatwin.plant.fleet import fabricated
-from deatwin.scenarios.control_check.rigs import WIDER, calibrated, recorded
+from deatwin.scenarios.control_check.trials import WIDER, calibrated, recorded
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -16,11 +16,9 @@ from deatwin.scenarios.control_check.study import Study
 from deatwin.scenarios.control_check.tracking import SETTLED, FleetRun, Tracked, Tracking
 from deatwin.scenarios.control_check.trials import NO_MODEL, Outcome, broken, caught, in_words, inside, sound
 from deatwin.studies.rates import Rate
-from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import Hue, titled
+from deatwin.studies.report.drawing import Drawing, Hue, draw, legend_above, titled
 from deatwin.studies.report.quantities import in_interval
 from deatwin.studies.report.story import Measure, Table
-from deatwin.studies.report.svg import draw, legend_above
 from deatwin.studies.report.words import Words
 
 WORDS = Words(__package__)
@@ -32,9 +30,6 @@ INVERSES = ("inverse", "inverse with dynamics")
 EQUAL = 1e-6  # Relative difference of margins that are equal: they are of one loop, computed twice
 MICRO = 1e6
 NOTHING = "none"  # Stands where no effect is concealed
-
-
-# --- measures -------------------------------------------------------------------------------------------------------
 
 
 def judge(study: Study) -> list[Measure]:
@@ -99,9 +94,6 @@ def _both(designed: Designed) -> str:
     """Return the verdict of the check, and the behaviour on the true rig."""
     true = designed.truth.text.removeprefix("in simulation with the plant model, ").replace("the plant model", "it")
     return f"{designed.check.verdict.value}; on the true rig {designed.truth.verdict.value}: {true}"
-
-
-# --- tables ---------------------------------------------------------------------------------------------------------
 
 
 def tables(study: Study) -> list[Table]:
@@ -261,9 +253,6 @@ SHOWN = {
 def drawings(study: Study) -> list[Drawing]:
     """Draw all figures."""
     return [_tracking(study.tracking[0]), _concealed(study.concealed)]
-
-
-# --- figures ---------------------------------------------------------------------------------------------------
 
 
 def _tracking(nominal: Tracking) -> Drawing:

@@ -15,7 +15,7 @@ from deatwin.scenarios.control_check.matters import Matters, compare_models
 from deatwin.scenarios.control_check.tracking import EXCITED, FleetRun, Tracking, fleet_runs, track
 from deatwin.scenarios.control_check.trials import Outcome, Trials, name_of, try_one
 from deatwin.studies.parallel import between
-from deatwin.studies.sweep import run_sweep
+from deatwin.studies.sweep.run import run_sweep
 from deatwin.studies.voice import Progress
 
 SIZES = {"short": 8, "standard": 100, "full": 400}  # Number of trials; the rest of the story is the same

@@ -28,7 +28,7 @@ from deatwin.control import (
 from deatwin.control.stability.loops import loop_margins
 from deatwin.plant import Actuator, Plant, fleet, specification
 from deatwin.plant.excitation import band_limited_noise
-from deatwin.scenarios.control_check.rigs import LIMITS, identified, recorded
+from deatwin.scenarios.control_check.trials import LIMITS, identified, recorded
 
 Array = NDArray[np.float64]
 

@@ -12,14 +12,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from deatwin.ident.narx.fleet.records import RECORDED
-from deatwin.scenarios.fleet_models.figures import semp_drawings
-from deatwin.scenarios.fleet_models.measures import judge_semp
+from deatwin.scenarios.fleet_models.page import candidates_in_words, failures, judge_semp, semp_drawings, semp_tables
 from deatwin.scenarios.fleet_models.study import FROLS, SEMP, Programme, Study, carry_out, save
-from deatwin.scenarios.fleet_models.tables import candidates_in_words, failures, semp_tables
-from deatwin.studies.report.prose import notes
 from deatwin.studies.report.quantities import quantity
 from deatwin.studies.report.story import StoryPage, reached
-from deatwin.studies.report.words import Span
+from deatwin.studies.report.words import Span, notes
 from deatwin.studies.stories import Setting
 
 PROGRAMME = Programme(methods=(SEMP,), beside=(FROLS,))

@@ -12,7 +12,7 @@ from deatwin.ident.narx.fleet.orders import RULE, Plan, prepare_fleet
 from deatwin.ident.narx.fleet.records import RECORDED, VARIANTS, Prepared
 from deatwin.plant import Recording
 from deatwin.studies.parallel import between, run_told
-from deatwin.studies.report.panels import key_of
+from deatwin.studies.report.drawing import key_of
 from deatwin.studies.report.story import StoryPage, finish
 from deatwin.studies.stories import Setting
 from deatwin.studies.voice import Progress

@@ -12,14 +12,19 @@ from typing import Any
 
 from deatwin.ident.narx import Frols
 from deatwin.ident.narx.fleet.records import RECORDED
-from deatwin.scenarios.fleet_models.figures import Choice, compare, svb_drawings
-from deatwin.scenarios.fleet_models.measures import judge_svb
+from deatwin.scenarios.fleet_models.page import (
+    Choice,
+    candidates_in_words,
+    compare,
+    failures,
+    judge_svb,
+    svb_drawings,
+    svb_tables,
+)
 from deatwin.scenarios.fleet_models.study import FREE, SEMP, SVB, Programme, Study, candidates, carry_out, save
-from deatwin.scenarios.fleet_models.tables import candidates_in_words, failures, svb_tables
-from deatwin.studies.report.prose import notes
 from deatwin.studies.report.quantities import quantity
 from deatwin.studies.report.story import StoryPage, reached
-from deatwin.studies.report.words import Span
+from deatwin.studies.report.words import Span, notes
 from deatwin.studies.stories import Setting
 
 PROGRAMME = Programme(methods=(SEMP, SVB), beside=(FREE,))

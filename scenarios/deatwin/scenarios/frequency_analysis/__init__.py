@@ -19,11 +19,10 @@ from deatwin.scenarios.frequency_analysis.figures import fleet_drawings, known_d
 from deatwin.scenarios.frequency_analysis.known import known_systems
 from deatwin.scenarios.frequency_analysis.measures import HALF, HIGH, LOW, judge, spread, tables
 from deatwin.studies.parallel import between
-from deatwin.studies.report.panels import key_of
-from deatwin.studies.report.prose import notes
+from deatwin.studies.report.drawing import key_of
 from deatwin.studies.report.quantities import quantity
 from deatwin.studies.report.story import StoryPage, finish, reached
-from deatwin.studies.report.words import Span
+from deatwin.studies.report.words import Span, notes
 from deatwin.studies.stories import Setting
 
 

@@ -21,19 +21,20 @@ from deatwin.scenarios.frequency_analysis.actuators import (
     Analysed,
 )
 from deatwin.scenarios.frequency_analysis.known import SIGNAL_BAND, Identified, Known
-from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import (
+from deatwin.studies.report.drawing import (
     STYLES,
     SUBSCRIPTS,
+    Drawing,
     Hue,
+    draw,
     draw_between,
     filled,
     key_of,
+    legend_above,
     panels_of,
     plain_numbers,
     titled,
 )
-from deatwin.studies.report.svg import draw, legend_above
 from deatwin.studies.report.words import Each, Words
 
 if TYPE_CHECKING:

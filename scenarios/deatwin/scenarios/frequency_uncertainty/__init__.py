@@ -16,14 +16,28 @@ from numpy.typing import NDArray
 
 from deatwin.ident.frequency import Agreement, Comparison
 from deatwin.ident.narx.fleet.records import DRIFTING
-from deatwin.scenarios.frequency_uncertainty.figures import fleet_drawings, known_drawings
-from deatwin.scenarios.frequency_uncertainty.fleet import FACTOR, REPEATS, SLOW, STRUCTURE, Consistency
-from deatwin.scenarios.frequency_uncertainty.measures import FASTER, column_of, counted, judge, tables
-from deatwin.scenarios.frequency_uncertainty.study import Plan, Study, carry_out
-from deatwin.studies.report.panels import SUBSCRIPTS
-from deatwin.studies.report.prose import listed, notes
+from deatwin.scenarios.frequency_uncertainty.page import (
+    FASTER,
+    column_of,
+    counted,
+    fleet_drawings,
+    judge,
+    known_drawings,
+    tables,
+)
+from deatwin.scenarios.frequency_uncertainty.study import (
+    FACTOR,
+    REPEATS,
+    SLOW,
+    STRUCTURE,
+    Consistency,
+    Plan,
+    Study,
+    carry_out,
+)
+from deatwin.studies.report.drawing import SUBSCRIPTS
 from deatwin.studies.report.story import StoryPage, finish, reached
-from deatwin.studies.report.words import Span
+from deatwin.studies.report.words import Span, listed, notes
 from deatwin.studies.stories import Setting
 
 PLAN = Plan()

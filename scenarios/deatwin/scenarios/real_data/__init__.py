@@ -3,12 +3,13 @@
 The recordings are public and read where the user keeps them (``--data`` or ``DEATWIN_DATA``), or downloaded as far as
 nonlinear_benchmarks has them. Each method gets the same candidates, learns from the training recording alone and runs
 free over the test recording from its first samples. Nothing is chosen on a test recording. What others report for the
-same recordings stands beside it, with its source.
-"""
+same recordings stands beside it, with its source."""
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
+from importlib.resources import files
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -18,18 +19,30 @@ from numpy.typing import NDArray
 
 from deatwin.ident import run_jobs
 from deatwin.ident.narx import NarxModel
-from deatwin.scenarios.real_data.published import DOCUMENTED, QUOTED, documented_errors
+from deatwin.plant import Recording
 from deatwin.studies.provenance import hashes
 from deatwin.studies.public.black_boxes import FROLS, GROWN, LINEAR, METHODS, REFINED, SEMP, Outcome, attempt
 from deatwin.studies.public.records import DataSet, buck, cascaded_tanks, emps, silverbox
 from deatwin.studies.public.sources import data_folder, origins
-from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import Hue
-from deatwin.studies.report.prose import notes
+from deatwin.studies.report.drawing import Drawing, Hue, draw, draw_runs, legend_above
 from deatwin.studies.report.story import Measure, StoryPage, Table, finish, reached
-from deatwin.studies.report.svg import draw, legend_above
-from deatwin.studies.report.words import Words
+from deatwin.studies.report.words import Words, notes
 from deatwin.studies.stories import Setting
+
+_FILE: dict[str, Any] = tomllib.loads(files(__package__).joinpath("published.toml").read_text(encoding="utf-8"))
+DOCUMENTED: Mapping[str, Mapping[str, float]] = _FILE["documented"]
+"""Models of the buck converter in SysIdentPy's documentation, in its order: parameters by term."""
+QUOTED = [[" ".join(one[key].split()) for key in ("data", "method", "error", "source")] for one in _FILE["quoted"]]
+"""Rows of data set, method, error as it is reported, and where."""
+
+
+def documented_errors(test: Recording) -> dict[str, float]:
+    """Root mean square errors of free runs of the documented models, V."""
+    return {
+        name: NarxModel.from_terms(terms, sample_time=test.sample_time).simulate(test).rms_error
+        for name, terms in DOCUMENTED.items()
+    }
+
 
 WORDS = Words(__package__)
 LARGEST_ERROR, MOST_TERMS = 0.35e-3, 15  # Demanded of the Silverbox, V and terms
@@ -183,15 +196,8 @@ def _free_runs(data: DataSet, outcomes: Mapping[str, Outcome], methods: Sequence
 def _runs(shown: DataSet, runs: Mapping[str, Array], name: str, called: str = "", **said: str) -> Drawing:
     measured, timepts = shown.test.outputs[0] / shown.scale, shown.test.timepts
     size, unit = (1e3, "ms") if name == "converter" and shown.test.sample_time < 1e-3 else (1.0, "s")
-    columns: dict[str, Array] = {"time_s": timepts, "measured": measured}
+    scaled = {method: outputs / shown.scale for method, outputs in runs.items()}
+    columns = {"time_s": timepts, "measured": measured, **{_key(method): run for method, run in scaled.items()}}
     with draw((9.6, 4.8)) as figure:
-        top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-        top.plot(size * timepts, measured, color=Hue.MEASURED, linewidth=1.8, label="measured")
-        for (method, outputs), colour in zip(runs.items(), (Hue.BEFORE, Hue.MARK, Hue.AFTER), strict=False):
-            top.plot(size * timepts, outputs / shown.scale, color=colour, label=method)
-            bottom.plot(size * timepts, measured - outputs / shown.scale, color=colour)
-            columns[_key(method)] = outputs / shown.scale
-        top.set(ylabel=f"output ({shown.unit})")
-        bottom.set(ylabel=f"error ({shown.unit})", xlabel=f"time ({unit})")
-        legend_above(figure, top, 4)
+        draw_runs(figure, size * timepts, measured, scaled, shown.unit, f"time ({unit})")
         return WORDS.drawing(figure, name, columns, called, **said)

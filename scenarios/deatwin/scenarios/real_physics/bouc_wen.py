@@ -28,18 +28,16 @@ from deatwin.plant import (
     Sizes,
 )
 from deatwin.plant.effects.smooth import smooth_magnitude
-from deatwin.scenarios.real_physics.signals import derivatives, held
-from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of
-from deatwin.studies.missing_physics.page import tell
-from deatwin.studies.public.columns import hdf5_vectors, require_samples
-from deatwin.studies.public.records import Candidates, DataSet
+from deatwin.scenarios.real_physics.silverbox import derivatives, held
+from deatwin.studies.missing_physics import Case, HeldOut, Law, experiment_of, tell
+from deatwin.studies.public.records import BOUC_WEN_PERIOD as PERIOD
+from deatwin.studies.public.records import BOUC_WEN_RATE as RATE
+from deatwin.studies.public.records import bouc_wen, bouc_wen_signals
 from deatwin.studies.report.words import Words
 from deatwin.studies.stories import Setting
 
 WORDS = Words(__package__)
 Array = NDArray[np.float64]
-RATE = 750.0  # Hz
-PERIOD = 8192  # Samples of the multisines
 BAND = 200.0  # Hz, up to which the recording is differentiated: the input ends at 150
 
 
@@ -116,29 +114,15 @@ def run(setting: Setting) -> Mapping[str, Any]:
 
 def case(folder: Path) -> Case:
     """The recordings and the plant."""
-    train, test = (folder / f"{part}.h5" for part in ("train", "test"))
-    (force, motion), (tested, moved), (swept, followed) = (
-        _signals(train, "multisine", 4 * PERIOD),
-        _signals(test, "multisine", PERIOD),
-        _signals(test, "sinesweep", PERIOD),
-    )
-    fitted = _experiment(held(force)[: 2 * PERIOD], motion[: 2 * PERIOD])
-    black_box = DataSet(
-        name="bouc_wen",
-        title="Bouc-Wen",
-        unit="mm",
-        scale=1e-3,
-        files=(train, test),
-        train=_experiment(force[: 2 * PERIOD], motion[: 2 * PERIOD]).recordings[0],
-        test=_experiment(tested, moved).recordings[0],
-        candidates=Candidates(output_lags=3, input_lags=(0, 1, 2, 3), degree=3, max_terms=15),
-    )
+    data = bouc_wen(folder)
+    force, motion = bouc_wen_signals(data.files[0], "multisine", 4 * PERIOD)
+    (tested, moved), (swept, followed) = (bouc_wen_signals(data.files[1], name) for name in ("multisine", "sinesweep"))
     # The test multisine is one period of a steady state: two periods before it lead in.
     multisine = HeldOut(
         name="The test multisine",
         experiment=_experiment(held(np.tile(tested, 3)), np.tile(moved, 3)),
         first=2 * PERIOD,
-        black_box=black_box,
+        black_box=data,
     )
     sweep = HeldOut(name="The test sweep", experiment=_experiment(held(swept), followed))
     return Case(
@@ -146,20 +130,14 @@ def case(folder: Path) -> Case:
         title="Bouc-Wen benchmark",
         documented=("hysteresis",),
         plant=Plant(rig=LinearOscillator()),
-        fitted=(fitted,),
+        fitted=(_experiment(held(force)[: 2 * PERIOD], motion[: 2 * PERIOD]),),
         held_out=(multisine, sweep),
         unit="µm",
         scale=1e-6,
-        files=(train, test),
+        files=data.files,
         law=lambda amended: _law(amended, motion, force),
         notes=WORDS.texts("bouc_wen.notes"),
     )
-
-
-def _signals(file: Path, name: str, least: int) -> tuple[Array, Array]:
-    force, motion = hdf5_vectors(file, name, ("u", "y"))
-    require_samples(file, force.size, least)
-    return force, motion
 
 
 def _experiment(force: Array, motion: Array) -> Experiment:

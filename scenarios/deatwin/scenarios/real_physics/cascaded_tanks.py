@@ -17,8 +17,7 @@ import numpy as np
 
 from deatwin.plant import Builder, Effect, Experiment, Family, Parameter, Place, Plant, ReadingTime, Rig, Scale, Sizes
 from deatwin.plant.effects.smooth import soft_excess
-from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of
-from deatwin.studies.missing_physics.page import tell
+from deatwin.studies.missing_physics import Case, HeldOut, Law, experiment_of, tell
 from deatwin.studies.public.records import cascaded_tanks as black_box_data
 from deatwin.studies.report.words import Words
 from deatwin.studies.stories import Setting

@@ -28,17 +28,15 @@ from deatwin.plant import (
     Sizes,
     catalogue,
 )
-from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of
-from deatwin.studies.missing_physics.page import tell
+from deatwin.studies.missing_physics import Case, HeldOut, Law, experiment_of, tell
 from deatwin.studies.public.columns import matlab_vectors, require_samples
-from deatwin.studies.public.records import EMPS_FILES, Candidates, DataSet, recorded
+from deatwin.studies.public.records import EMPS_FILES, emps_deviation
 from deatwin.studies.report.words import Words
 from deatwin.studies.stories import Setting
 
 WORDS = Words(__package__)
 Array = NDArray[np.float64]
 FITTED = 13_000  # Samples: two strokes out and back
-STEP = 10  # Samples of 1 ms from one of a black box to its next
 SMOOTH = 25.0  # Hz, up to which the recording is differentiated
 
 
@@ -106,14 +104,16 @@ def case(folder: Path) -> Case:
     pulsed = HeldOut(
         name="The validation record, with force pulses",
         experiment=Experiment(recordings=(validation,)),
-        black_box=_black_box(estimation, validation, files, 0),
+        black_box=emps_deviation(estimation.section(0, FITTED), validation, files),
         follows=True,
     )
     rest = HeldOut(
         name="The rest of the estimation record",
         experiment=Experiment(recordings=(estimation,)),
         first=FITTED,
-        black_box=_black_box(estimation, estimation, files, FITTED),
+        black_box=emps_deviation(
+            estimation.section(0, FITTED), estimation.section(FITTED, estimation.n_samples), files
+        ),
         follows=True,
     )
     return Case(
@@ -140,27 +140,6 @@ def _recording(file: Path) -> Recording:
     middle = np.append((reference[1:] + reference[:-1]) / 2, reference[-1])
     rig = ControlledCarriage()
     return experiment_of(rig, middle, position, extras=extras, provenance={"file": file.name}).recordings[0]
-
-
-def _black_box(train: Recording, test: Recording, files: tuple[Path, ...], first: int) -> DataSet:
-    """Velocity of the reference in, deviation from it out: the position is the reference plus the deviation."""
-
-    def deviation(record: Recording) -> Recording:
-        reference, position = record.inputs[0], record.outputs[0]
-        velocity = np.gradient(reference, record.sample_time)
-        step = STEP * record.sample_time
-        return recorded(velocity[::STEP], (position - reference)[::STEP], step, ("m/s", "m"))
-
-    return DataSet(
-        name=f"emps_{first}",
-        title="EMPS",
-        unit="µm",
-        scale=1e-6,
-        files=files,
-        train=deviation(train.section(0, FITTED)),
-        test=deviation(test.section(first, test.n_samples)),
-        candidates=Candidates(output_lags=2, input_lags=(0, 1, 2), degree=3, max_terms=12),
-    )
 
 
 def _law(amended: Plant, judged: Recording, file: Path) -> Law:

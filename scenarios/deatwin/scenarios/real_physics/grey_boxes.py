@@ -1,14 +1,12 @@
-"""The physics that is documented of three benchmarks, written down whole and calibrated: nothing is to be found.
-
-Tanks with brims, a carriage with dry friction in open loop, Bouc's and Wen's spring. The training part is fitted, and
-decides between forms; the official test part is run free.
-"""
+"""The physics that is documented of three benchmarks, written down whole and calibrated: nothing is to be found."""
 
 from __future__ import annotations
 
 import time
+import tomllib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -21,18 +19,40 @@ from deatwin.plant import Builder, Experiment, Parameter, Place, Plant, ReadingT
 from deatwin.plant.effects.smooth import smooth_sign, soft_excess
 from deatwin.scenarios.real_physics import bouc_wen, cascaded_tanks
 from deatwin.scenarios.real_physics.cascaded_tanks import Tanks
-from deatwin.scenarios.real_physics.published import said, sources
-from deatwin.studies.missing_physics.case import HeldOut
+from deatwin.studies.missing_physics import HeldOut
 from deatwin.studies.provenance import hashes
 from deatwin.studies.public.records import EMPS_FILES, emps_averaged
 from deatwin.studies.public.sources import data_folder
-from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import Hue
+from deatwin.studies.report.drawing import Drawing, draw, draw_runs
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, finish, reached
-from deatwin.studies.report.svg import draw
-from deatwin.studies.report.tabulated import drawn_table
+from deatwin.studies.report.tables import drawn_table
 from deatwin.studies.report.words import Words
 from deatwin.studies.stories import Setting
+
+_FILE: dict[str, Any] = tomllib.loads(files(__package__).joinpath("published.toml").read_text(encoding="utf-8"))
+PUBLISHED: list[dict[str, str]] = _FILE["published"]
+"""Errors on test parts, each with its model; sources and places that recur have a name."""
+
+
+def said(test: str) -> str:
+    """Return the results of others on a test part, in one line."""
+    return ", ".join(f"{one['error']} ({one['model']})" for one in PUBLISHED if one["test"] == test)
+
+
+def sources() -> Table:
+    """Return all figures with their sources."""
+    return Table.of(
+        "Published errors, and where they were read",
+        PUBLISHED,
+        {
+            "test part": lambda one: one["test"],
+            "error": lambda one: one["error"],
+            "model": lambda one: one["model"],
+            "source": lambda one: _FILE["source"].get(one["source"], one["source"]),
+            "read in": lambda one: _FILE["read"][one["read"]],
+        },
+    )
+
 
 WORDS = Words(__package__)
 Array = NDArray[np.float64]
@@ -234,16 +254,10 @@ def _bouc_wen(data: Path | None) -> tuple[Task, ...]:
 
 
 def _drawn(number: int, one: Judged) -> Drawing:
-    times, scale = one.task.held_out.timepts, one.task.scale
-    measured, model = one.task.held_out.measured / scale, one.readings / scale
+    held_out, scale = one.task.held_out, one.task.scale
+    runs = {"free run of the calibrated plant": one.readings / scale}
     with draw((7.4, 3.8)) as figure:
-        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
-        upper.plot(times, measured, color=Hue.MEASURED, linewidth=2.0, label="measured")
-        upper.plot(times, model, color=Hue.AFTER, linewidth=0.9, label="free run of the calibrated plant")
-        lower.plot(times, measured - model, color=Hue.BEFORE, linewidth=0.8)
-        upper.set_ylabel(f"reading ({one.task.unit})")
-        lower.set(xlabel="time (s)", ylabel=f"residual ({one.task.unit})")
-        figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=2)
+        draw_runs(figure, held_out.timepts, held_out.measured / scale, runs, one.task.unit)
         caption = "The test part, on which nothing was fitted."
         return Drawing.of(figure, f"test_{number}", one.task.name, caption, drawn_table(figure))
 

@@ -1,8 +1,4 @@
-"""The Silverbox: a circuit that oscillates like a mass on a hardening spring, taken as a linear oscillator.
-
-The first two realisations of the multisine are diagnosed; the arrow-head, whose amplitude grows beyond theirs, judges.
-The recording is public (Wigren & Schoukens, European Control Conference 2013).
-"""
+"""The Silverbox: a circuit that oscillates like a mass on a hardening spring, taken as a linear oscillator."""
 
 from __future__ import annotations
 
@@ -15,16 +11,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.plant import Builder, Experiment, Parameter, Place, Plant, ReadingTime, Rig, Scale, Sizes
-from deatwin.scenarios.real_physics.signals import derivatives, held
-from deatwin.studies.missing_physics.case import Case, HeldOut, Law, experiment_of
-from deatwin.studies.missing_physics.page import tell
+from deatwin.studies.missing_physics import Case, HeldOut, Law, experiment_of, tell
 from deatwin.studies.public.records import ARROW_HEAD, SILVERBOX_RATE, silverbox_table
 from deatwin.studies.public.records import silverbox as black_box_data
 from deatwin.studies.report.words import Words
 from deatwin.studies.stories import Setting
 
-WORDS = Words(__package__)
 Array = NDArray[np.float64]
+
+
+def held(values: Array) -> Array:
+    """Return held values (n,) that act on a plant like the band-limited input with the samples `values` (n,)."""
+    frequencies = np.fft.rfftfreq(values.size)
+    spectrum = np.fft.rfft(values) * np.exp(1j * np.pi * frequencies) / np.sinc(frequencies)
+    return np.fft.irfft(spectrum, values.size)
+
+
+def derivatives(values: Array, sample_time: float, band: float) -> tuple[Array, Array, Array]:
+    """A signal (n,) and its first two derivatives by the Fourier transform, up to `band`, Hz."""
+    frequencies = np.fft.rfftfreq(values.size, sample_time)
+    spectrum, omega = np.fft.rfft(values) * (frequencies <= band), 2j * np.pi * frequencies
+    first, second, third = (np.fft.irfft(spectrum * omega**order, values.size) for order in range(3))
+    return first, second, third
+
+
+WORDS = Words(__package__)
 FITTED = slice(40_540, 57_900)  # Two realisations of the multisine, each after some hundred samples of rest
 BAND = 250.0  # Hz, up to which the recording is differentiated: the input ends at 200
 

@@ -13,8 +13,8 @@ from typing import Any
 
 from deatwin.ident import spawn_generators
 from deatwin.scenarios.regression_lessons import constraint, occam, page, variance
-from deatwin.studies.report.prose import notes
 from deatwin.studies.report.story import StoryPage, finish, reached
+from deatwin.studies.report.words import notes
 from deatwin.studies.stories import Setting
 
 

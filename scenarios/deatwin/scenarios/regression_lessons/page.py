@@ -11,10 +11,8 @@ from deatwin.scenarios.regression_lessons import variance
 from deatwin.scenarios.regression_lessons.constraint import Constrained, Plane
 from deatwin.scenarios.regression_lessons.occam import TRUE_DEGREE, Occam
 from deatwin.scenarios.regression_lessons.variance import Decomposition
-from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import Hue
+from deatwin.studies.report.drawing import Drawing, Hue, draw, legend_above
 from deatwin.studies.report.story import Measure
-from deatwin.studies.report.svg import draw, legend_above
 from deatwin.studies.report.words import Words
 
 if TYPE_CHECKING:

@@ -14,9 +14,9 @@ import numpy as np
 
 from deatwin.scenarios.svb_benchmark.page import drawings, judge, tables
 from deatwin.scenarios.svb_benchmark.study import CASES, SWEPT, Plan, carry_out
-from deatwin.studies.report.prose import notes
 from deatwin.studies.report.story import StoryPage, finish, reached
 from deatwin.studies.report.tables import csv_text
+from deatwin.studies.report.words import notes
 from deatwin.studies.stories import Setting
 
 PLAN = Plan()

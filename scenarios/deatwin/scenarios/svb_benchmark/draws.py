@@ -1,24 +1,113 @@
-"""One draw of a system: the structure that a method finds, how far the true terms stand out, and a sampler's answer."""
+"""The methods of the study, and its draws: what each method finds in a recording of a system whose equation is known."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.narx import FitStatus, ThetaPosterior
+from deatwin.ident.narx import (
+    FitStatus,
+    Fixed,
+    Frols,
+    Lasso,
+    Narmax,
+    NarxIdentifier,
+    NarxModel,
+    Semp,
+    SvbNarx,
+    ThetaPosterior,
+)
 from deatwin.ident.narx.bayes import Statistics
+from deatwin.ident.narx.known_terms import fit_variational, fit_with_noise
 from deatwin.ident.narx.regression import Regression
 from deatwin.ident.narx.spike_slab import SpikeSlab, Structures, sample_structures
 from deatwin.ident.narx.standing_out import Margin, full_margin, near_margin
 from deatwin.ident.narx.systems import SYSTEMS, BenchmarkSystem, Draw
-from deatwin.plant import DeatwinError
+from deatwin.plant import DeatwinError, Recording
 from deatwin.plant.records import UNBOUNDED
-from deatwin.scenarios.svb_benchmark.methods import ESTIMATORS, METHODS
 from deatwin.studies.rates import LEVEL, Rate
+
+VARIATIONAL = "variational Bayes"
+
+
+@dataclass(frozen=True)
+class Method:
+    """A way to choose the structure."""
+
+    label: str
+    line: str
+    make: Callable[..., NarxIdentifier]  # Takes the arguments of an identifier
+    effort: tuple[float, float]  # Seconds for a draw of a small and of a large system, about
+    told: bool = False  # True if it knows the number of terms
+
+    def for_system(self, system: BenchmarkSystem) -> NarxIdentifier:
+        """Make the identifier for a system: it knows lags and degree."""
+        given: dict[str, Any] = {"max_terms": len(system.terms)} if self.told else {}
+        lags = {"output_lags": system.output_lags, "input_lags": system.input_lags}
+        return self.make(**lags, degree=system.degree, **given)
+
+
+METHODS: Mapping[str, Method] = MappingProxyType(
+    {
+        "fro": Method(
+            "FROLS", "forward regression by error reduction, number of terms by extended BIC", Frols, (0.004, 0.013)
+        ),
+        "fro-told": Method(
+            "FROLS, told the number",
+            "forward regression that knows the number of true terms, so that only its order is judged",
+            partial(Frols, criterion="none"),
+            (0.004, 0.013),
+            told=True,
+        ),
+        "lasso": Method(
+            "LASSO",
+            "refitted models along the LASSO path, chosen by free-run error on held-out data",
+            Lasso,
+            (0.12, 0.13),
+        ),
+        "semp": Method(
+            "SEMP",
+            "least free-run error with pruning, with tests added to the published rules",
+            Semp,
+            (0.015, 0.05),
+        ),
+        "svb": Method(
+            "SVB",
+            "variational Bayes with automatic relevance determination, as published",
+            partial(SvbNarx, clean_up="none"),
+            (0.06, 0.85),
+        ),
+        "svb-clean": Method(
+            "SVB with clean-up",
+            "variational Bayes whose last steps are corrected by exact evidence",
+            partial(SvbNarx, clean_up="evidence"),
+            (0.06, 0.85),
+        ),
+    }
+)
+
+
+ESTIMATORS: Mapping[str, Callable[[BenchmarkSystem, Recording], NarxModel]] = MappingProxyType(
+    {
+        "least squares": lambda system, record: Fixed(terms=system.terms).fit(record).model_,
+        VARIATIONAL: lambda system, record: fit_variational(system.terms, record),
+        "least prediction error, true noise terms": lambda system, record: fit_with_noise(
+            system.terms, system.noise_terms, record
+        ),
+        "least prediction error, chosen noise terms": lambda system, record: (
+            Narmax(Fixed(terms=system.terms)).fit(record).model_
+        ),
+    }
+)
+"""Estimators of the parameters of a known structure."""
+
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -107,9 +196,6 @@ def try_out(name: str, method: str, seed: int, number: int, noise_variance: floa
     )
 
 
-# --- oracles --------------------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True, kw_only=True)
 class Contrast:
     """Margins by which the true terms of a draw stand out."""
@@ -161,9 +247,6 @@ def consult(margins: Sequence[Margin]) -> Oracle:
     exact = [(false <= threshold) & (threshold < true) for threshold in thresholds]
     best = int(np.argmax([flags.sum() for flags in exact]))
     return Oracle(threshold=float(thresholds[best]), exact=Rate.of(exact[best]), kept=Rate.of(true > thresholds[best]))
-
-
-# --- the sampler beside variational Bayes ---------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

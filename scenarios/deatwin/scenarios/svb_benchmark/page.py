@@ -7,15 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from deatwin.scenarios.svb_benchmark.draws import Oracle, Trial, consult, system_of
-from deatwin.scenarios.svb_benchmark.methods import METHODS, VARIATIONAL
+from deatwin.scenarios.svb_benchmark.draws import METHODS, VARIATIONAL, Oracle, Trial, consult, system_of
 from deatwin.scenarios.svb_benchmark.study import SWEPT, WHITE, Study
 from deatwin.studies.rates import Rate
-from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import Hue
+from deatwin.studies.report.drawing import COLOURS, Drawing, Hue, draw
 from deatwin.studies.report.quantities import three_digits
 from deatwin.studies.report.story import Measure, Table
-from deatwin.studies.report.svg import COLOURS, draw
 from deatwin.studies.report.words import Words
 
 if TYPE_CHECKING:
@@ -41,9 +38,6 @@ def oracles(study: Study, system: str) -> tuple[Oracle, Oracle]:
     """Evaluate the two oracles, which know the truth: on all candidates, and from the true terms."""
     draws = study.contrasts[system]
     return consult([draw.full for draw in draws]), consult([draw.near for draw in draws])
-
-
-# --- measures -------------------------------------------------------------------------------------------------------
 
 
 def judge(study: Study) -> list[Measure]:
@@ -125,9 +119,6 @@ def _band() -> str:
 
 def _within(share: float) -> bool:
     return COVERAGE[0] <= share <= COVERAGE[1]
-
-
-# --- tables ---------------------------------------------------------------------------------------------------------
 
 
 def tables(study: Study) -> list[Table]:

@@ -15,6 +15,9 @@ import numpy as np
 from deatwin.ident.narx.systems import SYSTEMS
 from deatwin.plant.records import plain, read
 from deatwin.scenarios.svb_benchmark.draws import (
+    ESTIMATORS,
+    METHODS,
+    VARIATIONAL,
     Comparison,
     Contrast,
     Flags,
@@ -24,9 +27,10 @@ from deatwin.scenarios.svb_benchmark.draws import (
     covered,
     try_out,
 )
-from deatwin.scenarios.svb_benchmark.methods import ESTIMATORS, METHODS, VARIATIONAL
 from deatwin.studies.provenance import versions
-from deatwin.studies.sweep import CaseStore, SweepSeal, run_sweep, sources_digest
+from deatwin.studies.sweep.run import run_sweep
+from deatwin.studies.sweep.seal import SweepSeal, sources_digest
+from deatwin.studies.sweep.store import CaseStore
 
 DRAWS = 100  # Draws of each system
 LEVELS = (0.0005, 0.001, 0.002, 0.004, 0.008)  # Variances of e(k) in the sweep of E1; its own is the fourth
@@ -37,7 +41,7 @@ COVERAGE = {name: tuple(ESTIMATORS)[:2] for name in (*WHITE, SWEPT)} | {"S5": tu
 CASES = "draws"  # Folder of the cases
 SCHEMA = "deatwin/hit-rate-case/1"
 PACKAGES = ("deatwin.plant", "deatwin.ident")
-OWN = ("draws.py", "methods.py", "study.py")  # Packages and modules whose code decides an answer
+OWN = ("draws.py", "study.py")  # Packages and modules whose code decides an answer
 VERSIONS = ("deatwin", "numpy", "scipy", "scikit-learn")
 
 

@@ -16,15 +16,13 @@ from deatwin.ident.curves import mean_curve, straight_line
 from deatwin.plant import specification
 from deatwin.plant.files import write_recording
 from deatwin.plant.fleet import TOLERANCES
-from deatwin.scenarios.thesis_data.counterevidence import SmallVoltages, side_bands, small_voltages
 from deatwin.scenarios.thesis_data.page import ELASTIC, SPECIFIED, drawings, judge
-from deatwin.scenarios.thesis_data.study import Bench, Study, carry_out
+from deatwin.scenarios.thesis_data.study import Bench, SmallVoltages, Study, carry_out, side_bands, small_voltages
 from deatwin.studies.parallel import between
-from deatwin.studies.report.panels import key_of
-from deatwin.studies.report.prose import notes
+from deatwin.studies.report.drawing import key_of
 from deatwin.studies.report.quantities import quantity
 from deatwin.studies.report.story import StoryPage, Table, finish, reached
-from deatwin.studies.report.words import Words
+from deatwin.studies.report.words import Words, notes
 from deatwin.studies.stories import Setting
 
 WORDS = Words(__package__)

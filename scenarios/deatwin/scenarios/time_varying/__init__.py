@@ -17,10 +17,9 @@ from deatwin.ident.narx.wander import BLOCK, CONSTANT, LIKELIEST, REFINED, SHARE
 from deatwin.scenarios.time_varying.figures import fleet_drawings, known_drawings
 from deatwin.scenarios.time_varying.measures import CHANCE, HELD, judge
 from deatwin.scenarios.time_varying.study import FACTOR, STRUCTURE, Study, carry_out
-from deatwin.studies.report.panels import key_of
-from deatwin.studies.report.prose import notes
+from deatwin.studies.report.drawing import key_of
 from deatwin.studies.report.story import StoryPage, finish, reached
-from deatwin.studies.report.words import Span
+from deatwin.studies.report.words import Span, notes
 from deatwin.studies.stories import Setting
 
 SAVED_EVERY = 20  # Every so many times of a trajectory are saved: covariances of every second are large

@@ -12,19 +12,19 @@ from deatwin.ident.frequency.varying.short_time import BANDS
 from deatwin.ident.narx import Term
 from deatwin.ident.narx.fleet.alike import OPERATING_INPUT
 from deatwin.ident.narx.wander import CONSTANT, VARYING
-from deatwin.scenarios.time_varying.known import LINES, ORDERS, Followed, FrozenRun, Known
-from deatwin.scenarios.time_varying.study import LEVEL, Driven, Study
-from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import (
+from deatwin.scenarios.time_varying.study import LEVEL, LINES, ORDERS, Driven, Followed, FrozenRun, Known, Study
+from deatwin.studies.report.drawing import (
+    Drawing,
     Hue,
+    draw,
     draw_between,
     draw_map,
     ink_on,
+    legend_above,
     panels_of,
     share_bar,
     titled,
 )
-from deatwin.studies.report.svg import draw, legend_above
 from deatwin.studies.report.words import Words
 
 Array = NDArray[np.float64]

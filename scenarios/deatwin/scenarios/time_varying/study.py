@@ -1,4 +1,4 @@
-"""All computations of the scenario: the benchmark systems, and the six actuators."""
+"""All computations of the scenario: systems whose parameters are known at every instant, and the six actuators."""
 
 from __future__ import annotations
 
@@ -11,31 +11,243 @@ from numpy.typing import NDArray
 
 from deatwin.ident import spawn_generators
 from deatwin.ident.drifts import root_mean_square
-from deatwin.ident.frequency import SlidingStatistics, design_excitation, sliding_mean_and_gain, tv_gfrf, tv_nofrf
+from deatwin.ident.frequency import (
+    SlidingStatistics,
+    design_excitation,
+    hold_equilibrium,
+    sliding_mean_and_gain,
+    tv_gfrf,
+    tv_nofrf,
+)
 from deatwin.ident.frequency.varying.maps import Map
 from deatwin.ident.frequency.varying.short_time import ShortTime, compare_windows, series_error, windows_of
-from deatwin.ident.narx import NarxModel, ThetaTrajectory, generate_terms
+from deatwin.ident.narx import FitStatus, NarxModel, ThetaSmoother, ThetaTrajectory, generate_terms
 from deatwin.ident.narx.fleet.alike import OPERATING_INPUT, linear_in_output
 from deatwin.ident.narx.fleet.records import thinned
-from deatwin.ident.narx.varying_systems import SYSTEMS
+from deatwin.ident.narx.recursive import Structure
+from deatwin.ident.narx.varying_systems import (
+    DURATION,
+    MOVING_DC,
+    NOISE,
+    STEP,
+    SYSTEMS,
+    KnownSystem,
+    drawn_walk,
+    recorded,
+)
 from deatwin.ident.narx.wander import CONSTANT, VARYING, Track, follow_actuator
 from deatwin.plant import Actuator, Recording, fleet
-from deatwin.scenarios.time_varying.known import (
-    LINES,
-    SPEEDS,
-    Followed,
-    FrozenRun,
-    Known,
-    covered,
-    follow,
-    frozen_run,
-    known_systems,
-    lines,
-)
 from deatwin.studies.parallel import between, run_told
 from deatwin.studies.voice import Progress
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+H1, H2_SUM, H2_DIFFERENCE = "H1", "H2, f2 = f1", "H2, f2 = -f1"
+LINES: Mapping[str, tuple[float, ...]] = {H1: (1.0,), H2_SUM: (1.0, 1.0), H2_DIFFERENCE: (1.0, -1.0)}
+"""Lines along which responses are drawn: each tone's frequency over the first's."""
+ORDERS = (1, 2, 3)
+TIMES = 100  # Times of a map
+SPEEDS = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
+"""How often the parameters go there and back in `DURATION`, where the frozen-time error is measured."""
+PROBE = 3e-3  # Amplitude of the tones that measure responses: orders above the second are then 1e-5 of the first two
+PROBED = (0.3, 0.8, 1.5)  # Frequencies of these tones, Hz
+SETTLED = 30.0  # Time after which the start is forgotten, s: 0.92 to the power 600
+WALK = {"1": 0.1, "y(k-1)": 0.6, "u(k-1)": 0.5, "y(k-1)u(k-1)": 0.15}  # Start of the random walks of the coverage
+WANDER = (0.05, 0.08, 0.08, 0.05)  # Standard deviations of the walks at their end
+WALK_SAMPLES = 600
+CHI_SQUARE = 5.991464547107979  # 95 % of the squared distances of complex normal numbers from their mean lie below
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Followed:
+    """A known system, its recording, and the parameters and responses found."""
+
+    name: str
+    recording: Recording
+    truth: ThetaTrajectory  # Parameters of the system
+    trajectory: ThetaTrajectory  # Parameters that the smoother finds
+    true: Mapping[str, Map]  # TV-GFRFs along `LINES` and TV-NOFRFs "G1" to "G3" of the system
+    found: Mapping[str, Map]  # Those of the parameters found
+
+    @property
+    def covered(self) -> Array:
+        """Share of the instants at which the 95 % band of each parameter holds the truth, shape (n_terms,)."""
+        places = self.truth.timepts.size - self.trajectory.timepts.size
+        error = np.abs(self.trajectory.theta - self.truth.theta[:, places:])
+        return np.asarray(np.mean(error <= 1.96 * self.trajectory.std, axis=1))
+
+    def error(self, name: str) -> float:
+        """Root mean square error of a response over its map, over the root mean square of the true one."""
+        true = self.true[name].values
+        return root_mean_square(self.found[name].values - true) / root_mean_square(true)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrozenRun:
+    """How far the frozen-time response is from the true one, at one rate of variation."""
+
+    system: str
+    response: str  # One of `LINES`
+    speed: float  # One of `SPEEDS`
+    error: float  # Over the response, rms
+    estimate: float  # Its estimate from the rate of variation
+    corrected: float  # Error that is left after the correction to first order
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Known:
+    """All known systems."""
+
+    followed: tuple[Followed, ...]
+    solved: Mapping[int, Map]  # H_n of the moving DC by order, its equilibrium solved for at each time
+    held: Mapping[int, Map]  # The same with the equilibrium held
+    frozen: tuple[FrozenRun, ...]  # Both systems, all speeds
+    coverage: Mapping[int, NDArray[np.bool_]]  # By order, shape (n_realisations, n_times, n)
+    coverage_times: Array
+    coverage_Hz: Array
+
+
+def smoothed(structure: Structure, recording: Recording) -> ThetaTrajectory:
+    """Estimate theta(t), with drift variances from the posterior mode."""
+    smoother = ThetaSmoother(terms=structure, variances="posterior").fit(recording)
+    if smoother.status_ is FitStatus.INTERRUPTED:
+        raise KeyboardInterrupt
+    return smoother.trajectory_
+
+
+def lines(frequencies: Array, name: str) -> Array:
+    """Angular frequencies along one of `LINES`. Shapes: `frequencies` (n,); returns (n,), rad/s."""
+    tones = 2 * np.pi * np.outer(frequencies, LINES[name])
+    return tones[:, 0] if len(LINES[name]) == 1 else tones
+
+
+def follow(system: KnownSystem, rng: np.random.Generator) -> Followed:
+    """Record a known system, estimate its parameters along time, and compute both sides' responses."""
+    truth, inputs = system.truth(), system.excitation(rng)
+    recording = recorded(truth, inputs, NOISE * rng.standard_normal(inputs.size))
+    trajectory = smoothed(system.structure, recording)
+    return Followed(
+        name=system.name,
+        recording=recording,
+        truth=truth,
+        trajectory=trajectory,
+        true=_responses(system, truth),
+        found=_responses(system, trajectory),
+    )
+
+
+def _responses(system: KnownSystem, trajectory: ThetaTrajectory) -> dict[str, Map]:
+    timepts = np.linspace(1.0, DURATION - 1.0, TIMES)
+    frequencies = np.linspace(0.05, 0.8 * system.band, 60)
+    found = {name: _along(trajectory, name, frequencies, timepts) for name in ([H1] if system.is_linear else LINES)}
+    if not system.is_linear:
+        signal = design_excitation((0.1, system.band / 3), STEP, amplitude=2 * system.amplitude, period=20.0)
+        for order in ORDERS:
+            response = tv_nofrf(trajectory, signal.values, order, timepts=timepts[::2], operating_input=0.0)
+            found[f"G{order}"] = Map.of(response)
+    return found
+
+
+def _along(trajectory: ThetaTrajectory, name: str, frequencies: Array, timepts: Array) -> Map:
+    """TV-GFRF along one of `LINES`."""
+    omega = lines(frequencies, name)
+    return Map.of(tv_gfrf(trajectory, len(LINES[name]), omega, timepts=timepts, operating_input=0.0))
+
+
+def _dc_effect() -> tuple[dict[int, Map], dict[int, Map]]:
+    """H_n of the moving DC by order, with the equilibrium solved for at each time, and held where it was at first."""
+    truth, timepts = MOVING_DC.truth(), np.linspace(0.0, DURATION - STEP, TIMES)
+    sides = []
+    for trajectory in (truth, hold_equilibrium(truth, 0.0, 0.0)):
+        tones = {n: np.full((1, n) if n > 1 else 1, 2 * np.pi * 0.1) for n in ORDERS}
+        sides.append(
+            {n: Map.of(tv_gfrf(trajectory, n, tones[n], timepts=timepts, operating_input=0.0)) for n in ORDERS}
+        )
+    return sides[0], sides[1]
+
+
+def frozen_run(system: KnownSystem, speed: float) -> list[FrozenRun]:
+    """Measure the frozen-time error of H_1, and of H_2(f, f) of the nonlinear system, by tones."""
+    truth = system.truth(speed)
+    cycle = DURATION / speed
+    first = max(SETTLED, DURATION - cycle)
+    places = np.unique(np.linspace(first / STEP, truth.timepts.size - 1, TIMES).round().astype(int))
+    timepts = truth.timepts[places]
+    found = []
+    for name in (H1,) if system.is_linear else (H1, H2_SUM):
+        frozen = tv_gfrf(truth, len(LINES[name]), lines(np.array(PROBED), name), timepts=timepts, operating_input=0.0)
+        measured = np.stack([_probed(truth, 2 * np.pi * f, len(LINES[name]))[places] for f in PROBED], axis=1)
+        inner = slice(1, -1)  # at the ends the rate of variation is one-sided
+        error = (measured - frozen.values)[inner]
+        size = root_mean_square(measured)
+        found.append(
+            FrozenRun(
+                system=system.name,
+                response=name,
+                speed=speed,
+                error=root_mean_square(error) / size,
+                estimate=root_mean_square(frozen.frozen_error[inner]) / size,
+                corrected=root_mean_square(error - frozen.frozen_correction[inner]) / size,
+            )
+        )
+    return found
+
+
+def _probed(truth: ThetaTrajectory, omega: float, order: int) -> Complex:
+    """H_1(t, w) or H_2(t, w, w) of the system that varies, by simulation, shape (n,)."""
+
+    def run(phase: float, sign: float) -> Array:
+        tone = sign * PROBE * np.cos(omega * truth.timepts + phase)
+        return recorded(truth, tone, np.zeros(tone.size)).outputs[0]
+
+    def part(phase: float) -> Array:
+        plus, minus = run(phase, 1.0), run(phase, -1.0)
+        return (plus - minus) / 2 if order == 1 else (plus + minus) / 2
+
+    turn = np.exp(-1j * order * omega * truth.timepts)
+    if order == 1:
+        return np.asarray((part(0.0) + 1j * part(-np.pi / 2)) * turn / PROBE)
+    real, imaginary = part(0.0) - part(np.pi / 2), part(-np.pi / 4) - part(np.pi / 4)
+    return np.asarray((real + 1j * imaginary) * turn / PROBE**2)
+
+
+def covered(rng: np.random.Generator, timepts: Array, frequencies: Array) -> dict[int, NDArray[np.bool_]]:
+    """Draw a random walk, record, estimate, and test whether the ellipses hold the truth, (n_times, n)."""
+    truth = drawn_walk(WALK, WANDER, WALK_SAMPLES, rng)
+    inputs = 0.5 * rng.standard_normal(WALK_SAMPLES)
+    recording = recorded(truth, inputs, 5 * NOISE * rng.standard_normal(WALK_SAMPLES))
+    trajectory = smoothed(truth.terms, recording)
+    held = {}
+    for name in (H1, H2_SUM):
+        order, omega = len(LINES[name]), lines(frequencies, name)
+        true, found = (tv_gfrf(t, order, omega, timepts=timepts, operating_input=0.0) for t in (truth, trajectory))
+        error = found.values - true.values
+        parts = np.stack([error.real, error.imag], axis=-1)[..., None]
+        distance = (parts.swapaxes(-1, -2) @ np.linalg.solve(found.covariance, parts))[..., 0, 0]
+        held[order] = distance <= CHI_SQUARE
+    return held
+
+
+def known_systems(
+    followed: tuple[Followed, ...],
+    frozen: tuple[FrozenRun, ...],
+    held: list[dict[int, NDArray[np.bool_]]],
+    timepts: Array,
+    frequencies: Array,
+) -> Known:
+    """Put the parts together."""
+    solved, standing = _dc_effect()
+    return Known(
+        followed=followed,
+        solved=solved,
+        held=standing,
+        frozen=frozen,
+        coverage={order: np.stack([one[order] for one in held]) for order in (1, 2)},
+        coverage_times=timepts,
+        coverage_Hz=frequencies,
+    )
+
+
 FACTOR = 6  # Every so many samples are kept: 0.12 s, as the story `semp-fleet` chooses for seed 0
 DEGREE = 5
 WINDOW = 100.0

@@ -22,13 +22,10 @@ from deatwin.scenarios.unexplained_drift.score import Estimate, Judged, Mark, ju
 from deatwin.scenarios.unexplained_drift.sealed import Key, opened
 from deatwin.scenarios.unexplained_drift.study import CASES, VISITS, Answers, Finding, Track, carry_out
 from deatwin.studies.parallel import between
-from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import Hue
-from deatwin.studies.report.prose import notes
+from deatwin.studies.report.drawing import Drawing, Hue, draw, legend_above
 from deatwin.studies.report.quantities import quantity, with_interval
 from deatwin.studies.report.story import StoryPage, Table, end_run, write_story
-from deatwin.studies.report.svg import draw, legend_above
-from deatwin.studies.report.words import Words
+from deatwin.studies.report.words import Words, notes
 from deatwin.studies.stories import Setting
 
 if TYPE_CHECKING:

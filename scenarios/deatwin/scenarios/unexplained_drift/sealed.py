@@ -8,8 +8,7 @@ from pathlib import Path
 
 from deatwin.plant import Actuator, Effect, fleet, specification
 from deatwin.studies.provenance import versions
-from deatwin.studies.sweep import SweepSeal, digest, sources_digest
-from deatwin.studies.sweep.constants import thresholds
+from deatwin.studies.sweep.seal import SweepSeal, digest, sources_digest, thresholds
 from deatwin.studies.sweep.store import read_seal
 
 SCHEMA = "deatwin/drift-case/1"

@@ -18,7 +18,9 @@ from deatwin.plant.records import plain, read
 from deatwin.scenarios.unexplained_drift.repeatability import Drift, Group, History, drift_of, grouped, runs
 from deatwin.studies.diagnosing import DiagnosisTask
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.sweep import CaseStore, SweepSeal, run_sweep
+from deatwin.studies.sweep.run import run_sweep
+from deatwin.studies.sweep.seal import SweepSeal
+from deatwin.studies.sweep.store import CaseStore
 
 Array = NDArray[np.float64]
 VISITS = ((32.0, 80.0), (1020.0, 40.0))

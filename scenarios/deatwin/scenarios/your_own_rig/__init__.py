@@ -21,28 +21,25 @@ from deatwin.plant import Experiment, Plant
 from deatwin.scenarios.your_own_rig.elsewhere import CAR, drive
 from deatwin.scenarios.your_own_rig.quarter_car import plant
 from deatwin.scenarios.your_own_rig.roads import DRIVERS, Drives, bumps, concealed, record, rough_road, unread
-from deatwin.studies.missing_physics.case import (
+from deatwin.studies.missing_physics import (
     Case,
     HeldOut,
     Law,
     Trial,
     amended_plant,
     diagnosed,
+    drawings,
     error_table,
     judged,
     measures,
     tried_table,
 )
-from deatwin.studies.missing_physics.figures import drawings
 from deatwin.studies.parallel import between
 from deatwin.studies.provenance import RunRecord, hashes
-from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import Hue
-from deatwin.studies.report.prose import notes
+from deatwin.studies.report.drawing import Drawing, Hue, draw
 from deatwin.studies.report.quantities import in_interval
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, finish
-from deatwin.studies.report.svg import draw
-from deatwin.studies.report.words import Words
+from deatwin.studies.report.words import Words, notes
 from deatwin.studies.stories import Setting
 
 WORDS = Words(__package__)

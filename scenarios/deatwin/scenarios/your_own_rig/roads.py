@@ -15,7 +15,7 @@ from deatwin.plant.files import write_recording
 from deatwin.scenarios.your_own_rig.elsewhere import CAR, drive
 from deatwin.scenarios.your_own_rig.quarter_car import plant
 from deatwin.studies.folder import ResultFolder
-from deatwin.studies.missing_physics.case import experiment_of
+from deatwin.studies.missing_physics import experiment_of
 
 Array = NDArray[np.float64]
 ROUGHNESS, BAND = 8e-3, 6.0  # Root mean square height of the road, m, and its band, Hz

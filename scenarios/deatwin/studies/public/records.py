@@ -12,13 +12,15 @@ from numpy.typing import NDArray
 
 from deatwin.ident.narx.terms import Rule
 from deatwin.plant.recording import Recording
-from deatwin.studies.public.columns import csv_columns, matlab_vectors, require_samples
+from deatwin.studies.public.columns import csv_columns, hdf5_vectors, matlab_vectors, require_samples
 
 Array = NDArray[np.float64]
 
 SILVERBOX_RATE = 1e7 / 2**14  # Hz
 ARROW_HEAD, MULTISINE = slice(0, 40_000), slice(40_650, 127_400)
 """Samples of the usual parts; between and after them the input rests or is another signal."""
+BOUC_WEN_RATE, BOUC_WEN_PERIOD = 750.0, 8192  # Hz; samples of a multisine
+EMPS_STEP = 10  # Samples of 1 ms from one of a black box under control to its next
 EMPS_FILES = ("DATA_EMPS.mat", "DATA_EMPS_PULSES.mat")
 EMPS_DECIMATION = (10, 2)
 """Factors of the decimation from 1 kHz to 50 Hz: a stroke takes seconds, and friction changes its sign within tens of
@@ -139,6 +141,34 @@ def cascaded_tanks(folder: Path) -> DataSet:
     )
 
 
+def bouc_wen(folder: Path) -> DataSet:
+    """The simulated Bouc-Wen benchmark: two periods of the training multisine, and the test multisine."""
+    force, motion = bouc_wen_signals(folder / "train.h5", "multisine", 4 * BOUC_WEN_PERIOD)
+    kept = slice(2 * BOUC_WEN_PERIOD)
+    return DataSet(
+        name="bouc_wen",
+        title="Bouc-Wen",
+        unit="mm",
+        scale=1e-3,
+        files=(folder / "train.h5", folder / "test.h5"),
+        train=recorded(force[kept], motion[kept], 1 / BOUC_WEN_RATE, ("N", "m")),
+        test=bouc_wen_test(folder, "multisine"),
+        candidates=Candidates(output_lags=3, input_lags=(0, 1, 2, 3), degree=3, max_terms=15),
+    )
+
+
+def bouc_wen_signals(file: Path, name: str, least: int = BOUC_WEN_PERIOD) -> tuple[Array, Array]:
+    """Force in N and displacement in m of a signal of the benchmark, shapes (n,)."""
+    force, motion = hdf5_vectors(file, name, ("u", "y"))
+    require_samples(file, force.size, least)
+    return force, motion
+
+
+def bouc_wen_test(folder: Path, name: str) -> Recording:
+    """A test signal of the benchmark, as sampled."""
+    return recorded(*bouc_wen_signals(folder / "test.h5", name), 1 / BOUC_WEN_RATE, ("N", "m"))
+
+
 def emps(folder: Path) -> DataSet:
     """The positioning system: force in, velocity out, decimated."""
     files = tuple(folder / name for name in EMPS_FILES)
@@ -171,6 +201,26 @@ def _emps(path: Path) -> Recording:
         step *= factor
     within = slice(EMPS_EDGE, -EMPS_EDGE)  # the filters have no samples beyond the ends
     return recorded(force[within], np.gradient(position, step)[within], step, ("N", "m/s"), path)
+
+
+def emps_deviation(train: Recording, test: Recording, files: tuple[Path, ...]) -> DataSet:
+    """The controlled positioning system: velocity of the reference in, deviation of the position from it out."""
+
+    def deviation(record: Recording) -> Recording:
+        reference, position = record.inputs[0], record.outputs[0]
+        velocity, step = np.gradient(reference, record.sample_time), EMPS_STEP * record.sample_time
+        return recorded(velocity[::EMPS_STEP], (position - reference)[::EMPS_STEP], step, ("m/s", "m"))
+
+    return DataSet(
+        name=f"emps_{test.start:g}",
+        title="EMPS",
+        unit="µm",
+        scale=1e-6,
+        files=files,
+        train=deviation(train),
+        test=deviation(test),
+        candidates=Candidates(output_lags=2, input_lags=(0, 1, 2), degree=3, max_terms=12),
+    )
 
 
 def emps_averaged(path: Path, count: int) -> Recording:

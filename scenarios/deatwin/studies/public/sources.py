@@ -5,10 +5,12 @@ from __future__ import annotations
 import importlib
 import io
 import os
+import tomllib
 from collections.abc import Iterable, Mapping
 from contextlib import redirect_stdout
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
+from importlib.resources import files
 from pathlib import Path
 from types import MappingProxyType
 
@@ -29,36 +31,9 @@ class Source:
     loader: str = ""
 
 
-SOURCES: Mapping[str, Source] = MappingProxyType(
-    {
-        "silverbox": Source(
-            title="Silverbox",
-            loader="Silverbox",
-            published="Wigren & Schoukens, European Control Conference 2013; nonlinearbenchmark.org",
-        ),
-        "emps": Source(
-            title="EMPS",
-            loader="EMPS",
-            published="Janot, Gautier & Brunot, Workshop on Nonlinear System Identification Benchmarks 2019; "
-            "nonlinearbenchmark.org",
-        ),
-        "cascaded_tanks": Source(
-            title="Cascaded tanks",
-            loader="Cascaded_Tanks",
-            published="Schoukens, Mattsson, Wigren & Noël, Workshop on Nonlinear System Identification Benchmarks 2016; "
-            "nonlinearbenchmark.org",
-        ),
-        # The package contains only the test signals of this benchmark; a MATLAB program generates those for training.
-        "boucwen_benchmark_h5": Source(
-            title="Bouc-Wen benchmark (simulated)",
-            published="Noël & Schoukens, Workshop on Nonlinear System Identification Benchmarks 2016; as HDF5 in "
-            "github.com/forgi86/dynonet, examples/BW",
-        ),
-        "buck_converter": Source(title="Buck converter", published="github.com/wilsonrljr/sysidentpy-data"),
-        "vhb4910": Source(title="VHB 4910", published="github.com/Chongran-Zhao/VHB4910_data, which names no licence"),
-    }
-)
-"""Sources by the name of the set's folder."""
+_FILE = tomllib.loads(files(__package__).joinpath("sources.toml").read_text(encoding="utf-8"))
+SOURCES: Mapping[str, Source] = MappingProxyType({name: Source(**known) for name, known in _FILE.items()})
+"""Sources by the name of the set's folder, as in ``sources.toml``."""
 
 
 def data_folder(given: Path | None, name: str) -> Path:

@@ -12,9 +12,7 @@ from deatwin.ident.mismatch.layout import Stretch, laid_out, stretches_of_true
 from deatwin.plant.amplitudes import axis_label, reported_size, written_unit
 from deatwin.plant.drawing import envelope
 from deatwin.plant.prefixes import prefixed
-from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.panels import numbers_of_decades
-from deatwin.studies.report.svg import COLOURS, draw, inline
+from deatwin.studies.report.drawing import COLOURS, Drawing, draw, inline, numbers_of_decades
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

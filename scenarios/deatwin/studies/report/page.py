@@ -10,9 +10,8 @@ from deatwin.ident.mismatch.say import unit_of
 from deatwin.plant.amplitudes import reported_size, written_unit
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.report.figures import LEAST_SHARE, drawings
-from deatwin.studies.report.origin import Origin
 from deatwin.studies.report.quantities import with_interval
-from deatwin.studies.report.rendering import write_page
+from deatwin.studies.report.rendering import Origin, write_page
 from deatwin.studies.report.steps import forms, noise_source, parameters, shams, step_drawings
 
 if TYPE_CHECKING:

@@ -6,10 +6,9 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from deatwin.ident.mismatch.quality.noise import NoiseSource
-from deatwin.studies.report.drawing import Drawing
+from deatwin.studies.report.drawing import Drawing, draw
 from deatwin.studies.report.quantities import quantity, three_digits, with_interval
-from deatwin.studies.report.svg import draw
-from deatwin.studies.report.tabulated import drawn_table
+from deatwin.studies.report.tables import drawn_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -10,8 +10,7 @@ from typing import Any, TypeVar
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
 from deatwin.studies.report.drawing import Drawing
-from deatwin.studies.report.origin import Origin
-from deatwin.studies.report.rendering import write_page
+from deatwin.studies.report.rendering import Origin, write_page
 
 Item = TypeVar("Item")
 

@@ -5,19 +5,6 @@ run under different conditions. ``joblib.parallel_config`` chooses the backend.
 """
 
 from deatwin.studies.sweep.results import Study, open_study
-from deatwin.studies.sweep.run import run_sweep
-from deatwin.studies.sweep.seal import SweepSeal, digest, sources_digest
-from deatwin.studies.sweep.store import CaseStore
 from deatwin.studies.sweep.study import grid, run_study
 
-__all__ = [
-    "CaseStore",
-    "Study",
-    "SweepSeal",
-    "digest",
-    "grid",
-    "open_study",
-    "run_study",
-    "run_sweep",
-    "sources_digest",
-]
+__all__ = ["Study", "grid", "open_study", "run_study"]

@@ -15,7 +15,7 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.interrupts import obey
 from deatwin.studies.interrupts import forward_signals
 from deatwin.studies.sweep.store import CaseStore
-from deatwin.studies.timeleft import TimeLeft
+from deatwin.studies.voice import TimeLeft
 
 Case = TypeVar("Case")
 Tell = Callable[[float, str], None]
@@ -38,38 +38,7 @@ def run_sweep(
     noun: str = "case",
     efforts: Mapping[str, float] | None = None,
 ) -> None:
-    """Run every case that has no result yet.
-
-    The user's ``joblib.parallel_config`` chooses the backend. The worker that runs a case writes its result. A case
-    whose worker dies is repeated; a finished case never is.
-
-    Parameters
-    ----------
-    work : callable
-        Function that takes a case and returns its result as plain data. Worker processes must be able to import it.
-    cases : mapping of str to case
-        All cases by name, in running order.
-    store : CaseStore
-        Store that receives the results.
-    jobs : int, optional
-        Number of worker processes: 1 uses this process, -1 all cores. The default is that of
-        ``joblib.parallel_config``, or 1.
-    tell : callable
-        Callback that receives the completed share, from 0 to 1, and a text with the time left.
-    noun : str
-        Word for a case in that text.
-    efforts : mapping of str to float, optional
-        Relative duration of each case; 1 for cases that are not listed.
-
-    Raises
-    ------
-    DataError
-        If another process is running these cases, or a case repeatedly kills its worker.
-    KeyboardInterrupt
-        If the user interrupts; the text says how many cases are done, and where they are.
-    Exception
-        If `work` raises it; finished cases keep their results.
-    """
+    """Run every case that has no result yet."""
     with store.exclusive_lock():
         progress = _Progress(cases, store.missing(list(cases)), tell, noun, efforts or {})
         try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import pkgutil
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,24 +12,48 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Self
 
+import numpy as np
+
 from deatwin.plant.errors import DataError
+
+DECIDING = ("deatwin.ident.mismatch", "deatwin.ident.greybox")  # Packages whose numbers decide a verdict
+
+
+def thresholds() -> dict[str, Any]:
+    """Collect the constants of the deciding packages that are numbers or groups of numbers, by module and name."""
+    found = {}
+    for package in map(import_module, DECIDING):
+        modules = [package.__name__]
+        modules += [m.name for m in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")]
+        for module in modules:
+            for name, value in vars(import_module(module)).items():
+                plain = _numbers(value) if name.lstrip("_").isupper() else None
+                if plain is not None:
+                    found[f"{module}.{name}"] = plain
+    return dict(sorted(found.items()))
+
+
+def _numbers(value: Any) -> Any:
+    """Return the value as plain data if it is made of numbers, else None."""
+    if isinstance(value, (bool, int, float)):
+        return value
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        inside = {str(k): _numbers(v) for k, v in value.items()}
+        return None if None in inside.values() or not inside else inside
+    if isinstance(value, (tuple, list)):
+        several = [_numbers(v) for v in value]
+        return None if None in several or not several else several
+    return None
+
 
 SCHEMA = "deatwin/sweep-seal/1"
 
 
 @dataclass(frozen=True, kw_only=True)
 class SweepSeal:
-    """Everything that must not change between the first case of a sweep and its last; each case bears its hash.
-
-    The seal is made of named parts; its error lists each part that changed, with its old and its new value.
-
-    Parameters
-    ----------
-    schema : str
-        Schema of the case files, such as ``deatwin/study-case/1``.
-    parts : mapping of str to plain data
-        Hash of the code, versions, seed and settings, each under its name.
-    """
+    """Everything that must not change between the first case of a sweep and its last; each case bears its hash."""
 
     schema: str
     parts: Mapping[str, object]
@@ -44,22 +69,7 @@ class SweepSeal:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
-        """Read the seal from the content of ``seal.json``.
-
-        Parameters
-        ----------
-        data : mapping
-            Content of the file.
-
-        Returns
-        -------
-        SweepSeal
-
-        Raises
-        ------
-        DataError
-            If the content is not a seal, or was altered.
-        """
+        """Read the seal from the content of ``seal.json``."""
         try:
             seal, stated = cls(schema=data["cases"], parts=dict(data["parts"])), data["hash"]
         except (KeyError, TypeError, ValueError) as error:
@@ -71,20 +81,7 @@ class SweepSeal:
         return seal
 
     def require_same(self, other: SweepSeal, where: Path) -> None:
-        """Raise an error that names what differs from the seal found in a folder.
-
-        Parameters
-        ----------
-        other : SweepSeal
-            Seal of this version.
-        where : Path
-            File of the seal that was found.
-
-        Raises
-        ------
-        DataError
-            If the two differ.
-        """
+        """Raise an error that names what differs from the seal found in a folder."""
         if changed := self.changes(other):
             raise DataError(
                 f"{where} was begun under another seal ({changed}): its cases cannot be mixed with new ones; continue "
@@ -111,36 +108,12 @@ class SweepSeal:
 
 
 def digest(data: Any) -> str:
-    """Return the SHA-256 of plain data, independent of the order of its keys.
-
-    Parameters
-    ----------
-    data : plain data
-        Data that JSON can hold.
-
-    Returns
-    -------
-    str
-        64 hexadecimal digits.
-    """
+    """Return the SHA-256 of plain data, independent of the order of its keys."""
     return hashlib.sha256(json.dumps(data, sort_keys=True, ensure_ascii=True).encode()).hexdigest()
 
 
 def sources_digest(packages: Iterable[str], files: Iterable[Path] = ()) -> str:
-    """Return the SHA-256 of the Python and C sources of packages and of further files.
-
-    Parameters
-    ----------
-    packages : iterable of str
-        Names of packages, such as ``deatwin.plant``; subpackages are included.
-    files : iterable of path
-        Further files.
-
-    Returns
-    -------
-    str
-        64 hexadecimal digits.
-    """
+    """Return the SHA-256 of the Python and C sources of packages and of further files."""
     whole = hashlib.sha256()
     for package in packages:
         for root in import_module(package).__path__:

@@ -1,4 +1,4 @@
-"""Store the results of cases on disk, one complete file each, under one seal."""
+"""Store the results of cases on disk, one complete file each, under one seal and one lock."""
 
 from __future__ import annotations
 
@@ -12,13 +12,74 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
+from deatwin.plant.documents import read_json
 from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.files import write_text_atomic
 from deatwin.plant.safe_read import clipped
 from deatwin.studies.sweep.casefile import CASE_ENDING, read_case, write_case
-from deatwin.studies.sweep.json_files import read_object
-from deatwin.studies.sweep.lock import exclusive_lock
 from deatwin.studies.sweep.seal import SweepSeal
+
+
+def read_object(path: Path, wanted: str = "an object") -> dict[str, Any]:
+    """Return the object in a JSON file."""
+    try:
+        found = read_json(path)
+    except ModelError as error:
+        raise DataError(f"{error}; it must hold {wanted}") from None
+    if not isinstance(found, dict):
+        raise DataError(f"{path}: it must hold {wanted}")
+    return found
+
+
+LOCK_FILE = ".lock"
+
+
+@contextmanager
+def exclusive_lock(folder: Path) -> Iterator[None]:
+    """Hold the lock of a folder."""
+    path = folder / LOCK_FILE
+    held = _held(path)
+    try:
+        yield
+    finally:
+        with suppress(PermissionError):  # Windows cannot remove an open file; it stays there
+            path.unlink(missing_ok=True)
+        os.close(held)
+        with suppress(OSError):
+            folder.rmdir()
+
+
+def _held(path: Path) -> int:
+    """Return the open, locked lock file."""
+    while True:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            file = os.open(path, os.O_RDWR | os.O_CREAT)
+        except FileNotFoundError:  # a run that has just ended removed the folder
+            continue
+        try:
+            _lock(file)
+        except (BlockingIOError, PermissionError):
+            os.close(file)
+            raise DataError(f"{path.parent.parent}: another process is running these cases; wait for it") from None
+        except OSError:
+            return file
+        with suppress(FileNotFoundError):
+            if os.fstat(file).st_ino == path.stat().st_ino:
+                return file
+        os.close(file)  # the run that held the lock has removed the file
+
+
+def _lock(file: int) -> None:
+    if os.name == "nt":
+        import msvcrt
+
+        msvcrt.locking(file, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
+    else:
+        import fcntl
+
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
 
 SEAL_FILE = "seal.json"
 RUNNING = "running"
@@ -31,27 +92,7 @@ Content = TypeVar("Content")
 
 
 class CaseStore:
-    """Results of a sealed sweep on disk.
-
-    Any number of processes may write at the same time. Each case is a NetCDF file in the folder ``cases``. Large sweeps
-    are spread over 256 subfolders, ``00`` to ``ff``, by the first digits of the SHA-256 of the names.
-
-    Parameters
-    ----------
-    folder : path
-        Folder of the sweep. On a cluster all workers must see it under this path.
-    seal : SweepSeal
-        Seal of the present run; written if the folder has none.
-    cases : str
-        Name of the folder for the cases.
-    expected : int
-        Expected number of cases, which decides whether a new folder is spread over subfolders.
-
-    Raises
-    ------
-    DataError
-        If the folder was begun under another seal, or holds cases but no seal.
-    """
+    """Results of a sealed sweep on disk."""
 
     def __init__(self, folder: Path | str, seal: SweepSeal, *, cases: str = "cases", expected: int = 0) -> None:
         self.seal, self.folder = seal, Path(folder).absolute()
@@ -72,21 +113,7 @@ class CaseStore:
         self.sealed_as = path.read_text(encoding="utf-8")
 
     def put(self, name: str, result: Mapping[str, Any]) -> None:
-        """Write the result of a case, unless it has one.
-
-        Parameters
-        ----------
-        name : str
-            Name of the case.
-        result : mapping
-            Plain data: mappings with texts as keys, lists, texts, numbers, truth values and None; `get` returns the
-            same.
-
-        Raises
-        ------
-        DataError
-            If the folder has been resealed in the meantime, or the file cannot be written.
-        """
+        """Write the result of a case, unless it has one."""
         if self._sealed_as() != self.sealed_as:
             raise DataError(f"{self.folder}: resealed since this case was begun; its result is not written")
         path = self.path(name)
@@ -95,23 +122,7 @@ class CaseStore:
         write_case(path, {**self.seal.stamp(name), **result})
 
     def get(self, name: str) -> dict[str, Any]:
-        """Read the result of a case.
-
-        Parameters
-        ----------
-        name : str
-            Name of the case.
-
-        Returns
-        -------
-        dict
-            Stamp of the seal, followed by the saved values.
-
-        Raises
-        ------
-        DataError
-            If there is no such file, it is damaged or not a case file, or it was run under another seal.
-        """
+        """Read the result of a case."""
         path = self.path(name)
         found = read_case(path)
         stamped = {key: found.get(key) for key in self.seal.stamp(name)}
@@ -120,22 +131,7 @@ class CaseStore:
         return found
 
     def read(self, name: str, build: Callable[[dict[str, Any]], Content], noun: str = "case") -> Content:
-        """Read a case and convert it to its object.
-
-        Parameters
-        ----------
-        name : str
-            Name of the case.
-        build : callable
-            Function of what `get` returns.
-        noun : str
-            Word for a case in the error.
-
-        Raises
-        ------
-        DataError
-            For the reasons given in `get`, or if the file does not describe such an object.
-        """
+        """Read a case and convert it to its object."""
         found = self.get(name)
         try:
             return build(found)
@@ -145,17 +141,7 @@ class CaseStore:
             ) from None
 
     def has(self, name: str) -> bool:
-        """Return whether a case is finished.
-
-        Parameters
-        ----------
-        name : str
-            Name of the case.
-
-        Returns
-        -------
-        bool
-        """
+        """Return whether a case is finished."""
         return self.path(name).exists()
 
     def names(self) -> set[str]:
@@ -168,49 +154,17 @@ class CaseStore:
         return found
 
     def missing(self, names: Sequence[str]) -> list[str]:
-        """Return the names of the cases that are not finished.
-
-        Parameters
-        ----------
-        names : sequence of str
-            All cases.
-
-        Returns
-        -------
-        list of str
-            Their names, in the same order.
-        """
+        """Return the names of the cases that are not finished."""
         through = self.names()
         return [name for name in names if name not in through]
 
     def discard(self, names: Iterable[str]) -> None:
-        """Remove results, so that the cases are repeated when the sweep is resumed.
-
-        Parameters
-        ----------
-        names : iterable of str
-            Names of the cases.
-        """
+        """Remove results, so that the cases are repeated when the sweep is resumed."""
         for name in names:
             self.path(name).unlink(missing_ok=True)
 
     def path(self, name: str) -> Path:
-        """Return the path of a case's file.
-
-        Parameters
-        ----------
-        name : str
-            Name of the case: at most 200 letters, digits and ``_ . + -``, not beginning with a dot.
-
-        Returns
-        -------
-        path
-
-        Raises
-        ------
-        DataError
-            If the name cannot be that of a file.
-        """
+        """Return the path of a case's file."""
         if not NAME.fullmatch(name):
             raise DataError(f"a case cannot be called {name!r}: letters, digits and _ . + - only, 200 at most")
         folder = self.cases / hashlib.sha256(name.encode()).hexdigest()[:2] if self.spread else self.cases
@@ -218,13 +172,7 @@ class CaseStore:
 
     @contextmanager
     def running(self, name: str) -> Iterator[None]:
-        """Mark a case as running; if its worker is killed, the mark remains.
-
-        Parameters
-        ----------
-        name : str
-            Name of the case.
-        """
+        """Mark a case as running; if its worker is killed, the mark remains."""
         note = self.folder / RUNNING / name
         note.parent.mkdir(exist_ok=True)
         note.touch()

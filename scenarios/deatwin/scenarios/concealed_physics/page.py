@@ -1,22 +1,29 @@
-"""The tables of the page, and the cases as CSV."""
+"""The tables and figures of the page."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from deatwin.ident.mismatch import Verdict
 from deatwin.plant import Family, catalogue, effect_named
-from deatwin.scenarios.concealed_physics.key import KEY, OUTSIDE, REACH, VISIBLE
-from deatwin.scenarios.concealed_physics.results import Case, Opened
-from deatwin.scenarios.concealed_physics.score import Goal
+from deatwin.scenarios.concealed_physics.cases import KEY, OUTSIDE, REACH, VISIBLE
+from deatwin.scenarios.concealed_physics.results import Case, Goal, Opened
+from deatwin.studies.rates import Rate, brier_score, expected_calibration_error, reliability
+from deatwin.studies.report.drawing import Drawing, Hue, draw, numbers_of_decades, plain_numbers, standalone, titled
 from deatwin.studies.report.quantities import three_digits
 from deatwin.studies.report.story import Table
 from deatwin.studies.report.tables import csv_text
-from deatwin.studies.sweep import SweepSeal
+from deatwin.studies.report.words import Words
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 KINDS = {
     "clean": "nothing concealed",
@@ -241,44 +248,136 @@ def _reach() -> Table:
     )
 
 
-def sealed(seal: SweepSeal) -> Table:
-    """List what was sealed before the first case."""
-    parts = seal.to_dict()["parts"]
-    rows = [
-        ["seal (hash of all below)", seal.hash],
-        ["labels", parts["key"]],
-        ["code that runs the cases", parts["code"]],
-        ["thresholds", f"{len(parts['thresholds'])} numbers, listed in seal.json"],
-        ["version", parts["version"]],
-        ["size and seed", f"{parts['size']}, {parts['seed']}"],
-    ]
-    return Table(title="What was sealed before the first case", columns=["what", "SHA-256 or value"], rows=rows)
-
-
-def cases_csv(study: Opened) -> str:
-    """Write a line for each case."""
-    return csv_text(tuple(_COLUMNS), [[cell(case) for cell in _COLUMNS.values()] for case in study.cases])
-
-
-def _rms(name: str) -> Callable[[Case], str]:
-    return lambda case: f"{case.errors[name]:.5g}" if name in case.errors else ""
-
-
-_COLUMNS: dict[str, Callable[[Case], object]] = {
-    "case": lambda case: case.name,
-    "kind": lambda case: case.kind,
-    "truth": lambda case: "+".join(case.truth),
-    "concealed": lambda case: "+".join(case.mechanisms),
-    "rich": lambda case: int(case.rich),
-    "ratio": lambda case: f"{case.ratio:.4g}",
-    "verdict": lambda case: case.verdict,
-    "causes": lambda case: "+".join(case.causes),
-    "set": lambda case: "+".join(sorted(case.answer)),
-    "nearest_d2": lambda case: f"{case.nearest:.4g}",
-    "probability": lambda case: f"{case.stated[0][0]:.4g}" if case.stated else "",
-    **{f"{name}_rms": _rms(name) for name in ("nominal", *MADE_BY)},
-    "sparse_term": lambda case: case.sparse_term,
-    "true effect named": lambda case: int(case.resolved),
-    "processor_s": lambda case: "" if case.seconds is None else case.seconds,
+WORDS = Words(__package__)
+RUNGS = (0.0, 0.15, 0.39, 0.67, 1.2, 2.1, 3.7, np.inf)
+"""Ends of the classes of structural residual over noise, halfway between the strengths of the cases."""
+ANSWERS: dict[str, tuple[Callable[[Case], bool], str, str]] = {
+    "detected": (lambda c: c.detected, Hue.MEASURED, "s"),
+    "truth in the answer": (lambda c: c.inside, Hue.MARK, "D"),
+    "first cause right": (lambda c: c.first_right, Hue.AFTER, "o"),
+    "confident wrong name": (lambda c: c.confidently_wrong, Hue.BEFORE, "X"),
 }
-"""Columns of ``cases.csv``."""
+
+
+SIZE = (10.4, 8.6)
+
+
+def drawings(study: Opened) -> list[Drawing]:
+    """Draw the figures of the page."""
+    with draw(SIZE) as figure:
+        _whole(figure, study)
+        whole = WORDS.drawing(figure, "summary")
+    return [whole, _mechanisms(study)]
+
+
+def summary(study: Opened) -> str:
+    """Draw the study in one self-contained figure."""
+    with draw(SIZE) as figure:
+        _whole(figure, study)
+        return standalone(figure)
+
+
+def _whole(figure: Figure, study: Opened) -> None:
+    """Draw confusion of families, power, reliability, and errors on held-out data."""
+    (first, second), (third, fourth) = figure.subplots(2, 2)
+    _draw_confusion(first, by_family(study), "small")
+    _draw_power(second, study)
+    _draw_reliability(third, study)
+    _draw_errors(fourth, study)
+    titles = {
+        first: "concealed (rows), found (columns)",
+        second: "one effect, by its strength",
+        third: "stated probability of a cause",
+        fourth: "free run on held-out data",
+    }
+    for axes, title in titles.items():
+        titled(axes, title)
+
+
+def _mechanisms(study: Opened) -> Drawing:
+    table = by_effect(study)
+    with draw((11.0, 9.6)) as figure:
+        _draw_confusion(figure.add_subplot(), table, "x-small")
+        return WORDS.drawing(figure, "confusion_effect", table.csv())
+
+
+def _draw_confusion(axes: Axes, table: Confusion, size: str) -> None:
+    """Write counts into cells whose shade is the share of their row."""
+    from matplotlib.patches import Rectangle
+
+    causes, crowded = len(table.answers) - 3, len(table.answers) > 12
+    for (row, column), count in np.ndenumerate(table.counts):
+        if count:
+            colour = Hue.AFTER if table.right[row, column] else Hue.BEFORE if column < causes else Hue.MEASURED
+            depth = 0.15 + 0.6 * (count / table.counts[row].sum())
+            axes.add_patch(Rectangle((column - 0.5, row - 0.5), 1, 1, color=colour, alpha=depth, linewidth=0))
+            axes.text(column, row, str(count), ha="center", va="center", fontsize=size)
+    axes.axvline(causes - 0.5, color=Hue.INK, linewidth=0.8)
+    axes.axhline(len(table.truths) - 2.5, color=Hue.INK, linewidth=0.8)
+    axes.set_xticks(range(len(table.answers)), [a.replace("_", " ") for a in table.answers], fontsize=size)
+    axes.tick_params(axis="x", labelrotation=90 if crowded else 40)
+    for label in axes.get_xticklabels():
+        label.set_horizontalalignment("center" if crowded else "right")
+    axes.set_yticks(range(len(table.truths)), [t.replace("_", " ") for t in table.truths], fontsize=size)
+    axes.set(xlim=(-0.5, len(table.answers) - 0.5), ylim=(len(table.truths) - 0.5, -0.5))
+    axes.set_axisbelow(True)
+    axes.grid(alpha=0.5)
+
+
+def _draw_power(axes: Axes, study: Opened) -> None:
+    for place, (words, (flag, colour, marker)) in enumerate(ANSWERS.items()):
+        points = _classes(study.of("effect"), flag)
+        shares = np.array([100 * r.share for _, r in points])
+        ends = np.array([[100 * end for end in r.interval] for _, r in points]).reshape(-1, 2).T
+        axes.errorbar(
+            [x * 1.03**place for x, _ in points],
+            shares,
+            np.abs(ends - shares) if points else None,
+            color=colour,
+            label=words,
+            fmt=f"{marker}-",
+            markersize=4.5,
+            capsize=2,
+            elinewidth=0.8,
+        )
+    axes.set(xscale="log", xlabel="structural residual over noise", ylabel="cases (%)", ylim=(-4, 104))
+    plain_numbers(axes.xaxis, 1.0, 3.0)
+    axes.legend(loc="upper left", bbox_to_anchor=(-0.02, -0.14), ncols=2, markerscale=1, fontsize="small")
+
+
+def _classes(cases: Sequence[Case], flag: Callable[[Case], bool]) -> list[tuple[float, Rate]]:
+    """Return the geometric mean of the ratios, and the rate, of each class with any case."""
+    made = []
+    for low, high in pairwise(RUNGS):
+        inside = [case for case in cases if low <= case.ratio < high]
+        if inside:
+            middle = float(np.exp(np.mean(np.log([max(c.ratio, 0.02) for c in inside]))))
+            made.append((middle, Rate.of(flag(case) for case in inside)))
+    return made
+
+
+def _draw_reliability(axes: Axes, study: Opened) -> None:
+    stated = [pair for case in study.cases for pair in case.stated]
+    bins = reliability(stated)
+    axes.plot([0, 100], [0, 100], ":", color=Hue.INK, linewidth=0.9)
+    for b in bins:
+        place, share, (low, high) = 100 * b.stated, 100 * b.came_true.share, b.came_true.interval
+        axes.errorbar(place, share, [[share - 100 * low], [100 * high - share]], fmt="o", color=Hue.AFTER, markersize=5)
+        axes.annotate(str(b.came_true.count), (place, share), (-6, -3), textcoords="offset points", ha="right")
+    label = "stated (%)"
+    if stated:
+        error, brier = expected_calibration_error(bins), brier_score(stated)
+        label += f"\ncalibration error {error:.3f}, Brier score {brier:.3f}"
+    axes.set(xlabel=label, ylabel="right (%)", xlim=(-3, 103), ylim=(-3, 103))
+
+
+def _draw_errors(axes: Axes, study: Opened) -> None:
+    found = over_oracle(study)
+    shown = [name for name in MADE_BY if name != "oracle" and name in found]
+    labels = [MADE_BY[name].replace(" ", "\n") for name in shown]
+    axes.boxplot([found[name] for name in shown], whis=(5, 95), tick_labels=labels, sym="_", widths=0.5)
+    axes.axhline(1.0, color=Hue.INK, linestyle=":", linewidth=0.9)
+    axes.set(yscale="log", ylabel="error over the oracle's")
+    axes.tick_params(axis="x", labelsize="small")
+    numbers_of_decades(axes.yaxis, 100.0)
+    axes.grid(axis="x", visible=False)

@@ -1,1 +1,0 @@
-"""A plant without some documented physics: diagnosed, then judged on recordings that were held out."""
