@@ -16,7 +16,6 @@ from deatwin.ident.frequency.output_responses.excitation import TestSignal
 from deatwin.ident.frequency.output_responses.powers import AMPLIFICATION
 from deatwin.ident.frequency.output_responses.result import Nofrf, NofrfStatus
 from deatwin.ident.narx import Reliance, ValidationStatus
-from deatwin.plant.amplitudes import amount
 from deatwin.plant.prefixes import prefixed
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.provenance import RunRecord
@@ -40,15 +39,22 @@ IN_ITS_UNIT = ("real", "imaginary", "gain", "gain_low", "gain_high", "truncation
 
 def write_responses(found: Responses, folder: ResultFolder, record: RunRecord | None = None) -> None:
     """Write tables, figures and the report."""
-    folder.csv(_table("frequency"), _with_unit(first_columns(found.first, found.level), found.first.unit))
-    for response in found.gfrfs[1:]:
-        folder.csv(_table(f"gfrf{response.order}"), _map_columns(response, found.level))
+    for response in found.gfrfs:
+        linear = response.order == 1
+        columns = _with_unit(first_columns(response, found.level), response.unit) if linear else None
+        folder.csv(_table(_stem(response)), columns or _map_columns(response, found.level))
     if found.nofrfs is not None and found.signal is not None:
         for response, error in _fitted(found.nofrfs):
             folder.csv(_table(f"nofrf{response.order}"), _nofrf_columns(response, error, found.level))
         folder.csv(_table("test_signal"), _signal_columns(found, found.signal))
     drawings = list(_drawings(found, folder))
     write_story(folder, _page(found, drawings), record or RunRecord(command=(), inputs=(), seed=0, jobs=1))
+
+
+def _stem(response: FrequencyResponse) -> str:
+    """Return the name of the files of a response, which holds its inputs if the model has several."""
+    first = "frequency" if response.order == 1 else f"gfrf{response.order}"
+    return "_".join([first, *response.inputs])
 
 
 def _table(name: str) -> str:
@@ -87,7 +93,7 @@ def _with_unit(columns: Mapping[str, Array], unit: str) -> dict[str, Array]:
 
 def _suffix(unit: str) -> str:
     """Return the end of a header; empty without a unit."""
-    above, *below = unit.split("/")
+    above, *below = re.sub(r"\(([^()/]*)\)", r"\1", unit).replace(" ", "_").split("/")
     divided = [part.replace("^", "") for part in below if not re.fullmatch(r"1(\^\d+)?", part)]
     parts = [*([] if above in ("", "1") else [above]), *(f"per_{part}" for part in divided)]
     return "".join(f"_{part}" for part in parts)
@@ -97,34 +103,37 @@ def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
     """Draw each figure, for the page and as a file."""
     from deatwin.ident.frequency.drawing import bode
 
-    point, unit = float(found.first.point.operating_input[0]), found.model.input_units[0]
-    at = f"The operating input is {amount(f'{point:.4g}', unit)}"
-    with draw((7.4, 5.2)) as figure:
-        panels = figure.subplots(2, 1, sharex=True)
-        bode(_for_reading(found.first)[0], panels)
-        caption = f"Gain and phase with 95 % bands. {at}.{_hatching(found.first)}"
-        if found.excited_Hz is not None and found.extrapolated:
-            caption += f" The model extrapolates in the grey range, above {found.excited_Hz:.3g} Hz, where only 1 % of the power of the "
-            caption += "training input lies."
-            for axes in panels:
-                axes.axvspan(
-                    found.excited_Hz,
-                    found.first.frequency_Hz.max(),
-                    color=COLOURS["measured"][0],
-                    alpha=0.12,
-                    linewidth=0,
+    at = f"The operating input is {found.about}"
+    for response in found.linear:
+        with draw((7.4, 5.2)) as figure:
+            panels = figure.subplots(2, 1, sharex=True)
+            bode(_for_reading(response)[0], panels)
+            caption = f"Gain and phase with 95 % bands. {at}.{_hatching(response)}"
+            if found.excited_Hz is not None and found.extrapolated:
+                caption += (
+                    f" The model extrapolates in the grey range, above {found.excited_Hz:.3g} Hz, where only 1 % of the power "
+                    "of the training input lies."
                 )
-        yield _drawn(figure, folder, "frequency", "First-order frequency response", caption)
-    for response in found.gfrfs[1:]:
-        name, title = (
-            f"gfrf{response.order}",
-            f"Frequency response {symbol_of(response)} of order {response.order} over two frequencies",
-        )
+                for axes in panels:
+                    axes.axvspan(
+                        found.excited_Hz,
+                        response.frequency_Hz.max(),
+                        color=COLOURS["measured"][0],
+                        alpha=0.12,
+                        linewidth=0,
+                    )
+            title = "First-order frequency response" + "".join(f" to {name}" for name in response.inputs)
+            yield _drawn(figure, folder, _stem(response), title, caption)
+    for response in found.gfrfs[len(found.linear) :]:
+        title = f"Frequency response {symbol_of(response)} of order {response.order} over two frequencies"
+        caption = f"Gain in dB. {at}.{_hatching(response)}"
+        if len(set(response.inputs)) > 1:
+            caption += f" Cross kernel: the frequencies are those of {', '.join(response.inputs)}, in this order."
         with draw((6.4, 4.8)) as figure:
             axes = _for_reading(response)[0].plot(figure.add_subplot())
             axes.set_aspect("equal")
             axes.grid(False)
-            yield _drawn(figure, folder, name, title, f"Gain in dB. {at}.{_hatching(response)}")
+            yield _drawn(figure, folder, _stem(response), title, caption)
     if found.nofrfs is not None and found.signal is not None:
         with draw((7.4, 0.8 + 2.2 * found.nofrfs.order)) as figure:
             panels = list(figure.subplots(found.nofrfs.order, 1, sharex=True))
@@ -185,9 +194,7 @@ def _orders_for_reading(found: Nofrf) -> Nofrf:
 
 def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
     messages = [line for line in found.lines if line not in found.caveats]
-    point, unit = found.first.point, found.model.input_units[0]
-    orders = "order 1" if len(found.gfrfs) == 1 else f"orders 1 to {len(found.gfrfs)}"
-    about = amount(f"{point.operating_input[0]:.4g}", unit)
+    orders = "order 1" if found.order == 1 else f"orders 1 to {found.order}"
     ranges = Table(
         title="Frequencies at which each order contributes to the output",
         columns=["order", "frequencies (Hz)"],
@@ -196,7 +203,7 @@ def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
     rows = _rows(found)
     return StoryPage(
         title="frequency",
-        sentence=f"Frequency responses of {orders} were computed at an operating input of {about}: {found.first.status.value}.",
+        sentence=f"Frequency responses of {orders} were computed at an operating input of {found.about}: {found.first.status.value}.",
         caveats=[f"{text[:1].upper()}{text[1:]}." for text in found.caveats],
         rows=rows,
         notes=[Note(title="Notes", paragraphs=[f"{text[:1].upper()}{text[1:]}." for text in messages])],

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations_with_replacement
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency import FrequencyResponse, frequency_grid, gfrf, remove_dc
+from deatwin.ident.frequency.gfrf import names_of
 from deatwin.ident.frequency.output_responses.estimate import nofrf
 from deatwin.ident.frequency.output_responses.excitation import TestSignal, design_excitation
 from deatwin.ident.frequency.output_responses.ranges import output_frequencies
@@ -47,7 +49,7 @@ class Responses:
     level: float  # Probability of the bands that are written
     band_Hz: tuple[float, float]
     excited_Hz: float | None  # Frequency below which the training input has 99 % of its power; None if not stated
-    gfrfs: tuple[FrequencyResponse, ...]
+    gfrfs: tuple[FrequencyResponse, ...]  # by order; with several inputs, each order has one for each choice of inputs
     ranges_Hz: tuple[Array, ...]  # shape (k, 2): For each order, the ranges in which its output can have energy
     signal: TestSignal | None
     nofrfs: Nofrf | None  # None for order 1, where G_1 is H_1, and if they could not be computed
@@ -55,8 +57,25 @@ class Responses:
 
     @property
     def first(self) -> FrequencyResponse:
-        """H_1."""
+        """H_1, of the first input if there are several."""
         return self.gfrfs[0]
+
+    @property
+    def linear(self) -> tuple[FrequencyResponse, ...]:
+        """H_1 of each input."""
+        return tuple(response for response in self.gfrfs if response.order == 1)
+
+    @property
+    def order(self) -> int:
+        """Highest order."""
+        return self.gfrfs[-1].order
+
+    @property
+    def about(self) -> str:
+        """The operating input with its unit; if there are several, each after its name."""
+        units, values = self.model.input_units, self.first.point.operating_input
+        each = [amount(f"{value:.4g}", unit) for value, unit in zip(values, units, strict=True)]
+        return each[0] if len(each) == 1 else ", ".join(map(" = ".join, zip(_names(self.model), each, strict=True)))
 
     @property
     def extrapolated(self) -> bool:
@@ -64,13 +83,14 @@ class Responses:
         return self.excited_Hz is not None and self.excited_Hz < self.first.frequency_Hz.max()
 
     @property
-    def beyond_training(self) -> tuple[float, float] | None:
-        """Training inputs, in the input's unit, if the operating input lies outside their range; else None."""
+    def beyond_training(self) -> dict[int, tuple[float, float]]:
+        """Training range, in the input's unit, of the inputs whose operating input lies outside it."""
         known = self.model.operating
         if known is None:
-            return None
-        low, high = float(known.input_min[0]), float(known.input_max[0])
-        return None if low <= self.first.point.operating_input[0] <= high else (low, high)
+            return {}
+        ranges = zip(known.input_min.tolist(), known.input_max.tolist(), strict=True)
+        values = self.first.point.operating_input
+        return {row: (low, high) for row, (low, high) in enumerate(ranges) if not low <= values[row] <= high}
 
     @cached_property
     def caveats(self) -> tuple[str, ...]:
@@ -91,9 +111,9 @@ class Responses:
     @property
     def lines(self) -> Iterator[str]:
         """All messages, one per line."""
-        point, unit = self.first.point, self.model.input_units[0]
+        point, unit, names = self.first.point, self.model.input_units[0], _names(self.model)
         yield from self.caveats
-        yield f"operating input {amount(f'{point.operating_input[0]:.4g}', unit)}: {self.first.status.value}"
+        yield f"operating input {self.about}: {self.first.status.value}"
         if point.outputs.size > 1:
             output_unit = self.model.output_units[0]
             others = ", ".join(
@@ -104,11 +124,11 @@ class Responses:
                 f"the model has several equilibria at this input, at outputs of {others}; the responses hold for "
                 f"{with_unit(point.output, output_unit)}"
             )
-        if self.beyond_training is not None:
-            low, high = self.beyond_training
+        for row, (low, high) in self.beyond_training.items():
+            of = f" of {names[row]}" if names else ""
             yield (
-                "the operating input lies outside the range of the training inputs, "
-                + amount(f"{low:.4g} to {high:.4g}", unit)
+                f"the operating input{of} lies outside the range of the training inputs, "
+                + amount(f"{low:.4g} to {high:.4g}", self.model.input_units[row])
                 + ", so the responses are extrapolated, and their bands do not include the error of extrapolation"
             )
         if self.extrapolated:
@@ -136,23 +156,32 @@ class Responses:
             yield from _truncated(self.nofrfs)
         if self.missing:
             yield f"no NOFRFs were computed: {self.missing}"
+        if names and self.order > 1:
+            yield (
+                "this command computes NOFRFs of models with one input only; those of several are computed in Python, by "
+                "deatwin.ident.frequency.nofrf_of_inputs"
+            )
 
     def to_json(self) -> dict[str, Any]:
-        """Return everything except the maps as plain data; H_1 uses the column names of its table, without units."""
-        point = self.first.point
+        """Return everything except the maps as plain data; H_1 uses the column names of its table, without units.
+
+        With several inputs, their names, operating inputs and H_1 are lists.
+        """
+        point, names = self.first.point, _names(self.model)
+        linear = [{"unit": response.unit, **_plain(response, self.level)} for response in self.linear]
         return {
-            "operating_input": float(point.operating_input[0]),
+            **({"inputs": list(names)} if names else {}),
+            "operating_input": point.operating_input.tolist() if names else float(point.operating_input[0]),
             "stable": self.first.status.ok,
             "equilibria": point.outputs.tolist(),
-            "order": len(self.gfrfs),
+            "order": self.order,
             "level": self.level,
             "band_Hz": list(self.band_Hz),
             "output_ranges_Hz": [bands.tolist() for bands in self.ranges_Hz],
             "caveats": list(self.caveats),
             "messages": list(self.lines),
             "nofrf": self._nofrf_json(),
-            "unit": self.first.unit,
-            **{name: [_number(v) for v in column] for name, column in first_columns(self.first, self.level).items()},
+            **({"responses": linear} if names else linear[0]),
         }
 
     def _nofrf_json(self) -> dict[str, Any] | None:
@@ -173,26 +202,39 @@ def respond(
     model: NarxModel,
     order: int,
     *,
-    operating_input: float | None = None,
+    operating_input: float | Sequence[float] | None = None,
     band_Hz: tuple[float, float] | None = None,
     level: float = DRAWN,
     amplitude: float | None = None,
 ) -> Responses:
-    """Compute the frequency responses of a model up to an order."""
+    """Compute the frequency responses of a model up to an order, those of several inputs for each choice of inputs."""
+    names = _names(model)
+    if names and amplitude is not None:
+        raise ModelError(
+            f"the model has {len(names)} inputs; --amplitude is the size of the test signal of the NOFRFs, which "
+            "this command computes only for models with one input"
+        )
+    if operating_input is not None and (count := np.size(operating_input)) != len(model.input_names):
+        wanted = f"once for each of {', '.join(names)}, in this order" if names else "once"
+        raise ModelError(f"--operating-input has {count} value(s): give it {wanted}")
     highest = np.pi / model.sample_time
     excited = highest_excited_Hz(model.provenance)
     band = _band(model, band_Hz, excited)
     omega = np.geomspace(highest / 10**DECADES, highest, POINTS)
-    first = gfrf(model, 1, omega, operating_input=operating_input)
+    responses = (
+        gfrf(model, n, omega if n == 1 else _map(n, band), inputs=inputs, operating_input=operating_input)
+        for n in range(1, order + 1)
+        for inputs in _choices(names, n)
+    )
+    first = next(responses)
     first.band(level)  # raises an error for an invalid level before anything slow begins
-    maps = (gfrf(model, n, _map(n, band), operating_input=operating_input) for n in range(2, order + 1))
     angular = 2 * np.pi * np.array(band)
     found = Responses(
         model=model,
         level=level,
         band_Hz=band,
         excited_Hz=excited,
-        gfrfs=(first, *maps),
+        gfrfs=(first, *responses),
         signal=None,
         nofrfs=None,
         missing="",
@@ -200,7 +242,7 @@ def respond(
             output_frequencies(angular, n, sample_time=model.sample_time) / (2 * np.pi) for n in range(1, order + 1)
         ),
     )
-    return found if order == 1 else _with_nofrfs(found, order, operating_input, amplitude)
+    return found if order == 1 or names else _with_nofrfs(found, order, operating_input, amplitude)
 
 
 def first_columns(response: FrequencyResponse, level: float) -> dict[str, Array]:
@@ -229,7 +271,22 @@ def columns_of(response: FrequencyResponse, level: float) -> dict[str, Array]:
     }
 
 
-def _with_nofrfs(found: Responses, order: int, operating_input: float | None, amplitude: float | None) -> Responses:
+def _names(model: NarxModel) -> tuple[str, ...]:
+    """Return the names of several inputs as equations write them; empty for a model with one input."""
+    return names_of(model, range(len(model.input_names)))
+
+
+def _choices(names: Sequence[str], order: int) -> Iterator[Sequence[str] | None]:
+    """Yield the inputs of each kernel of an order; None for a model with one input, which has no names."""
+    if names:
+        yield from combinations_with_replacement(names, order)
+    else:
+        yield None
+
+
+def _with_nofrfs(
+    found: Responses, order: int, operating_input: float | Sequence[float] | None, amplitude: float | None
+) -> Responses:
     model = found.model
     size = _room(model, operating_input) if amplitude is None else amplitude
     if size is None:
@@ -248,7 +305,7 @@ def _with_nofrfs(found: Responses, order: int, operating_input: float | None, am
     return found
 
 
-def _room(model: NarxModel, operating_input: float | None) -> float | None:
+def _room(model: NarxModel, operating_input: float | Sequence[float] | None) -> float | None:
     """Return the largest symmetric deviation of the input within the training data; None if these are unknown."""
     shifted = remove_dc(model, operating_input).operating
     if shifted is None:
@@ -261,7 +318,7 @@ def _room(model: NarxModel, operating_input: float | None) -> float | None:
     return float(min(-shifted.input_min[0], shifted.input_max[0]))
 
 
-def _quiet(model: NarxModel, signal: TestSignal, order: int, operating_input: float | None) -> Nofrf:
+def _quiet(model: NarxModel, signal: TestSignal, order: int, operating_input: float | Sequence[float] | None) -> Nofrf:
     """Suppress warnings, because the status is reported elsewhere."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NofrfWarning)
@@ -304,13 +361,18 @@ def _truncated(found: Nofrf) -> Iterator[str]:
 
 
 def symbol_of(response: FrequencyResponse) -> str:
-    """Return symbol and order of a response as plain text."""
-    return f"{response.symbol}{'₀₁₂₃₄₅₆₇₈'[response.order]}"
+    """Return symbol, order and, if there are several inputs, those of a response as plain text."""
+    of = f"({', '.join(response.inputs)})" if response.inputs else ""
+    return f"{response.symbol}{'₀₁₂₃₄₅₆₇₈'[response.order]}{of}"
 
 
 def written(bands: Array) -> str:
     """Write bands as text. Shapes: `bands` (k, 2)."""
     return ", ".join(f"{low:.3g} to {high:.3g}" for low, high in bands)
+
+
+def _plain(response: FrequencyResponse, level: float) -> dict[str, list[float | None]]:
+    return {name: [_number(v) for v in column] for name, column in first_columns(response, level).items()}
 
 
 def _number(value: Any) -> float | None:

@@ -128,6 +128,60 @@ def test_all_orders(
     assert "NOFRFs: the test signal and its amplitudes suit these orders" in said
 
 
+@pytest.fixture
+def two_inputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """H_1 = 0.4 / A and 0.2 / A, and the cross kernel 0.05 / A at the sum of the frequencies: half the product's weight."""
+    monkeypatch.chdir(tmp_path)
+    terms = {"y(k-1)": 0.6, "volts(k)": 0.4, "heat(k)": 0.2, "volts(k)heat(k)": 0.1}
+    names = {"input_names": ("volts", "heat"), "input_units": ("V", "K"), "output_units": ("m",)}
+    NarxModel.from_terms(terms, sample_time=STEP, theta_cov=1e-6 * np.eye(4), **names).save(tmp_path / "narx.json")
+    return tmp_path
+
+
+def test_several_inputs_have_responses_of_their_own_and_cross_kernels(
+    two_inputs: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["frequency", "narx.json", "--out", "response"]
+    assert main([*command, "--order", "2"]) == 0
+    tables = two_inputs / "response/figures"
+    kernels = ["gfrf2_volts_volts", "gfrf2_volts_heat", "gfrf2_heat_heat"]
+    stems = ["frequency_volts", "frequency_heat", *kernels]
+    assert {path.name for path in tables.iterdir()} == {f"{name}.{end}" for name in stems for end in ("csv", "svg")}
+    for name, gain, unit in (("volts", 0.4, "m_per_V"), ("heat", 0.2, "m_per_K")):
+        found = table(tables / f"frequency_{name}.csv")
+        expected = gain * one_by_a(found["frequency_Hz"])
+        np.testing.assert_allclose(found[f"real_{unit}"] + 1j * found[f"imaginary_{unit}"], expected, rtol=1e-12)
+    cross = table(tables / "gfrf2_volts_heat.csv")
+    expected = 0.05 * one_by_a(cross["f1_Hz"] + cross["f2_Hz"])
+    np.testing.assert_allclose(cross["real_m_per_V_K"] + 1j * cross["imaginary_m_per_V_K"], expected, rtol=1e-12)
+    assert table(tables / "gfrf2_heat_heat.csv")["gain_m_per_K2"].max() == 0.0
+    page = (two_inputs / "response/report.html").read_text(encoding="utf-8")
+    assert "H₂(volts, heat)" in page and page.count("<figure>") == 5
+    assert "operating input volts = 0 V, heat = 0 K" in capsys.readouterr().out
+    # About other constant inputs, each product adds to the first order: 0.4 + 0.1 * 3 and 0.2 + 0.1 * 2.
+    assert main([*command, "--json", "--operating-input", "2", "--operating-input", "3"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["inputs"], told["operating_input"], told["order"]) == (["volts", "heat"], [2.0, 3.0], 1)
+    for response, gain in zip(told["responses"], (0.7, 0.4), strict=True):
+        expected = np.abs(gain * one_by_a(np.array(response["frequency_Hz"])))
+        np.testing.assert_allclose(response["gain"], expected, rtol=1e-12)
+    assert not any(path.name.startswith("gfrf2") for path in tables.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--operating-input", "1"], "has 1 value(s): give it once for each of volts, heat, in this order"),
+        (["--order", "2", "--amplitude", "1"], "the model has 2 inputs; --amplitude is the size"),
+    ],
+)
+def test_options_that_do_not_suit_several_inputs_are_refused(
+    two_inputs: Path, capsys: pytest.CaptureFixture[str], options: list[str], message: str
+) -> None:
+    assert main(["frequency", "narx.json", "--out", "response", *options]) == 1
+    assert message in capsys.readouterr().err
+
+
 def test_a_second_run_leaves_nothing_of_the_first(square: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(frequency_report, "_drawings", lambda *_: iter(()))
     folder = square / "response"

@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from deatwin.app.cli import main
 from deatwin.app.given import GivenPlant, direction_notes
@@ -204,3 +205,33 @@ def test_a_file_that_lacks_its_sample_time(at_desk: Path, capsys: pytest.Capture
     assert main(["look", "a.csv"]) == 1
     said = capsys.readouterr().out
     assert "deatwin look a.csv --input-column u --output-column y --dt SECONDS" in said
+
+
+def wiener(rng: np.random.Generator, n: int = 256, periods: int = 4) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """One random phase of a multisine of 59 lines through a lag of second order with a square and a cube, in mm: input, output, reading."""
+    lines = np.zeros(n // 2 + 1, dtype=complex)
+    lines[1:60] = np.exp(2j * np.pi * rng.random(59))
+    u = np.fft.irfft(lines, n)
+    u = np.tile(u / u.std(), periods + 3)
+    v = lfilter([0.3, 0.2], [1.0, -1.2, 0.6], u)
+    y = v + 0.2 * v**2 - 0.1 * v**3
+    rows = slice(3 * n, None)  # settled
+    return u[rows], y[rows], y[rows] + 0.02 * rng.normal(size=periods * n)
+
+
+def test_realisations_in_several_files_are_approximated_together(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(0)
+    runs = [wiener(rng) for _ in range(2)]
+    for name, (u, _, y) in zip("ab", runs, strict=True):
+        table(f"{name}.csv", "time_s,command_V,displacement_mm", [0.01 * np.arange(u.size), u, y])
+    assert main(["look", "a.csv", "b.csv", "--out", "looked"]) == 0
+    said = capsys.readouterr().out.partition("all recordings together: ")[2]
+    assert said.startswith("best linear approximation at 59 lines from 2 realisations")
+    assert "nonlinear distortion" in said and "unknown" not in said
+    assert {p.name for p in Path("looked").glob("best*")} == {f"best_linear{n}.svg" for n in ("", "_1", "_2")}
+    told = json.loads(Path("looked/look.json").read_text(encoding="utf-8"))["best_linear"]
+    # 2 * 3 * 128 squares tell the noise within 3 %.
+    assert told["noise_rms"] == pytest.approx(0.02e-3, rel=0.1)

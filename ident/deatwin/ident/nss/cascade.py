@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from itertools import product
@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 Roots = NDArray[np.complex128]
 _SIGNAL = re.compile(r"\bv\b")  # The signal in a term, and no letter of a function's name
 _TRIAL = 10  # Steps of a search after which divisions of poles and zeros are compared
+_REAL = 1e-9  # Imaginary part of a root below which it is real but for rounding
 
 
 class Structure(StrEnum):
@@ -145,9 +146,9 @@ class Cascade(StateSpaceIdentifier):
         if not np.isfinite(gain) or gain == 0.0:
             raise ModelError("the best linear approximation is zero: there is nothing to part")
         tried = []
-        for first in _partings(poles):
-            for front in _partings(zeros):
-                blocks = [(front, first), (_rest(zeros, front), _rest(poles, first))]
+        for first, second in _partings(poles):
+            for front, behind in _partings(zeros):
+                blocks = [(front, first), (behind, second)]
                 if all(z.size <= p.size and p.size for z, p in blocks):
                     system = self._series(blocks, float(gain), float(linear.system.output[0, 0]), records)
                     starts = np.zeros_like(linear.starts)
@@ -210,22 +211,19 @@ class _Weights:
         return System.of(self._basis, self._values, self._free)
 
 
-def _partings(roots: Roots) -> list[Roots]:
-    """Return all selections of real roots and conjugate pairs."""
-    upper = roots[roots.imag > 1e-9]
-    real = roots[np.abs(roots.imag) <= 1e-9]
-    groups = [*(np.array([root, root.conj()]) for root in upper), *(root.real[None].astype(complex) for root in real)]
-    return [
-        np.concatenate(
-            [np.zeros(0, dtype=complex), *(group for group, taken in zip(groups, chosen, strict=True) if taken)]
-        )
-        for chosen in product((False, True), repeat=len(groups))
-    ]
+def _partings(roots: Roots) -> Iterator[tuple[Roots, Roots]]:
+    """Yield all divisions of roots between two blocks.
 
-
-def _rest(roots: Roots, taken: Roots) -> Roots:
-    """Return the roots that are not selected."""
-    left = list(roots)
-    for root in taken:
-        left.pop(int(np.argmin(np.abs(np.array(left) - root))))
-    return np.array(left, dtype=np.complex128)
+    A conjugate pair is also divided into two real roots, because noise makes a pair of two that are nearly equal.
+    """
+    none = np.zeros(0, dtype=np.complex128)
+    choices = []
+    for root in roots[roots.imag > -_REAL]:
+        real = root.real[None].astype(np.complex128)
+        if root.imag <= _REAL:
+            choices.append([(none, real), (real, none)])
+        else:
+            pair = np.array([root, root.conj()])
+            choices.append([(none, pair), (pair, none), (real, real)])
+    for chosen in product(*choices):
+        yield np.concatenate([none, *(one for one, _ in chosen)]), np.concatenate([none, *(one for _, one in chosen)])

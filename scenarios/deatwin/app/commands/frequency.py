@@ -10,16 +10,18 @@ import typer
 from deatwin.app.options import Json, OutFolder, Quiet, positive
 from deatwin.studies.voice import Voice
 
-FORMER = r"figures/(frequency|gfrf[2-8]|nofrf[1-8]?|test_signal)\.(csv|svg)"
+FORMER = r"figures/((frequency|gfrf[2-8])(_\w+)?|nofrf[1-8]?|test_signal)\.(csv|svg)"
 """Files that a run may write or not, depending on its model and order."""
 
 
 ModelFile = Annotated[Path, typer.Argument(metavar="NARX.json", help="An identified model.")]
 Order = Annotated[int, typer.Option(min=1, max=8, help="Highest order of the responses.")]
 OperatingInput = Annotated[
-    float | None,
+    list[float] | None,
     typer.Option(
-        metavar="VALUE", help="Constant input of the operating point; by default the centre of the training data."
+        metavar="VALUE",
+        help="Constant input of the operating point, once for each input in the order of the model; by default the centre of "
+        "the training data.",
     ),
 ]
 Band = Annotated[
@@ -57,6 +59,8 @@ def frequency(
 ) -> None:
     """Compute frequency responses (FRF, GFRFs, NOFRFs) of an identified model at an operating point, with confidence bands.
 
+    With several inputs, each has its own responses, and every choice of inputs has a cross kernel; NOFRFs are left out.
+
     Writes report.html, figures and their data (figures/*.svg and *.csv) and run.json into DIR.
 
     Example: deatwin frequency narx.json --order 3 --out response
@@ -76,7 +80,8 @@ def frequency(
     narx = narx_model(model).deterministic
     record = RunRecord(command=context.obj or [], inputs=hashes([model]), seed=0, jobs=1)
     with ResultFolder(out) as folder, voice.progress("computing frequency responses"):
-        found = respond(narx, order, operating_input=operating_input, band_Hz=band, level=level, amplitude=amplitude)
+        point = operating_input[0] if operating_input and len(operating_input) == 1 else operating_input or None
+        found = respond(narx, order, operating_input=point, band_Hz=band, level=level, amplitude=amplitude)
         write_responses(found, folder, record)
     folder.remove_former(FORMER)
     record.save(folder)

@@ -15,7 +15,7 @@ from deatwin.studies.voice import Voice, complain
 
 if TYPE_CHECKING:
     from deatwin.app.look_next import Next, Seen
-    from deatwin.ident.look import Look
+    from deatwin.ident.look import BestLinearApproximation, Look
     from deatwin.plant.readoptions import ReadOptions
     from deatwin.studies.folder import ResultFolder
 
@@ -86,11 +86,14 @@ def look(
     asked = ReadOptions.of(context.params)
     with nullcontext() if out is None else ResultFolder(out) as folder:
         seen = [_seen(path, asked, voice) for path in files]
+        together = _together(seen)
+        if together is not None:
+            voice.say(f"all recordings together: {together}")
         following = next_step(seen, None if place is None else str(place))
         voice.say(f"next: {following.sentence}" + (f":\n  {following.command}" if following.command else ""))
-        result = _result(seen, following)
+        result = _result(seen, together, following)
         if folder is not None and any(one.look is not None for one in seen):
-            _draw(folder, [one.look for one in seen if one.look is not None])
+            _draw(folder, [one.look for one in seen if one.look is not None], together)
             if place is not None and rig is not None:
                 folder.text(place.name, _rig_file(seen, rig))
                 folder.text("rig.svg", _rig_drawing(rig))
@@ -133,7 +136,15 @@ def _seen(path: Path, asked: ReadOptions, voice: Voice) -> Seen:
     return Seen(file=file, look=found)
 
 
-def _result(seen: Sequence[Seen], following: Next) -> dict[str, Any]:
+def _together(seen: Sequence[Seen]) -> BestLinearApproximation | None:
+    """Return the best linear approximation of several periodic files, whose realisations tell the distortion."""
+    from deatwin.app.identify_periodic import approximated
+
+    looks = [one.look for one in seen if one.look is not None and one.look.best_linear is not None]
+    return approximated([record for look in looks for record in look.recordings]) if len(looks) > 1 else None
+
+
+def _result(seen: Sequence[Seen], together: BestLinearApproximation | None, following: Next) -> dict[str, Any]:
     """Return the content of look.json."""
     files = [
         {
@@ -146,10 +157,11 @@ def _result(seen: Sequence[Seen], following: Next) -> dict[str, Any]:
         }
         for one in seen
     ]
-    return {"files": files, "next": asdict(following)}
+    of_all = {} if together is None else {"best_linear": together.to_dict()}
+    return {"files": files, **of_all, "next": asdict(following)}
 
 
-def _draw(folder: ResultFolder, looks: Sequence[Look]) -> None:
+def _draw(folder: ResultFolder, looks: Sequence[Look], together: BestLinearApproximation | None) -> None:
     """Draw a picture of each recording."""
     from deatwin.plant.recording import label
     from deatwin.studies.report.drawing import draw, standalone
@@ -160,11 +172,14 @@ def _draw(folder: ResultFolder, looks: Sequence[Look]) -> None:
             panels[0].set_title(Path(label(one.recordings[0])).name, loc="left", fontsize="medium")
             figure.align_ylabels()
             folder.text("look.svg" if len(looks) == 1 else f"look_{number}.svg", standalone(figure))
-        if one.best_linear is not None:
+    named = {
+        "best_linear" if len(looks) == 1 else f"best_linear_{n}": one.best_linear for n, one in enumerate(looks, 1)
+    }
+    for name, found in {**named, **({} if together is None else {"best_linear": together})}.items():
+        if found is not None:
             with draw((5.4, 5.0)) as figure:
-                one.best_linear.plot(list(figure.subplots(2, 1)))
+                found.plot(list(figure.subplots(2, 1)))
                 figure.align_ylabels()
-                name = "best_linear" if len(looks) == 1 else f"best_linear_{number}"
                 folder.text(f"{name}.svg", standalone(figure))
 
 

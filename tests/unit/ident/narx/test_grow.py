@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from new_readings import require_hold, require_share
 from stopping import StopAt
 
-from deatwin.ident.narx import Fixed, Frols, Grow, NarxModel, refine
+from deatwin.ident.narx import Fixed, Frols, Grow, NarxModel, free_run_band, refine
 from deatwin.ident.narx.grow_search import linear_start
 from deatwin.ident.narx.identifier import FitStatus
 from deatwin.ident.narx.output_error import autocovariance, with_correlated_error
@@ -223,3 +224,23 @@ def test_intervals_hold_where_the_terms_are_the_true_ones():
         off = np.abs(found.theta - plant.theta) / np.sqrt(np.diag(found.theta_cov))
         held.append(np.mean(off < 1.96))
     assert 0.88 <= np.mean(held) <= 0.995
+
+
+@pytest.mark.parametrize("sets", [4, pytest.param(200, marks=pytest.mark.study)])
+def test_bands_hold_what_they_say_with_the_terms_that_were_found(sets):
+    # Intervals take the terms as given: of the sets with exactly the true terms, they hold the true values.
+    bands, held, exact = [], [], []
+    for seed in range(sets):
+        data, rng = record(2000 + seed, n=300), np.random.default_rng(seed)
+        grow = Grow(degree=3, max_terms=8).fit(data)
+        noise = grow.model_.simulate(data).rms_error
+        new = record(5000 + seed, n=150)
+        bands.append(free_run_band(grow.model_, new, rng, n_draws=200, output_noise=noise))
+        found = dict(zip(map(str, grow.terms_), grow.model_.theta, strict=True))
+        deviations = dict(zip(found, np.sqrt(np.diag(grow.model_.theta_cov)), strict=True))
+        held.append([n in found and abs(found[n] - value) < 1.96 * deviations[n] for n, value in TRUE.items()])
+        exact.append(found.keys() == TRUE.keys())
+    require_hold(bands)
+    print(f"intervals {100 * np.mean(held):.1f} %; {np.mean(np.array(held)[exact]):.3f} in {sum(exact)} exact sets")
+    for count in np.sum(np.array(held)[exact], axis=0):
+        require_share(count, sum(exact))

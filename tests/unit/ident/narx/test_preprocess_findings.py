@@ -89,6 +89,20 @@ def test_steps_and_ringing_are_no_outliers():
     assert FindingKind.OUTLIERS in {finding.kind for finding in inspect_recordings(Recording.from_arrays(u, y, T))}
 
 
+def test_what_recurs_in_each_period_is_no_outlier():
+    # A cube makes sharp peaks of a multisine, the same in each of four periods; one reading is disturbed.
+    rng = np.random.default_rng(3)
+    lines = np.zeros(129, dtype=complex)
+    lines[1:60] = np.exp(2j * np.pi * rng.random(59))
+    u = np.tile(np.fft.irfft(lines, 256), 4)
+    peaks = np.zeros(256)
+    peaks[[70, 181]] = 4.0, -3.0
+    y = lfilter([0.3], [1.0, -0.7], u / u.std()) + np.tile(peaks, 4) + 0.02 * rng.normal(size=u.size)
+    assert ("displacement", FindingKind.OUTLIERS) not in named(Recording.from_arrays(u, y, T))
+    y[600] += 4.0
+    assert named(Recording.from_arrays(u, y, T))["displacement", FindingKind.OUTLIERS].count == 1
+
+
 def test_a_coarse_resolution_is_named_and_a_fine_one_is_not():
     coarse = named(record(lambda y: np.round(y / 1e-6) * 1e-6))["displacement", FindingKind.QUANTISATION]
     assert coarse.size == pytest.approx(1e-6, rel=1e-9) and "steps of 1 µm" in coarse.text

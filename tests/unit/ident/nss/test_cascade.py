@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from new_readings import require_hold, require_share
 from scipy.signal import lfilter
 
 from deatwin.ident.narx import register_function
@@ -35,6 +36,51 @@ def test_a_known_cascade_is_recovered(structure):
     poles = np.roots(FIRST[1]) if states == 2 else [*np.roots(FIRST[1]), 0.7]
     np.testing.assert_allclose(np.sort_complex(fitted.model_.poles), np.sort_complex(poles), atol=1e-6)
     assert fitted.error_ < 1e-6 < 0.1 * fitted.linear_error_
+
+
+def noisy(rng, structure, n):
+    u = rng.normal(size=n)
+    return Recording.from_arrays(u, MADE[structure](u) + 0.1 * rng.normal(size=n), 0.1)
+
+
+@pytest.mark.parametrize("structure", MADE)
+@pytest.mark.parametrize("sets", [8, pytest.param(200, marks=pytest.mark.study)])
+def test_bands_and_intervals_hold_what_they_say(structure, sets):
+    # The coefficients of the characteristic polynomial do not depend on the coordinates of the states.
+    rng, bands, held = np.random.default_rng(5), [], []
+    known = [FIRST[1], SECOND[1]] if structure == "LNL" else [FIRST[1]]
+    true = np.poly(np.concatenate([np.roots(poles) for poles in known])).real[1:]
+    for _ in range(sets):
+        model = Cascade(structure=structure, states=true.size).fit(noisy(rng, structure, 300)).model_
+        bands.append(model.free_run_band(noisy(rng, structure, 100)))
+        found, deviations = characteristic(model)
+        held.append(np.abs(found - true) < 1.959964 * deviations)
+    require_hold(bands)
+    print(f"intervals {100 * np.mean(held):.1f} %")
+    for count in np.sum(held, axis=0):
+        require_share(count, sets)
+
+
+def characteristic(model, step=1e-6):
+    """Return the coefficients of the characteristic polynomial and their standard deviations, to first order."""
+    theta = model.theta
+
+    def at(theta):
+        return np.poly(model.system.with_theta(theta).linear_parts[0]).real[1:]
+
+    slopes = np.array([at(theta + shift) - at(theta - shift) for shift in step * np.eye(theta.size)]).T / (2 * step)
+    return at(theta), np.sqrt(np.diag(slopes @ model.theta_cov @ slopes.T))
+
+
+def test_equal_lags_before_and_behind_the_function_are_divided():
+    # A double pole of the best linear approximation is estimated as two real poles or as a conjugate pair.
+    rng = np.random.default_rng(3)
+    for _ in range(6):
+        u = rng.normal(size=500)
+        y = lfilter([0.3], [1.0, -0.7], bent(lfilter([0.5, 0.1], [1.0, -0.7], u)))
+        noise = 0.02 * y.std()
+        fitted = Cascade(structure="LNL", states=2).fit(Recording.from_arrays(u, y + noise * rng.normal(size=500), 0.1))
+        assert fitted.error_[0] < 1.2 * noise  # 500 readings tell a deviation within 3 %
 
 
 def test_a_static_function_may_be_a_spline():

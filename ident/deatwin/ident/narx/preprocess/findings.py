@@ -18,6 +18,7 @@ from deatwin.ident.narx.preprocess.stationarity import (
     cut,
 )
 from deatwin.ident.narx.regression import Recordings, flatten
+from deatwin.ident.narx.repeats import whole_period_of
 from deatwin.ident.soundness import at_limit, neighbours_deviation, noise_of_bends, resolution, runs
 from deatwin.plant.errors import DataError
 from deatwin.plant.prefixes import with_unit
@@ -224,7 +225,7 @@ def _levelled(segments: Array) -> Array:
 
 def _outliers(channel: _Channel, level: float) -> Iterator[Finding]:
     """Find isolated readings far from the cubic through four neighbours, relative to the usual distance nearby. A step,
-    its ringing, and the usual response to a kink of an input are motion, not outliers."""
+    its ringing, the usual response to a kink of an input, and what recurs with the inputs are motion, not outliers."""
     from scipy.ndimage import maximum_filter, median_filter
     from scipy.special import ndtri
 
@@ -247,6 +248,7 @@ def _outliers(channel: _Channel, level: float) -> Iterator[Finding]:
     if answers.any():  # Deviations that most kinks cause are usual after a kink.
         usual[answers] = np.maximum(usual[answers], np.quantile(size[answers], 0.95))
     far = np.flatnonzero((size > limit * usual) & lone)
+    far = far[~_recurs(far, deviation, channel.record)] if far.size else far
     if far.size:
         worst = far[np.argmax(size[far])]
         times = ", ".join(f"{channel.record.timepts[k]:.6g}" for k in far[:5]) + (", ..." if far.size > 5 else "")
@@ -255,6 +257,17 @@ def _outliers(channel: _Channel, level: float) -> Iterator[Finding]:
             f"neighbours by {channel.amount(deviation[worst])}, {size[worst] / usual[worst]:.3g} times the usual difference"
         )
         yield channel.finding(FindingKind.OUTLIERS, far, deviation[worst], text)
+
+
+def _recurs(samples: NDArray[np.intp], deviation: Array, record: Recording) -> NDArray[np.bool_]:
+    """Return at which samples most of a deviation recurs a period of the inputs before or after."""
+    periods = {whole_period_of(u) for u in record.inputs if np.ptp(u) > 0.0}
+    found = np.zeros(samples.size, dtype=bool)
+    if len(periods) == 1 and (period := periods.pop()) is not None:
+        for other in (samples - period, samples + period):
+            inside = (other >= 0) & (other < deviation.size)
+            found[inside] |= deviation[other[inside]] / deviation[samples[inside]] > 0.5
+    return found
 
 
 def _kinks(record: Recording) -> NDArray[np.bool_]:
