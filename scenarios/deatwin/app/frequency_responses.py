@@ -133,8 +133,8 @@ class Responses:
             )
         if self.extrapolated:
             yield (
-                f"above {self.excited_Hz:.3g} Hz, H₁ is extrapolated, because 99 % of the power of the training input lies below; "
-                "the band of H₁ does not include the error of extrapolation"
+                f"above {self.excited_Hz:.3g} Hz, the first-order response H₁ is extrapolated, because 99 % of the power of the "
+                "training input lies below this frequency; the confidence band of H₁ does not include the error of extrapolation"
             )
         for order, bands in enumerate(self.ranges_Hz[1:], start=2):
             yield f"order {order} contributes to the output only at {written(bands)} Hz"

@@ -79,8 +79,9 @@ def narx_model(file: str | Path) -> NarxModel:
     document = read_json(file)
     if isinstance(document, dict) and document.get("schema") == STATES:
         raise ModelError(
-            f"{file}: this command takes NARX models, and a nonlinear state space is not one: identify the same recordings "
-            "with --method frols or grow; the state space runs in Python (deatwin.ident.nss.NonlinearStateSpace.load)"
+            f"{file}: this is a nonlinear state space, but this command takes only NARX models: identify the same recordings "
+            "again with --method frols or grow; a state space can be simulated in Python "
+            "(deatwin.ident.nss.NonlinearStateSpace.load)"
         )
     return NarxModel.load(file)
 

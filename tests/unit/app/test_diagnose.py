@@ -10,7 +10,7 @@ import pytest
 from pages import report_alone
 
 from deatwin.app.cli import main
-from deatwin.ident.mismatch import Diagnosis, how_sure
+from deatwin.ident.mismatch import Diagnosis, how_sure, next_step
 from deatwin.studies.diagnosing import DiagnosisTask
 
 FILES = {"diagnosis.json", "model.json", "report.html", "run.json", "figures"}
@@ -61,9 +61,10 @@ def test_the_command_line_says_how_sure_the_verdict_is(
     assert (explanation.effects, explanation.probability) == (("creep",), diagnosis.causes[0].probability)
     monkeypatch.setattr(DiagnosisTask, "run", lambda *_: diagnosis)
     assert main(["diagnose", "strip_of_mine:strip", "pulls.csv", "--out", "again"]) == 0
-    verdict, sure, *_ = capsys.readouterr().out.split("named: ")[1].splitlines()
+    verdict, sure, then, *_ = capsys.readouterr().out.split("named: ")[1].splitlines()
     assert (verdict, sure) == (diagnosis.sentence, f"how sure: {how_sure(diagnosis)}")
     assert "creep is 95 % likely" in sure
+    assert then == f"next: {next_step(diagnosis)}"
 
 
 def test_the_amended_model_can_be_simulated(results: Path, on_bench: Path) -> None:

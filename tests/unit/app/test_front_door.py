@@ -292,6 +292,7 @@ NOT_FROM_THE_COMMAND_LINE = {
     "csvtable.py: it unpacks to more than": "a text of 1 GB; test_files_stored.py lowers the limit",
     "csvtable.py: cannot be read as numbers": "the last resort of a reader that knows no such cell",
     "csvtable.py: lines; at most": "a file of 40 MB; test_intake.py makes it",
+    "missing_physics.py: without its evidence": "stories diagnose anew, and so have the evidence",
     "documents.py: numbers, texts and lists; at most": "a file of 60 MB; test_intake.py makes it",
     "arrays.py: columns; at most": "as of a CSV",
     "lvm.py: columns; at most": "as of a CSV",

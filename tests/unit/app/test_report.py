@@ -28,6 +28,7 @@ from deatwin.ident.mismatch import (
     Unexplained,
     Verdict,
     how_sure,
+    next_step,
 )
 from deatwin.ident.mismatch.layout import laid_out
 from deatwin.ident.mismatch.located import PlaceSummary, Region, Window
@@ -354,16 +355,16 @@ EXPLANATIONS = {
     [
         (
             Verdict.NONE,
-            "the error beyond sensor noise is 0.340 µm rms, less than the 1.19 µm rms that count as a mismatch (p = 0.230).",
+            "the error beyond sensor noise is 0.340 µm rms, and a mismatch begins at 1.19 µm rms (p = 0.230).",
         ),
         (
             Verdict.PARAMETERS,
-            "the error beyond sensor noise is 0.340 µm rms, less than the 1.19 µm rms that count as a mismatch (p = 0.230).",
+            "the error beyond sensor noise is 0.340 µm rms, and a mismatch begins at 1.19 µm rms (p = 0.230).",
         ),
         (
             Verdict.UNKNOWN,
-            "the error beyond sensor noise is 0.340 µm rms (1.19 µm rms count as a mismatch), and no single effect or signal "
-            "explains more than 34 % of the mismatch.",
+            "the error beyond sensor noise is 0.340 µm rms, and a mismatch begins at 1.19 µm rms; the best single effect "
+            "or signal accounts for 34 % of the mismatch.",
         ),
         (
             Verdict.DISTURBANCE,
@@ -414,6 +415,8 @@ def test_the_first_screen_says_how_sure_a_verdict_is(tmp_path: Path, verdict: Ve
     page = (folder.path / "report.html").read_text(encoding="utf-8").replace("\xa0", " ")
     header = unescape(page[: page.index("</header>")])
     assert f"<strong>How sure:</strong> {how_sure(replace(diagnosis, readings=None))}." in header
+    then = re.sub(r"<[^>]*>", "", header.partition("<strong>Next:</strong> ")[2])
+    assert then.startswith(f"{next_step(diagnosis)}.".replace("`", ""))
 
 
 def test_the_closer_look_of_a_faulty_recording_shows_the_largest_fault() -> None:

@@ -3,7 +3,7 @@
 from deatwin.ident.mismatch.advise.advice import INPUT_FILE, Advice
 from deatwin.ident.mismatch.advise.advise import advise
 from deatwin.ident.mismatch.advise.offer import PricedReading
-from deatwin.ident.mismatch.certainty import how_sure
+from deatwin.ident.mismatch.certainty import how_sure, next_step
 from deatwin.ident.mismatch.detect.detect import detect
 from deatwin.ident.mismatch.detect.detection import Detection
 from deatwin.ident.mismatch.diagnose import diagnose
@@ -86,6 +86,7 @@ __all__ = [
     "linearised_responses",
     "locate",
     "name_causes",
+    "next_step",
     "plan_experiment",
     "prepare",
     "readings",

@@ -35,6 +35,30 @@ def how_sure(diagnosis: Diagnosis) -> str:
     return _LINES[diagnosis.verdict](diagnosis)
 
 
+def next_step(diagnosis: Diagnosis) -> str:
+    """Say in one line what to do after a verdict.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        Finished diagnosis.
+
+    Returns
+    -------
+    str
+        One sentence without capital and full stop.
+    """
+    advised = diagnosis.advice
+    if diagnosis.verdict is not Verdict.AMBIGUOUS:
+        return diagnosis.verdict.advice
+    if advised is not None and advised.file is not None:
+        also = f", measure {advised.measure} as well" if advised.undecided and advised.measure else ""
+        return f"record the input in {advised.file}{also}, and diagnose all recordings together"
+    if advised is not None and advised.measure is not None:
+        return f"record again and measure {advised.measure} as well, then diagnose all recordings together"
+    return diagnosis.verdict.advice
+
+
 def ranked(diagnosis: Diagnosis) -> list[tuple[str, float]]:
     """Return name and probability of the first explanation and of its alternatives, the likeliest of these first."""
     explanations = diagnosis.explanations
@@ -86,21 +110,23 @@ def _clean(diagnosis: Diagnosis) -> str:
     if found.p_value is None or found.excess is None:
         return ""
     least = None if found.practical is None else _rms(found.practical, diagnosis)
-    counts = "count as a mismatch" if least is None else f"reach the {least} that count as a mismatch"
+    counts = "count as a mismatch" if least is None else f"count as a mismatch, which begins at {least}"
     if found.taken_up:
         return f"after the fit to all recordings, the error beyond sensor noise is too small to {counts}"
     beyond = f"the error beyond sensor noise is {_rms(found.excess, diagnosis)}"
     chance = f"p = {number(found.p_value)}"
     if found.practical is not None and found.excess < found.practical:
-        return f"{beyond}, less than the {least} that count as a mismatch ({chance})"
+        return f"{beyond}, and a mismatch begins at {least} ({chance})"
     return f"{beyond}, but it may be due to chance ({chance}; a mismatch needs p < {LEVEL:g})"
 
 
 def _unknown(diagnosis: Diagnosis) -> str:
     located = diagnosis.location.place if diagnosis.location else ()
     best = max((place.score for place in located), default=None)
-    effect = "" if best is None else f"no single effect or signal explains more than {100 * best:.0f} % of the mismatch"
-    return ", and ".join(filter(None, [_beyond_noise(diagnosis), effect]))
+    effect = ""
+    if best is not None:
+        effect = f"the best single effect or signal accounts for {100 * best:.0f} % of the mismatch"
+    return "; ".join(filter(None, [_beyond_noise(diagnosis), effect]))
 
 
 def _disturbance(diagnosis: Diagnosis) -> str:
@@ -119,8 +145,10 @@ def _beyond_noise(diagnosis: Diagnosis) -> str:
     found = diagnosis.detection
     if found.p_value is None or found.excess is None:
         return ""
-    enough = "" if found.practical is None else f" ({_rms(found.practical, diagnosis)} count as a mismatch)"
-    return f"the error beyond sensor noise is {_rms(found.excess, diagnosis)}{enough}"
+    beyond = f"the error beyond sensor noise is {_rms(found.excess, diagnosis)}"
+    if found.practical is None:
+        return beyond
+    return f"{beyond}, and a mismatch begins at {_rms(found.practical, diagnosis)}"
 
 
 def _data_fault(diagnosis: Diagnosis) -> str:

@@ -1,7 +1,7 @@
 """The conclusion in a few plain sentences; the verdict decides which words are allowed.
 
 The first sentence is the finding, and each of the others states one fact. Every number is a field of ``diagnosis.json``,
-rounded as it is shown. Shares are shown in per cent, and amplitudes of a further reading in a unit with a prefix. There are
+rounded as it is shown. Shares are shown in per cent; amplitudes of a further reading and changed parameters in a unit with a prefix. There are
 three exceptions: the 95 % of all intervals, stated at the first one, the number of explanations that are not named, and a
 bound: a risk of less than a thousandth is written as below 0.1 %, since the digits of so small a prediction mean nothing.
 """
@@ -17,8 +17,8 @@ from deatwin.ident.mismatch.diagnosis import Diagnosis
 from deatwin.ident.mismatch.locate.region import BRANCH, RATE, SINCE_REST
 from deatwin.ident.mismatch.located import Band, LocationSummary, Region, Unexplained, Window
 from deatwin.ident.mismatch.result import Fault
-from deatwin.ident.mismatch.verdict import Cause, Interval, Verdict
-from deatwin.plant.amplitudes import written_unit
+from deatwin.ident.mismatch.verdict import Cause, FittedParameter, Interval, Verdict
+from deatwin.plant.amplitudes import amount, written_unit
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.errors import ModelError
@@ -33,6 +33,8 @@ LEAST_RISK = 1e-3
 HALF = 0.5
 """Share of the remaining mismatch above which most of it is said to be in one stretch of time."""
 COUNTED = {2: "two effects", 3: "three effects"}
+MOST_CHANGED = 2
+"""Largest number of changed parameters that are named."""
 MOST_NAMED = 3
 """Largest number of possible explanations that are named; a report lists all of them in a table."""
 _LEVEL = "95 % interval: "
@@ -67,18 +69,37 @@ def say(diagnosis: Diagnosis) -> str:
 
 
 def _none(diagnosis: Diagnosis) -> list[str]:
-    return ["nothing is missing from the model", _left(_of_first(diagnosis)), _accounted(diagnosis)]
+    return ["the recordings show nothing that the model lacks", _left(_of_first(diagnosis)), _accounted(diagnosis)]
 
 
 def _parameters(diagnosis: Diagnosis) -> list[str]:
     taken_up = diagnosis.detection.taken_up
     late = diagnosis.parameters.get("delay.time") if taken_up else None
     return [
-        "no physics is missing: only parameters of the model were wrong",
+        "the recordings show no missing physics: only parameters of the model were wrong",
+        _changed(diagnosis),
         _left(_of_first(diagnosis)),
         f"after a fit to all recordings, {_accounted(diagnosis)}" if taken_up else _accounted(diagnosis),
         "" if late is None else f"the fit to all recordings includes a dead time of {_with_interval(late)}",
     ]
+
+
+def _changed(diagnosis: Diagnosis) -> str:
+    """Name the parameters that the calibration changed by the largest factors, if they differ from nominal ones for sure."""
+    factors = {
+        name: abs(float(np.log(p.value / p.nominal)))
+        for name, p in diagnosis.parameters.items()
+        if p.nominal and p.value / p.nominal > 0.0 and not p.low <= p.nominal <= p.high
+    }
+    largest = sorted(factors, key=lambda name: -factors[name])[:MOST_CHANGED]
+    said = [_beside_nominal(name, diagnosis.parameters[name]) for name in largest]
+    return f"the largest changes are those of {_and(said)}" if said else ""
+
+
+def _beside_nominal(name: str, parameter: FittedParameter) -> str:
+    size, unit = prefixed(parameter.value, parameter.unit)
+    value, nominal = (number(each / size) for each in (parameter.value, parameter.nominal or 0.0))
+    return f"{_plain(name)} (from {nominal} to {amount(value, written_unit(unit))})"
 
 
 def _named(diagnosis: Diagnosis) -> list[str]:
@@ -274,11 +295,13 @@ def _between(window: Window) -> str:
 
 def _disturbance(diagnosis: Diagnosis) -> list[str]:
     origin = diagnosis.detection.origin
+    repeated = origin is None or origin.by == "repeats"
+    unlike = "does not repeat with the command" if repeated else "cannot be predicted from command and motion"
+    like = "repeats with the command" if repeated else "can be predicted"
     return [
-        "the mismatch between model and recordings is a disturbance, not missing physics: it does not repeat when command "
-        "and state repeat",
+        f"the mismatch between model and recordings is a disturbance, not missing physics: it {unlike}",
         f"{_left(_shown(diagnosis))} ({_noise(diagnosis)})",
-        "" if origin is None else f"{_part(origin.share)} the mismatch repeats with the command",
+        "" if origin is None else f"{_part(origin.share)} the mismatch {like}",
     ]
 
 
@@ -291,7 +314,7 @@ def _data_fault(diagnosis: Diagnosis) -> list[str]:
     return [
         "the recordings are faulty",
         *said,
-        "the table below lists further faults" if len(faults) > MOST_FAULTS else "",
+        "the report lists further faults" if len(faults) > MOST_FAULTS else "",
     ]
 
 

@@ -39,17 +39,17 @@ class Verdict(Enum):
 
 _ADVICE: Mapping[Verdict, str] = {
     Verdict.NONE: (
-        "next: use the calibrated model within the range and frequencies of these inputs; the table of smallest detectable "
+        "use the calibrated model within the range and frequencies of these inputs; the table of smallest detectable "
         "effects shows how large a hidden effect could still be"
     ),
-    Verdict.PARAMETERS: "next: use the calibrated model within the range and frequencies of these inputs",
-    Verdict.NAMED: "next: use the amended model, model.json, with `deatwin simulate` or `deatwin check`",
-    Verdict.AMBIGUOUS: ("next: record the advised experiment, and diagnose all recordings together"),
-    Verdict.PARTLY: "next: use the amended model, model.json, with care, because it still lacks something",
-    Verdict.UNKNOWN: "next: look for a fault in the readings where the mismatch lies; if there is none, add the effect that you suspect",
-    Verdict.DISTURBANCE: "next: find the source of the disturbance in the set-up; changing the model will not help",
-    Verdict.DATA_FAULT: "next: repeat the recording, or delete its faulty rows and use --allow-gaps",
-    Verdict.NOT_TESTABLE: "next: record a larger input, or one with more frequencies; `deatwin plan` says what an input would show",
+    Verdict.PARAMETERS: "use the calibrated model within the range and frequencies of these inputs",
+    Verdict.NAMED: "use the amended model, model.json, with `deatwin simulate` or `deatwin check`",
+    Verdict.AMBIGUOUS: "record a longer or richer input, and diagnose all recordings together",
+    Verdict.PARTLY: "use the amended model, model.json, with care, because it still lacks something",
+    Verdict.UNKNOWN: "look for a fault in the readings where the mismatch lies; if there is none, add the effect that you suspect",
+    Verdict.DISTURBANCE: "find the source of the disturbance in the set-up; changing the model will not help",
+    Verdict.DATA_FAULT: "repeat the recording, or delete its faulty rows and use --allow-gaps",
+    Verdict.NOT_TESTABLE: "record a larger input, or one with more frequencies; `deatwin plan` says what an input would show",
 }
 
 

@@ -106,9 +106,9 @@ def draw_sine(view: View, sine: ClosedLoop) -> Drawing:
                 label = "predicted amplitude" if sign > 0 else "_"
                 middle.axhline(sign * size, color=Hue.AFTER, linestyle="--", linewidth=0.9, label=label)
             caption += (
-                f" The model predicts an rms error of {view.check.sine_predicted / view.size:.3g} {unit}".rstrip()
-                + f"; the simulation has {late_rms_error(sine) / view.size:.3g} {unit}".rstrip()
-                + " in its last two thirds."
+                f" The identified model predicts an rms error of {view.check.sine_predicted / view.size:.3g} {unit}".rstrip()
+                + f"; in the last two thirds of the simulation with the plant model, it is {late_rms_error(sine) / view.size:.3g} {unit}".rstrip()
+                + "."
             )
         upper.set_ylabel(view.reading)
         middle.set_ylabel(axis_label("error", unit))
@@ -303,7 +303,7 @@ def _draw_rows(
             caption += (
                 " The verdict uses the thin lines: 97.5 % of the models drawn from the posterior have larger margins."
             )
-        caption += " A margin at the upper edge is infinite. If a margin is zero or at the lower edge, the closed loop is unstable."
+        caption += " A point on the upper edge of a panel is an infinite margin, or one too large for the axis. A point on the lower edge means that the closed loop is unstable."
         return Drawing.of(figure, name, title, caption, _columns(rows, place, column, measures))
 
 

@@ -37,7 +37,7 @@ def demo(
     Example: deatwin demo --effect hysteresis --out demo
     """
     from deatwin.app.demo import run
-    from deatwin.ident.mismatch import how_sure
+    from deatwin.ident.mismatch import how_sure, next_step
 
     voice = Voice(as_json=as_json, quiet=quiet)
     with results(out, voice, "making a recording") as (folder, progress):
@@ -46,5 +46,6 @@ def demo(
     voice.say(f"{diagnosis.verdict.value}: {diagnosis.sentence}")
     if sure := how_sure(diagnosis):
         voice.say(f"how sure: {sure}")
+    voice.say(f"next: {next_step(diagnosis)}")
     voice.say(f"report: {folder.path / 'report.html'}")
     voice.result({"concealed": effect, **diagnosis.to_dict()})

@@ -48,7 +48,7 @@ def diagnose(
     if not groups:
         raise typer.BadParameter("give at least one recording", param_hint="REC.csv")
     from deatwin.app.given import GivenPlant, absent_readings, clock_notes, direction_notes
-    from deatwin.ident.mismatch import how_sure
+    from deatwin.ident.mismatch import how_sure, next_step
     from deatwin.plant.readoptions import ReadOptions
     from deatwin.studies.diagnosing import DiagnosisTask
 
@@ -71,6 +71,7 @@ def diagnose(
     voice.say(f"{diagnosis.verdict.value}: {diagnosis.sentence}")
     if sure := how_sure(diagnosis):
         voice.say(f"how sure: {sure}")
+    voice.say(f"next: {next_step(diagnosis)}")
     for warning in diagnosis.warnings:
         voice.say(f"note: {warning}")
     for reading in diagnosis.taught or ():

@@ -48,6 +48,7 @@ class Verdict:
     tone: str = "bad"
     sentence: str = ""
     certainty: str = ""  # How sure the verdict is
+    next_step: str = ""  # What to do next
     unit: str = ""
     noise: float | None = None
     causes: tuple[Left, ...] = ()  # Effects that the plant lacked
@@ -84,7 +85,7 @@ class Verdict:
 
 def _said(diagnosis: Diagnosis) -> dict[str, Any]:
     """Return the diagnosis in words."""
-    from deatwin.ident.mismatch import how_sure
+    from deatwin.ident.mismatch import how_sure, next_step
     from deatwin.plant.amplitudes import written_unit
     from deatwin.studies.report.quantities import with_interval
 
@@ -105,6 +106,7 @@ def _said(diagnosis: Diagnosis) -> dict[str, Any]:
         "tone": TONES.get(diagnosis.verdict.value, "bad"),
         "sentence": diagnosis.sentence,
         "certainty": how_sure(diagnosis),
+        "next_step": next_step(diagnosis),
         "unit": written_unit(unit),
         "noise": diagnosis.noise,
         "causes": tuple(causes),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from deatwin.ident.mismatch.certainty import how_sure, percent, ranked
+from deatwin.ident.mismatch.certainty import how_sure, next_step, percent, ranked
 from deatwin.ident.mismatch.say import unit_of
 from deatwin.plant.amplitudes import reported_size, written_unit
 from deatwin.studies.folder import ResultFolder
@@ -37,6 +37,7 @@ def write_report(folder: ResultFolder, diagnosis: Diagnosis, origin: Origin) -> 
         origin,
         diagnosis=diagnosis,
         certainty=how_sure(diagnosis),
+        next_step=next_step(diagnosis),
         possible=_possible(diagnosis),
         unit=written_unit(unit),
         figures={figure.name: figure for figure in figures},

@@ -34,6 +34,7 @@ from deatwin.ident.mismatch.verdict import Shown
 from deatwin.plant import Coupon, Creep, Diaphragm, Effect, Experiment, Plant, Recording, SensorDrift
 from deatwin.plant.effects.catalogue import catalogue
 from deatwin.plant.integrator.compiled import compiler
+from deatwin.plant.prefixes import prefixed
 from deatwin.plant.records import plain
 
 SCHEMA = json.loads((files("deatwin.ident") / "schemas" / "diagnosis.schema.json").read_text(encoding="utf-8"))
@@ -65,6 +66,9 @@ def shows(text: str, unit: str, field: float) -> bool:
 def foreign_numbers(data: dict) -> list[str]:
     """Numbers of the sentence that are no field of the file, nor the bound of a risk that is one."""
     known = numbers_of({key: value for key, value in data.items() if key != "sentence"})
+    for fitted in data["parameters"].values():
+        size, _ = prefixed(fitted["value"], fitted["unit"])
+        known += [value / size for value in (fitted["value"], fitted["nominal"]) if value is not None]
     said = data["sentence"].replace(LEVEL, "(", 1)
     found = [(place.group(), said[place.end() + 1 :][:1], said[: place.start()]) for place in NUMBER.finditer(said)]
     advised = data["next_experiment"] or {}
@@ -568,3 +572,17 @@ def test_an_alternative_at_another_place_has_its_name_there():
         "drift of the amplifier's offset or drift of the sensor's gain"
     )
     assert titled(drift, drift.placed("command")) == "sensor drift"
+
+
+def test_the_parameters_that_changed_by_the_largest_factors_are_named() -> None:
+    values = {"damping": (0.96, 0.05, "N s/m"), "mass": (3.1e-3, 3e-3, "kg"), "shear_modulus": (26e3, 3e4, "Pa")}
+    fitted = {
+        name: FittedParameter(value=value, low=0.99 * value, high=1.01 * value, unit=unit, nominal=nominal)
+        for name, (value, nominal, unit) in values.items()
+    }
+    same = FittedParameter(value=9.0, low=0.5, high=20.0, unit="", nominal=1.0)  # its interval holds the nominal value
+    said = replace(DIAGNOSES["parameters"], parameters={**fitted, "zero": same})
+    assert (
+        "The largest changes are those of damping (from 50.0 to 960 mN s/m) and shear modulus (from 30.0 to 26.0 kPa)."
+        in say(said)
+    )

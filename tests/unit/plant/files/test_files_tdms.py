@@ -96,7 +96,7 @@ def test_text_channel_is_refused_only_where_it_is_used(path: Path) -> None:
 
 def test_a_head_alone(path: Path) -> None:
     path.write_bytes(b"TDSm")
-    with pytest.raises(DataError, match=r"rec.tdms: no vectors"):
+    with pytest.raises(DataError, match=r"rec.tdms: there are no vectors"):
         read_recording(path)
 
 

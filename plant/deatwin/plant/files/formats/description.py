@@ -132,8 +132,8 @@ def all_provenance(own: Mapping[str, str], stored: Mapping[str, str]) -> dict[st
 
 def _damaged(path: str, error: Exception) -> DataError:
     return DataError(
-        f"{path}: its description ({KEY}) is damaged ({clipped(error, 200)}); remove it, and the columns are read by "
-        f"their headers"
+        f"{path}: the description of its columns ('{KEY}') is damaged ({clipped(error, 200)}); delete this description, "
+        "and the columns are read by their headers"
     )
 
 
