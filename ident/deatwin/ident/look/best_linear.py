@@ -148,7 +148,13 @@ def _samples_of(record: Recording, period: float | None, channel: int) -> int:
             f"{label(record)}: the input {record.input_names[channel]} does not repeat itself; give a period"
         )
     # Of a found period several may make a whole number of samples: its lines are then every so many.
-    n = whole_multiple(found, record.n_samples, _OFF_CLOCK) if period is None else round(found) if np.isfinite(found) else 0
+    n = (
+        whole_multiple(found, record.n_samples, _OFF_CLOCK)
+        if period is None
+        else round(found)
+        if np.isfinite(found)
+        else 0
+    )
     if n < 4 or (period is not None and abs(found - n) * (record.n_samples // n) > 0.5) or 2 * n > record.n_samples:
         raise DataError(
             f"{label(record)}: a period of {found:.6g} samples is not a whole number of at least 4, so that its lines leak; "
