@@ -144,7 +144,7 @@ def _effects(study: Opened) -> Table:
             "true effect among causes or alternatives": lambda group: sum(c.inside for c in group[1]),
             "first cause right": lambda group: sum(c.first_right for c in group[1]),
             "wrong name": lambda group: sum(c.confidently_wrong for c in group[1]),
-            "ratio and verdict of each case": lambda group: _each(group[1], _mark),
+            "mismatch divided by noise, and verdict, of each case": lambda group: _each(group[1], _mark),
         },
     )
 
@@ -176,7 +176,7 @@ def _outside(study: Opened) -> Table:
             "unknown": lambda group: sum(c.verdict == "unknown" for c in group[1]),
             "a cause stated": lambda group: sum(bool(c.causes) for c in group[1]),
             "causes stated, with the number of cases": lambda group: which(group[1]),
-            "ratio and verdict of each case": lambda group: _each(group[1], mark),
+            "mismatch divided by noise, and verdict, of each case": lambda group: _each(group[1], mark),
         },
     )
 
@@ -188,7 +188,7 @@ def _pairs(study: Opened) -> Table:
         {
             "case": lambda case: case.name,
             "concealed effects": lambda case: " + ".join(case.truth),
-            "ratio": lambda case: three_digits(case.ratio),
+            "mismatch divided by noise": lambda case: three_digits(case.ratio),
             "verdict": lambda case: case.verdict,
             "causes": lambda case: " + ".join(case.causes),
             "alternatives": lambda case: ", ".join(sorted(case.answer - set(case.causes))),
@@ -204,7 +204,7 @@ def _ties(study: Opened) -> Table:
         {
             "case": lambda case: case.name,
             "concealed effect": lambda case: case.truth[0],
-            "ratio": lambda case: three_digits(case.ratio),
+            "mismatch divided by noise": lambda case: three_digits(case.ratio),
             "verdict": lambda case: case.verdict,
             "causes and alternatives": lambda case: ", ".join(sorted(case.answer)),
             "verdict after the advised experiment": lambda case: (case.advised or "–") + "†" * case.heavier,
@@ -228,7 +228,8 @@ def _predictions(study: Opened) -> Table:
         rows.append([MADE_BY[name], str(ratios.size), *(f"{r:.3f}" for r in (middle, low, high)), str(lost)])
     columns = ["model", "cases", "median", "5 % quantile", "95 % quantile", "diverged or failed runs"]
     return Table(
-        title="One effect with a ratio of 1 or more: error on the check recording, divided by that of the oracle",
+        title="One concealed effect, mismatch at least as large as the noise: "
+        "error on the check recording, divided by that of the oracle",
         columns=columns,
         rows=rows,
     )
@@ -237,12 +238,13 @@ def _predictions(study: Opened) -> Table:
 def _reach() -> Table:
     """Show how much of each mechanism the displacement at a given voltage can reveal at all."""
     return Table.of(
-        "Largest ratio of each mechanism at a plausible size (measured before the study, on one rig whose noise is 1 % of the motion)",
+        "Largest mismatch of each mechanism at a plausible size, divided by the noise "
+        "(measured before the study, on one rig whose noise is 1 % of the motion)",
         sorted(REACH, key=lambda name: (REACH[name], name in OUTSIDE, name)),
         {
             "mechanism": _words,
             "effect": lambda name: KEY[name][0] if name in KEY else "outside the catalogue",
-            "largest ratio": lambda name: three_digits(REACH[name]),
+            "largest mismatch divided by noise": lambda name: three_digits(REACH[name]),
             "visible": lambda name: "no" if REACH[name] < VISIBLE else "yes",
         },
     )
