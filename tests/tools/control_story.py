@@ -39,7 +39,7 @@ def story_data(folder: Path | str, remark: str = "") -> dict[str, Any]:
 def story_blocks(data: Mapping[str, Any]) -> dict[str, list[str]]:
     """The lines of the blocks that show a story."""
     part = f"story part, seed {data['seed']}, deatwin {data['version']}"
-    run = f"These results are from `deatwin scenario control-check` ({part})."
+    run = f"The results below are from `deatwin scenario control-check` ({part})."
     whence = f"{run} {data['remark']}".strip()
     measures = [
         [row["measure"], row["demanded"], row["reached"], "yes" if row["passed"] else "no"] for row in data["measures"]
@@ -54,7 +54,8 @@ def story_blocks(data: Mapping[str, Any]) -> dict[str, list[str]]:
             "",
             *markdown_table(["measure", "demanded", "reached", "met"], measures),
             "",
-            "The next table compares controllers that track tones. For each controller on each plant, it shows the rms "
+            "The next table compares controllers that track tones. For each controller on each plant, the table shows the "
+            "rms "
             "error, the factor by which the error of a PI controller is larger, and the margins of the loop with the identified "
             "model. An *oracle* is a controller that was designed in the same way from the true plant.",
             "",
@@ -69,15 +70,15 @@ def story_blocks(data: Mapping[str, Any]) -> dict[str, list[str]]:
         "models": [
             f"{whence} Each row of the table is a model of one actuator. For each model, a controller was designed by "
             "lambda tuning with one closed-loop time. Each cell gives the value that the model predicts, the 95 % band of "
-            "this value, and the value measured on the true actuator. The mark ✓ means that the measured value lies "
-            "inside the band, and ✗ means that it lies outside.",
+            "the predicted value, and the value measured on the true actuator. The mark ✓ means that the measured value lies "
+            "inside the band, and ✗ means that the measured value lies outside the band.",
             "",
             *table["models"],
         ],
         "concealed-effects": [
             f"{whence} Each row of the table is a controller for a rig with an effect that the base model lacks. *Reason* "
             "is the first reason that the check gives for its verdict. The last column judges the controller on the true "
-            "rig. This judgement uses the full limits, while the check uses limits that are tightened by a fifth.",
+            "rig. On the true rig, the full limits apply, while the check uses limits that are tightened by a fifth.",
             "",
             *table["concealed"],
         ],

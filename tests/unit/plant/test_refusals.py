@@ -159,7 +159,7 @@ RECORDS: list[tuple[Callable[[], object], str]] = [
     (lambda: PLANT.simulate(np.ones(3)), "a ndarray is not a recording|a float64 is not a recording"),
     (
         lambda: PLANT.simulate(ramp(input_names="command", input_units="kV")),
-        "in kV, but the plant .* in V; .* 1000 times",
+        "in kV, but the model needs it in V; .* 1000 times",
     ),
     (lambda: PLANT.record(arrays(np.ones((2, 5)), np.ones(5), H), RNG), "it has 2 inputs, but the plant takes one"),
     (lambda: require_excitation([still()]), "the input is constant throughout"),

@@ -116,7 +116,9 @@ def _tracking_table(every: Sequence[Tracking]) -> Table:
             "plant": lambda row: row[0].name,
             "controller": lambda row: row[1],
             "rms error": lambda row: _number(MICRO * row[2].rms, ".3g", " µm"),
-            "rms error of PI, divided by this one": lambda row: _number(row[0].ratio("PI", row[1]), ".2f"),
+            "rms error of the PI controller, divided by the rms error of this controller": lambda row: _number(
+                row[0].ratio("PI", row[1]), ".2f"
+            ),
             "this error, divided by that of the best oracle": lambda row: _number(row[2].rms / row[0].best, ".2f"),
             "gain margin with the identified model": lambda row: _number(float(row[2].margins.gain[0]), ".3g"),
             "phase margin": lambda row: _number(float(row[2].margins.phase_deg[0]), ".0f", "°"),

@@ -104,7 +104,7 @@ def test_a_model_that_explains_nothing_says_so() -> None:
     record = Recording.from_arrays(u, y, 0.01)
     found = assess_reliance(NarxModel.from_terms({"u(k-1)": 0.08}, sample_time=0.01), [record])
     assert found.status is ValidationStatus.PASSED and found.fit is not None and found.fit <= 0.0
-    assert "explains nothing" in found.caveats[0]
+    assert "predicts nothing" in found.caveats[0]
     again = Reliance.of_provenance(found.provenance)
     assert again is not None and again.remarks == found.remarks
 

@@ -12,10 +12,14 @@ import casadi as ca
 import numpy as np
 
 from deatwin.plant.effects.base import Effect, Family, Place
-from deatwin.plant.laws.energies import first_invariant
 from deatwin.plant.parameters import Parameter
 
 BUILT_IN = 1e12  # No parameter is beyond this: ranges are the diagnosis' business, not nature's
+
+
+def _invariant(first: float, second: float) -> float:
+    """Return the first invariant of an incompressible film."""
+    return first**2 + second**2 + (first * second) ** -2
 
 
 def log_uniform(rng: np.random.Generator, lower: float, upper: float) -> float:
@@ -212,7 +216,7 @@ class ChainDamage(PlantMechanism, place=Place.FILM, signal="film", order=1, larg
             first, second = point.stretches
             density = modulus / 2 * (first**2 + second**2 + 1 / (first * second) ** 2 - 3)
             largest = build.state(f"largest_energy_{number}", scale=1e5, start=density)
-            build.guess(largest, build.own("shear_modulus") / 2 * (first_invariant(*signal.prestretches) - 3))
+            build.guess(largest, build.own("shear_modulus") / 2 * (_invariant(*signal.prestretches) - 3))
             # Only upwards, within a few milliseconds.
             build.rate(largest, ca.fmax(density - largest, 0.0), mass=4e-3)
             beyond = ca.fmax(largest - build.at_rest(f"energy_at_rest_{number}", density), 0.0)
@@ -228,7 +232,7 @@ class ExponentialStiffening(PlantMechanism, place=Place.FILM, signal="film", lar
     exponent: float = Draw.uniform(0.05, 0.2)  # b
 
     def law(self, signal: Any, build: Any, modulus: Any, b: Any) -> Any:
-        mounted = build.constant("mounted_invariant", first_invariant(*signal.prestretches))
+        mounted = build.constant("mounted_invariant", _invariant(*signal.prestretches))
 
         def density(first: Any, second: Any) -> Any:
             x = first**2 + second**2 + 1 / (first * second) ** 2 - mounted
