@@ -108,8 +108,8 @@ def _of_trials(trials: Mapping[str, Any]) -> tuple[dict[str, list[str]], list[st
         "trials",
         "passed",
         "passed designs whose steps lie inside the predicted band",
-        "rejected, of the unsound designs",
-        "rejected, of the sound designs",
+        "unsound designs that the check rejected",
+        "sound designs that the check rejected",
     ]
     row = [
         "[control check](control-check.md)",
