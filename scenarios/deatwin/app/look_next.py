@@ -37,6 +37,11 @@ class Next:
 
 def next_step(seen: Sequence[Seen], rig: str | None = None) -> Next:
     """Recommend what to run next. `rig` is the rig file to be filled in, if any."""
+    if rig is not None and not seen:
+        return Next(
+            sentence=f"fill in {rig}, then ask which effects an input would reveal, before you record it",
+            command=shlex.join(["deatwin", "plan", rig, "--out", "planned"]),
+        )
     read = [(one.file, one.look) for one in seen if one.look is not None]
     if not read:
         file = next((one.file for one in seen if one.file.placeholders), None)

@@ -12,6 +12,7 @@ import pytest
 from scipy.signal import lfilter
 
 from deatwin.app.cli import main
+from deatwin.app.commands.look import RigKind
 from deatwin.app.given import GivenPlant, direction_notes
 
 RNG = np.random.default_rng(0)
@@ -156,6 +157,16 @@ def test_a_rig_file_to_fill_in(at_desk: Path, capsys: pytest.CaptureFixture[str]
     assert main(["simulate", str(path), "a.csv", "--out", "predicted.csv"]) == 0
     assert main(["look", "a.csv", "--rig", "diaphragm", "--out", "looked"]) == 2  # what was filled in stays
     assert main(["look", "a.csv", "--rig", "diaphragm"]) == 2
+
+
+@pytest.mark.parametrize("kind", RigKind)
+def test_a_rig_file_before_anything_is_recorded(at_desk: Path, kind: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["look", "--rig", kind, "--out", "looked"]) == 0
+    assert "deatwin plan looked/rig.toml --out planned" in capsys.readouterr().out
+    path = Path("looked/rig.toml")
+    path.write_text(re.sub(r"^#(?=\w)", "", path.read_text(encoding="utf-8"), flags=re.MULTILINE), encoding="utf-8")
+    assert GivenPlant.load(str(path)).model.plant.rig.sample_time > 0.0
+    assert Path("looked/rig.svg").read_text(encoding="utf-8").lstrip().startswith("<")
 
 
 @pytest.mark.parametrize(("sign", "direction"), [(1.0, "along the motion"), (-1.0, "against the motion")])

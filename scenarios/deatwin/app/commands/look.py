@@ -34,7 +34,10 @@ class RigKind(StrEnum):
     COUPON = "coupon"
 
 
-Files = Annotated[list[Path], typer.Argument(metavar="FILE...", help="Recordings, in any format that can be read.")]
+Files = Annotated[
+    list[Path] | None,
+    typer.Argument(metavar="FILE...", help="Recordings, in any format that can be read. None are needed with --rig."),
+]
 OutFolder = Annotated[
     Path | None, typer.Option("--out", metavar="DIR", help="Also write a picture and look.json into this folder.")
 ]
@@ -46,7 +49,7 @@ RigOption = Annotated[
 
 def look(
     context: typer.Context,
-    files: Files,
+    files: Files = None,
     out: OutFolder = None,
     rig: RigOption = None,
     input_column: options.InputColumn = None,
@@ -65,6 +68,8 @@ def look(
     Example: deatwin look lab.csv --out looked
 
     With a rig file to fill in: deatwin look lab.csv --rig diaphragm --out looked
+
+    Before anything is recorded: deatwin look --rig diaphragm --out looked
     """
     from contextlib import nullcontext
 
@@ -74,6 +79,8 @@ def look(
     from deatwin.studies.provenance import RunRecord, hashes
     from deatwin.studies.report.story import end_run
 
+    if not files and rig is None:
+        raise typer.BadParameter("give recordings, or --rig KIND for a rig file to fill in", param_hint="FILE")
     if rig is not None and out is None:
         raise typer.BadParameter("the rig file needs a folder: give --out DIR", param_hint="--rig")
     place = None if rig is None or out is None else out / "rig.toml"
@@ -82,18 +89,19 @@ def look(
             f"{place} exists: give another folder, so that nothing is overwritten", param_hint="--out"
         )
     voice = Voice(as_json=as_json, quiet=quiet)
-    record = RunRecord(command=context.obj or [], inputs=hashes(files), seed=0, jobs=1)
+    record = RunRecord(command=context.obj or [], inputs=hashes(files or []), seed=0, jobs=1)
     asked = ReadOptions.of(context.params)
     with nullcontext() if out is None else ResultFolder(out) as folder:
-        seen = [_seen(path, asked, voice) for path in files]
+        seen = [_seen(path, asked, voice) for path in files or []]
         together = _together(seen)
         if together is not None:
             voice.say(f"all recordings together: {together}")
         following = next_step(seen, None if place is None else str(place))
         voice.say(f"next: {following.sentence}" + (f":\n  {following.command}" if following.command else ""))
         result = _result(seen, together, following)
-        if folder is not None and any(one.look is not None for one in seen):
-            _draw(folder, [one.look for one in seen if one.look is not None], together)
+        looks = [one.look for one in seen if one.look is not None]
+        if folder is not None and (looks or not seen):
+            _draw(folder, looks, together)
             if place is not None and rig is not None:
                 folder.text(place.name, _rig_file(seen, rig))
                 folder.text("rig.svg", _rig_drawing(rig))
