@@ -1,7 +1,7 @@
 """The conclusion in a few plain sentences; the verdict decides which words are allowed.
 
 The first sentence is the finding, and each of the others states one fact. Every number is a field of ``diagnosis.json``,
-rounded as it is shown. Shares are shown in per cent; amplitudes of a further reading and changed parameters in a unit with a prefix. There are
+rounded as it is shown. Shares are shown in per cent, and amplitudes of a further reading in a unit with a prefix. There are
 three exceptions: the 95 % of all intervals, stated at the first one, the number of explanations that are not named, and a
 bound: a risk of less than a thousandth is written as below 0.1 %, since the digits of so small a prediction mean nothing.
 """
@@ -97,9 +97,8 @@ def _changed(diagnosis: Diagnosis) -> str:
 
 
 def _beside_nominal(name: str, parameter: FittedParameter) -> str:
-    size, unit = prefixed(parameter.value, parameter.unit)
-    value, nominal = (number(each / size) for each in (parameter.value, parameter.nominal or 0.0))
-    return f"{_plain(name)} (from {nominal} to {amount(value, written_unit(unit))})"
+    nominal, value = number(parameter.nominal or 0.0), number(parameter.value)
+    return f"{_plain(name)} (from {nominal} to {amount(value, parameter.unit)})"
 
 
 def _named(diagnosis: Diagnosis) -> list[str]:

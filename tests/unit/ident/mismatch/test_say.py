@@ -34,7 +34,6 @@ from deatwin.ident.mismatch.verdict import Shown
 from deatwin.plant import Coupon, Creep, Diaphragm, Effect, Experiment, Plant, Recording, SensorDrift
 from deatwin.plant.effects.catalogue import catalogue
 from deatwin.plant.integrator.compiled import compiler
-from deatwin.plant.prefixes import prefixed
 from deatwin.plant.records import plain
 
 SCHEMA = json.loads((files("deatwin.ident") / "schemas" / "diagnosis.schema.json").read_text(encoding="utf-8"))
@@ -66,9 +65,6 @@ def shows(text: str, unit: str, field: float) -> bool:
 def foreign_numbers(data: dict) -> list[str]:
     """Numbers of the sentence that are no field of the file, nor the bound of a risk that is one."""
     known = numbers_of({key: value for key, value in data.items() if key != "sentence"})
-    for fitted in data["parameters"].values():
-        size, _ = prefixed(fitted["value"], fitted["unit"])
-        known += [value / size for value in (fitted["value"], fitted["nominal"]) if value is not None]
     said = data["sentence"].replace(LEVEL, "(", 1)
     found = [(place.group(), said[place.end() + 1 :][:1], said[: place.start()]) for place in NUMBER.finditer(said)]
     advised = data["next_experiment"] or {}
@@ -583,6 +579,6 @@ def test_the_parameters_that_changed_by_the_largest_factors_are_named() -> None:
     same = FittedParameter(value=9.0, low=0.5, high=20.0, unit="", nominal=1.0)  # its interval holds the nominal value
     said = replace(DIAGNOSES["parameters"], parameters={**fitted, "zero": same})
     assert (
-        "The largest changes are those of damping (from 50.0 to 960 mN s/m) and shear modulus (from 30.0 to 26.0 kPa)."
+        "The largest changes are those of damping (from 0.0500 to 0.96 N s/m) and shear modulus (from 30000 to 26000 Pa)."
         in say(said)
     )
