@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from deatwin.ident.look import BestLinearApproximation, best_linear_approximation
-from deatwin.plant.errors import DataError
+from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.prefixes import with_unit
 from deatwin.studies.report.drawing import Drawing, draw
 from deatwin.studies.report.tables import drawn_table
@@ -19,7 +19,7 @@ def approximated(records: Sequence[Recording]) -> BestLinearApproximation | None
     """Return the best linear approximation of all recordings; None if they are not periodic or not comparable."""
     try:
         return best_linear_approximation(records)
-    except DataError:
+    except (DataError, ModelError):  # ModelError: sample times, units or numbers of signals differ
         return None
 
 

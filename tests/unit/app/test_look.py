@@ -246,3 +246,16 @@ def test_realisations_in_several_files_are_approximated_together(
     told = json.loads(Path("looked/look.json").read_text(encoding="utf-8"))["best_linear"]
     # 2 * 3 * 128 squares tell the noise within 3 %.
     assert told["noise_rms"] == pytest.approx(0.02e-3, rel=0.1)
+
+
+def test_periodic_files_that_do_not_fit_together_are_described_one_by_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(0)
+    for name, step in (("a", 0.01), ("b", 0.02)):
+        u, _, y = wiener(rng)
+        table(f"{name}.csv", "time_s,command_V,displacement_mm", [step * np.arange(u.size), u, y])
+    assert main(["look", "a.csv", "b.csv", "--out", "looked"]) == 0
+    said = capsys.readouterr().out
+    assert said.count("best linear approximation at 59 lines") == 2 and "all recordings together" not in said

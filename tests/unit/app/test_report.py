@@ -426,9 +426,10 @@ def test_the_closer_look_of_a_faulty_recording_shows_the_largest_fault() -> None
     still = ((np.zeros(1000), np.zeros(1000)),)
     unseen = ((np.zeros(1000, dtype=bool), np.zeros(1000, dtype=bool)),)
     tracks = laid_out(Readings(experiments=experiments, base=still, amended=None, unseen=unseen), 1e-6)
-    small = Fault(experiment=1, recording=1, file="a", fault="stuck", samples=11, from_s=1.0, to_s=1.2)
+    small = Fault(experiment=1, recording=1, file="a", fault="the reading is stuck", samples=11, from_s=1.0, to_s=1.2)
     large = replace(small, recording=2, samples=301, from_s=40.0, to_s=46.0)
-    found = _faulty(tracks, [small, large])
+    further = replace(large, fault="the capacitance is stuck", samples=900)  # not drawn, and decides nothing
+    found = _faulty(tracks, [small, large, further])
     assert found is not None and found[0] is tracks[1]
     ends = found[0].clock[[found[1], found[2] - 1]]
     assert ends == pytest.approx([37.0, 49.0], abs=0.03)  # half as long again on each side

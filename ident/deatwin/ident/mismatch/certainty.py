@@ -53,6 +53,10 @@ def next_step(diagnosis: Diagnosis) -> str:
         return diagnosis.verdict.advice
     if advised is not None and advised.file is not None:
         also = f", measure {advised.measure} as well" if advised.undecided and advised.measure else ""
+        mass = advised.added_mass_g
+        if mass is not None:  # another rig, whose recordings stand alone
+            load = f"add {number(mass)} g to the load and to the rig file"
+            return f"{load}, record the input in {advised.file}{also}, and diagnose this recording alone"
         return f"record the input in {advised.file}{also}, and diagnose all recordings together"
     if advised is not None and advised.measure is not None:
         return f"record again and measure {advised.measure} as well, then diagnose all recordings together"
@@ -117,7 +121,7 @@ def _clean(diagnosis: Diagnosis) -> str:
     chance = f"p = {number(found.p_value)}"
     if found.practical is not None and found.excess < found.practical:
         return f"{beyond}, and a mismatch begins at {least} ({chance})"
-    return f"{beyond}, but it may be due to chance ({chance}; a mismatch needs p < {LEVEL:g})"
+    return f"{beyond}, but it may be due to chance ({chance}; an error of this size counts only if p < {LEVEL:g})"
 
 
 def _unknown(diagnosis: Diagnosis) -> str:

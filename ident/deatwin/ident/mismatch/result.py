@@ -61,7 +61,9 @@ class ReadingSummary:
     def sentence(self) -> str:
         """Return, in words, how this reading changed the answer."""
         before, after = with_unit(self.unseen.before, self.unit), self.unseen.after
-        left = f"is {before} rms" if after is None else f"falls from {before} to {with_unit(after, self.unit)} rms"
+        left = f"is {before} rms"
+        if after is not None:
+            left += f" without and {with_unit(after, self.unit)} rms with the explanation"
         said = f"{self.name}: the error on held-out data {left} (sensor noise: {with_unit(self.noise, self.unit)} rms)"
         if self.with_it is None or self.without_it is None:
             return said

@@ -132,8 +132,12 @@ def _ambiguous(diagnosis: Diagnosis) -> list[str]:
     if more > 0:
         possible = [*possible[:MOST_NAMED], f"one of {more} others" if more > 1 else "one other"]
     physics = ", and ".join(_physics(cause, diagnosis) for cause in diagnosis.causes)
+    perhaps = f"perhaps {listed(possible)}"
+    finding = f"something is missing from the model, and these recordings cannot decide what: {perhaps}"
+    if () in diagnosis.rivals:
+        finding = f"these recordings cannot decide whether something is missing from the model: {perhaps}"
     return [
-        f"something is missing from the model, and these recordings cannot decide what: perhaps {listed(possible)}",
+        finding,
         f"if {called(known, diagnosis)} {'are' if len(known) > 1 else 'is'} missing, {physics}",
         *(_or_nothing(cause, diagnosis) for cause in diagnosis.causes),
         _gain(diagnosis),
@@ -238,7 +242,7 @@ def _unknown(diagnosis: Diagnosis) -> list[str]:
         "something is missing from the model, and no effect of the catalogue explains it",
         f"{_left(_shown(diagnosis))} ({_noise(diagnosis)})",
         *_where(diagnosis),
-        "the effect that fitted best failed its tests on held-out data" if _refuted(diagnosis) else "",
+        "the explanation that fitted best failed its tests on held-out data" if _refuted(diagnosis) else "",
         ""
         if form is None
         else f"a fitted formula without physical meaning lowers the error on held-out data from {_rounded(form.before)} to "
@@ -310,8 +314,9 @@ def _data_fault(diagnosis: Diagnosis) -> list[str]:
     said = [_fault(fault, many) for fault in faults[:MOST_FAULTS]]
     if len(said) == 1:
         return [f"the recording is faulty: {said[0]}"]
+    one = len({(fault.experiment, fault.recording) for fault in faults}) == 1
     return [
-        "the recordings are faulty",
+        "the recording is faulty" if one else "the recordings are faulty",
         *said,
         "the report lists further faults" if len(faults) > MOST_FAULTS else "",
     ]

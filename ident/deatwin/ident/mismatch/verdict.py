@@ -39,8 +39,8 @@ class Verdict(Enum):
 
 _ADVICE: Mapping[Verdict, str] = {
     Verdict.NONE: (
-        "use the calibrated model within the range and frequencies of these inputs; the table of smallest detectable "
-        "effects shows how large a hidden effect could still be"
+        "use the calibrated model within the range and frequencies of these inputs; report.html lists how large "
+        "each effect could still be without being detected"
     ),
     Verdict.PARAMETERS: "use the calibrated model within the range and frequencies of these inputs",
     Verdict.NAMED: "use the amended model, model.json, with `deatwin simulate` or `deatwin check`",

@@ -82,8 +82,8 @@ class BowTie(FilmActuator):
         check_sides(self.sides, HELD)
         if self.sides == "free" and self.side_prestretch is not None:
             raise RigError(
-                f"free sides contract by themselves and hold no side_prestretch of {self.side_prestretch:g}: leave it "
-                'out (None), or take sides="clamped"'
+                f"free sides contract by themselves and hold no side_prestretch of {self.side_prestretch:g}: pass "
+                'side_prestretch=None (omit the key in a rig file), or take sides="clamped"'
             )
         if self.stations < 1 or not (self.waist_width > 0 and self.bar_width > 0):
             raise RigError(

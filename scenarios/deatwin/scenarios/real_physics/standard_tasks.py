@@ -239,7 +239,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
 
 def _ordered(jobs: Sequence[tuple[str, DataSet]], workers: int) -> list[tuple[str, DataSet]]:
     """Return the jobs as they begin: the shortest first for one worker, the longest first for several."""
-    return sorted(jobs, key=_length, reverse=workers > 1)
+    return sorted(jobs, key=_length, reverse=workers != 1)
 
 
 def _length(job: tuple[str, DataSet]) -> float:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from deatwin.ident.mismatch.layout import Stretch, laid_out, stretches_of_true
+from deatwin.ident.mismatch.quality.faults import OF_READING
 from deatwin.plant.amplitudes import axis_label, reported_size, written_unit
 from deatwin.plant.drawing import envelope
 from deatwin.plant.prefixes import prefixed
@@ -251,10 +252,11 @@ def _zoom(view: _View, faults: Sequence[Fault] = ()) -> Drawing:
 
 
 def _faulty(tracks: Sequence[Stretch], faults: Sequence[Fault]) -> tuple[Stretch, int, int] | None:
-    """Return the stretch around the fault with the most samples, by first and last-plus-one sample."""
-    if not faults:
+    """Return the stretch around the reading's fault with the most samples, by first and last-plus-one sample."""
+    # Only the first reading is drawn, and only its faults decide the verdict.
+    fault = max((one for one in faults if one.fault in OF_READING), key=lambda one: one.samples, default=None)
+    if fault is None:
         return None
-    fault = max(faults, key=lambda one: one.samples)
     own = [track for track in tracks if track.experiment == fault.experiment]
     if fault.recording > len(own):
         return None

@@ -26,6 +26,7 @@ from deatwin.ident.mismatch import (
     VerificationSummary,
     diagnose,
     how_sure,
+    next_step,
 )
 from deatwin.ident.mismatch.located import Band, PlaceSummary, Region, Unexplained, Window
 from deatwin.ident.mismatch.result import Errors, Fault, OriginSummary, Output, Statistic, UnseenErrors
@@ -324,7 +325,7 @@ def test_a_headline_names_three_explanations_and_counts_the_others():
     weighed = (("creep",), 0.3), (("delay",), 0.02), (("sensor_drift",), 0.4), (("electrode_loss",), 0.1), ((), 0.01)
     made = tuple(Explanation(effects=effects, probability=share) for effects, share in weighed)
     found = replace(DIAGNOSES["ambiguous"], explanations=made, rivals=tuple(effects for effects, _ in weighed[1:]))
-    headline = "what: perhaps creep, sensor drift, electrode loss, or one of 2 others. "
+    headline = "from the model: perhaps creep, sensor drift, electrode loss, or one of 2 others. "
     assert headline in say(found)
     assert foreign_numbers(replace(found, sentence=say(found)).to_dict()) == []
     three = replace(found, rivals=found.rivals[:2])
@@ -582,3 +583,28 @@ def test_the_parameters_that_changed_by_the_largest_factors_are_named() -> None:
         "The largest changes are those of damping (from 0.0500 to 0.96 N s/m) and shear modulus (from 30000 to 26000 Pa)."
         in say(said)
     )
+
+
+def test_an_experiment_with_another_load_stands_alone() -> None:
+    advised = replace(DIAGNOSES["ambiguous"], advice=ADVICE)
+    assert next_step(advised) == "record the input in next_input.csv, and diagnose all recordings together"
+    heavier = next_step(DIAGNOSES["ambiguous, heavier"])
+    assert heavier.startswith("add 4.50 g to the load and to the rig file, record the input in next_input.csv")
+    assert heavier.endswith(", and diagnose this recording alone")
+
+
+def test_an_alternative_without_any_effect_leaves_open_whether_something_is_missing() -> None:
+    said = say(replace(DIAGNOSES["ambiguous"], rivals=((),)))
+    assert said.startswith("These recordings cannot decide whether something is missing from the model: perhaps ")
+
+
+def test_two_faults_of_one_recording_are_those_of_a_recording() -> None:
+    stuck = FAULTS[0]
+    said = say(
+        replace(
+            DIAGNOSES["none"],
+            verdict=Verdict.DATA_FAULT,
+            faults=(stuck, replace(stuck, fault="the reading has outliers")),
+        )
+    )
+    assert said.startswith("The recording is faulty. In recording 1")

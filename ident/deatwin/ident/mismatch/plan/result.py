@@ -156,7 +156,7 @@ class ExperimentPlan:
         if best is None:
             return ""
         return (
-            f"; {best.words} ({best.noise_source}), would also distinguish {len(best.tells)} of the {best.left} pairs of "
+            f"; {best.words} ({best.noise_source}) would also distinguish {len(best.tells)} of the {best.left} pairs of "
             "effects that this input cannot distinguish"
         )
 

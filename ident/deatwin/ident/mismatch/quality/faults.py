@@ -6,11 +6,14 @@ from deatwin.ident.mismatch.quality.quality import DataQuality
 from deatwin.ident.mismatch.result import Fault
 from deatwin.plant.recording import label
 
+OF_READING = ("the reading is stuck", "the reading has outliers")
+"""Faults of the first reading, which decide the verdict."""
+
 
 def faults_of(checked: DataQuality) -> tuple[Fault, ...]:
     """Return one entry for each kind of fault in a recording."""
     found: list[Fault] = []
-    kinds = [("the reading is stuck", checked.stuck), ("the reading has outliers", checked.outliers)]
+    kinds = list(zip(OF_READING, (checked.stuck, checked.outliers), strict=True))
     kinds += [(f"the {name.replace('_', ' ')} is stuck", masks) for name, masks in checked.stuck_further.items()]
     for number, experiment in enumerate(checked.experiments):
         for place, record in enumerate(experiment.recordings):
