@@ -328,3 +328,18 @@ def test_a_second_run_at_the_same_time_is_refused(tmp_path: Path) -> None:
         run_sweep(numbers, {"case-00": "case-00"}, store)
     run_sweep(numbers, {"case-00": "case-00"}, store)
     assert store.has("case-00")
+
+
+ORPHAN = """
+import os, time
+from types import SimpleNamespace
+from deatwin.studies.sweep import run
+run.parent_process = lambda: SimpleNamespace(pid=os.getppid() + 1)  # the one that started this worker is gone
+run._end_with_master()
+time.sleep(30)
+"""
+
+
+@posix
+def test_a_worker_that_starts_after_its_master_was_killed_ends() -> None:
+    assert subprocess.run([sys.executable, "-c", ORPHAN], timeout=60, check=False).returncode == 1

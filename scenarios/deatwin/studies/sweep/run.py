@@ -8,7 +8,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing
-from multiprocessing import current_process
+from multiprocessing import parent_process
 from typing import Any, TypeVar
 
 from deatwin.plant.errors import DataError
@@ -20,7 +20,6 @@ from deatwin.studies.voice import TimeLeft
 Case = TypeVar("Case")
 Tell = Callable[[float, str], None]
 
-PARENT = os.getppid()  # Process that wants a worker's results
 WATCH = 0.5  # Interval at which a worker checks that its master still lives, s
 MOST_DEATHS = 4  # Deaths of its worker after which a case is given up
 TOGETHER = 2  # Deaths after which a case runs alone, so that no other case dies with it
@@ -118,11 +117,12 @@ _watched = threading.Lock()
 
 def _end_with_master() -> None:
     """End this worker soon after its master was killed, so that it does not compete with a new run."""
-    if os.name == "nt" or current_process().name == "MainProcess" or not _watched.acquire(blocking=False):
+    master = parent_process()
+    if os.name == "nt" or master is None or not _watched.acquire(blocking=False):
         return
 
     def watch() -> None:
-        while os.getppid() == PARENT:
+        while os.getppid() == master.pid:  # at once false if the master was killed while this worker started
             time.sleep(WATCH)
         os._exit(1)
 
