@@ -164,7 +164,7 @@ def test_a_recording_is_dropped_diagnosed_and_compared(
     page.says(".job", "calibrating the model", 120)
     page.says(".job .verdict", "done", 180)
     table = page.says(".compared", "diagnosis-1")
-    assert "Nothing is missing" in table and "The film keeps creeping" in table and "0.140 → 0.00200 N" in table
+    assert "nothing that the model lacks" in table and "The film keeps creeping" in table and "0.140 → 0.00200 N" in table
     assert (folder / "diagnosis-1" / "run.json").is_file()
     page.until("return document.querySelectorAll('.compared svg').length === 2")
     look_at(tab, axe)
@@ -174,7 +174,7 @@ def test_a_recording_is_dropped_diagnosed_and_compared(
     asked = tab.requests()
     assert asked and [url for url in asked if not url.startswith((own, own.replace("http", "ws")))] == []
     tab.open(page.until("return document.querySelector('.job a').href"))
-    assert "Nothing is missing" in tab.run("return document.querySelector('h1').innerText")
+    assert "nothing that the model lacks" in tab.run("return document.querySelector('h1').innerText")
     assert tab.errors() == []
 
 
