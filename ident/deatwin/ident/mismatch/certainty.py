@@ -10,8 +10,8 @@ from deatwin.ident.mismatch.detect.origin import FOREIGN, UNPREDICTED
 from deatwin.ident.mismatch.diagnosis import Diagnosis
 from deatwin.ident.mismatch.quality.quality import FAULTY_SHARE, FEWEST_FAULTY
 from deatwin.ident.mismatch.result import LEAST_TOLD
-from deatwin.ident.mismatch.say import MOST_NAMED, called, number
-from deatwin.ident.mismatch.verdict import Cause, Verdict
+from deatwin.ident.mismatch.say import MOST_NAMED, called, number, spaced
+from deatwin.ident.mismatch.verdict import Verdict
 from deatwin.plant.amplitudes import amount, written_unit
 
 HARDLY = 0.005
@@ -105,8 +105,8 @@ def _partly(diagnosis: Diagnosis) -> str:
     if not diagnosis.causes:
         return ""
     first, *others = diagnosis.causes
-    said = [f"{_plain(first)} is {percent(first.probability)} likely to be a part of what is missing"]
-    return ", and ".join([*said, *(f"{_plain(cause)} {percent(cause.probability)}" for cause in others)])
+    said = [f"{spaced(first.effect)} is {percent(first.probability)} likely to be a part of what is missing"]
+    return ", and ".join([*said, *(f"{spaced(cause.effect)} {percent(cause.probability)}" for cause in others)])
 
 
 def _clean(diagnosis: Diagnosis) -> str:
@@ -117,10 +117,10 @@ def _clean(diagnosis: Diagnosis) -> str:
     counts = "count as a mismatch" if least is None else f"count as a mismatch, which begins at {least}"
     if found.taken_up:
         return f"after the fit to all recordings, the error beyond sensor noise is too small to {counts}"
-    beyond = f"the error beyond sensor noise is {_rms(found.excess, diagnosis)}"
     chance = f"p = {number(found.p_value)}"
     if found.practical is not None and found.excess < found.practical:
-        return f"{beyond}, and a mismatch begins at {least} ({chance})"
+        return f"{_beyond_noise(diagnosis)} ({chance})"
+    beyond = f"the error beyond sensor noise is {_rms(found.excess, diagnosis)}"
     return f"{beyond}, but it may be due to chance ({chance}; an error of this size counts only if p < {LEVEL:g})"
 
 
@@ -172,10 +172,6 @@ def _not_testable(diagnosis: Diagnosis) -> str:
         f"the command {by}, while sensor noise is {_rms(diagnosis.noise, diagnosis)} and the allowed model error is "
         f"{_rms(diagnosis.model_error, diagnosis)}"
     )
-
-
-def _plain(cause: Cause) -> str:
-    return cause.effect.replace("_", " ")
 
 
 def _rms(value: float, diagnosis: Diagnosis) -> str:

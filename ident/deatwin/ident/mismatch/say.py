@@ -98,7 +98,7 @@ def _changed(diagnosis: Diagnosis) -> str:
 
 def _beside_nominal(name: str, parameter: FittedParameter) -> str:
     nominal, value = number(parameter.nominal or 0.0), number(parameter.value)
-    return f"{_plain(name)} (from {nominal} to {amount(value, parameter.unit)})"
+    return f"{spaced(name)} (from {nominal} to {amount(value, parameter.unit)})"
 
 
 def _named(diagnosis: Diagnosis) -> list[str]:
@@ -111,8 +111,8 @@ def _named(diagnosis: Diagnosis) -> list[str]:
 def _explained(causes: Sequence[Cause]) -> str:
     """Write the share of the mismatch that each cause explains."""
     first, *others = causes
-    said = f"{_plain(first.effect)} explains {_share(first)} of the mismatch between model and recordings"
-    return _and([said, *(f"{_plain(cause.effect)} {_share(cause)}" for cause in others)])
+    said = f"{spaced(first.effect)} explains {_share(first)} of the mismatch between model and recordings"
+    return _and([said, *(f"{spaced(cause.effect)} {_share(cause)}" for cause in others)])
 
 
 def _and(texts: Sequence[str]) -> str:
@@ -122,7 +122,7 @@ def _and(texts: Sequence[str]) -> str:
 
 def _names(diagnosis: Diagnosis) -> str:
     """Return the names of the causes."""
-    return _and([_plain(cause.effect) for cause in diagnosis.causes])
+    return _and([spaced(cause.effect) for cause in diagnosis.causes])
 
 
 def _ambiguous(diagnosis: Diagnosis) -> list[str]:
@@ -154,7 +154,7 @@ def alternatives(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 def called(effects: Sequence[str], diagnosis: Diagnosis) -> str:
     """Return the names of an explanation's effects; a single one is alone if another explanation contains it."""
     answer = tuple(cause.effect for cause in diagnosis.causes)
-    names = [_plain(name) if name in answer else title_of(name, diagnosis) for name in effects]
+    names = [spaced(name) if name in answer else title_of(name, diagnosis) for name in effects]
     others = (answer, *diagnosis.rivals, *(one.effects for one in diagnosis.explanations))
     alone = len(effects) == 1 and any(set(effects) < set(other) for other in others)
     return (_and(names) or "no effect at all") + (" alone" if alone else "")
@@ -173,14 +173,14 @@ def title_of(cause: str, diagnosis: Diagnosis) -> str:
     """Return the name of an alternative's effect, or its names at further places if it acts only there."""
     effects = (effect for rival in diagnosis.rival_models.values() for effect in rival.plant.effects)
     titles = dict.fromkeys(effect.title for effect in effects if effect.cause == cause)
-    return _plain(cause) if "" in titles else " or ".join(titles) or _plain(cause)
+    return spaced(cause) if "" in titles else " or ".join(titles) or spaced(cause)
 
 
 def _or_nothing(cause: Cause, diagnosis: Diagnosis) -> str:
     """Return a warning if the interval of a strength includes zero."""
     strength = cause.parameters.get(_effect(cause, diagnosis).strength)
     absent = strength is not None and strength.low <= 0.0 <= strength.high
-    name = _plain(cause.effect)
+    name = spaced(cause.effect)
     return f"{name} may also be absent, because the 95 % interval of its strength includes zero" if absent else ""
 
 
@@ -232,7 +232,7 @@ def _in(region: Region, diagnosis: Diagnosis) -> str:
     return (
         f"from {span} s after the command last rested"
         if region.signal == SINCE_REST
-        else f"at a {_plain(region.signal)} from {span} {unit_of(region.signal, diagnosis)}".rstrip()
+        else f"at a {spaced(region.signal)} from {span} {unit_of(region.signal, diagnosis)}".rstrip()
     )
 
 
@@ -264,7 +264,7 @@ def _where(diagnosis: Diagnosis) -> list[str]:
         ""
         if region is None
         else f"the mean error is largest, {_size(region.mean_residual, diagnosis)}, {_in(region, diagnosis)}",
-        f"look for the cause at the {' or the '.join(map(_plain, best))} first, because signals there predict the mismatch best"
+        f"look for the cause at the {' or the '.join(map(spaced, best))} first, because signals there predict the mismatch best"
         if best
         else "",
     ]
@@ -393,7 +393,7 @@ def _of_first(diagnosis: Diagnosis) -> _Shown:
         after=fit.unseen.after,
         noise=diagnosis.noise,
         unit=written_unit(diagnosis.output.unit),
-        reading=f"the {_plain(diagnosis.output.name)}" if diagnosis.taught else "",
+        reading=f"the {spaced(diagnosis.output.name)}" if diagnosis.taught else "",
     )
 
 
@@ -447,7 +447,7 @@ def _physics(cause: Cause, diagnosis: Diagnosis) -> str:
     text = _effect(cause, diagnosis).wording.format(
         **{n: _with_interval(_in_percent(n, p)) for n, p in cause.parameters.items()}
     )
-    others = [f"the {_plain(place)}" for place in (cause.places or ())[1:]]
+    others = [f"the {spaced(place)}" for place in (cause.places or ())[1:]]
     elsewhere = f" (or at {' or '.join(others)}: these recordings cannot decide)" if others else ""
     return text[0].lower() + text[1:] + elsewhere
 
@@ -511,5 +511,6 @@ def _first_up(text: str) -> str:
     return text[0].upper() + text[1:]
 
 
-def _plain(name: str) -> str:
+def spaced(name: str) -> str:
+    """Write a name as words."""
     return name.replace("_", " ")
