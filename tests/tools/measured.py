@@ -188,7 +188,7 @@ def _recordings(rows: Rows) -> list[str]:
         *markdown_table(head, cells),
         "",
         "All errors are rms errors on a held-out recording. The best NARX model is the one with the smallest error on this "
-        "recording, which favours it over the plant. Its error is smaller than the plant's for "
+        "recording, which favours it over the plant; its error is smaller than the plant's for "
         f"{ahead} of the {beside} data sets. In closed loop, the controller corrects errors of the model, so the errors "
         "are much smaller than in open loop. (Most published errors of EMPS are open-loop errors of some millimetres.)",
     ]
