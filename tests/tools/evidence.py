@@ -251,7 +251,7 @@ def _run(trials: Mapping[str, Any], outcomes: Sequence[Outcome]) -> list[str]:
         f"design met the specification on the model. Of the remaining {designs} designs, {passed} passed the check, and "
         f"{broken.count} broke a limit on the true rig; {broken.count - broken.hits} designs did both. The next table "
         "counts how often statements about these designs are true. A design that did not pass counts as rejected. The "
-        "*true rate* is the rate that very many trials would give; its bound has 95 % confidence (Clopper and Pearson).",
+        "bounds are one-sided 95 % confidence bounds (Clopper and Pearson) of the rate that very many trials would give.",
     ]
     return [" ".join(word for word in words if word)]
 
@@ -302,7 +302,7 @@ def _grouped(outcomes: Sequence[Outcome], key: Callable[[Outcome], str]) -> list
 def _cell(rate: Rate, *, bound: bool = True) -> str:
     if not rate.count:
         return "no trial"
-    least_of = f" (true rate above {rate.least_percent} %)" if bound else ""
+    least_of = f" (95 % lower bound: {rate.least_percent} %)" if bound else ""
     return f"{_counts(rate)}, {100 * rate.share:.0f} %{least_of}"
 
 

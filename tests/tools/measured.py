@@ -52,14 +52,14 @@ SYSTEMS: Mapping[str, _System] = MappingProxyType(
         "emps": _System(
             recording="EMPS (Janot, Gautier & Brunot 2019)",
             lacks="dry friction",
-            documented="20.4 N",
+            documented="dry friction of 20.4 N",
             unit="µm",
             scale=1e-6,
             loop="closed",
         ),
         "cascaded-tanks": _System(
             recording="cascaded tanks (Schoukens et al. 2016)",
-            lacks="a brim",
+            lacks="overflow at the brim",
             documented="level saturates at 10 V",
             unit="V",
             scale=1.0,
@@ -67,7 +67,7 @@ SYSTEMS: Mapping[str, _System] = MappingProxyType(
         "bouc-wen": _System(
             recording="Bouc-Wen (Noël & Schoukens 2016, simulated)",
             lacks="hysteresis",
-            documented="1.25 mm, 62.5 N",
+            documented="hysteresis (1.25 mm, 62.5 N)",
             unit="µm",
             scale=1e-6,
         ),
@@ -170,8 +170,8 @@ def _recordings(rows: Rows) -> list[str]:
                 system.lacks,
                 system.documented,
                 named,
-                system.loop,
-                f"{row['base'] / system.scale:.3g} to {row['amended'] / system.scale:.3g} {system.unit}",
+                f"{system.loop} loop",
+                f"{row['base'] / system.scale:.3g} and {row['amended'] / system.scale:.3g} {system.unit}",
                 UNKNOWN if best is None else f"{best / system.scale:.3g} {system.unit}",
             ]
         )
@@ -180,20 +180,17 @@ def _recordings(rows: Rows) -> list[str]:
         "effect that the plant lacks",
         "documented physics",
         "effect named by deatwin",
-        "loop",
-        "held-out error without and with the effect",
-        "NARX model",
+        "simulated in",
+        "held-out error of the plant, without and with the effect",
+        "held-out error of the best NARX model",
     ]
     return [
         *markdown_table(head, cells),
         "",
-        "The column *held-out error* gives the rms error of the plant on held-out data, without and with the named "
-        "effect. The column *NARX model* gives the error of the NARX model that has the smallest error on this held-out "
-        "recording. Choosing the NARX model in this way favours it over the plant. The NARX model's error is "
-        f"smaller than the plant's for {ahead} of the {beside} data sets. The column *loop* says whether the plant was "
-        "simulated in open loop, or in closed loop with its controller. In closed loop, the controller corrects errors "
-        "of the model, so closed-loop errors are much smaller than open-loop errors. (Most published errors of EMPS are "
-        "open-loop errors of some millimetres.)",
+        "All errors are rms errors on a held-out recording. The best NARX model is the one with the smallest error on this "
+        "recording, which favours it over the plant; its error is smaller than the plant's for "
+        f"{ahead} of the {beside} data sets. In closed loop, the controller corrects errors of the model, so the errors "
+        "are much smaller than in open loop. (Most published errors of EMPS are open-loop errors of some millimetres.)",
     ]
 
 

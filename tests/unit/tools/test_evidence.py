@@ -92,8 +92,8 @@ def test_a_folder_of_trials_becomes_data_and_pages(results: Path, docs: Path) ->
     page = (docs / "control-check.md").read_text(encoding="utf-8")
     assert "5 trials with seed 9 (hash of the sources: `cccccccccccc`). Run on a Sunday." in page
     assert "In 1 of the 5 trials, the check failed at the design stage" in page
-    assert "at least 90 %) | 1 of 2, 50 % (true rate above 2 %) |" in page  # 1 - 0.95^(1/2) = 2.53 %, rounded down
-    assert "the check rejected the design (goal: at least 90 %) | 1 of 1, 100 % (true rate above 5 %) |" in page
+    assert "at least 90 %) | 1 of 2, 50 % (95 % lower bound: 2 %) |" in page  # 1 - 0.95^(1/2) = 2.53 %, rounded down
+    assert "the check rejected the design (goal: at least 90 %) | 1 of 1, 100 % (95 % lower bound: 5 %) |" in page
     assert "keep every limit on the true rig: the check rejected the design | 1 of 3, 33 % |" in page
     assert "| nothing | 4 | 1 | 1 of 1 | 1 of 1 | 1 of 2 |\n| creep | 1 | 1 | 0 of 1 | – | 0 of 1 |" in page
     summary = (docs / "validation.md").read_text(encoding="utf-8")
@@ -205,7 +205,7 @@ def test_what_scenarios_reached_becomes_data_and_tables_and_leaves_that_of_other
     assert names == sorted(names, key=list(stories()).index) and len(set(names)) == len(names)
     page = (docs / "validation.md").read_text(encoding="utf-8")
     # The linear model is none of the black boxes, and the one whose run left counts for nothing.
-    assert "| a cubic spring | cubic spring | cubic stiffness | open | 250 to 3 mV | 2 mV |" in page
+    assert "| a cubic spring | cubic spring | cubic stiffness | open loop | 250 and 3 mV | 2 mV |" in page
     assert "| `silverbox` | 1 of 2 | seed 9, deatwin 7.8; commit 0123abc |" in page
     assert page.count("| `silverbox` | smooth ∣H(f)∣ | below 1 | 2 |") == 1  # among what was missed
     assert (
@@ -223,8 +223,8 @@ def test_a_black_box_is_ahead_where_it_errs_less(amended: float, verdict: str, s
     errors = {**SILVERBOX["held_out"]["The arrow-head"], "recording": "The arrow-head", "amended": amended}
     row = {"story": "silverbox", "verdict": verdict, "causes": ["cubic_stiffness"], **errors}
     made = measured_blocks({"stories": [], "measures": [], "recordings": [row]})["recordings-of-others"]
-    assert f"| {shown} | open | 250 to {1000 * amended:g} mV | 2 mV |" in made[2]
-    assert f"The NARX model's error is smaller than the plant's for {ahead} of the 1 data sets." in made[-1]
+    assert f"| {shown} | open loop | 250 and {1000 * amended:g} mV | 2 mV |" in made[2]
+    assert f"its error is smaller than the plant's for {ahead} of the 1 data sets." in made[-1]
 
 
 def test_a_folder_without_any_scenario_is_refused(tmp_path: Path) -> None:

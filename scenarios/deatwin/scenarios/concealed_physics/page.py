@@ -132,9 +132,11 @@ def _each(cases: Sequence[Case], mark: Callable[[Case], str]) -> str:
 
 
 def _effects(study: Opened) -> Table:
-    legend = "✓ named, ½ partly, (✓) ambiguous with the true effect included, ✗ wrong, ? unknown, – none, · other"
+    legend = (
+        "✓ named, ½ partly, (✓) ambiguous with the true effect included, ✗ wrong, ? unknown, – no mismatch, · other"
+    )
     return Table.of(
-        f"Results for each effect ({legend})",
+        "Results for each effect",
         _grouped(study.of("effect"), lambda case: case.truth[0]).items(),
         {
             "effect": lambda group: _words(group[0]),
@@ -144,7 +146,7 @@ def _effects(study: Opened) -> Table:
             "true effect among causes or alternatives": lambda group: sum(c.inside for c in group[1]),
             "first cause right": lambda group: sum(c.first_right for c in group[1]),
             "wrong name": lambda group: sum(c.confidently_wrong for c in group[1]),
-            "mismatch divided by noise, and verdict, of each case": lambda group: _each(group[1], _mark),
+            f"mismatch divided by noise, and result, of each case ({legend})": lambda group: _each(group[1], _mark),
         },
     )
 
@@ -163,11 +165,13 @@ def _outside(study: Opened) -> Table:
     def which(cases: Sequence[Case]) -> str:
         return ", ".join(f"{k} {v}" for k, v in Counter("+".join(c.causes) for c in cases if c.causes).most_common())
 
+    legend = "✓ unknown, ✗ a cause stated, – no mismatch, · other"
+
     def mark(case: Case) -> str:
         return "✗" if case.causes else {"unknown": "✓", "none": "–", "parameters": "–"}.get(case.verdict, "·")
 
     return Table.of(
-        "Effects that the catalogue lacks (✓ unknown, ✗ a cause stated, – nothing detected, · other)",
+        "Effects that the catalogue lacks",
         _grouped(study.of("outside"), lambda case: case.mechanisms[0]).items(),
         {
             "mechanism": lambda group: _words(group[0]),
@@ -176,7 +180,7 @@ def _outside(study: Opened) -> Table:
             "unknown": lambda group: sum(c.verdict == "unknown" for c in group[1]),
             "a cause stated": lambda group: sum(bool(c.causes) for c in group[1]),
             "causes stated, with the number of cases": lambda group: which(group[1]),
-            "mismatch divided by noise, and verdict, of each case": lambda group: _each(group[1], mark),
+            f"mismatch divided by noise, and result, of each case ({legend})": lambda group: _each(group[1], mark),
         },
     )
 
@@ -197,9 +201,9 @@ def _pairs(study: Opened) -> Table:
 
 
 def _ties(study: Opened) -> Table:
-    mass = "† a mass was added, so the new recording was diagnosed alone, with only the tied effects as candidates"
+    mass = "† with a mass added: the new recording was diagnosed alone, with only the tied effects as candidates"
     return Table.of(
-        f"Ties: commands that cannot distinguish the effect ({mass})",
+        "Ties: commands that cannot distinguish the effect",
         study.of("tie"),
         {
             "case": lambda case: case.name,
@@ -207,7 +211,7 @@ def _ties(study: Opened) -> Table:
             "mismatch divided by noise": lambda case: three_digits(case.ratio),
             "verdict": lambda case: case.verdict,
             "causes and alternatives": lambda case: ", ".join(sorted(case.answer)),
-            "verdict after the advised experiment": lambda case: (case.advised or "–") + "†" * case.heavier,
+            f"verdict after the advised experiment ({mass})": lambda case: (case.advised or "–") + "†" * case.heavier,
             "true effect named": lambda case: "yes" if case.resolved else "at once" if case.named_right else "no",
         },
     )

@@ -290,10 +290,9 @@ def _rate(name: str, demanded: str, flags: Sequence[bool], met: bool | None, sid
     if not rate.count:
         return _goal(name, demanded, "", (np.nan, np.nan, np.nan), 0, met)
     low, high = (0.0, rate.most) if side == "at most" else (rate.least, 1.0) if side else rate.interval
-    ends = f"{100 * low:.1f} to {100 * high:.1f}"
-    one_sided = f"below {100 * high:.1f} %" if side == "at most" else f"above {100 * low:.1f} %"
-    true_rate = one_sided if side else f"{ends} %"
-    words = f"{rate.hits} of {rate.count}, {100 * rate.share:.1f} % (true rate {true_rate})"
+    one_sided = f"upper bound: {100 * high:.1f} %" if side == "at most" else f"lower bound: {100 * low:.1f} %"
+    bound = one_sided if side else f"interval: {100 * low:.1f} to {100 * high:.1f} %"
+    words = f"{rate.hits} of {rate.count}, {100 * rate.share:.1f} % (95 % {bound})"
     return _goal(name, demanded, words, (rate.share, low, high), rate.count, met)
 
 
