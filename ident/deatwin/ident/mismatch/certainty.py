@@ -10,7 +10,7 @@ from deatwin.ident.mismatch.detect.origin import FOREIGN, UNPREDICTED
 from deatwin.ident.mismatch.diagnosis import Diagnosis
 from deatwin.ident.mismatch.quality.quality import FAULTY_SHARE, FEWEST_FAULTY
 from deatwin.ident.mismatch.result import LEAST_TOLD
-from deatwin.ident.mismatch.say import MOST_NAMED, called, number, spaced
+from deatwin.ident.mismatch.say import MOST_NAMED, called, number, ranked, spaced
 from deatwin.ident.mismatch.verdict import Verdict
 from deatwin.plant.amplitudes import amount, written_unit
 
@@ -63,18 +63,12 @@ def next_step(diagnosis: Diagnosis) -> str:
     return diagnosis.verdict.advice
 
 
-def ranked(diagnosis: Diagnosis) -> list[tuple[str, float]]:
-    """Return name and probability of the first explanation and of its alternatives, the likeliest of these first."""
-    explanations = diagnosis.explanations
-    ordered = [*explanations[:1], *sorted(explanations[1:], key=lambda one: -one.probability)]
-    return [(called(one.effects, diagnosis), one.probability) for one in ordered]
-
-
 def _named(diagnosis: Diagnosis) -> str:
     if not diagnosis.explanations:
         return ""
-    (name, first), *_ = ranked(diagnosis)
-    likely = f"{name} {_is(diagnosis)} {percent(first)} likely"
+    answer = diagnosis.explanations[0]
+    first = answer.probability
+    likely = f"{called(answer.effects, diagnosis)} {_is(diagnosis)} {percent(first)} likely"
     untried = "causes that were not tried"
     if 1.0 - MARGIN - first < HARDLY:
         return f"{likely}, and the remaining {percent(MARGIN)} is kept for {untried}"
@@ -87,11 +81,11 @@ def _named(diagnosis: Diagnosis) -> str:
 def _ambiguous(diagnosis: Diagnosis) -> str:
     if not diagnosis.explanations:
         return ""
-    (first, likely), *others = ranked(diagnosis)[:MOST_NAMED]
-    rest = 1.0 - likely - sum(probability for _, probability in others)
+    first, *others = ranked(diagnosis)[:MOST_NAMED]
+    rest = 1.0 - first.probability - sum(one.probability for one in others)
     said = [
-        f"{first} {_is(diagnosis)} {percent(likely)} likely",
-        *(f"{name} {percent(probability)}" for name, probability in others),
+        f"{called(first.effects, diagnosis)} {_is(diagnosis)} {percent(first.probability)} likely",
+        *(f"{called(one.effects, diagnosis)} {percent(one.probability)}" for one in others),
     ]
     return f"{', '.join(said)}, and any other cause {percent(rest)}"
 
