@@ -107,13 +107,14 @@ def _clean(diagnosis: Diagnosis) -> str:
     found = diagnosis.detection
     if found.p_value is None or found.excess is None:
         return ""
-    least = None if found.practical is None else _rms(found.practical, diagnosis)
-    counts = "count as a mismatch" if least is None else f"count as a mismatch, which begins at {least}"
     if found.taken_up:
-        return f"after the fit to all recordings, the error beyond sensor noise is too small to {counts}"
+        small = "too small to count as a mismatch"
+        if found.practical is not None:
+            small = f"below {_rms(found.practical, diagnosis)}, the smallest error that counts as a mismatch"
+        return f"after the fit to all recordings, the error beyond sensor noise is {small}"
     chance = f"p = {number(found.p_value)}"
     if found.practical is not None and found.excess < found.practical:
-        return f"{_beyond_noise(diagnosis)} ({chance})"
+        return _beyond_noise(diagnosis, f" ({chance})")
     beyond = f"the error beyond sensor noise is {_rms(found.excess, diagnosis)}"
     return f"{beyond}, but it may be due to chance ({chance}; an error of this size counts only if p < {LEVEL:g})"
 
@@ -134,19 +135,19 @@ def _disturbance(diagnosis: Diagnosis) -> str:
     repeats = origin.by == "repeats"
     what = "repeats with the command" if repeats else "can be predicted from command and motion"
     return (
-        f"{_estimated(origin.share)} % of the mismatch's power {what} (at most {_estimated(origin.high)} %), and missing "
-        f"physics would need at least {100 * (FOREIGN if repeats else UNPREDICTED):g} %"
+        f"{_estimated(origin.share)} % of the mismatch's power {what} (at most {_estimated(origin.high)} %), and a diagnosis of "
+        f"missing physics needs at least {100 * (FOREIGN if repeats else UNPREDICTED):g} %"
     )
 
 
-def _beyond_noise(diagnosis: Diagnosis) -> str:
+def _beyond_noise(diagnosis: Diagnosis, chance: str = "") -> str:
     found = diagnosis.detection
     if found.p_value is None or found.excess is None:
         return ""
     beyond = f"the error beyond sensor noise is {_rms(found.excess, diagnosis)}"
     if found.practical is None:
         return beyond
-    return f"{beyond}, and a mismatch begins at {_rms(found.practical, diagnosis)}"
+    return f"{beyond}{chance}, and errors below {_rms(found.practical, diagnosis)} do not count as a mismatch"
 
 
 def _data_fault(diagnosis: Diagnosis) -> str:
