@@ -30,7 +30,7 @@ SIGN_LEVEL = 1.96  # Static gain, in standard deviations, from which its sign is
 class LinearStatus(Enum):
     """Status of a linear model as a basis for controller design.
 
-    The value of each member is a text that advises the user.
+    The value of each member is a message for the user.
     """
 
     OK = "the operating point is stable and the static gain has a certain sign"
