@@ -35,7 +35,7 @@ LINEAR_LAW = 4.0
 class FrequencyStatus(Enum):
     """Stability of the operating point of a frequency response.
 
-    The value of each member is a text that advises the user.
+    The value of each member is a message for the user.
     """
 
     OK = "the operating point is stable"

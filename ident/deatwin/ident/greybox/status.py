@@ -6,7 +6,7 @@ from enum import Enum
 
 
 class FitStatus(Enum):
-    """Outcome of a calibration. The value of each member is a text that advises the user."""
+    """Outcome of a calibration. The value of each member is a message for the user."""
 
     SETTLED = "the fit settled"
     STOPPED = "the fit stopped before its minimum: its parameters may still move"

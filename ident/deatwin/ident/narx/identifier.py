@@ -27,7 +27,7 @@ Progress = Callable[[float, str], None]  # Called with the completed share, 0 to
 
 
 class FitStatus(Enum):
-    """Outcome of a fit. The value of each member is a sentence that advises the user.
+    """Outcome of a fit. The value of each member is a message for the user.
 
     Estimators that search for the least error by its gradient (`Grow`, `OutputError`, `Armax`, `BoxJenkins`, `Pnlss`,
     `Cascade`) end ``DONE`` only if the gradient is small: a further Gauss-Newton step would move the parameters by less

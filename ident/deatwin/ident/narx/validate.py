@@ -46,7 +46,7 @@ _DIGITS = 1e-8  # share of the output's deviation that a file's nine digits may 
 
 
 class ValidationStatus(Enum):
-    """Outcome of a validation. The value of each member is a sentence that advises the user."""
+    """Outcome of a validation. The value of each member is a message for the user."""
 
     PASSED = "nothing is left to explain: the residual is white and independent of the input"
     NOISE = (

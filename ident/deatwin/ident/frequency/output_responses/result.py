@@ -38,7 +38,7 @@ class NofrfWarning(UserWarning):
 class NofrfStatus(Enum):
     """How reliable a nonlinear output frequency response is.
 
-    The value of each member is a text that advises the user.
+    The value of each member is a message for the user.
     """
 
     OK = "the test signal and its amplitudes suit these orders"

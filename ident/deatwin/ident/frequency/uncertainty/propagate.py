@@ -50,7 +50,7 @@ class UncertaintyWarning(UserWarning):
 class UncertaintyStatus(Enum):
     """Validity of the first-order propagation of uncertainty.
 
-    The value of each member is a text that advises the user.
+    The value of each member is a message for the user.
     """
 
     OK = "the response is linear in the parameters over their uncertainty"

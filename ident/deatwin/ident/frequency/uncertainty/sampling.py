@@ -41,7 +41,7 @@ Complex = NDArray[np.complex128]
 class SampleStatus(Enum):
     """Status of the draws: do all have the model's operating point?
 
-    The value of each member is a text that advises the user.
+    The value of each member is a message for the user.
     """
 
     OK = "all draws have the operating point, with the model's stability"

@@ -32,7 +32,7 @@ Complex = NDArray[np.complex128]
 
 
 class VaryingStatus(Enum):
-    """Status of the frequency response at a time. The value of each member is a text that advises the user."""
+    """Status of the frequency response at a time. The value of each member is a message for the user."""
 
     OK = "the equilibrium of this time is stable"
     UNSTABLE = (

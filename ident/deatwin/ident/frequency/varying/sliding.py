@@ -36,7 +36,7 @@ _CHANCE = 0.01  # p-value below which a change counts as drift
 class SlidingStatus(Enum):
     """Conclusion from sliding windows about drift of a record.
 
-    The value of each member is a text that advises the user.
+    The value of each member is a message for the user.
     """
 
     STEADY = "neither mean nor gain changes by more than chance: constant parameters may suffice"

@@ -37,7 +37,7 @@ regression takes a second."""
 
 
 class DeadTimeStatus(Enum):
-    """Outcome of a dead-time estimation. The value of each member is a sentence that advises the user."""
+    """Outcome of a dead-time estimation. The value of each member is a message for the user."""
 
     FOUND = "the recordings show at which lag the input begins to act"
     AT_ONCE = (

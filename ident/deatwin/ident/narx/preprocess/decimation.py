@@ -41,7 +41,7 @@ standard deviations of a band, times 1.4, below their mean."""
 
 
 class SamplingStatus(Enum):
-    """Assessment of the sampling time. The value of each member is a sentence that advises the user."""
+    """Assessment of the sampling time. The value of each member is a message for the user."""
 
     KEEP = "the sampling time suits: the first minimum lies at 20 samples or fewer, and at 10 or more"
     DECIMATE = "sampled faster than a NARX model needs: decimate by the factor"

@@ -218,7 +218,7 @@ class Sections(Described):
 def stationarity_tests(recording: Recording, *, n_segments: int = 20) -> tuple[StationarityTest, ...]:
     """Test whether mean, variance and fast variance of each signal stay the same over a recording.
 
-    Constant signals are not tested.
+    The fast variance is that of the steps from sample to sample. Constant signals are not tested.
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ def stationarity_tests(recording: Recording, *, n_segments: int = 20) -> tuple[S
     Returns
     -------
     tuple of StationarityTest
-        Three tests for each statistic of each signal.
+        Tests of each statistic of each signal for a trend, a change and excess spread.
 
     Raises
     ------
