@@ -32,7 +32,7 @@ MARCHES = ("plain_march", "sensitive_march")
 
 
 class RunStatus(Enum):
-    """How a simulation ended. The value of each member is a text that advises the user."""
+    """How a simulation ended. The value of each member is a message for the user."""
 
     DONE = "the simulation reached its end"
     TENSION_LOST = "the film lost tension and would wrinkle, what follows is not sound: lower the voltage, stretch more"
