@@ -40,8 +40,8 @@ class FrequencyStatus(Enum):
 
     OK = "the operating point is stable"
     UNSTABLE = (
-        "the operating point is unstable: the response is that of the linearised model, no experiment "
-        "settles to it; choose another operating input or identify again"
+        "the operating point is unstable: the response is that of the linearised model, "
+        "which no experiment can show; choose another operating input or identify again"
     )
 
     @property

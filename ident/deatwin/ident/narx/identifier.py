@@ -38,10 +38,10 @@ class FitStatus(Enum):
     DONE = "done"
     HELD_OUT = (
         "the search ended, as intended, when the error on the held-out samples no longer fell: the parameters are "
-        "not those of the least error on the training data"
+        "not those with the smallest error on the training data"
     )
     NOT_CONVERGED = (
-        "the search ended before the gradient was small: its parameters may still move, and their covariance is not "
+        "the search ended before the gradient was small: its parameters may still change, and their covariance is not "
         "valid; allow more steps, or fewer terms"
     )
     INTERRUPTED = "interrupted: the model is the best that had been found; fit again to complete the search"

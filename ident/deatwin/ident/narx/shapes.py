@@ -116,9 +116,9 @@ def register_function(name: str, function: Function, slope: Function | None = No
 
     Notes
     -----
-    Estimators and models take the functions that they mention along to worker processes, and into pickles. ``joblib``
-    (``GridSearchCV(n_jobs=2)``) sends any function; a pickle needs one that is defined at the top level of a module,
-    not a lambda.
+    Worker processes and pickles receive the registered functions that an estimator or a model contains. Any function
+    can be sent to worker processes (``GridSearchCV(n_jobs=2)``). A pickle requires a function that is defined at the top
+    level of a module, so a lambda cannot be pickled.
 
     Raises
     ------

@@ -43,7 +43,7 @@ class SlidingStatus(Enum):
     DRIFTING = "mean or gain changes along the record: constant parameters do not suffice, so let them vary with time"
     SHORT = (
         "neighbouring tenths of a window are correlated, so the bands are too narrow and the changes may be "
-        "chance: use longer windows"
+        "due to chance: use longer windows"
     )
     STILL = "the input or the output is constant in nearly all windows, so it is unknown whether the gain changes"
     FEW = "the record contains a single window, which cannot show a change: use shorter windows"

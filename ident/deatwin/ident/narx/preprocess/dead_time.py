@@ -41,7 +41,7 @@ class DeadTimeStatus(Enum):
 
     FOUND = "the recordings show at which lag the input begins to act"
     AT_ONCE = (
-        "the input acts within the sample, if the recording was not made in a loop: a controller that answers within "
+        "the input acts within the sample, unless the recording was made in a closed loop: a controller that reacts within "
         "the sample looks the same"
     )
     LOOP = (

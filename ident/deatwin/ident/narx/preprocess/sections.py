@@ -51,7 +51,7 @@ class SectionStatus(Enum):
     PART = "only a part of the recordings passes the test; the table lists the excluded segments"
     NOTHING = (
         "no stretch passes the test: the sections are the halves of the longest recording, "
-        "and a model of constant parameters is in doubt"
+        "and a model with constant parameters may be wrong"
     )
 
 
