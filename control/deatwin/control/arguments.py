@@ -170,7 +170,7 @@ def _kind(value: Any) -> str:
     if value is None:
         return "None"
     if isinstance(value, str):
-        return "a text"
+        return "text"
     if isinstance(value, np.ndarray) and value.ndim:
         return f"an array of shape {value.shape}"
     if isinstance(value, list | tuple):

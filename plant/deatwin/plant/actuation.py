@@ -90,7 +90,7 @@ class ActuationCurve(Described):
 
     @property
     def slack_command(self) -> float | None:
-        """Command at which the film loses its tension; None if it does not, or if the rig does not watch tension."""
+        """Command at which the film loses its tension; None if it does not, or the tension is not watched."""
         return self._crossing(-self.signals.get("tension", np.zeros(0)))
 
     def _crossing(self, excess: np.ndarray) -> float | None:

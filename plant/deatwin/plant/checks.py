@@ -26,7 +26,7 @@ def require_excitation(recordings: Sequence[Recording]) -> None:
     if any(np.ptp(recording.inputs, axis=1).any() for recording in recordings if recording.n_samples):
         return
     files = ", ".join(label(recording) for recording in recordings) or "no recordings"
-    raise DataError(f"{files}: the input is constant throughout; at least one recording must move it")
+    raise DataError(f"{files}: the input is constant throughout; it must vary in at least one recording")
 
 
 def require_samples(recordings: Sequence[Recording], needed: int, what: str) -> None:

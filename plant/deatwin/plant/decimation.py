@@ -19,11 +19,12 @@ def decimate(recording: Recording, factor: int, *, reading: ReadingTime = Readin
     """Apply a zero-phase low-pass filter to all signals, then keep every ``factor``-th sample.
 
     A linear system still relates inputs and outputs that were filtered alike; a nonlinear one does so only if little
-    power is removed (see `removed_share`). A new row holds its input for ``factor`` old rows: its input is the
-    filtered command in the middle of that time; its reading is taken at the end (or the start), as in the old rows. A
-    model of the new rows thus has the phase of the held system, and its gain to within ``(omega T)^2 / 24``,
-    T being the new sampling time.
-    About nine new samples at each end are dropped, where the filter would reach beyond the record; the clock is kept.
+    power is removed (see `removed_share`). Each new row covers ``factor`` old rows. Its input is the filtered command
+    in the middle of that time; its reading is taken at the end (or the start), as in the old rows. A model of the new
+    rows thus has the phase of the system with a held input, and the gain of that system to within
+    ``(omega T)^2 / 24``, where T is the new sampling time.
+    About nine new samples at each end are dropped, where the filter would reach beyond the record. Times stay as they
+    were.
 
     Parameters
     ----------

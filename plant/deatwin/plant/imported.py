@@ -20,9 +20,11 @@ def imported(text: str) -> Any:
     try:
         module = importlib.import_module(module_name)
     except (ImportError, ValueError) as error:  # ValueError: the name is empty
-        raise RigError(f"{text}: cannot be imported: {error}; give module:function") from error
+        raise RigError(f"{text}: cannot be imported: {error}; write the argument as module:function") from error
     except RAISED as error:
         raise RigError(f"{text}: {module_name} raised {type(error).__name__}: {error}") from error
     if not hasattr(module, name):
-        raise RigError(f"{text}: {module_name} has no {name!r}{nearest(name, vars(module))}; give module:function")
+        raise RigError(
+            f"{text}: {module_name} has no {name!r}{nearest(name, vars(module))} (the argument is module:function)"
+        )
     return getattr(module, name)

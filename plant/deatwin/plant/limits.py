@@ -41,7 +41,7 @@ class Event:
     command : float
         Command, in the rig's unit.
     film_voltage : float
-        Film voltage, V; NaN for a rig that does not watch it.
+        Film voltage, V; NaN if it is not among the rig's watched signals.
     place : str
         Place in the film; empty if the rig does not give it.
     """

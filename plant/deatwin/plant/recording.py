@@ -359,8 +359,8 @@ def _require_one_clock(before: Recording, after: Recording) -> None:
     if after.start < before.end - _CLOCK_TOLERANCE * before.sample_time:
         raise DataError(
             f"{pair}: they overlap between {after.start:g} s and {min(before.end, after.end):g} s; "
-            "recordings given together are one experiment on one running clock, "
-            "so give separate experiments separately (--experiment)"
+            "recordings given together form one experiment and share its clock; "
+            "to give separate experiments, put --experiment before the files of each"
         )
     for kind in ("input_names", "output_names", "input_units", "output_units"):
         if getattr(before, kind) != getattr(after, kind):

@@ -28,7 +28,7 @@ _TYPES: Mapping[str, tuple[type, ...]] = {
 _WORDS = {
     "object": "an object",
     "array": "a list",
-    "string": "a text",
+    "string": "text",
     "number": "a number",
     "integer": "a whole number",
     "boolean": "a truth value",

@@ -32,15 +32,15 @@ MARCHES = ("plain_march", "sensitive_march")
 
 
 class RunStatus(Enum):
-    """How a simulation ended. The value of each member is a text that advises the user."""
+    """How a simulation ended. The value of each member is a message for the user."""
 
     DONE = "the simulation reached its end"
-    TENSION_LOST = "the film lost tension and would wrinkle, what follows is not sound: lower the voltage, stretch more"
+    TENSION_LOST = "the film lost tension and would wrinkle, so later results are invalid: lower the voltage or stretch the film more"
     BREAKDOWN = "the field exceeded the film's dielectric strength, so later results are invalid: lower the voltage"
     SNAP_THROUGH = "the film snapped to another equilibrium: a lower voltage, or a stiffer film, keeps it on the first"
     NO_REST = NO_REST
     PULL_IN = "no equilibrium is in reach (pull-in or loss of tension): lower the voltage or stiffen the film"
-    NOT_SOLVED = "the equations of a sample could not be solved: a parameter may be far off, or sample faster"
+    NOT_SOLVED = "the equations of a sample could not be solved: a parameter may be far off, or the sampling too slow"
 
     @property
     def ok(self) -> bool:

@@ -93,7 +93,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for word in given:
         if any("\udc80" <= letter <= "\udcff" for letter in word):  # Python's stand-ins for bytes that are no text
             name = word.encode("ascii", "backslashreplace").decode()
-            complain(f"{name}: no text in this encoding; rename it, or set a locale of UTF-8, such as LC_ALL=C.UTF-8")
+            complain(
+                f"{name}: the locale's encoding has no such characters; rename the file, or set a UTF-8 locale, such as LC_ALL=C.UTF-8"
+            )
             return WRONG_INPUT
 
     def work() -> None:

@@ -40,7 +40,7 @@ contact_diameter_mm = 6.0
 
 [drive]
 gain = 800.0                # film volts per command volt
-start_ramp_s = 2.0          # before time 0 the first command was ramped on from 0 V ...
+start_ramp_s = 2.0          # before time 0 the first command was ramped up from 0 V ...
 start_hold_s = 3.0          # ... and held
 
 [sensor]

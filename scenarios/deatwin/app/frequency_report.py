@@ -28,11 +28,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-NEXT = {
-    True: "use the responses at this operating point, for example to design a controller (deatwin check).",
-    False: "do not rely on responses that miss a goal below; identify a better model, or record longer.",
-}
-"""Advice, by whether all measures are reached."""
+USE = "use the responses at this operating point"
+MISSED = "do not rely on responses that miss a goal below; identify a better model, or record longer."
 IN_ITS_UNIT = ("real", "imaginary", "gain", "gain_low", "gain_high", "truncation")
 """Columns in the unit of the response."""
 
@@ -108,7 +105,7 @@ def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
         with draw((7.4, 5.2)) as figure:
             panels = figure.subplots(2, 1, sharex=True)
             bode(_for_reading(response)[0], panels)
-            caption = f"Gain and phase with 95 % bands. {at}.{_hatching(response)}"
+            caption = f"Gain and phase{_bands(found)}. {at}.{_hatching(response)}"
             if found.excited_Hz is not None and found.extrapolated:
                 caption += (
                     f" The model extrapolates in the grey range, above {found.excited_Hz:.3g} Hz, where only 1 % of the power "
@@ -141,9 +138,10 @@ def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
                 for error in axes.get_lines()[1:]:
                     error.set_color(COLOURS["measured"][0])  # the library's own colour does not suit dark mode
                 axes.legend(markerscale=1)
+            bands = _bands(found, ", ")
             data, *further = [_table(f"nofrf{response.order}") for response, _ in _fitted(found.nofrfs)]
             caption = (
-                f"Gains of the NOFRFs for a test signal from {written(found.ranges_Hz[0])} Hz, with 95 % bands. {at}."
+                f"Gains of the NOFRFs for a test signal from {written(found.ranges_Hz[0])} Hz{bands}. {at}."
                 f"{_hatching(*found.nofrfs.orders[: found.nofrfs.order])} The dotted truncation error is the "
                 "largest error that higher orders may cause. If it is as large as the gain, the gain is unknown."
             )
@@ -159,6 +157,11 @@ def _drawings(found: Responses, folder: ResultFolder) -> Iterator[Drawing]:
 def _drawn(figure: Figure, folder: ResultFolder, name: str, title: str, caption: str) -> Drawing:
     folder.text(f"figures/{name}.svg", standalone(figure))
     return Drawing.of(figure, name, title, caption)
+
+
+def _bands(found: Responses, before: str = " ") -> str:
+    """Say that a figure has bands, if it has."""
+    return f"{before}with 95 % bands" if found.banded else ""
 
 
 def _hatching(*responses: FrequencyResponse) -> str:
@@ -209,8 +212,14 @@ def _page(found: Responses, drawings: list[Drawing]) -> StoryPage:
         notes=[Note(title="Notes", paragraphs=[f"{text[:1].upper()}{text[1:]}." for text in messages])],
         figures=drawings,
         tables=[ranges],
-        next=NEXT[all(row.passed for row in rows)],
+        next=_next(found) if all(row.passed for row in rows) else MISSED,
     )
+
+
+def _next(found: Responses) -> str:
+    """Return the advice if all goals are reached; `deatwin check` takes models with one input."""
+    design = ", for example to design a controller (deatwin check)" if len(found.model.input_names) == 1 else ""
+    return f"{USE}{design}."
 
 
 _UNTESTED: Mapping[ValidationStatus | None, str] = {
@@ -244,7 +253,7 @@ def _rows(found: Responses) -> list[Measure]:
     rows = [Measure(measure="operating point", demanded="stable", reached=poles, passed=found.first.status.ok)]
     if (known := Reliance.of_provenance(found.model.provenance)) is not None:
         rows.append(_reliance(known))
-    for response in found.gfrfs:
+    for response in found.gfrfs if found.banded else ():
         share = float(np.mean(response.band(found.level).linear_law))
         rows.append(
             Measure(

@@ -78,6 +78,11 @@ class Responses:
         return each[0] if len(each) == 1 else ", ".join(map(" = ".join, zip(_names(self.model), each, strict=True)))
 
     @property
+    def banded(self) -> bool:
+        """True if the model has a covariance of its parameters, from which the bands of the responses follow."""
+        return bool(self.model.theta_cov.any())
+
+    @property
     def extrapolated(self) -> bool:
         """True if H_1 extends beyond the band that the training input excited."""
         return self.excited_Hz is not None and self.excited_Hz < self.first.frequency_Hz.max()
@@ -114,6 +119,8 @@ class Responses:
         point, unit, names = self.first.point, self.model.input_units[0], _names(self.model)
         yield from self.caveats
         yield f"operating input {self.about}: {self.first.status.value}"
+        if not self.banded:
+            yield "the model has no covariance of its parameters, so its responses have no confidence bands"
         if point.outputs.size > 1:
             output_unit = self.model.output_units[0]
             others = ", ".join(
@@ -129,12 +136,14 @@ class Responses:
             yield (
                 f"the operating input{of} lies outside the range of the training inputs, "
                 + amount(f"{low:.4g} to {high:.4g}", self.model.input_units[row])
-                + ", so the responses are extrapolated, and their bands do not include the error of extrapolation"
+                + ", so the responses are extrapolated"
+                + (", and their bands do not include the error of extrapolation" if self.banded else "")
             )
         if self.extrapolated:
             yield (
                 f"above {self.excited_Hz:.3g} Hz, the first-order response H₁ is extrapolated, because 99 % of the power of the "
-                "training input lies below this frequency; the confidence band of H₁ does not include the error of extrapolation"
+                "training input lies below this frequency"
+                + ("; the confidence band of H₁ does not include the error of extrapolation" if self.banded else "")
             )
         for order, bands in enumerate(self.ranges_Hz[1:], start=2):
             yield f"order {order} contributes to the output only at {written(bands)} Hz"

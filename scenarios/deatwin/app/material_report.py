@@ -59,7 +59,7 @@ def _page(found: CalibratedMaterial, drawings: list[Drawing]) -> StoryPage:
             "parameter": lambda one: one.name.replace("_", " "),
             "value": lambda one: with_unit(one.value, one.unit),
             "from": lambda one: with_unit(one.low, one.unit),
-            "to (interval of 95 %)": lambda one: with_unit(one.high, one.unit),
+            "to (95 % interval)": lambda one: with_unit(one.high, one.unit),
         },
     )
     choices = Table.of(
@@ -68,7 +68,7 @@ def _page(found: CalibratedMaterial, drawings: list[Drawing]) -> StoryPage:
         {
             "energy": lambda one: one.energy.replace("_", " "),
             "branches": lambda one: one.branches,
-            "logarithm of the odds against it": lambda one: f"{one.behind:.1f}",
+            "natural logarithm of the odds against this choice": lambda one: f"{one.behind:.1f}",
         },
     )
     notes = [Note(title="What the tests cannot determine", paragraphs=[_sentence(note) for note in found.notes])]

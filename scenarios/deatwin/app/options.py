@@ -21,16 +21,18 @@ InputColumn = Annotated[
     str | None,
     typer.Option(
         metavar="NAME[=UNIT]",
-        help="Header of the input column, or its position: #2 is the second; =mV states its unit.",
+        help="Header of the input column, or its position (#2 for the second); add =mV to state its unit.",
     ),
 ]
 OutputColumn = Annotated[
     str | None,
-    typer.Option(metavar="NAME[=UNIT]", help="Header of the output column, or its position; =mm states its unit."),
+    typer.Option(
+        metavar="NAME[=UNIT]", help="Header of the output column, or its position; add =mm to state its unit."
+    ),
 ]
 TimeColumn = Annotated[
     str | None,
-    typer.Option(metavar="NAME[=UNIT]", help="Header of the time column, or its position; =ms states its unit."),
+    typer.Option(metavar="NAME[=UNIT]", help="Header of the time column, or its position; add =ms to state its unit."),
 ]
 AllowGaps = Annotated[
     bool, typer.Option("--allow-gaps", help="Accept a recording with gaps: split it there, and keep its times.")

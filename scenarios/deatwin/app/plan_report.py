@@ -102,9 +102,9 @@ def _said(found: ExperimentPlan, unit: str) -> Iterator[str]:
         "All parameters of the model are refitted together with each effect."
     )
     yield (
-        "An effect counts as detected under two conditions. The diagnosis is expected to give it a probability of at least "
-        "95 %. After a refit of all parameters, it still changes the reading by more than the model error. Two effects are "
-        "not distinguished if the wrong one, with any strength and time constants, would fit better in more than 2.3 % of all "
+        "An effect counts as detected if the diagnosis is expected to give it a probability of at least 95 %, and if the effect "
+        "still changes the reading by more than the model error after a refit of all parameters. Two effects are not "
+        "distinguished if the wrong one, with any strength and time constants, would fit better in more than 2.3 % of all "
         "recordings."
     )
     if found.impossible:

@@ -45,7 +45,7 @@ def first_words(step: Step, unit: str) -> str:
         return f"calibration: the calibrated model has an error of {left} rms (sensor noise: {noise}; allowed model error: {error})"
     if step.name == "detect" and found["excess"] is not None:
         size, least = (amount(f"{found[k]:.3g}", unit) for k in ("excess", "practical"))
-        return f"mismatch: the error beyond sensor noise is {size} rms (a mismatch begins at {least} rms)"
+        return f"mismatch: the error beyond sensor noise is {size} rms (errors below {least} rms do not count as a mismatch)"
     if step.name == "locate":
         times = sorted(found["time"], key=lambda window: -window["score"])[:1]
         bands = sorted(found["frequency"], key=lambda band: -band["excess_dB"])[:1]

@@ -30,7 +30,10 @@ def test_output_and_names_that_the_locale_cannot_encode(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["look", "m\udce4ss.csv"]) == 1
-    assert r"m\udce4ss.csv: no text in this encoding; rename it, or set a locale" in capsys.readouterr().err
+    assert (
+        r"m\udce4ss.csv: the locale's encoding has no such characters; rename the file, or set a UTF-8 locale"
+        in capsys.readouterr().err
+    )
     written = io.BytesIO()
     monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(written, encoding="ascii"))
     main(["--version"])

@@ -279,6 +279,28 @@ def test_the_page_shows_what_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     )
 
 
+@pytest.mark.parametrize("known", [True, False])
+def test_only_a_model_with_a_covariance_has_bands(tmp_path: Path, known: bool) -> None:
+    model = model_of(SQUARE, provenance={"excited_band_Hz": "1.0"})
+    found = respond(
+        model if known else replace(model, theta_cov=np.zeros((3, 3))), 2, operating_input=1.0, amplitude=0.1
+    )
+    write_responses(found, ResultFolder(tmp_path))
+    page = (tmp_path / "report.html").read_text(encoding="utf-8").replace("\xa0", " ")
+    assert ("95 % band" in page) is ("four times" in page) is ("include the error of extrapolation" in page) is known
+    assert ("no covariance" in page) is not known
+
+
+def test_the_next_step_names_check_only_for_a_model_that_check_takes(two_inputs: Path) -> None:
+    assert main(["frequency", "narx.json", "--out", "response"]) == 0
+    page = (two_inputs / "response/report.html").read_text(encoding="utf-8")
+    assert "use the responses at this operating point." in page
+    single = respond(model_of(SQUARE), 1)
+    write_responses(single, ResultFolder(two_inputs / "single"))
+    page = (two_inputs / "single/report.html").read_text(encoding="utf-8")
+    assert "use the responses at this operating point, for example to design a controller (deatwin check)." in page
+
+
 @pytest.mark.parametrize(
     ("known", "said"),
     [

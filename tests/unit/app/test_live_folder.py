@@ -143,8 +143,8 @@ def test_a_sound_recording_is_kept_under_its_own_name(root: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("big.csv", TABLE * 20, r"big.csv: 0.0 MB; at most 0.01 MB are taken \(--upload-limit\)"),
-        ("page.html", TABLE, r'page.html: files ".html" are not taken; drop one of .csv, .txt, .tsv, .dat'),
+        ("big.csv", TABLE * 20, r"big.csv: 0.0 MB; at most 0.01 MB are accepted \(--upload-limit\)"),
+        ("page.html", TABLE, r'page.html: files ".html" are not accepted; drop one of .csv, .txt, .tsv, .dat'),
         ("noise.csv", TABLE, "noise.csv: the folder has a file of this name; rename yours"),
         ("key.toml", "[film]\nprestrech = 3", r'^key.toml: .+ line 2, \[film\]: unknown key "prestrech"; did you mean'),
     ],

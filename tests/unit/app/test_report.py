@@ -297,18 +297,18 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
         "ball = sliding",
         "as the rig file states",
         "12.6",
-        "a placebo, creep with the opposite sign, fits as well as creep itself",
+        "a placebo effect (creep with the opposite sign) fits as well as creep itself",
         "the explanation raises the error on a part of the held-out data: lowest amplitudes",
         "6.78",
         "97 %",
         "3.12 %",
-        "not judged: it hardly differs",
+        "not tested: it hardly differs",
         "-126 ± 8 %",
         "not determined",
         "0 to 49.99 s after the command last rested",
         "displacement rate from -332 to 326 µm/s",
         "<td>falling reading</td>",
-        "the strength of creep is not constant: if allowed to vary, it changes by -126 % over the fitted part",
+        "the strength of creep is not constant: if allowed to vary, it changes by -126 % over the fitted data",
     )
     for text in shown:
         assert text in page, text
@@ -355,20 +355,20 @@ EXPLANATIONS = {
     [
         (
             Verdict.NONE,
-            "the error beyond sensor noise is 0.340 µm rms, and a mismatch begins at 1.19 µm rms (p = 0.230).",
+            "the error beyond sensor noise is 0.340 µm rms (p = 0.230), and errors below 1.19 µm rms do not count as a mismatch.",
         ),
         (
             Verdict.PARAMETERS,
-            "the error beyond sensor noise is 0.340 µm rms, and a mismatch begins at 1.19 µm rms (p = 0.230).",
+            "the error beyond sensor noise is 0.340 µm rms (p = 0.230), and errors below 1.19 µm rms do not count as a mismatch.",
         ),
         (
             Verdict.UNKNOWN,
-            "the error beyond sensor noise is 0.340 µm rms, and a mismatch begins at 1.19 µm rms; the best single effect "
+            "the error beyond sensor noise is 0.340 µm rms, and errors below 1.19 µm rms do not count as a mismatch; the best single effect "
             "or signal accounts for 34 % of the mismatch.",
         ),
         (
             Verdict.DISTURBANCE,
-            "2 % of the mismatch's power repeats with the command (at most 9 %), and missing physics would need at least 30 %.",
+            "2 % of the mismatch's power repeats with the command (at most 9 %), and a diagnosis of missing physics needs at least 30 %.",
         ),
         (Verdict.DATA_FAULT, "201 of 1000 samples (20.1 %) are faulty, and at most 10 are accepted."),
         (

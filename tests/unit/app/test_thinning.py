@@ -47,7 +47,7 @@ def test_a_rate_that_is_not_far_above_the_output_is_not_told() -> None:
         record = Recording.from_arrays(signal, y + 0.005 * y.std() * rng.standard_normal(y.size), 0.02)
         assert thinned([record], None, ReadingTime.END_OF_HOLD, held_out=0.3).notes == []
         (said,) = thinned([record], "auto", ReadingTime.END_OF_HOLD, held_out=0.3).notes
-        assert said.startswith("not decimated: the sampling time suits")
+        assert said.startswith("not decimated: the sampling time is suitable")
 
 
 def test_a_decimated_model_that_is_worse_than_a_linear_one_is_told(fast: Recording) -> None:

@@ -216,7 +216,7 @@ SENSELESS = [
     ("ScheduledController", {"points": [0.4]}, "a law at each"),
     ("ScheduledController", {"windup": np.zeros(2)}, "windup has the shape"),
     ("ScheduledController", {"windup": np.zeros(1)}, "drift away at 0.4"),
-    ("Limit", {"poor": 2.0}, "two finite numbers that differ"),
+    ("Limit", {"poor": 2.0}, "must be finite and differ"),
 ]
 """Values of the right kind that make no sense, and what is said."""
 
@@ -254,7 +254,7 @@ def test_the_error_names_the_argument_and_what_would_be_right():
         ({"linear": MODEL}, r"linear must be a LinearModel, as linearise\(.* makes it; got a NarxModel"),
         ({"command_limits": (1.2, np.inf)}, "the second of command_limits is inf: it must be finite"),
         ({"command_limits": 3.0}, "command_limits must be two numbers, the least and the largest; got a float"),
-        ({"closed_loop_time": "1"}, "closed_loop_time must be a number; got a text"),
+        ({"closed_loop_time": "1"}, "closed_loop_time must be a number; got text"),
         ({"band_Hz": -1.0}, "band_Hz is -1: it must be positive and finite"),
     ):
         with pytest.raises(ControlError, match=says):
@@ -301,7 +301,7 @@ def test_specifications_and_plants_of_another_kind_are_named():
     ):
         with pytest.raises(ControlError, match=says):
             control.check(**{**GIVEN["check"], **given})
-    with pytest.raises(ControlError, match="reserve must be a number; got a text"):
+    with pytest.raises(ControlError, match="reserve must be a number; got text"):
         control.Specification(reserve="0.2")
     with pytest.raises(ControlError, match="reserve is nan: it must be finite"):
         control.Specification(reserve=np.nan)

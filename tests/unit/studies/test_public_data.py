@@ -129,7 +129,7 @@ def test_a_download_that_fails_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("name", [name for name, source in SOURCES.items() if not source.loader])
 def test_what_the_package_lacks_is_asked_for(name: str, benchmarks: Benchmarks) -> None:
-    with pytest.raises(DataError, match=f"recordings {name}: give their folder by --data or DEATWIN_DATA$"):
+    with pytest.raises(DataError, match=f"recordings {name}: give their folder with --data or DEATWIN_DATA$"):
         data_folder(None, name)
 
 

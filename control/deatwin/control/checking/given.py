@@ -86,8 +86,8 @@ def require_pair(model: NarxModel, plant: Plant) -> None:
         )
     if "deviations_from" in model.provenance:
         raise ModelError(
-            f"the model describes deviations from {model.provenance['deviations_from']}; give the model with "
-            "its operating point, as it was identified"
+            f"the model describes deviations from {model.provenance['deviations_from']}; give the "
+            "identified model itself, as it was before remove_dc"
         )
     if model.output_names[0] in {reading.name for reading in rig.further}:
         raise ModelError(
@@ -105,14 +105,14 @@ def require_pair(model: NarxModel, plant: Plant) -> None:
 def require_controller(controller: Any, model: NarxModel) -> None:
     """Raise ControlError unless the object to be judged is a controller with the model's sample time."""
     if not isinstance(controller, Controller):
-        instead = " (that is a model to design one on)" if isinstance(controller, LinearModel) else ""
+        instead = " (a model, from which a controller can be designed)" if isinstance(controller, LinearModel) else ""
         raise ControlError(
             f"controller = {type(controller).__name__}{instead}: give a Controller, such as a LinearController, which "
             "holds any linear law"
         )
     if abs(controller.sample_time / model.sample_time - 1.0) > 1e-6:
         raise ControlError(
-            f"the controller works every {controller.sample_time:g} s, the model is sampled every "
+            f"the controller runs every {controller.sample_time:g} s, the model is sampled every "
             f"{model.sample_time:g} s"
         )
 

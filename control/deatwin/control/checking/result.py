@@ -140,8 +140,8 @@ class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_d
     sine_predicted : float or None
         Rms error on the sine reference that the model predicts, in the output's unit.
     caveats : tuple of str
-        Remarks beside the findings: residual tests that the model failed, a bias, or a controller that lacks a part
-        that was asked for. They do not affect the verdict.
+        Further remarks: residual tests that the model failed, a biased model, or a controller without a part that the
+        design should have, such as the proportional part. They do not affect the verdict.
     """
 
     findings: tuple[Finding, ...]

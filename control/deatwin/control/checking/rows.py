@@ -17,7 +17,7 @@ from deatwin.control.stability.loops import family_margins
 from deatwin.control.stability.margins import Margins
 
 QUANTILE = 0.025  # Quantile over the draws by which margins are judged
-BAND = "model by its analytic band"
+BAND = "model, linearised"
 """Source of margins whose lower limits follow from the model's covariance without draws."""
 
 

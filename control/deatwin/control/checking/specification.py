@@ -26,19 +26,19 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Limit:
-    """Two limits of a number: it passes within the first, is marginal within the second, and fails otherwise.
+    """Requirement on a number: it passes if at least as good as `good`, is marginal down to `poor`, and else fails.
 
     Parameters
     ----------
     good, poor : float
-        Limits of `pass` and of `marginal`, in the unit of the number. If ``good`` is above ``poor``, more is better.
+        Limits of `pass` and of `marginal`, in the unit of the number. Larger is better if ``good`` is above ``poor``.
     unit : str
         Unit shown to the user; ``%`` for a share.
 
     Raises
     ------
     ControlError
-        If they are not numbers, not finite or equal.
+        If ``good`` and ``poor`` are not finite numbers, or are equal.
     """
 
     good: float
@@ -49,8 +49,8 @@ class Limit:
         require_fields(self, good=number, poor=number, unit=instance(str))
         if not (isfinite(self.good) and isfinite(self.poor) and self.good != self.poor):
             raise ControlError(
-                f"a limit needs two finite numbers that differ, as the larger one says whether more is better; "
-                f"it has {self.good} and {self.poor}"
+                "the good and the poor value of a limit must be finite and differ, because their order says whether more is "
+                f"better; they are {self.good} and {self.poor}"
             )
 
     def judge(self, value: float) -> Verdict:

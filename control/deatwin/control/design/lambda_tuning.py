@@ -67,7 +67,7 @@ def lambda_tuning(
     closed_loop_time: float | None = None,
     band_Hz: float | None = None,
 ) -> LinearController:
-    r"""Tune a sampled PI controller for a wanted closed-loop time constant.
+    r"""Tune a sampled PI controller for a desired closed-loop time constant.
 
     For a gain K, a lag T and a delay theta, internal model control with a first-order expansion of the delay gives
     :math:`K_i = 1/(K(\lambda + \theta))` and :math:`K_p = T K_i`.
@@ -127,7 +127,7 @@ def lambda_tuning_pid(
     closed_loop_time: float | None = None,
     band_Hz: float | None = None,
 ) -> LinearController:
-    r"""Tune a sampled PID controller for a wanted closed-loop time constant.
+    r"""Tune a sampled PID controller for a desired closed-loop time constant.
 
     For a gain K, two lags :math:`T_1 \geq T_2` and a delay theta (`reduce_to_second_order`) the controller is
     :math:`K_c (1 + 1/(T_I s)) (1 + T_2 s)` with :math:`K_c = T_1/(K(\lambda + \theta))` and

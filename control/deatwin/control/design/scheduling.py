@@ -28,8 +28,8 @@ def scheduled(
         Two or more models at different operating inputs, as the controller sees them (`LinearModel.in_loop`).
     design : callable
         Function that designs a controller, with all settings but the limits fixed, such as
-        ``partial(lambda_tuning, closed_loop_time=0.5)``. Its laws must share their structure and state of rest: PI or
-        PID.
+        ``partial(lambda_tuning, closed_loop_time=0.5)``. At all operating points it must return a PI controller, or at
+        all of them a PID controller.
     command_limits : (float, float)
         Least and largest command, in its unit; an operating input may lie on one of them.
     operating_input : float, optional
@@ -44,8 +44,8 @@ def scheduled(
     Raises
     ------
     ControlError
-        If the design fails at a point (the text says which, and why), the points do not fit together, or the laws
-        differ in structure.
+        If the design fails at an operating point (the text says which, and why), the models differ in sampling time or
+        in the sign of the static gain, or the controllers differ in structure.
     """
     if not command_limits[0] < command_limits[1]:
         raise ControlError(f"the limits of the command, {command_limits[0]:g} and {command_limits[1]:g}, must rise")

@@ -30,7 +30,7 @@ _REAL = 1e-9  # Imaginary part below which a pole counts as real
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Banded:
-    """A quantity with its 95 % band over samples."""
+    """A quantity with its 95 % band from samples of the model."""
 
     value: Array
     low: Array  # 2.5 % quantile over the samples that have an equilibrium; NaN where none has

@@ -30,10 +30,10 @@ SIGN_LEVEL = 1.96  # Static gain, in standard deviations, from which its sign is
 class LinearStatus(Enum):
     """Status of a linear model as a basis for controller design.
 
-    The value of each member is a text that advises the user.
+    The value of each member is a message for the user.
     """
 
-    OK = "the operating point is stable and the static gain has a certain sign"
+    OK = "the operating point is stable and the sign of the static gain is certain"
     NO_EQUILIBRIUM = "the model does not settle at this input: choose another operating input or identify again"
     UNSTABLE = "the operating point of the model is unstable: choose another operating input or identify again"
     NO_GAIN = (
@@ -41,7 +41,7 @@ class LinearStatus(Enum):
         "input at this operating point"
     )
     INACCURATE = (
-        "the static gain of the linear model differs from the slope of the static curve, because digits are lost; "
+        "the static gain of the linear model differs from the slope of the static curve, because of rounding errors; "
         "leave slow effects out, or choose another operating input"
     )
 

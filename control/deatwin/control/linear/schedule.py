@@ -23,7 +23,7 @@ from deatwin.plant.model import Plant
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GainSchedule(FamilyBands):
-    """Static gain, modes and stability over operating points, each with a 95 % band over samples.
+    """Static gain, modes and stability over operating points, each with a 95 % band from samples of the model.
 
     `plot` draws the static gain, `plot_time_constants` the modes, and `plot_poles` the poles.
 

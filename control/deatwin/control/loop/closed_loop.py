@@ -288,7 +288,7 @@ def closed_loop(
     rig, wanted = plant.rig, np.asarray(reference, dtype=np.float64)
     if abs(controller.sample_time / rig.sample_time - 1.0) > 1e-6:
         raise ControlError(
-            f"the controller works every {controller.sample_time:g} s, the rig every {rig.sample_time:g} s"
+            f"the controller runs every {controller.sample_time:g} s, the rig every {rig.sample_time:g} s"
         )
     stepper = at_operating_point(plant, controller.operating_input, max(round(settle / rig.sample_time), 1))
     series = np.empty((3, wanted.size))

@@ -65,7 +65,7 @@ def polynomial_model(model: Any) -> NarxModel:
     """Return a NarxModel, after a check that its terms are polynomial; other functions have infinitely many orders."""
     if narx_model(model).table.functions:
         raise ModelError(
-            f"frequency analysis takes a polynomial; the model's terms hold {model.table.functions[0]}: identify it without "
+            f"frequency analysis needs a polynomial model, but this model contains {model.table.functions[0]}: identify it without "
             "functions, or measure its response by best_linear_approximation of a simulated multisine"
         )
     checked: NarxModel = model

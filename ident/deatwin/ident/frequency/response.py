@@ -35,13 +35,13 @@ LINEAR_LAW = 4.0
 class FrequencyStatus(Enum):
     """Stability of the operating point of a frequency response.
 
-    The value of each member is a text that advises the user.
+    The value of each member is a message for the user.
     """
 
     OK = "the operating point is stable"
     UNSTABLE = (
-        "the operating point is unstable: the response is that of the linearised model, no experiment "
-        "settles to it; choose another operating input or identify again"
+        "the operating point is unstable: the response is that of the linearised model, "
+        "which no experiment can show; choose another operating input or identify again"
     )
 
     @property

@@ -6,16 +6,16 @@ from enum import Enum
 
 
 class FitStatus(Enum):
-    """Outcome of a calibration. The value of each member is a text that advises the user."""
+    """Outcome of a calibration. The value of each member is a message for the user."""
 
     SETTLED = "the fit settled"
-    STOPPED = "the fit stopped before its minimum: its parameters may still move"
+    STOPPED = "the fit stopped before its minimum: its parameters may still change"
     INTERRUPTED = "the fit was interrupted: its parameters are the best that had been found"
     UNSETTLED = (
         "the fit stopped where its gradient is not small: start it elsewhere, or continue with a smaller tolerance"
     )
     OTHER_MINIMA = (
-        "the error has several minima, and only one of the starts came to the least that was found: "
+        "the error has several minima, and only one of the starts reached the smallest error found: "
         "give starting values that are nearer, or more starts"
     )
     EQUAL_MINIMA = (

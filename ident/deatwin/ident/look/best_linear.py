@@ -145,7 +145,7 @@ def _samples_of(record: Recording, period: float | None, channel: int) -> int:
     found = period_of(record.inputs[channel]) if period is None else real_number(period, "period") / record.sample_time
     if found is None:
         raise DataError(
-            f"{label(record)}: the input {record.input_names[channel]} does not repeat itself; give a period"
+            f"{label(record)}: no period was found in the input {record.input_names[channel]}; give its period"
         )
     # Of a found period several may make a whole number of samples: its lines are then every so many.
     n = (
@@ -157,8 +157,8 @@ def _samples_of(record: Recording, period: float | None, channel: int) -> int:
     )
     if n < 4 or (period is not None and abs(found - n) * (record.n_samples // n) > 0.5) or 2 * n > record.n_samples:
         raise DataError(
-            f"{label(record)}: a period of {found:.6g} samples is not a whole number of at least 4, so that its lines leak; "
-            "generate and sample the input by one clock"
+            f"{label(record)}: a period must be a whole number of at least 4 samples, so that its spectral lines do not leak, but this one is "
+            f"{found:.6g} samples long; generate and sample the input with the same clock"
         )
     return n
 
@@ -167,14 +167,14 @@ def _realisation(record: Recording, n: int, channel: int, output: int, skip: int
     others = np.delete(record.inputs, channel, axis=0)
     if np.any(np.ptp(others, axis=1) > 0.0):
         raise DataError(
-            f"{label(record)}: another input than {record.input_names[channel]} moves; excite one at a time"
+            f"{label(record)}: an input other than {record.input_names[channel]} varies, too; excite one input at a time"
         )
     periods = record.n_samples // n
     needed = 2 + (1 if skip is None else skip)
     if periods < needed:
         raise DataError(
-            f"{label(record)}: {periods} whole periods of {n} samples; needs {needed}"
-            + (", or skip=0 if the first is in the steady state" if skip is None and periods == 2 else "")
+            f"{label(record)}: {periods} whole periods of {n} samples, but {needed} are needed"
+            + (" (or give skip=0 if the first is in the steady state)" if skip is None and periods == 2 else "")
         )
     u, y = (
         np.fft.rfft(row[: periods * n].reshape(periods, n)) / n

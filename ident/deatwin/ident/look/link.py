@@ -42,8 +42,8 @@ class LinkStatus(Enum):
         "the output follows the input, and the output's past predicts the input: the recording was made in a closed loop, or the "
         "input was measured with noise"
     )
-    UNSEEN = "nothing in the output follows the input beyond chance: check the columns and the wiring"
-    SLOW = "the input moves too slowly or too rarely to distinguish a response from a drift"
+    UNSEEN = "no part of the output follows the input by more than chance: check the columns and the wiring"
+    SLOW = "the input varies too slowly or too rarely to distinguish a response from a drift"
     SHORT = "not tested: the recording is too short"
     STILL = "not tested: the input or the output is constant"
 

@@ -248,7 +248,7 @@ def look_at(recordings: Recordings) -> Look:
     records = flatten(recordings)
     longest = max(records, key=lambda record: record.n_samples)
     if longest.outputs.shape[0] == 0 or longest.inputs.shape[0] == 0:
-        raise DataError(f"{label(longest)}: a look needs an input and an output")
+        raise DataError(f"{label(longest)}: a recording to look at needs an input and an output")
     excitations = tuple(_excited(longest, row) for row in range(longest.inputs.shape[0]))
     patterns = tuple(
         pattern_of(name, values, longest.sample_time)

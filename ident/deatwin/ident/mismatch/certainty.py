@@ -10,7 +10,7 @@ from deatwin.ident.mismatch.detect.origin import FOREIGN, UNPREDICTED
 from deatwin.ident.mismatch.diagnosis import Diagnosis
 from deatwin.ident.mismatch.quality.quality import FAULTY_SHARE, FEWEST_FAULTY
 from deatwin.ident.mismatch.result import LEAST_TOLD
-from deatwin.ident.mismatch.say import MOST_NAMED, called, number, spaced
+from deatwin.ident.mismatch.say import MOST_NAMED, called, number, ranked, spaced
 from deatwin.ident.mismatch.verdict import Verdict
 from deatwin.plant.amplitudes import amount, written_unit
 
@@ -63,18 +63,12 @@ def next_step(diagnosis: Diagnosis) -> str:
     return diagnosis.verdict.advice
 
 
-def ranked(diagnosis: Diagnosis) -> list[tuple[str, float]]:
-    """Return name and probability of the first explanation and of its alternatives, the likeliest of these first."""
-    explanations = diagnosis.explanations
-    ordered = [*explanations[:1], *sorted(explanations[1:], key=lambda one: -one.probability)]
-    return [(called(one.effects, diagnosis), one.probability) for one in ordered]
-
-
 def _named(diagnosis: Diagnosis) -> str:
     if not diagnosis.explanations:
         return ""
-    (name, first), *_ = ranked(diagnosis)
-    likely = f"{name} {_is(diagnosis)} {percent(first)} likely"
+    answer = diagnosis.explanations[0]
+    first = answer.probability
+    likely = f"{called(answer.effects, diagnosis)} {_is(diagnosis)} {percent(first)} likely"
     untried = "causes that were not tried"
     if 1.0 - MARGIN - first < HARDLY:
         return f"{likely}, and the remaining {percent(MARGIN)} is kept for {untried}"
@@ -87,11 +81,11 @@ def _named(diagnosis: Diagnosis) -> str:
 def _ambiguous(diagnosis: Diagnosis) -> str:
     if not diagnosis.explanations:
         return ""
-    (first, likely), *others = ranked(diagnosis)[:MOST_NAMED]
-    rest = 1.0 - likely - sum(probability for _, probability in others)
+    first, *others = ranked(diagnosis)[:MOST_NAMED]
+    rest = 1.0 - first.probability - sum(one.probability for one in others)
     said = [
-        f"{first} {_is(diagnosis)} {percent(likely)} likely",
-        *(f"{name} {percent(probability)}" for name, probability in others),
+        f"{called(first.effects, diagnosis)} {_is(diagnosis)} {percent(first.probability)} likely",
+        *(f"{called(one.effects, diagnosis)} {percent(one.probability)}" for one in others),
     ]
     return f"{', '.join(said)}, and any other cause {percent(rest)}"
 
@@ -113,13 +107,14 @@ def _clean(diagnosis: Diagnosis) -> str:
     found = diagnosis.detection
     if found.p_value is None or found.excess is None:
         return ""
-    least = None if found.practical is None else _rms(found.practical, diagnosis)
-    counts = "count as a mismatch" if least is None else f"count as a mismatch, which begins at {least}"
     if found.taken_up:
-        return f"after the fit to all recordings, the error beyond sensor noise is too small to {counts}"
+        small = "too small to count as a mismatch"
+        if found.practical is not None:
+            small = f"below {_rms(found.practical, diagnosis)}, the smallest error that counts as a mismatch"
+        return f"after the fit to all recordings, the error beyond sensor noise is {small}"
     chance = f"p = {number(found.p_value)}"
     if found.practical is not None and found.excess < found.practical:
-        return f"{_beyond_noise(diagnosis)} ({chance})"
+        return _beyond_noise(diagnosis, f" ({chance})")
     beyond = f"the error beyond sensor noise is {_rms(found.excess, diagnosis)}"
     return f"{beyond}, but it may be due to chance ({chance}; an error of this size counts only if p < {LEVEL:g})"
 
@@ -140,19 +135,19 @@ def _disturbance(diagnosis: Diagnosis) -> str:
     repeats = origin.by == "repeats"
     what = "repeats with the command" if repeats else "can be predicted from command and motion"
     return (
-        f"{_estimated(origin.share)} % of the mismatch's power {what} (at most {_estimated(origin.high)} %), and missing "
-        f"physics would need at least {100 * (FOREIGN if repeats else UNPREDICTED):g} %"
+        f"{_estimated(origin.share)} % of the mismatch's power {what} (at most {_estimated(origin.high)} %), and a diagnosis of "
+        f"missing physics needs at least {100 * (FOREIGN if repeats else UNPREDICTED):g} %"
     )
 
 
-def _beyond_noise(diagnosis: Diagnosis) -> str:
+def _beyond_noise(diagnosis: Diagnosis, chance: str = "") -> str:
     found = diagnosis.detection
     if found.p_value is None or found.excess is None:
         return ""
     beyond = f"the error beyond sensor noise is {_rms(found.excess, diagnosis)}"
     if found.practical is None:
         return beyond
-    return f"{beyond}, and a mismatch begins at {_rms(found.practical, diagnosis)}"
+    return f"{beyond}{chance}, and errors below {_rms(found.practical, diagnosis)} do not count as a mismatch"
 
 
 def _data_fault(diagnosis: Diagnosis) -> str:

@@ -17,7 +17,7 @@ from deatwin.ident.mismatch.diagnosis import Diagnosis
 from deatwin.ident.mismatch.locate.region import BRANCH, RATE, SINCE_REST
 from deatwin.ident.mismatch.located import Band, LocationSummary, Region, Unexplained, Window
 from deatwin.ident.mismatch.result import Fault
-from deatwin.ident.mismatch.verdict import Cause, FittedParameter, Interval, Verdict
+from deatwin.ident.mismatch.verdict import Cause, Explanation, FittedParameter, Interval, Verdict
 from deatwin.plant.amplitudes import amount, written_unit
 from deatwin.plant.effects.base import Effect
 from deatwin.plant.effects.catalogue import effect_named
@@ -127,14 +127,14 @@ def _names(diagnosis: Diagnosis) -> str:
 
 def _ambiguous(diagnosis: Diagnosis) -> list[str]:
     known = tuple(cause.effect for cause in diagnosis.causes)
-    possible = [called(effects, diagnosis) for effects in (known, *alternatives(diagnosis))]
+    possible = [called(one.effects, diagnosis) for one in ranked(diagnosis)]
     more = len(possible) - MOST_NAMED
     if more > 0:
         possible = [*possible[:MOST_NAMED], f"one of {more} others" if more > 1 else "one other"]
     physics = ", and ".join(_physics(cause, diagnosis) for cause in diagnosis.causes)
     perhaps = f"perhaps {listed(possible)}"
     finding = f"something is missing from the model, and these recordings cannot decide what: {perhaps}"
-    if () in diagnosis.rivals:
+    if any(not one.effects for one in diagnosis.explanations):
         finding = f"these recordings cannot decide whether something is missing from the model: {perhaps}"
     return [
         finding,
@@ -145,17 +145,18 @@ def _ambiguous(diagnosis: Diagnosis) -> list[str]:
     ]
 
 
-def alternatives(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """Return the sets of effects that may be missing instead of the first explanation, the likeliest first."""
-    likely = {one.effects: one.probability for one in diagnosis.explanations}
-    return sorted(dict.fromkeys(map(tuple, diagnosis.rivals)), key=lambda effects: -likely.get(effects, 0.0))
+def ranked(diagnosis: Diagnosis) -> list[Explanation]:
+    """Return the first explanation and then its alternatives, the likeliest of these first."""
+    explanations = diagnosis.explanations
+    return [*explanations[:1], *sorted(explanations[1:], key=lambda one: -one.probability)]
 
 
 def called(effects: Sequence[str], diagnosis: Diagnosis) -> str:
     """Return the names of an explanation's effects; a single one is alone if another explanation contains it."""
     answer = tuple(cause.effect for cause in diagnosis.causes)
+    effects = answer if set(effects) == set(answer) else effects  # in the order of the causes
     names = [spaced(name) if name in answer else title_of(name, diagnosis) for name in effects]
-    others = (answer, *diagnosis.rivals, *(one.effects for one in diagnosis.explanations))
+    others = (answer, *(one.effects for one in diagnosis.explanations))
     alone = len(effects) == 1 and any(set(effects) < set(other) for other in others)
     return (_and(names) or "no effect at all") + (" alone" if alone else "")
 

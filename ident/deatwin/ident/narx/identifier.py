@@ -27,7 +27,7 @@ Progress = Callable[[float, str], None]  # Called with the completed share, 0 to
 
 
 class FitStatus(Enum):
-    """Outcome of a fit. The value of each member is a sentence that advises the user.
+    """Outcome of a fit. The value of each member is a message for the user.
 
     Estimators that search for the least error by its gradient (`Grow`, `OutputError`, `Armax`, `BoxJenkins`, `Pnlss`,
     `Cascade`) end ``DONE`` only if the gradient is small: a further Gauss-Newton step would move the parameters by less
@@ -38,10 +38,10 @@ class FitStatus(Enum):
     DONE = "done"
     HELD_OUT = (
         "the search ended, as intended, when the error on the held-out samples no longer fell: the parameters are "
-        "not those of the least error on the training data"
+        "not those with the smallest error on the training data"
     )
     NOT_CONVERGED = (
-        "the search ended before the gradient was small: its parameters may still move, and their covariance is not "
+        "the search ended before the gradient was small: its parameters may still change, and their covariance is not "
         "valid; allow more steps, or fewer terms"
     )
     INTERRUPTED = "interrupted: the model is the best that had been found; fit again to complete the search"

@@ -28,7 +28,7 @@ _HALVINGS = 30
 
 
 class NoiseStatus(Enum):
-    """How the estimation of the noise model ended. The value of each member is a text that advises the user."""
+    """How the estimation of the noise model ended. The value of each member is a message for the user."""
 
     CONVERGED = "converged"
     NOT_CONVERGED = (

@@ -30,7 +30,7 @@ _CHUNK = 4096  # samples whose quantiles are computed at once
 
 
 class BandStatus(Enum):
-    """Validity of a band. The value of each member is a text that advises the user."""
+    """Validity of a band. The value of each member is a message for the user."""
 
     OK = "done"
     DIVERGED = (

@@ -26,7 +26,7 @@ _DIVERGED_UNTRAINED = 1e9
 
 
 class ResponseStatus(Enum):
-    """Outcome of a prediction or free run. The value of each member is a sentence that advises the user."""
+    """Outcome of a prediction or free run. The value of each member is a message for the user."""
 
     OK = "done"
     DIVERGED = (

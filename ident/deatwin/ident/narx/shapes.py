@@ -116,9 +116,9 @@ def register_function(name: str, function: Function, slope: Function | None = No
 
     Notes
     -----
-    Estimators and models take the functions that they mention along to worker processes, and into pickles. ``joblib``
-    (``GridSearchCV(n_jobs=2)``) sends any function; a pickle needs one that is defined at the top level of a module,
-    not a lambda.
+    Worker processes and pickles receive the registered functions that an estimator or a model contains. Any function
+    can be sent to worker processes (``GridSearchCV(n_jobs=2)``). A pickle requires a function that is defined at the top
+    level of a module, so a lambda cannot be pickled.
 
     Raises
     ------
@@ -134,7 +134,9 @@ def register_function(name: str, function: Function, slope: Function | None = No
     'y(k-1)softly(u(k-2))'
     """
     if not (isinstance(name, str) and name.isidentifier() and name.isascii()) or name in SOURCES:
-        raise ModelError(f"{name!r} cannot name a function of one's own; built in are {', '.join(SOURCES)}")
+        raise ModelError(
+            f"{name!r} cannot name a function of your own, because the name is built in or invalid; built in are {', '.join(SOURCES)}"
+        )
     if not callable(function) or not (slope is None or callable(slope)):
         raise ModelError(f"the function {name} and its slope must be callables that take an array")
 
@@ -180,7 +182,7 @@ class Shape:
         if name not in _KINDS:
             raise ModelError(
                 f"no function is called {name!r}{nearest(name, list(_KINDS))}; known are {', '.join(_KINDS)}, and "
-                "register_function adds one's own"
+                "register_function adds your own"
             )
         wanted = _KINDS[name].parameters
         if len(chosen) != len(wanted) or not np.isfinite(chosen).all():

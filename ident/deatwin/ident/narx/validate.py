@@ -46,7 +46,7 @@ _DIGITS = 1e-8  # share of the output's deviation that a file's nine digits may 
 
 
 class ValidationStatus(Enum):
-    """Outcome of a validation. The value of each member is a sentence that advises the user."""
+    """Outcome of a validation. The value of each member is a message for the user."""
 
     PASSED = "nothing is left to explain: the residual is white and independent of the input"
     NOISE = (
@@ -56,7 +56,7 @@ class ValidationStatus(Enum):
     STRUCTURE = "the residual depends on the input: terms are missing, or the lags or the degree are too small"
     UNSTABLE = (
         "the model is unstable and the recorded output is not: if the plant is unstable too, the recording was made in "
-        "a closed loop, and a free run must diverge and means nothing; judge predictions several steps ahead"
+        "a closed loop, and a free run diverges whatever the model; use predictions several steps ahead instead"
     )
     DIVERGED = "the free run diverges: choose another structure, or stay within the operating range"
     EXACT = "the residual is rounding error: there is nothing to test"

@@ -20,7 +20,7 @@ class Creep(Effect):
     .. math:: W \to W + \mu_c\, e(\lambda/\xi), \qquad
               \tau_c\,\frac{d\ln\xi}{dt} = -\frac{1}{\kappa}\frac{\partial e}{\partial\ln\xi}
 
-    One state :math:`\xi` (1), the viscous stretch (two at each point in a rig with a fine film); e is the
+    One state :math:`\xi` (1), the viscous stretch (two at each point of a film with elements); e is the
     neo-Hookean energy of the spring for a modulus of 1, :math:`\kappa` its curvature in the relaxed state. Typical
     for VHB: 10 to 60 kPa, 6 to 500 s; the gain is 15 to 20 % higher for a constant voltage than at 1 Hz. Signature: a
     tail after each change of the mean, nearly linear in the squared voltage, that recovers. `dielectric_absorption`

@@ -54,7 +54,7 @@ class PeriodicDisturbance(Effect):
     frequency : float
         f in Hz.
     phase : float
-        :math:`\varphi` at clock 0, rad.
+        :math:`\varphi` at time 0, rad.
 
     References
     ----------

@@ -21,7 +21,7 @@ class PrestretchRelaxation(Effect):
 
     .. math:: W \to W\,\bigl[1 - a(1 - e^{-t/\tau})\bigr]
 
-    No state: the clock is known, and nothing decays before clock 0. Typical for VHB that had too little time to rest:
+    No state: the decay depends only on the time, and begins at time 0. Typical for VHB that had too little time to rest:
     2 to 15 % in 1000 to 100,000 s. Signature: needs no voltage; sag and gain grow together, 1 % of tension gives 1 %
     of sag, but 2.4 % of stroke at 1.9 kV and 5 % at 3 kV. A `permittivity_drift` leaves the sag alone; `creep` follows
     the drive and recovers. Off at a = 0.

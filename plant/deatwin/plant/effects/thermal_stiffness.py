@@ -27,9 +27,9 @@ class ThermalStiffness(Effect):
               \Delta T = (1\,\text{K})\,\Bigl[\cos\Bigl(\frac{2\pi t}{P} + \varphi\Bigr) - \cos\varphi\Bigr]
 
     No state. If the recording has a channel ``temperature`` (K), :math:`\Delta T` is its deviation from
-    :math:`T_0` = 293.15 K, and period and phase have no influence. Without a ``temperature`` channel (it then reads
-    0 K) the room is assumed to swing sinusoidally by ±1 K with period P, as under a thermostat; the rig's modulus is
-    that at clock 0, so the change counts from there. A further reading may show the ``room_temperature``
+    :math:`T_0` = 293.15 K, and period and phase have no influence. Without this channel, the
+    temperature of the room is assumed to vary sinusoidally by ±1 K with period P, as under a thermostat; the modulus of
+    the rig then holds at time 0, from which the change is counted. A further reading may show the ``room_temperature``
     :math:`T_0 + \Delta T`.
     Typical: a few percent per kelvin; periods from minutes to a day. In measurements the elastic part of VHB alone
     stiffened with temperature (entropy predicts +0.34 % per kelvin), whereas the tape as a whole softened. Signature:

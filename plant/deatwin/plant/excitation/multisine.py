@@ -20,7 +20,7 @@ def odd_harmonics(period: float, band: float) -> NDArray[np.int64]:
     Parameters
     ----------
     period : float
-        s.
+        Period, s.
     band : float
         Highest frequency, Hz.
 
@@ -56,7 +56,7 @@ def random_odd_harmonics(
     rng : numpy.random.Generator
         Random generator for the choice of lines.
     period : float
-        s.
+        Period, s.
     band : float
         Highest frequency, Hz.
     group : int

@@ -42,9 +42,9 @@ _FRESH = "  m->up_to_date = 0;\n"
 def export_model_exchange(plant: Plant, path: str | Path, *, name: str = "plant") -> Path:
     """Export a plant as an FMU for model exchange, with its source and a binary for this computer.
 
-    The importing tool holds the inputs: the command is a discrete input that changes at events. The readings and the
-    watched signals (``signal.film_voltage``) are outputs, except for readings that are means over a sample, such as a
-    current; the independent variable is the experiment's clock.
+    The command is a discrete input, which the importing tool holds constant between events. The outputs are the
+    readings and further signals, such as ``signal.film_voltage``. A reading that is a mean over a sample, such as a
+    current, is no output. The independent variable is the time on the experiment's clock.
 
     Parameters
     ----------

@@ -110,7 +110,7 @@ def recordings_of(
             raise
         offers = ReadOptions(time_column=f"{table.unmistakable(times)}=ms")
         raise DataError(
-            f'{error}; where the column "{table.shown(times)}" is not in seconds, state its unit: {offers}',
+            f'{error}; if the column "{table.shown(times)}" is not in seconds, state its unit: {offers}',
             offers | error.offers,
         ) from None
     if rig is not None:
@@ -227,7 +227,9 @@ def on_one_clock(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
     try:
         began = [moment(str(date)) for date in dates]
     except ValueError:
-        raise DataError(f"{files}: their {STARTED} are not dates; give the recordings one running clock") from None
+        raise DataError(
+            f"{files}: their {STARTED} are not dates; write the times of all recordings on one clock"
+        ) from None
     if len({date.tzinfo for date in began}) > 1:
         raise DataError(
             f"{files}: some of their dates have an offset from UTC and others have none; give all of them an offset, or none"

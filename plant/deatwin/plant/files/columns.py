@@ -183,7 +183,7 @@ def with_readings(table: Table, readings: Iterable[Reading], taken: set[int]) ->
         if reading.unit and not (unit or table.own_unit(column)):
             raise DataError(
                 f'{table.path}: the column "{table.shown(column)}" of the reading "{reading.name}" gives no unit; state '
-                f'it after the name of the column in the rig: "{table.unmistakable(column)}={reading.unit}"'
+                f'it after the name of the column in the rig file: "{table.unmistakable(column)}={reading.unit}"'
             )
     table = replace(table, names=tuple(names), units=tuple(units))
     return in_units(table, {column: reading.unit for column, reading in found.items() if reading.unit}), found

@@ -140,7 +140,7 @@ class CsvTable(Table):
             for sample, row in enumerate(rows):
                 if len(row) != len(self.headers):
                     raise DataError(
-                        f"{self.where(sample)}: the row has {len(row)} cells between blanks, where there are "
+                        f"{self.where(sample)}: the row has {len(row)} cells separated by blanks, but there are "
                         f"{len(self.headers)} columns"
                     )
             return rows

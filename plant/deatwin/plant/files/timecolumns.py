@@ -196,7 +196,7 @@ def no_times(table: Table, taken: set[int]) -> DataError:
     likely = likely_times(table, taken)
     offers = times_options(table, likely[0]) if len(likely) == 1 else NO_OPTIONS
     advice = (
-        f"the times need this name, or a unit: (s) after or below their name; or name them: "
+        f"name the column of times so, or give it a unit, such as (s) after or below its name; or state the column: "
         f"{offers or '--time-column NAME'}; "
         "for evenly sampled values without times give the sample time in seconds: --dt, in Python dt"
     )

@@ -19,7 +19,7 @@ class ParameterDrift(Effect):
 
     .. math:: p(t) = p\,\bigl[1 + a(1 - e^{-t/\tau})\bigr]
 
-    No state: the clock is known, and nothing drifts before clock 0. Signature: the motion changes slowly, as it does
+    No state: the drift depends only on the time, and begins at time 0. Signature: the motion changes slowly, as it does
     when that parameter is changed. Off at a = 0.
 
     Parameters

@@ -231,9 +231,9 @@ class ModelFile:
     def _text(self, section: str, key: str, default: str | None = None, choices: tuple[str, ...] = ()) -> str:
         value = self._section(section).get(key, default)
         if value is None:
-            raise RigError(f"[{section}] {key} is missing: give a text in quotes")
+            raise RigError(f"[{section}] {key} is missing: give text in quotes")
         if not isinstance(value, str) or (choices and value and value not in choices):
-            allowed = " or ".join(f'"{c}"' for c in choices) or "a text in quotes"
+            allowed = " or ".join(f'"{c}"' for c in choices) or "text in quotes"
             raise RigError(f"[{section}] {key} = {clipped(value)}; it must be {allowed}")
         return value
 

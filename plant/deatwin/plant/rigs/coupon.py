@@ -30,9 +30,9 @@ class Coupon(Rig):
 
     An isotropic, incompressible strip with free sides contracts by :math:`\lambda^{-1/2}` in both directions, even with
     relaxing branches, so the stretch alone determines the deformation. Each pull is a separate experiment, from rest at
-    stretch 1. A measured force belongs to the stretch of its own row, at the end of the hold. The pull is simulated as
-    a staircase, which on average leads the real ramp by half a sample. At 50 Hz this changes the stress of a branch
-    with a relaxation time of 2 s by 0.5 %.
+    stretch 1. The simulation holds the stretch of each row for one sample, and the force in a row is that at the end of
+    its hold. On average, this staircase leads the ramp of a real pull by half a sample. At 50 Hz, the lead changes the
+    stress of a branch with a relaxation time of 2 s by 0.5 %.
 
     Width and thickness enter only through the area, which multiplies every modulus. If the source does not state them,
     a fit finds relaxation times and ratios of moduli, but not their absolute size.

@@ -40,7 +40,7 @@ class Planar(FilmActuator):
     - ``"free"``: each direction has its own dead load; a `side_prestretch` of :math:`\lambda^{-1/2}` needs none;
     - ``"clamped"``: rails hold the side stretch (pure shear).
 
-    By *planar* W. R. Jacobs' thesis (2.2.3) is taken to mean that the film's expansion in its plane is used directly.
+    W. R. Jacobs' thesis (2.2.3) mentions a *planar* actuator; it is assumed to use the film's expansion in its plane.
 
     Parameters
     ----------

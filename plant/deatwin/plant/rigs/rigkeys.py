@@ -63,7 +63,7 @@ class TextKey:
     @property
     def allowed(self) -> str:
         """Allowed values, in words."""
-        return " or ".join(f'"{choice}"' for choice in self.choices) or "a text in quotes"
+        return " or ".join(f'"{choice}"' for choice in self.choices) or "text in quotes"
 
     def fault(self, value: object) -> str:
         """Describe the fault of a value and what is allowed; empty if there is none."""
@@ -122,7 +122,7 @@ DRIVE: Keys = {
         lower=0.0,
         upper=86400.0,
         slips=_MS,
-        about="before time 0 the first command was ramped on from 0 V in this time",
+        about="before time 0 the first command was ramped up from 0 V in this time",
         instead="start",
     ),
     "start_hold_s": NumberKey(
@@ -209,7 +209,7 @@ def mass(about: str, *, lower: float = 0.0, required: bool = False) -> NumberKey
 
 def kind_of(value: object) -> str:
     """Return TOML's name for the type of a value."""
-    kinds = {bool: "a truth value", int: "a number", float: "a number", str: "a text", list: "a list", dict: "a table"}
+    kinds = {bool: "a truth value", int: "a number", float: "a number", str: "text", list: "a list", dict: "a table"}
     return kinds.get(type(value), "a date or time")
 
 

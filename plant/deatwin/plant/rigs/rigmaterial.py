@@ -127,7 +127,7 @@ class _Reader:
     def text(self, name: str) -> str:
         value = self.section.get(name, "")
         if not isinstance(value, str) or (name in self.section and not value.strip()):
-            self.told((name,), f"{clipped(str(value), 40)} is {kind_of(value)}; it must be a text in quotes")
+            self.told((name,), f"{clipped(str(value), 40)} is {kind_of(value)}; it must be text in quotes")
             return ""
         return value
 

@@ -25,8 +25,8 @@ class Roll(FilmActuator):
     The layers hold each other around the core: the hoop stretch :math:`\lambda_h` is constant, the film is in pure
     shear, and all layers have the same axial stretch. The wound film is thin compared with the core, so that its layers
     also share one hoop stretch. The spring's free length :math:`\ell_0` holds the film of published values at its
-    prestretch without voltage; it stays when a fit changes the material. W. R. Jacobs' thesis (2.2.3) is taken to mean
-    a roll that works by elongation.
+    prestretch without voltage; it stays when a fit changes the material. The roll in W. R. Jacobs' thesis (2.2.3) is
+    assumed to work by elongation.
 
     Parameters
     ----------

@@ -28,8 +28,8 @@ class Stack(FilmActuator):
     with the thickness H of a layer before stretching, the strain energy density W of the film, its permittivity
     :math:`\varepsilon`, the voltage V across each layer, and the load F, which lengthens the stack. Electrodes and end
     plates do not constrain the film in its plane, so a stack without load is a free equal-biaxial film: at small strain
-    it shortens by :math:`nH\,\varepsilon E^2/Y`, with the field E and Young's modulus Y. W. R. Jacobs' thesis (2.2.3)
-    is taken to mean a stack that works by contraction.
+    it shortens by :math:`nH\,\varepsilon E^2/Y`, with the field E and Young's modulus Y. The stack in W. R. Jacobs'
+    thesis (2.2.3) is assumed to work by contraction.
 
     Parameters
     ----------

@@ -31,7 +31,7 @@ _KINDS = {
     "float": (int | float, "a number"),
     "int": (int, "a whole number"),
     "bool": (bool, "true or false"),
-    "str": (str, "a text"),
+    "str": (str, "text"),
 }
 
 

@@ -60,7 +60,7 @@ OperatingRange = Annotated[
     tuple[float, float] | None,
     typer.Option(
         metavar="LOW HIGH",
-        help="Constant inputs over which margins are judged, at nine points and at the controller's own input.",
+        help="Range of constant inputs in which margins are computed, at nine points and at the controller's own input.",
     ),
 ]
 RecordingFile = Annotated[

@@ -13,7 +13,7 @@ from deatwin.studies.voice import Voice
 
 InputFile = Annotated[
     Path | None,
-    typer.Argument(metavar="INPUT.csv", help="Commands to judge; without this file, plan suggests an input."),
+    typer.Argument(metavar="INPUT.csv", help="Input to assess; without this file, plan suggests an input."),
 ]
 Seconds = Annotated[
     float | None,

@@ -53,11 +53,13 @@ def safe_name(name: str) -> str:
     last = re.split(r"[/\\]", unicodedata.normalize("NFC", name))[-1]
     kept = _FORBIDDEN.sub("_", last).strip().lstrip(".- ").rstrip(". ")
     if not kept or not kept.isprintable():
-        raise DataError(f"{name[:LONGEST_NAME]!r}: no name; take letters, digits, spaces, dots, dashes and underscores")
+        raise DataError(
+            f"{name[:LONGEST_NAME]!r}: cannot be the name of a file; use letters, digits, spaces, dots, dashes and underscores"
+        )
     if len(kept.encode()) > LONGEST_NAME:
-        raise DataError(f"{kept[:20]}…: the name is too long; take at most {LONGEST_NAME} letters")
+        raise DataError(f"{kept[:20]}…: the name is too long; use at most {LONGEST_NAME} letters")
     if _RESERVED.fullmatch(kept):
-        raise DataError(f"{kept}: Windows reserves this name; take another")
+        raise DataError(f"{kept}: Windows reserves this name; choose another")
     return kept
 
 
@@ -130,11 +132,11 @@ def keep_upload(
     kept = safe_name(name)
     if len(content) > most_bytes:
         raise DataError(
-            f"{kept}: {len(content) / MEGABYTE:.1f} MB; at most {most_bytes / MEGABYTE:g} MB are taken (--upload-limit)"
+            f"{kept}: {len(content) / MEGABYTE:.1f} MB; at most {most_bytes / MEGABYTE:g} MB are accepted (--upload-limit)"
         )
     suffix = Path(kept).suffix.lower()
     if suffix not in UPLOADS:
-        raise DataError(f'{kept}: files "{suffix}" are not taken; drop one of {", ".join(UPLOADS)}')
+        raise DataError(f'{kept}: files "{suffix}" are not accepted; drop one of {", ".join(UPLOADS)}')
     if os.path.lexists(root / kept):
         raise DataError(f"{kept}: the folder has a file of this name; rename yours")
 

@@ -48,7 +48,7 @@ class Guard:
             cookie = f"{self.cookie}={self.key}; Path=/; HttpOnly; SameSite=Lax"
             await _answer(send, 303, [(b"location", b"/"), (b"set-cookie", cookie.encode())], b"")
         elif not self._knows_key(headers):
-            await _refuse(scope, send, 403, "open the address that deatwin view printed: it carries the key")
+            await _refuse(scope, send, 403, "open the address that deatwin view printed: it contains the key")
         else:
             await self.app(scope, receive, self._with_policy(send))
 

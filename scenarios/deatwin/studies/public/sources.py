@@ -43,13 +43,13 @@ def data_folder(given: Path | None, name: str) -> Path:
         return downloaded(name)
     folder = Path(root) / name
     if not folder.is_dir():
-        raise DataError(f"{folder}: no such folder; it must hold the recordings of {name}")
+        raise DataError(f"{folder}: no such folder; the recordings of {name} must be in it")
     return folder
 
 
 def downloaded(name: str) -> Path:
     """Return the folder to which nonlinear_benchmarks downloads a set, once."""
-    wanted = f"the scenario needs the recordings {name}: give their folder by --data or {DATA_VARIABLE}"
+    wanted = f"the scenario needs the recordings {name}: give their folder with --data or {DATA_VARIABLE}"
     loader = SOURCES[name].loader
     if not loader:
         raise DataError(wanted)
@@ -62,7 +62,7 @@ def downloaded(name: str) -> Path:
             files = load(data_file_locations=True)
     except Exception as error:  # of the network, the archive or the package, which passes on all of them
         raise DataError(
-            f"{PACKAGE} could not download the recordings {name} ({error}); give their folder by --data or "
+            f"{PACKAGE} could not download the recordings {name} ({error}); give their folder with --data or "
             f"{DATA_VARIABLE}"
         ) from error
     return Path(files if isinstance(files, str | os.PathLike) else files[0]).parent

@@ -241,7 +241,7 @@ def _zoom(view: _View, faults: Sequence[Fault] = ()) -> Drawing:
         lower.set(xlabel="time (s)", ylabel=view.command)
         figure.align_ylabels()
         figure.legend(*upper.get_legend_handles_labels(), loc="outside upper left", ncols=3)
-        svg = inline(figure, "zoom", "Recording and simulations, a stretch of it")
+        svg = inline(figure, "zoom", "Part of the recording, with the simulations")
     which = "held-out" if track.unseen[part].any() else "fitted"
     caption = f"The part of the {which} data in which the calibrated model has its largest error."
     if faulty:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from deatwin.ident.mismatch.certainty import how_sure, next_step, percent, ranked
-from deatwin.ident.mismatch.say import unit_of
+from deatwin.ident.mismatch.certainty import how_sure, next_step, percent
+from deatwin.ident.mismatch.say import called, ranked, unit_of
 from deatwin.plant.amplitudes import reported_size, written_unit
 from deatwin.studies.folder import ResultFolder
 from deatwin.studies.report.figures import LEAST_SHARE, drawings
@@ -55,7 +55,7 @@ def write_report(folder: ResultFolder, diagnosis: Diagnosis, origin: Origin) -> 
 
 def _possible(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     """Return the rows of the table of possible explanations, if there are several."""
-    found = [(name, percent(probability)) for name, probability in ranked(diagnosis)]
+    found = [(called(one.effects, diagnosis), percent(one.probability)) for one in ranked(diagnosis)]
     return found if len(found) > 1 else []
 
 

@@ -58,7 +58,7 @@ def test_an_exact_model_of_a_sound_loop_passes(subjects, passed):
         "width of the prediction",
         "film",
         "training data",
-        *(f"{name} (model by its analytic band)" for name in ("stability", *MARGINS)),
+        *(f"{name} (model, linearised)" for name in ("stability", *MARGINS)),
     }
     # The exact model and the plant have the same margins, as far as the rig's integrator is exact.
     at_rest = {row.source: row for row in passed.table if row.operating_input == 0.0}

@@ -114,7 +114,7 @@ def test_a_controller_of_another_sample_time_is_refused_at_once(checked, exact, 
 def test_what_is_no_controller_is_refused_with_what_would_be(checked, exact, rig):
     model = from_control(control.tf([1.0], [1.0, -0.5], H))
     for given, says in (
-        (model, r"LinearModel \(that is a model to design one on\): give a Controller"),
+        (model, r"LinearModel \(a model, from which a controller can be designed\): give a Controller"),
         ("PI", "= str: give"),
     ):
         with pytest.raises(ControlError, match=says):

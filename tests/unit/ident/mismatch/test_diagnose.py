@@ -240,7 +240,9 @@ def doubted() -> Diagnosis:
 def test_a_doubt_of_one_of_two_effects_ends_as_ambiguous(doubted):
     assert doubted.verdict is Verdict.AMBIGUOUS
     assert {cause.effect for cause in doubted.causes} == {"creep", "electrode_rc"}
-    assert doubted.verification.failures == ("removing creep does not certainly raise the error on held-out data",)
+    assert doubted.verification.failures == (
+        "it is not certain that the error on held-out data rises if creep is removed",
+    )
     assert doubted.verification.holds is False
     assert doubted.verification.failures[0] in doubted.warnings
     certain = {cause.effect: cause.probability for cause in doubted.causes}

@@ -328,11 +328,9 @@ def test_a_headline_names_three_explanations_and_counts_the_others():
     headline = "from the model: perhaps creep, sensor drift, electrode loss, or one of 2 others. "
     assert headline in say(found)
     assert foreign_numbers(replace(found, sentence=say(found)).to_dict()) == []
-    three = replace(found, rivals=found.rivals[:2])
-    assert "what: perhaps creep, sensor drift, or delay. " in say(three)
-    assert "what: perhaps creep, sensor drift, electrode loss, or one other. " in say(
-        replace(found, rivals=found.rivals[:3])
-    )
+    assert "what: perhaps creep, sensor drift, or delay. " in say(replace(found, explanations=made[:3]))
+    four = replace(found, explanations=made[:4])
+    assert "what: perhaps creep, sensor drift, electrode loss, or one other. " in say(four)
 
 
 def test_what_an_input_leaves_open_is_said_with_what_to_measure():
@@ -374,10 +372,12 @@ def test_each_verdict_says_only_what_it_may():
     ],
 )
 def test_an_explanation_is_named_with_all_its_effects(causes, rivals, said):
-    names = tuple(dict.fromkeys([c.effect for c in causes] + [name for rival in rivals for name in rival]))
-    assert f"perhaps {said}" in say(
-        replace(made_up(Verdict.AMBIGUOUS, *causes), names=names, rivals=rivals, explanations=())
-    )
+    sets = (tuple(c.effect for c in causes), *rivals)
+    made = tuple(Explanation(effects=effects, probability=0.9 / len(sets)) for effects in sets)
+    found = replace(made_up(Verdict.AMBIGUOUS, *causes), explanations=made)
+    assert f"perhaps {said}" in say(found)
+    turned = replace(made[0], effects=made[0].effects[::-1])  # the order of the causes counts
+    assert f"perhaps {said}" in say(replace(found, explanations=(turned, *made[1:])))
 
 
 def test_the_sentences_of_one_cause():
@@ -594,7 +594,9 @@ def test_an_experiment_with_another_load_stands_alone() -> None:
 
 
 def test_an_alternative_without_any_effect_leaves_open_whether_something_is_missing() -> None:
-    said = say(replace(DIAGNOSES["ambiguous"], rivals=((),)))
+    answer = DIAGNOSES["ambiguous"].explanations[0]
+    nothing = Explanation(effects=(), probability=0.1)
+    said = say(replace(DIAGNOSES["ambiguous"], explanations=(answer, nothing)))
     assert said.startswith("These recordings cannot decide whether something is missing from the model: perhaps ")
 
 

@@ -195,7 +195,7 @@ def test_derivatives_where_they_exist_and_a_refusal_where_not() -> None:
     np.testing.assert_allclose(part.b_theta[:, 0], (ends[0].b - ends[1].b) / 2e-6, atol=1e-6)
     with pytest.raises(ModelError, match=r"sat\(u\(k-2\),0.7\) has no derivative at the equilibrium"):
         linear_part(model, 0.7, equilibrium(model, 1.0).output)
-    with pytest.raises(ModelError, match="frequency analysis takes a polynomial"):
+    with pytest.raises(ModelError, match="frequency analysis needs a polynomial model"):
         gfrf(model, 1, [1.0])
 
 

@@ -51,7 +51,7 @@ def test_a_crash_is_an_error_that_names_the_file(unpackers):
 
 def test_a_library_that_does_not_come_back_is_an_error_that_names_the_file(unpackers, monkeypatch):
     monkeypatch.setattr(apart, "SECONDS", 1.0)
-    with pytest.raises(DataError, match=r"^of\.mat: the library that unpacks it does not come back; the file is"):
+    with pytest.raises(DataError, match=r"^of\.mat: the library that unpacks it does not return; the file is"):
         apart.unpacked(unpackers.busy, b"abc", "of.mat")
 
 

@@ -52,7 +52,7 @@ def test_a_function_is_read_with_what_is_known_of_it(tmp_path: Path) -> None:
         ("foreign_models:motor", "no_such_module:motor", "cannot be imported: No module named 'no_such_module'"),
         ("foreign_models:motor", "foreign_models:SAMPLE", "a foreign model must be callable; a float is not"),
         ('function = "foreign_models:motor"', "", "[model] needs either file, an FMU, or function"),
-        ('unit = "V"', "", "[input] unit is missing: give a text in quotes"),
+        ('unit = "V"', "", "[input] unit is missing: give text in quotes"),
         ("[output]", "[output.more]", "[output] more is no key of a model file"),
     ],
 )

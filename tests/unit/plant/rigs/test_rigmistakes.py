@@ -43,7 +43,7 @@ ALL = (
         "electrode_diameter_mm = 90.0",
         "[film] electrode_diameter_mm: 90 is out of range; it must be below frame_diameter_mm, 80",
     ),
-    ('mass_g = "3"', '[load] mass_g: "3" is a text; it must be a number from 0.001 to 1000'),
+    ('mass_g = "3"', '[load] mass_g: "3" is text; it must be a number from 0.001 to 1000'),
     (
         "[drive]",
         '[drive]: the key "gain" is missing; it must be a number from 1 to 100000; or give input = "film voltage" instead',

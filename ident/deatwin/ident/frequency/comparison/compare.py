@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 class Agreement(Enum):
     """Outcome of the comparison of two responses in a band.
 
-    The value of each member is a text that advises the user.
+    The value of each member is a message for the user.
     """
 
     ALIKE = "no difference can be shown: in this band, each may be used in place of the other"
@@ -43,7 +43,7 @@ class Agreement(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Difference:
-    """Difference between two responses of an order in a band.
+    """Difference between two frequency responses, for one order and one band.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ class Difference:
 
 @dataclass(frozen=True, kw_only=True)
 class Drift:
-    """Drift of a response of an order in a band within one record.
+    """Drift of a frequency response within one record, for one order and one band.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ class Drift:
     adjusted : float
         The p-value of the test, corrected for the number of tests.
     size : float
-        Largest difference between two times, relative to the root mean square gain; part of it is chance.
+        Largest difference between two times, relative to the root mean square gain; part of it is due to chance.
     drifts : bool
         True if the drift is significant.
     """

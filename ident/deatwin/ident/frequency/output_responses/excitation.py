@@ -38,7 +38,8 @@ class TestSignal(Described, Frozen):
     Parameters
     ----------
     values : ndarray, shape (n_samples,)
-        Deviations from the operating input, in ``unit``, with the pulse at the first sample.
+        Deviations from the operating input, in ``unit``. A signal from `design_excitation` is a pulse that is largest
+        at the first sample.
     sample_time : float
         Sampling time, s.
     band_Hz : tuple of two floats

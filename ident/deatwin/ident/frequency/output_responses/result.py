@@ -38,7 +38,7 @@ class NofrfWarning(UserWarning):
 class NofrfStatus(Enum):
     """How reliable a nonlinear output frequency response is.
 
-    The value of each member is a text that advises the user.
+    The value of each member is a message for the user.
     """
 
     OK = "the test signal and its amplitudes suit these orders"
@@ -53,9 +53,7 @@ class NofrfStatus(Enum):
         "the output does not repeat with the period of the excitation: the model is very slow or oscillates by itself; "
         "choose a longer period or a lower amplitude"
     )
-    ILL_CONDITIONED = (
-        "the levels hardly separate the orders; choose levels of both signs, spread up to the largest, or fewer orders"
-    )
+    ILL_CONDITIONED = "the amplitude levels hardly separate the orders; choose levels of both signs, spread over the whole range, or fewer orders"
     ERRATIC_EXCITATION = (
         "the contributions to the powers of this excitation cancel at some frequencies, where the NOFRF is erratic: "
         "random recordings are unsuitable; use design_excitation"

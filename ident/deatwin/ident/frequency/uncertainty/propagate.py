@@ -50,7 +50,7 @@ class UncertaintyWarning(UserWarning):
 class UncertaintyStatus(Enum):
     """Validity of the first-order propagation of uncertainty.
 
-    The value of each member is a text that advises the user.
+    The value of each member is a message for the user.
     """
 
     OK = "the response is linear in the parameters over their uncertainty"
@@ -64,11 +64,13 @@ class UncertaintyStatus(Enum):
         "more data"
     )
     LOST = (
-        "the parameters are so uncertain that for some of them the operating point has no equilibrium or another "
+        "the parameters are so uncertain that for some of them the operating point has no equilibrium, or one of other "
         "stability: no covariance describes the response; sample the posterior, identify on more data or leave out "
         "terms"
     )
-    CERTAIN = "the model has no covariance of its parameters: nothing can be propagated; identify it with one"
+    CERTAIN = (
+        "the model has no covariance of its parameters, so no uncertainty can be propagated: identify a model with one"
+    )
 
     @property
     def ok(self) -> bool:

@@ -41,12 +41,12 @@ Complex = NDArray[np.complex128]
 class SampleStatus(Enum):
     """Status of the draws: do all have the model's operating point?
 
-    The value of each member is a text that advises the user.
+    The value of each member is a message for the user.
     """
 
     OK = "all draws have the operating point, with the model's stability"
     LOST = (
-        "some draws have no equilibrium or another stability and are left out: the result is valid only if the true "
+        "some draws have no equilibrium, or one of other stability than that of the model, and are left out: the result is valid only if the true "
         "operating point is like that of the model; identify on more data or leave out terms"
     )
 

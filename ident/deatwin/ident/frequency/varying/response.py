@@ -32,12 +32,12 @@ Complex = NDArray[np.complex128]
 
 
 class VaryingStatus(Enum):
-    """Status of the frequency response at a time. The value of each member is a text that advises the user."""
+    """Status of the frequency response at a time. The value of each member is a message for the user."""
 
     OK = "the equilibrium of this time is stable"
     UNSTABLE = (
-        "the equilibrium of this time is unstable: the response is that of the linearised model, no experiment "
-        "settles to it; choose another operating input or identify again"
+        "the equilibrium of this time is unstable: the response is that of the linearised model, "
+        "which no experiment can show; choose another operating input or identify again"
     )
     NONE = (
         "the model of this time has no equilibrium that could be followed at its operating input, and so no "

@@ -36,14 +36,14 @@ _CHANCE = 0.01  # p-value below which a change counts as drift
 class SlidingStatus(Enum):
     """Conclusion from sliding windows about drift of a record.
 
-    The value of each member is a text that advises the user.
+    The value of each member is a message for the user.
     """
 
     STEADY = "neither mean nor gain changes by more than chance: constant parameters may suffice"
     DRIFTING = "mean or gain changes along the record: constant parameters do not suffice, so let them vary with time"
     SHORT = (
         "neighbouring tenths of a window are correlated, so the bands are too narrow and the changes may be "
-        "chance: use longer windows"
+        "due to chance: use longer windows"
     )
     STILL = "the input or the output is constant in nearly all windows, so it is unknown whether the gain changes"
     FEW = "the record contains a single window, which cannot show a change: use shorter windows"

@@ -93,7 +93,7 @@ class Advice(Described):
             "waveform",
             name="d2",
             of=lambda advice: list(advice.tried.values()),
-            about="squared distance of the explanations, first order",
+            about="squared distance d² of the explanations, to first order",
         )
     )
     predicted: tuple[np.ndarray, ...]
@@ -149,8 +149,8 @@ class Advice(Described):
             return ""
         return (
             f" If you add {best.words} ({best.noise_source}), the true explanation is expected to become "
-            f"e^{best.log_odds:.3g} times as likely as the next best one. The best input alone gives only "
-            f"e^{self.log_odds:.3g} times."
+            f"e^{best.log_odds:.3g} times as likely as the next best one. The best input alone gives only a "
+            f"factor of e^{self.log_odds:.3g}."
         )
 
     @property

@@ -108,7 +108,7 @@ def difference(
     # so some steps with simulations come first.
     readings = simulated(truth, parts)
     if readings is None:
-        raise SimulationError("the plant to be imitated cannot be simulated on these inputs")
+        raise SimulationError("the plant of one explanation cannot be simulated with these inputs")
     start = Difference.between(truth, alternative.plant, readings, readings, parts)
     whole = start if memory is None else start.beside(memory.known)
     measured = np.concatenate([part.measured for part in parts])

@@ -240,7 +240,7 @@ REPERTOIRE: Mapping[str, Maker] = {
     "the same multisine four times": _repeats,
     "steps with long holds": _holds,
     "random steps": _random_steps,
-    "a slow and a fast sweep": _sweeps,
+    "a slow sweep and a fast one": _sweeps,
     "a sine at two amplitudes": _two_sines,
     "holds with rests between them": _rests,
     "fast linear sweep": _chirp,
@@ -248,7 +248,7 @@ REPERTOIRE: Mapping[str, Maker] = {
     "triangles at two rates": _triangles,
     "long hold": _long_hold,
     "three holds and a fast linear sweep in turn": _rounds,
-    "long holds, each probed by sweeps and low holds": _probed_holds,
+    "long holds, each followed by a fast sweep and a low hold": _probed_holds,
     "holds of alternating polarity": _reversals,
 }
 """Waveforms of inputs, by name."""

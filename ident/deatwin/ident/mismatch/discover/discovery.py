@@ -143,7 +143,9 @@ class Discovery(Described):
     terms: tuple[FoundTerm, ...]
     before: float = field(metadata=variable(unit=_output_unit, about="rms error on the held-out part without it"))
     after: float = field(metadata=variable(unit=_output_unit, about="rms error on the held-out part with it"))
-    gain_low: float = field(metadata=variable(unit=_output_unit, about="lower 95 % bound of the fall"))
+    gain_low: float = field(
+        metadata=variable(unit=_output_unit, about="lower 95 % bound of the reduction of the rms residual")
+    )
     unseen: Array = field(metadata=variable("unseen_sample", unit=_output_unit, about="residual on the held-out part"))
     state: Array
     entering: Array

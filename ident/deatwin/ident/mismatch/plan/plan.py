@@ -91,10 +91,12 @@ def plan_experiment(
     tell = progress or (lambda share, text: None)
     known = [e for e in (plant.rig.effects() if effects is None else effects) if plant.accepts(e)]
     if not known:
-        raise DataError("there is nothing to plan for: this rig takes none of the effects")
+        raise DataError("there is nothing to plan for: none of the effects can be added to this rig")
     if commands is not None:
         if seconds is not None:
-            raise DataError("a length in seconds is only for an advised input: give either an input or a length")
+            raise DataError(
+                "a length in seconds is only for an input that plan suggests: give either an input or a length"
+            )
         doing = "trying the effects on this input"
         tell(0.0, doing)
         wanted = _wanted(plant, known, commands.extras)
@@ -109,7 +111,9 @@ def plan_experiment(
         except SimulationError:
             continue
     if not found:
-        raise SimulationError("the nominal plant can follow none of the waveforms: give an input within its limits")
+        raise SimulationError(
+            "the nominal plant could not be simulated with any of the suggested inputs: give an input within its limits"
+        )
     tried = {name: seen.confused for name, seen in found.items()}
     best = min(tried, key=lambda name: tried[name])
     with_more = _seen(plant, inputs[best], known, jobs, lambda done: None, _wanted(plant, known, ()))
@@ -186,7 +190,9 @@ def _seen(
     problem = Problem(plant=whole, parts=parts, names=plant.parameters.free)
     run = problem.evaluate(problem.start())
     if run is None:
-        raise SimulationError("the nominal plant's derivatives by its parameters are not finite on this input")
+        raise SimulationError(
+            "for this input, the derivatives of the nominal plant's readings with respect to its parameters are not finite"
+        )
     moves = problem.smooth()
     spreads = np.array([deviation(plant.parameters[name]) for name in problem.names])
     readings = np.concatenate([part.measured for part in parts])
@@ -219,7 +225,9 @@ def _noise(rig: Rig, record: Recording) -> float:
     """Return the sensor's noise, SI; without a stated noise, the accuracy of the simulation."""
     noise = max(rig.noise, ACCURACY * float(np.std(record.outputs[0])))
     if noise == 0.0:
-        raise DataError("the rig states no noise, and this input does not move it: no effect could be judged")
+        raise DataError(
+            "the rig states no sensor noise, and the reading does not respond to this input, so no effect can be assessed"
+        )
     return noise
 
 
@@ -321,7 +329,7 @@ def _inputs(plant: Plant, seconds: float, seed: int) -> dict[str, Recording]:
     rig = plant.rig
     if rig.command_range is None:
         raise DataError(
-            "the rig states no range of its command within which an input could be advised: give an input file, or the "
+            "the rig states no range of its command, so plan cannot suggest an input: give an input file, or the "
             "range (command_min_V and command_max_V under [drive] of a rig file, command_range of a Rig)"
         )
     least, most = FEWEST * rig.sample_time, MOST * rig.sample_time
@@ -331,7 +339,7 @@ def _inputs(plant: Plant, seconds: float, seed: int) -> dict[str, Recording]:
         )
     limits = safe_limits([plant], limits_of(plant, ()))
     if limits is None:
-        raise SimulationError("the nominal plant fails over the rig's whole range of commands")
+        raise SimulationError("the simulation of the nominal plant fails over the rig's whole range of commands")
     made = {name: waveform(name, limits, seconds, rig.sample_time, np.random.default_rng(seed)) for name in REPERTOIRE}
     return {
         name: Recording.from_arrays(

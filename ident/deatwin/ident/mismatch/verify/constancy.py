@@ -41,12 +41,17 @@ class Constancy:
     """Change of the strength of one effect from the beginning to the end of the fitted data."""
 
     effect: str
-    own: float = field(metadata=variable(about="share of its power that nothing else can make"))  # from 0 to 1
+    own: float = field(
+        metadata=variable(about="share of the power of this change that no parameter can imitate")
+    )  # from 0 to 1
     # To first order; None if `own` is too small
     change: float | None = field(
-        default=None, metadata=variable(about="relative change of the strength over the recordings")
+        default=None,
+        metadata=variable(
+            about="relative change of the effect's strength from the beginning to the end of the fitted data"
+        ),
     )
-    deviation: float | None = field(default=None, metadata=variable(about="its standard deviation"))
+    deviation: float | None = field(default=None, metadata=variable(about="standard deviation of `change`"))
     mends: bool = False  # True if the explanation leaves too much, and the change would remove most of that
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {

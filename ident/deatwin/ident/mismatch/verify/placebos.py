@@ -51,8 +51,13 @@ class Placebo:
     kind: PlaceboKind  # how it differs from the effect
     # Both gains are to first order, but the effect's is that of the refit beside the opposite sign, and the larger of
     # the two beside random phases; None if skipped
-    share: float | None = field(default=None, metadata=variable(about="gain relative to that of the effect"))
-    expected: float | None = field(default=None, metadata=variable(about="the same were the effect the truth"))
+    share: float | None = field(
+        default=None,
+        metadata=variable(about="reduction of the squared error by the placebo, relative to that by the effect"),
+    )
+    expected: float | None = field(
+        default=None, metadata=variable(about="value of `share` that would be expected if the effect were real")
+    )
     skipped: str = ""  # reason why it shows nothing; empty if it was judged
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {

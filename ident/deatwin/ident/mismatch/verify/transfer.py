@@ -28,10 +28,18 @@ class Transfer:
     before: float = field(metadata=variable(unit=attrgetter("output_unit"), about="rms residual"))
     after: float = field(metadata=variable(unit=attrgetter("output_unit"), about="rms residual"))
     # One-sided bounds.
-    gain_low: float = field(metadata=variable(unit=attrgetter("output_unit"), about="lower 95 % bound of the fall"))
-    gain_high: float = field(metadata=variable(unit=attrgetter("output_unit"), about="upper 95 % bound of the fall"))
-    floor: float = field(metadata=variable(unit=attrgetter("output_unit"), about="rms of noise and model error"))
-    model_error: float = field(metadata=variable(unit=attrgetter("output_unit"), about="rms of the plant's own error"))
+    gain_low: float = field(
+        metadata=variable(unit=attrgetter("output_unit"), about="lower 95 % bound of the reduction of the rms residual")
+    )
+    gain_high: float = field(
+        metadata=variable(unit=attrgetter("output_unit"), about="upper 95 % bound of the reduction of the rms residual")
+    )
+    floor: float = field(
+        metadata=variable(unit=attrgetter("output_unit"), about="rms of sensor noise and model error together")
+    )
+    model_error: float = field(
+        metadata=variable(unit=attrgetter("output_unit"), about="rms of the allowed model error")
+    )
 
     DERIVED: ClassVar[Mapping[str, Metadata]] = {
         "worse": variable(),

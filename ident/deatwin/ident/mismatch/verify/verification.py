@@ -67,7 +67,10 @@ class Verification(Described):
     unseen_before: float
     unseen_after: float
     gain_low: float = field(
-        metadata=variable(unit=attrgetter("output_unit"), about="lower 95 % bound of the fall on the held-out part")
+        metadata=variable(
+            unit=attrgetter("output_unit"),
+            about="lower 95 % bound of the reduction of the rms residual on held-out data",
+        )
     )
     counts: bool = False
     ablations: tuple[Ablation, ...] = field(default=(), metadata=table_along("ablation"))
@@ -87,13 +90,13 @@ class Verification(Described):
             "stage",
             of=lambda found: [found.fitted_before, found.fitted_after],
             unit=attrgetter("output_unit"),
-            about="rms residual on the fitted part",
+            about="rms residual on fitted data",
         ),
         "unseen": variable(
             "stage",
             of=lambda found: [found.unseen_before, found.unseen_after],
             unit=attrgetter("output_unit"),
-            about="rms residual on the held-out part",
+            about="rms residual on held-out data",
         ),
         "holds": attribute(),
         "failures": attribute(of=lambda found: list(found.failures)),
@@ -110,12 +113,12 @@ class Verification(Described):
         falls = self.gain_low > 0.0 or self.counts  # as for `Ablation.returns`
         found = [] if falls else ["it is not certain that the explanation lowers the error on held-out data"]
         found += [
-            f"removing {a.effect} does not certainly raise the error on held-out data"
+            f"it is not certain that the error on held-out data rises if {a.effect} is removed"
             for a in self.ablations
             if not a.returns
         ]
         found += [
-            f"a placebo, {s.effect} {s.kind.value}, fits as well as {s.effect} itself"
+            f"a placebo effect ({s.effect} {s.kind.value}) fits as well as {s.effect} itself"
             for s in self.shams
             if not s.rejected
         ]
@@ -126,7 +129,7 @@ class Verification(Described):
         ]
         found += [
             f"the strength of {c.effect} is not constant: if allowed to vary, it changes by {100 * c.change:.0f} % over "
-            + ("the recordings, which would explain most of the remaining error" if c.mends else "the fitted part")
+            + ("the recordings, which would explain most of the remaining error" if c.mends else "the fitted data")
             for c in self.constancies
             if c.change is not None and not c.holds
         ]

@@ -37,11 +37,11 @@ regression takes a second."""
 
 
 class DeadTimeStatus(Enum):
-    """Outcome of a dead-time estimation. The value of each member is a sentence that advises the user."""
+    """Outcome of a dead-time estimation. The value of each member is a message for the user."""
 
     FOUND = "the recordings show at which lag the input begins to act"
     AT_ONCE = (
-        "the input acts within the sample, if the recording was not made in a loop: a controller that answers within "
+        "the input acts within the sample, unless the recording was made in a closed loop: a controller that reacts within "
         "the sample looks the same"
     )
     LOOP = (

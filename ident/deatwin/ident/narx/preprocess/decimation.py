@@ -41,14 +41,12 @@ standard deviations of a band, times 1.4, below their mean."""
 
 
 class SamplingStatus(Enum):
-    """Assessment of the sampling time. The value of each member is a sentence that advises the user."""
+    """Assessment of the sampling time. The value of each member is a message for the user."""
 
-    KEEP = "the sampling time suits: the first minimum lies at 20 samples or fewer, and at 10 or more"
+    KEEP = "the sampling time is suitable: the first minimum lies at 10 to 20 samples"
     DECIMATE = "sampled faster than a NARX model needs: decimate by the factor"
     TOO_SLOW = "sampled slowly: the first minimum lies before 10 samples; below 5, dynamics are lost: sample faster"
-    FAST_PART = (
-        "the sampling time suits: decimated, the output's fastest part would keep fewer than 10 samples per period"
-    )
+    FAST_PART = "the sampling time is suitable: after decimation, the fastest part of the output would have fewer than 10 samples per period"
     NO_MINIMUM = (
         "the correlation functions reach neither a minimum nor zero at the lags that the record can show: "
         "give more lags or a longer record, or choose the factor by hand"

@@ -51,7 +51,7 @@ class SectionStatus(Enum):
     PART = "only a part of the recordings passes the test; the table lists the excluded segments"
     NOTHING = (
         "no stretch passes the test: the sections are the halves of the longest recording, "
-        "and a model of constant parameters is in doubt"
+        "and a model with constant parameters may be wrong"
     )
 
 
@@ -218,7 +218,7 @@ class Sections(Described):
 def stationarity_tests(recording: Recording, *, n_segments: int = 20) -> tuple[StationarityTest, ...]:
     """Test whether mean, variance and fast variance of each signal stay the same over a recording.
 
-    Constant signals are not tested.
+    The fast variance is that of the steps from sample to sample. Constant signals are not tested.
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ def stationarity_tests(recording: Recording, *, n_segments: int = 20) -> tuple[S
     Returns
     -------
     tuple of StationarityTest
-        Three tests for each statistic of each signal.
+        Tests of each statistic of each signal for a trend, a change and excess spread.
 
     Raises
     ------

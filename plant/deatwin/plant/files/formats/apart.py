@@ -45,8 +45,8 @@ class Outcome(Enum):
     THROUGH = "it can be unpacked"
     UNTRIED = "no process could be started to try it"
     CRASHED = "the library that unpacks it crashes; the file is damaged"
-    BUSY = "the library that unpacks it does not come back; the file is damaged"
-    ENDED = "the process that unpacked it was ended from outside, perhaps for want of memory; try again"
+    BUSY = "the library that unpacks it does not return; the file is damaged"
+    ENDED = "the process that unpacked it was ended from outside, perhaps because of too little memory; try again"
 
     @property
     def is_fault(self) -> bool:

@@ -135,13 +135,13 @@ def test_an_input_is_advised_within_the_range(tmp_path) -> None:
 
 def test_what_cannot_be_planned_is_said() -> None:
     plant = Plant(rig=Amplifier())
-    with pytest.raises(DataError, match=r"no range of its command .*command_max_V"):
+    with pytest.raises(DataError, match=r"no range of its command, .*command_max_V"):
         plan_experiment(plant)
     with pytest.raises(DataError, match="either an input or a length"):
         plan_experiment(plant, steps(), seconds=3.0)
-    with pytest.raises(DataError, match="takes none of the effects"):
+    with pytest.raises(DataError, match="none of the effects can be added"):
         plan_experiment(plant, steps(), effects=())
-    with pytest.raises(DataError, match="no noise"):
+    with pytest.raises(DataError, match="no sensor noise"):
         plan_experiment(Plant(rig=Amplifier(noise=0.0)), commands(np.zeros(200)), effects=EFFECTS)
     for seconds in (1.0, 1e9):
         with pytest.raises(DataError, match="give 2 to 2000 s"):
