@@ -155,6 +155,8 @@ class Search(Tried):
             return []
         self._replaced[best, names] = found
         added = tuple(name for name in best if name not in names)
+        for response in self.known() if not self._responses else ():
+            self._responses.setdefault(response.effect.name, []).append(response)
         alike = siblings(self.problem, found, added, self._open_beside(names, best), self._responses)
         bare, unbiased = found.plant.without_effects(*added), fit.plant
         trials = [
