@@ -426,6 +426,9 @@ def write_recordings(desk: Path) -> None:
     ):
         with File(desk / name, "w") as file:
             made(file)
+    with File(desk / "gained.h5", "w") as file:
+        file["command"] = np.arange(40)
+        file["command"].attrs.update({"units": "V", "gain": 0.005})
     with TdmsWriter(desk / "clocks.tdms") as file:
         file.write_segment(
             [

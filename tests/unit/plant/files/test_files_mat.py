@@ -8,7 +8,7 @@ import pytest
 from scipy.io import loadmat, savemat
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.files import read_recording, write_recording
+from deatwin.plant.files import read_experiment, read_recording, write_recording
 from deatwin.plant.recording import Recording
 
 pytestmark = pytest.mark.usefixtures("in_one_process")
@@ -126,6 +126,69 @@ def test_another_hdf5_file_has_its_units_as_attributes(tmp_path: Path, kind: typ
         for name, values, unit in (("t", 20.0 * np.arange(N), "ms"), ("u", COMMAND, "V"), ("y", 0.1 * COMMAND, "mm")):
             file.create_dataset(f"run/{name}", data=values).attrs["units"] = kind(unit)
     check(read_recording(tmp_path / "r.h5", input_column="u", output_column="y"))
+
+
+@pytest.mark.parametrize("kind", [np.int16, np.float64])
+def test_packed_values_of_hdf5_are_unpacked(tmp_path: Path, kind: type) -> None:
+    """CF conventions, section 8.1: a value is its packed value times scale_factor, plus add_offset."""
+    h5py = pytest.importorskip("h5py")
+    counts = np.arange(100, 100 + N).astype(kind)
+    with h5py.File(tmp_path / "r.h5", "w") as file:
+        file["time_s"] = TIME
+        file["command"], file["displacement"] = counts, counts
+        file["command"].attrs.update({"units": "V", "scale_factor": np.float32(0.5)})
+        file["displacement"].attrs.update({"units": "mm", "scale_factor": [0.25], "add_offset": -3})
+    recording = read_recording(tmp_path / "r.h5")
+    np.testing.assert_array_equal(recording.inputs[0], 0.5 * counts)
+    np.testing.assert_allclose(recording.outputs[0], 1e-3 * (0.25 * counts - 3.0), rtol=1e-15)
+
+
+@pytest.mark.parametrize("attribute", ["_FillValue", "missing_value"])
+def test_a_fill_value_of_hdf5_is_no_reading(tmp_path: Path, attribute: str) -> None:
+    h5py = pytest.importorskip("h5py")
+    readings = np.arange(N, dtype=np.int16)
+    readings[7] = -9999
+    with h5py.File(tmp_path / "r.h5", "w") as file:
+        file["time_s"], file["command_V"], file["displacement_mm"] = TIME, COMMAND, readings
+        file["displacement_mm"].attrs[attribute] = np.int16(-9999)
+    with pytest.raises(DataError, match=r'row 8, column "displacement_mm": there is no value'):
+        read_recording(tmp_path / "r.h5")
+    assert sum(r.n_samples for r in read_experiment([tmp_path / "r.h5"], allow_gaps=True).recordings) == N - 1
+
+
+@pytest.mark.parametrize("attribute", ["gain", "Scale", "offset_mm", "volts_per_count"])
+def test_whole_numbers_in_an_unknown_scale_are_refused(tmp_path: Path, attribute: str) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "r.h5", "w") as file:
+        file["time_s"], file["command_V"], file["run/displacement"] = TIME, COMMAND, np.arange(N)
+        file["run/displacement"].attrs.update({"units": "mm", attribute: 2e-4})
+    with pytest.raises(
+        DataError, match=rf'"run.displacement" .* attribute "{attribute}" is 0.0002; rename it to scale_f'
+    ):
+        read_recording(tmp_path / "r.h5")
+    with h5py.File(tmp_path / "r.h5", "r+") as file:
+        del file["run/displacement"].attrs[attribute]
+    assert read_recording(tmp_path / "r.h5").outputs[0, 2] == 2e-3
+
+
+def test_fields_of_a_compound_data_set_are_columns(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    rows = np.array(list(zip(*SIGNALS.values(), strict=True)), dtype=[(name, float) for name in SIGNALS])
+    with h5py.File(tmp_path / "r.h5", "w") as file:
+        file["run1/samples"] = rows
+    check(read_recording(tmp_path / "r.h5"))
+
+
+def test_complex_numbers_of_matlab_are_no_fields(tmp_path: Path) -> None:
+    """MATLAB stores complex arrays as compounds of real and imag."""
+    path = hdf5_mat(tmp_path / "rec.mat", SIGNALS)
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(path, "r+") as file:
+        file["spectrum"] = np.zeros(N, dtype=[("real", float), ("imag", float)])
+        file["spectrum"].attrs["MATLAB_class"] = np.bytes_("double")
+    check(read_recording(path))
+    with pytest.raises(DataError, match=r'no column "real"'):
+        read_recording(path, input_column="real")
 
 
 def test_integers(tmp_path: Path) -> None:
