@@ -36,15 +36,17 @@ def time_column(
     """Return the column of the times and its unit: as named, called ``time``, with a unit of time, or evenly rising."""
     if wanted is not None:
         return _named_times(table, taken, wanted)
-    free = [column for column in range(len(table.headers)) if column not in taken]
+    free = [column for column in range(len(table.headers)) if column not in taken and table.beside(column, taken)]
     timed = [column for column in free if UNITS[table.units[column]].si == "s"]
     # A column named time without a unit is in seconds, or holds dates.
     likely = [column for column in free if column in timed or not table.units[column]]
     usual = [column for column in likely if table.headers[column] == USUAL_TIMES]
     named = [column for column in likely if _plain(table.names[column]) in _TIME_NAMES]
     stamped = [column for column in likely if _plain(table.names[column]) in _STAMP_NAMES]
+    inner = [column for column in likely if _plain(_field(table.names[column])) in (*_TIME_NAMES, *_STAMP_NAMES)]
+    inner = [column for column in inner if holds_times(table, column)]
     first = [0] if needed and table.nameless and 0 in free and _uneven(table, 0) == NO_OPTIONS else []
-    found = usual or named or stamped or timed or first
+    found = usual or named or stamped or timed or inner or first
     groups = {_group(table.names[column]) for column in taken}
     found = [column for column in found if _group(table.names[column]) in groups] or found
     if len(found) > 1 and found == timed:  # some of them may be durations
@@ -76,6 +78,11 @@ def _plain(name: str) -> str:
 def _group(name: str) -> str:
     """Return the struct or group to which a column belongs, from its name."""
     return re.match(r"(.*[./])?", name, re.DOTALL)[0]  # type: ignore[index]  # it matches anything
+
+
+def _field(name: str) -> str:
+    """Return the last part of the name of a struct's field, which keeps the struct's name if others have such a field."""
+    return name.removeprefix(_group(name)) if re.fullmatch(r"\w+(\(\d+\))?(\.\w+(\(\d+\))?)+", name) else ""
 
 
 def _named_times(table: Table, taken: set[int], wanted: str) -> tuple[int, str]:

@@ -94,6 +94,19 @@ class TestBoth:
         recording = read_recording(path, input_column="two.command_V", output_column="two.displacement_mm")
         np.testing.assert_array_equal(recording.inputs[0], COMMAND)
 
+    def test_two_structs_have_their_own_times(self, save) -> None:
+        one, two = ({"t": start + TIME, "u": COMMAND, "y": 0.1 * COMMAND} for start in (1.0, 5.0))
+        path = save({"one": one, "two": two})
+        recording = read_recording(path, input_column="two.u=V", output_column="two.y=mm")
+        assert (recording.start, recording.sample_time) == (5.0, 0.02)
+        with pytest.raises(DataError, match=r'"one.t" and "two.t" may all be the times, and they differ'):
+            read_recording(path, input_column="one.u=V", output_column="two.y=mm")
+
+    def test_columns_of_another_length_are_not_the_times(self, save) -> None:
+        fast = {"t": TIME, "u": COMMAND, "y": 0.1 * COMMAND}
+        path = save({"fast": fast, "slow": {"t": 10.0 * TIME[:5], "T": 20.0 + TIME[:5]}})
+        check(read_recording(path, input_column="u=V", output_column="y=mm"))
+
     def test_array_of_structs(self, save) -> None:
         signals = [{"values": SIGNALS["command_V"], "label": "U"}, {"values": SIGNALS["displacement_mm"], "label": "x"}]
         path = save({"scope": {"time": TIME, "signals": signals}})
