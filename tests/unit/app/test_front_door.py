@@ -188,6 +188,8 @@ FILES = {
     "slow.csv": HEADER + "".join(f"\n{5 + 0.04 * k:.2f},{2 + math.sin(k):.4f},0.3" for k in range(40)),
     "sums.csv": decimals("0,00;2,5", "0,02;1.002,5", "0,04;2,6"),
     "thousands.csv": decimals(*(f"{k};2,{k:03}" for k in range(100, 140))),
+    "swiss.csv": decimals("0.00;2.5", "0.02;1'002.5", "0.04;2.6"),
+    "settings.csv": decimals("Scale;0.005", *(f"{k};{k}" for k in range(40)), header="sample;command_V"),
     "mixed.csv": decimals("0,00;2,5", "0,02;2.5", "0,04;2,6"),
     "quoted.csv": table(row_8='0.12,"2.0\n",0.3'),
     "delimiters.csv": "time_s;command_V,x\n1;2,3\n2;3,4\n3;4,5\n",
