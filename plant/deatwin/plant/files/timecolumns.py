@@ -11,6 +11,7 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.files.clock import even_pieces
 from deatwin.plant.files.dates import ORDERS
 from deatwin.plant.files.formats.table import Table
+from deatwin.plant.files.headers import TIME_NAMES
 from deatwin.plant.files.times import TIME_UNITS, time_scale
 from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.files.usual import USUAL_TIMES
@@ -20,7 +21,6 @@ from deatwin.plant.resampling import resampling_options
 from deatwin.plant.safe_read import clipped
 
 Floats = NDArray[np.float64]
-_TIME_NAMES = ("time", "t", "zeit", "uhrzeit", "temps", "heure", "hora", "tiempo", "时间")
 _STAMP_NAMES = (
     *("ts", "timestamp", "datetime", "unixtime", "times", "elapsed", "elapsedtime", "date", "zeitstempel"),
     *("datum", "datumuhrzeit", "datumzeit", "horodatage", "fecha", "fechahora"),
@@ -41,9 +41,9 @@ def time_column(
     # A column named time without a unit is in seconds, or holds dates.
     likely = [column for column in free if column in timed or not table.units[column]]
     usual = [column for column in likely if table.headers[column] == USUAL_TIMES]
-    named = [column for column in likely if _plain(table.names[column]) in _TIME_NAMES]
+    named = [column for column in likely if _plain(table.names[column]) in TIME_NAMES]
     stamped = [column for column in likely if _plain(table.names[column]) in _STAMP_NAMES]
-    inner = [column for column in likely if _plain(_field(table.names[column])) in (*_TIME_NAMES, *_STAMP_NAMES)]
+    inner = [column for column in likely if _plain(_field(table.names[column])) in (*TIME_NAMES, *_STAMP_NAMES)]
     inner = [column for column in inner if holds_times(table, column)]
     first = [0] if needed and table.nameless and 0 in free and _uneven(table, 0) == NO_OPTIONS else []
     found = usual or named or stamped or timed or inner or first
