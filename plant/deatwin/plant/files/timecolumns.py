@@ -27,6 +27,7 @@ _STAMP_NAMES = (
 )
 _CALENDARS = ((32874.0, 73051.0), (726834.0, 767011.0))  # Days from 1990 to 2100, counted from 1900 and from 0
 _SHORT = 1e-4  # Step below which times in s may be days, in which it is less than nine seconds
+_ROUNDED = 1e-6  # Relative error of a step from times with too few digits
 _LISTED = 5  # Largest number of columns that an error lists
 
 
@@ -171,7 +172,9 @@ def with_times(table: Table, column: int, unit: str) -> Table:
 
 def require_unit(table: Table, column: int, times: Floats) -> None:
     """Refuse times in an unknown unit, or in none if they may be dates of a spreadsheet or of MATLAB: as many days as
-    since 1900 or since the year 0, in steps that would be very short as seconds."""
+    since 1900 or since the year 0, in steps that would be very short as seconds. A time of day is a part of a day, and
+    its step is a round number of seconds only if counted in days.
+    """
     place = f'{table.path}: the times in the column "{table.shown(column)}"'
     options = {unit: ReadOptions(time_column=f"{table.unmistakable(column)}={unit}") for unit in TIME_UNITS}
     if said := "" if table.units[column] else table.own_unit(column):
@@ -182,12 +185,20 @@ def require_unit(table: Table, column: int, times: Floats) -> None:
             like,
         )
     steps = np.diff(times)
-    if steps.size and 0.0 < np.median(steps) < _SHORT and any(a <= times[0] < b for a, b in _CALENDARS):
+    dated = any(a <= times[0] < b for a, b in _CALENDARS)
+    step = float(times[-1] - times[0]) / max(steps.size, 1)
+    of_day = 0.0 < times[0] < times[-1] < 1.0 and _is_round(step * UNITS["day"].numerator) and not _is_round(step)
+    if steps.size and 0.0 < np.median(steps) < _SHORT and (dated or of_day):
         raise DataError(
             f"{place} may be days of a calendar, as spreadsheets count them, or seconds; state it: "
             f"{options['day']} or {options['s']}",
             options["day"],
         )
+
+
+def _is_round(step: float) -> bool:
+    """Return whether a positive number has at most two digits, but for rounding."""
+    return abs(step / float(f"{step:.1e}") - 1.0) < _ROUNDED
 
 
 def no_times(table: Table, taken: set[int]) -> DataError:
