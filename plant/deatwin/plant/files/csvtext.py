@@ -116,8 +116,8 @@ def require_no_settings(layout: Layout, lines: list[str], rows: list[int], path:
     if words[0] and not any(words[words.index(False) :] if False in words else words):
         word = split_cells(lines[layout.first], layout.delimiter)[0]
         raise DataError(
-            f'{path}, row {rows[layout.first]}: "{clipped(word)}" begins a line of settings below the names, which deatwin '
-            "does not apply; apply such settings to the samples, and remove their lines"
+            f'{path}, row {rows[layout.first]}: "{clipped(word)}" begins a line below the names that is no sample; apply '
+            "scales and other settings to the samples, and remove such lines"
         )
 
 

@@ -102,7 +102,7 @@ class TestRefused:
     def test_settings_between_the_names_and_the_samples(self, write, word: str, first: str) -> None:
         body = [f"{first},{line}" for line in LINES]
         settings = [f"{word},1,0.0005,0.0002", "Zero,0,0,0.1"]
-        with pytest.raises(DataError, match=rf'row 2: "{word}" begins a line of settings below the names'):
+        with pytest.raises(DataError, match=rf'row 2: "{word}" begins a line below the names that is no sample'):
             read_recording(write([f"Channel,{HEADER}", *settings, *body]), dt=0.02)
         check(read_recording(write([*settings, f"Channel,{HEADER}", *body])))
 
