@@ -229,6 +229,7 @@ FILES = {
     "huge.toml": RIG.replace("800.0", "8000000"),
     "comma.toml": RIG.replace("= 3.5", "= 3,5"),
     "digits.toml": RIG.replace("800.0", "9" * 5000),
+    "called.toml": 'Kind = "diaphragm"\n' + RIG,
     "curly.toml": RIG.replace('"VHB 4905"', "“VHB 4905”"),
     "hoop.toml": RIG + "[hoop]\n",
     "three.toml": "readings = 3\n" + RIG,
