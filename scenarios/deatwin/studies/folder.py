@@ -72,6 +72,8 @@ class ResultFolder:
                 path.rmdir()
 
     def _make(self, path: Path) -> None:
+        if str(path) == "-":
+            raise DataError("-: results are not written to standard output; give a folder for the results")
         if path.is_file():
             raise DataError(f"{path}: is a file; give a folder for the results")
         try:

@@ -58,6 +58,34 @@ def test_simulate_goes_through_the_history(on_bench: Path, capsys: pytest.Captur
     assert difference[-1] < 0.1 * difference.max()
 
 
+def test_a_rig_without_noise_has_no_band(on_bench: Path) -> None:
+    Path("exact.toml").write_text(
+        """kind = "planar"
+[film]
+material = "Elastosil 2030"
+thickness_mm = 0.1
+length_mm = 40.0
+width_mm = 60.0
+prestretch = 1.2
+[load]
+mass_g = 20.0
+[drive]
+gain = 600.0
+start_ramp_s = 2.0
+start_hold_s = 3.0
+[sensor]
+sample_rate_Hz = 50.0
+noise_um = 0.0
+zero = "displacement at zero volts"
+""",
+        encoding="utf-8",
+    )
+    assert main(["simulate", "exact.toml", "first.csv", "--out", "exact.csv"]) == 0
+    table = np.genfromtxt("exact.csv", delimiter=",", names=True)
+    np.testing.assert_array_equal(table["low_mm"], table["high_mm"])
+    assert np.ptp(table["displacement_mm"]) > 0.01
+
+
 def test_simulate_writes_further_readings_too(on_bench: Path, capsys: pytest.CaptureFixture[str]) -> None:
     sections = '\n[readings.current]\nunit = "nA"\nnoise = 5.0\n[readings.capacitance]\nunit = "pF"\nnoise = 1.5\n'
     Path("more.toml").write_text(Path("rig.toml").read_text(encoding="utf-8") + sections, encoding="utf-8")

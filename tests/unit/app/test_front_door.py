@@ -188,6 +188,8 @@ FILES = {
     "slow.csv": HEADER + "".join(f"\n{5 + 0.04 * k:.2f},{2 + math.sin(k):.4f},0.3" for k in range(40)),
     "sums.csv": decimals("0,00;2,5", "0,02;1.002,5", "0,04;2,6"),
     "thousands.csv": decimals(*(f"{k};2,{k:03}" for k in range(100, 140))),
+    "swiss.csv": decimals("0.00;2.5", "0.02;1'002.5", "0.04;2.6"),
+    "settings.csv": decimals("Scale;0.005", *(f"{k};{k}" for k in range(40)), header="sample;command_V"),
     "mixed.csv": decimals("0,00;2,5", "0,02;2.5", "0,04;2,6"),
     "quoted.csv": table(row_8='0.12,"2.0\n",0.3'),
     "delimiters.csv": "time_s;command_V,x\n1;2,3\n2;3,4\n3;4,5\n",
@@ -227,6 +229,8 @@ FILES = {
     "huge.toml": RIG.replace("800.0", "8000000"),
     "comma.toml": RIG.replace("= 3.5", "= 3,5"),
     "digits.toml": RIG.replace("800.0", "9" * 5000),
+    "called.toml": 'Kind = "diaphragm"\n' + RIG,
+    "curly.toml": RIG.replace('"VHB 4905"', "“VHB 4905”"),
     "hoop.toml": RIG + "[hoop]\n",
     "three.toml": "readings = 3\n" + RIG,
     "curent.toml": RIG + '[readings.curent]\nunit = "nA"\nnoise = 1\n',
@@ -426,6 +430,9 @@ def write_recordings(desk: Path) -> None:
     ):
         with File(desk / name, "w") as file:
             made(file)
+    with File(desk / "gained.h5", "w") as file:
+        file["command"] = np.arange(40)
+        file["command"].attrs.update({"units": "V", "gain": 0.005})
     with TdmsWriter(desk / "clocks.tdms") as file:
         file.write_segment(
             [

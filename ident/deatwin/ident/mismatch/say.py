@@ -8,6 +8,7 @@ bound: a risk of less than a thousandth is written as below 0.1 %, since the dig
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -258,14 +259,18 @@ def _where(diagnosis: Diagnosis) -> list[str]:
         return []
     band = next((b for b in found.frequency if b.power > HALF * sum(one.power for one in found.frequency)), None)
     region = max(found.region, key=lambda one: abs(one.mean_residual), default=None)
-    best = [place.place for place in found.place if place.among_best and (place.explained or 0.0) > HALF]
+    best = [
+        _at_body(spaced(place.place), diagnosis)
+        for place in found.place
+        if place.among_best and (place.explained or 0.0) > HALF
+    ]
     return [
         _when(found, diagnosis),
         "" if band is None else f"most of the power of the mismatch is {_at(band)}",
         ""
         if region is None
         else f"the mean error is largest, {_size(region.mean_residual, diagnosis)}, {_in(region, diagnosis)}",
-        f"look for the cause at the {' or the '.join(map(spaced, best))} first, because signals there predict the mismatch best"
+        f"look for the cause at the {' or the '.join(best)} first, because signals there predict the mismatch best"
         if best
         else "",
     ]
@@ -445,12 +450,18 @@ def _part(share: float) -> str:
 
 def _physics(cause: Cause, diagnosis: Diagnosis) -> str:
     """Write an effect in its own words, which a user's effect also brings along."""
-    text = _effect(cause, diagnosis).wording.format(
+    text = _at_body(_effect(cause, diagnosis).wording, diagnosis).format(
         **{n: _with_interval(_in_percent(n, p)) for n, p in cause.parameters.items()}
     )
-    others = [f"the {spaced(place)}" for place in (cause.places or ())[1:]]
+    others = [f"the {_at_body(spaced(place), diagnosis)}" for place in (cause.places or ())[1:]]
     elsewhere = f" (or at {' or '.join(others)}: these recordings cannot decide)" if others else ""
     return text[0].lower() + text[1:] + elsewhere
+
+
+def _at_body(text: str, diagnosis: Diagnosis) -> str:
+    """Return a text in which the moving part is called as it is called on this rig."""
+    model = diagnosis.model or diagnosis.base_model
+    return text if model is None else re.sub(r"\bball\b", model.plant.rig.body, text)
 
 
 def _effect(cause: Cause, diagnosis: Diagnosis) -> Effect:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from deatwin.plant.errors import DataError, nearest
 from deatwin.plant.files.csvtext import (
     BLANKS,
+    NO_VALUE,
     decode,
     find_layout,
     formula,
@@ -24,6 +25,7 @@ from deatwin.plant.files.csvtext import (
     is_comment,
     is_number,
     names_and_units,
+    require_no_settings,
     split_cells,
 )
 from deatwin.plant.files.formats.description import SCHEMA, read_description
@@ -37,29 +39,11 @@ DESCRIPTION = f"# {SCHEMA} "  # Start of a line above the header that holds a de
 _GZIP = b"\x1f\x8b"  # First bytes of a gzip file
 EXACT = Context(prec=800)  # Decimal context with enough digits for the exact sum of any two floats
 _FORTRAN = re.compile(r"(\d\.\d*)[dD](?=[+-]\d\d)")  # Exponent of a double-precision number in Fortran
-_NO_VALUE = frozenset(
-    {
-        "",
-        "nan",
-        "na",
-        "n/a",
-        "n.a.",
-        "null",
-        "none",
-        "-",
-        "--",
-        "---",
-        "-nan",
-        "nan(ind)",
-        "-nan(ind)",
-        "1.#qnan",
-        "-1.#ind",
-    }
-    | {"#n/a", "#div/0!", "#num!", "#value!", "#ref!", "#name?", "#null!"}
-)
-"""Marks of a missing value, in lower case: words and dashes, C's numbers that are none, and errors of Excel."""
 _OVERFLOWS = np.array([9.9e37, 9.91e37])  # Infinity and no number from instruments (SCPI-1999, volume 1, section 7.2.1)
 _LARGE = 1e20  # SI value that an overflow exceeds in any unit
+_APART = re.compile(
+    r"(?<=\d)['’\u00a0\u2009\u202f ](?=\d{3}(?!\d))"
+)  # Mark between thousands that no decimal sign can be
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 
 
@@ -217,6 +201,11 @@ class CsvTable(Table):
                     continue
                 if cell.startswith("="):
                     return DataError(f"{place}: {formula(cell)}")
+                bare = _APART.sub("", cell)
+                if bare != cell and is_number(bare.replace(",", ".")):
+                    return DataError(
+                        f'{place}: "{clipped(cell)}" has a mark between thousands; write it as {clipped(bare)}'
+                    )
                 if not is_number(cell.replace(",", ".")):
                     return DataError(f'{place}: "{clipped(cell)}" is not a number')
                 if not np.isfinite(float(cell.replace(",", "."))):
@@ -228,7 +217,7 @@ class CsvTable(Table):
 
 def _is_absent(cell: str) -> bool:
     """Return whether a cell marks a missing value."""
-    return cell.strip().lower() in _NO_VALUE
+    return cell.strip().lower() in NO_VALUE
 
 
 def read_table(path: str | Path) -> CsvTable:
@@ -266,6 +255,7 @@ def table_of(numbered: Iterable[tuple[int, str]], name: str, sha256: str) -> Csv
         raise DataError(f"{name}: the file is empty; it must hold a header, with the names of its columns, and samples")
     rows, lines = [row for row, _ in filled], [line for _, line in filled]
     layout = find_layout(lines, rows, name)
+    require_no_settings(layout, lines, rows, name)
     if layout.head:
         headers, units, said = names_and_units(list(layout.head), name)
         names = [split_unit(header)[0] for header in headers]

@@ -13,13 +13,36 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.files.dates import is_clock, is_date
 from deatwin.plant.files.headers import for_name, split_unit
 from deatwin.plant.files.units import find_unit
-from deatwin.plant.files.usual import COLUMNS
+from deatwin.plant.files.usual import COLUMNS, LIKE_TIMES
 from deatwin.plant.safe_read import clipped
 
 _DELIMITERS = {"\t": "tab", ";": "semicolon", "|": "bar", ",": "comma"}
 BLANKS = " "  # Delimiter that stands for any run of blanks and tabs
 _HEAD = 1000  # Largest number of lines before the samples
+_HEADERS = 4  # Largest number of lines with names, units and remarks
 _LIKE_SAMPLES = 3  # Number of lines after the header that must hold numbers, if the file has as many
+_UNITS_LABEL = re.compile(r"(?i)(units?|einheit(en)?|unités?)\s*:?")  # Word before the units in their line
+NO_VALUE = frozenset(
+    {
+        "",
+        "nan",
+        "na",
+        "n/a",
+        "n.a.",
+        "null",
+        "none",
+        "-",
+        "--",
+        "---",
+        "-nan",
+        "nan(ind)",
+        "-nan(ind)",
+        "1.#qnan",
+        "-1.#ind",
+    }
+    | {"#n/a", "#div/0!", "#num!", "#value!", "#ref!", "#name?", "#null!"}
+)
+"""Marks of a missing value, in lower case: words and dashes, C's numbers that are none, and errors of Excel."""
 _COMMENT = re.compile(r"\s*(?:#+|%+|//+)[ \t]*")
 _GROUPED = re.compile(r"(?<![\d.])[1-9]\d{0,2}(?:,\d{3})+\.\d+")
 _BEFORE_UNIT = re.compile(r"\s+(?![(\[])(?![^(]*\))(?![^\[]*\])")  # Blanks that are neither before nor inside brackets
@@ -86,6 +109,18 @@ def find_layout(lines: list[str], rows: list[int], path: str) -> Layout:
     raise _no_layout(lines, rows, marks[0], path)
 
 
+def require_no_settings(layout: Layout, lines: list[str], rows: list[int], path: str) -> None:
+    """Refuse lines with a word and a number for each channel, such as scales, between the names and the samples."""
+    near = slice(layout.first, layout.first + _HEAD)
+    words = [_is_labelled(split_cells(line, layout.delimiter)) for line in lines[near] if not is_comment(line)]
+    if words[0] and not any(words[words.index(False) :] if False in words else words):
+        word = split_cells(lines[layout.first], layout.delimiter)[0]
+        raise DataError(
+            f'{path}, row {rows[layout.first]}: "{clipped(word)}" begins a line below the names that is no sample; apply '
+            "scales and other settings to the samples, and remove such lines"
+        )
+
+
 def header_line(width: int, delimiter: str, times: int | None = 0) -> str:
     """Return an example header for rows of a number of cells, one of them the times, for an error text."""
     usual = ["command_V", "displacement_mm"]
@@ -140,6 +175,7 @@ def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[s
     """Return headers and units from the header lines, and the line of units."""
     # A line with the channels' rates, ranges or the like may follow the names and units.
     head = head[:-1] if len(head) > 1 and len(head[-2]) >= len(head[-1]) and _are_quantities(head[-1]) else head
+    head = [["" if _UNITS_LABEL.fullmatch(cell) else cell for cell in cells] for cells in _without_remarks(head)]
     only_units = len(head) > 1 and len(head[-2]) >= len(head[-1]) and _are_units(head[-1])
     headers = _header(head[:-1] if only_units else head)
     names, units = (list(part) for part in zip(*map(split_unit, headers), strict=True))
@@ -158,6 +194,18 @@ def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[s
     return headers, units, said
 
 
+def _without_remarks(head: list[list[str]]) -> list[list[str]]:
+    """Return the header lines without those that follow names and units, such as a line with the channels' devices."""
+    last = head[-1]
+    if any(split_unit(cell)[1] or LIKE_TIMES.search(cell) for cell in last):
+        return head
+    for k in range(len(head) - 2, 0, -1):
+        names = head[k - 1]
+        if _are_units(head[k]) and all(head[k]) and len(names) == len(set(names)) == len(head[k]) >= len(last):
+            return head[: k + 1]
+    return head
+
+
 def _header(head: list[list[str]]) -> list[str]:
     """Return the last header line, or the one above if only that names all columns, or only that gives units."""
     last, above = head[-1], head[-2] if len(head) > 1 else []
@@ -169,7 +217,7 @@ def _header(head: list[list[str]]) -> list[str]:
 
 def _are_units(cells: list[str]) -> bool:
     """Return whether a line contains units: at least one known, others in brackets, after a slash, or a dash."""
-    filled = [cell for cell in cells if cell]
+    filled = [cell for cell in cells if cell and not _UNITS_LABEL.fullmatch(cell)]
     known = [cell for cell in filled if find_unit(cell)]
     return bool(known) and all(
         cell in known or cell in ("-", "%", "1") or re.fullmatch(r"\(.*\)|\[.*\]|\S*[/%°]\S*", cell) for cell in filled
@@ -220,14 +268,14 @@ def _starts(lines: list[str], cells: list[list[str]], delimiter: str, width: int
 
 def _is_labelled(cells: list[str]) -> bool:
     """Return whether a line begins with a word, as settings and statistics do."""
-    return cells[0][:1].isalpha() and _kind(cells[0]) in ("text", "mixture")
+    return cells[0][:1].isalpha() and cells[0].lower() not in NO_VALUE and _kind(cells[0]) in ("text", "mixture")
 
 
 def _named(lines: list[str], delimiter: str, first: int) -> Layout:
     """Return the layout of a file with a header."""
     width = len(split_cells(lines[first], delimiter))
     # Names above a line of units may be numbers, such as those of an oscilloscope's channels.
-    above = lines[max(first - 3, 0) : first]
+    above = lines[max(first - _HEADERS, 0) : first]
     names = [_header_cells(line, delimiter, width) or split_cells(line, delimiter) for line in above]
     return Layout(delimiter=delimiter, first=first, head=tuple(names))
 

@@ -22,6 +22,7 @@ _TIMES = re.compile(
 _TIME_WORD = re.compile(r"millis|micros|nanos|[mun]s|[mun]?secs?|(?:milli|micro|nano)?seconds?", re.IGNORECASE)
 """Header that is only a unit of time. s, min and h are excluded: alone they may mean distance, minimum and height."""
 _DOUBTFUL = ("F", "l")  # Units recognised in brackets only, because names of forces and lengths have these endings, too
+TIME_NAMES = ("time", "t", "zeit", "uhrzeit", "temps", "heure", "hora", "tiempo", "时间")
 _NO_QUANTITIES = frozenset({"counts"})  # Words before a slash that belong to an unknown unit, as in ``counts/s``
 _DIFFERENCE = re.compile(r"(?i:[Δ∆]|delta|diff(?!us)|d_?t(?![a-z])|(.*[^a-z]|temp)?(difference|rise|increase)\b)")
 _LAST_WORD = (
@@ -129,6 +130,8 @@ def _celsius_or_coulomb(name: str) -> str:
 
 
 def _is_rate(before: str, unit: str) -> bool:
-    """Return whether the text before a slash belongs to a unit; ``t/s`` is a time, any other ``/s`` a rate."""
-    rate = UNITS[unit].si == "s" and before.lower() not in ("t", "time")
+    """Return whether the text before a slash belongs to a unit; ``t/s`` and ``Zeit/s`` are times, any other ``/s`` is a
+    rate.
+    """
+    rate = UNITS[unit].si == "s" and before.lower() not in TIME_NAMES
     return rate or bool(find_unit(before)) or before in _NO_QUANTITIES

@@ -12,6 +12,8 @@ from deatwin.plant.safe_read import kind_of_file
 
 def place_of(path: str | os.PathLike[str]) -> Path:
     """Return the path that will be written: for a link, its target."""
+    if os.fspath(path) == "-":
+        raise DataError("-: results are not written to standard output; give the name of a file")
     target = Path(os.path.realpath(path)) if os.path.islink(path) else Path(path)
     if kind := kind_of_file(target):
         raise DataError(f"{path}: is {kind}; give the name of a file")

@@ -11,6 +11,7 @@ from deatwin.plant.errors import DataError
 from deatwin.plant.files.clock import even_pieces
 from deatwin.plant.files.dates import ORDERS
 from deatwin.plant.files.formats.table import Table
+from deatwin.plant.files.headers import TIME_NAMES
 from deatwin.plant.files.times import TIME_UNITS, time_scale
 from deatwin.plant.files.units import UNITS, find_unit
 from deatwin.plant.files.usual import USUAL_TIMES
@@ -20,13 +21,13 @@ from deatwin.plant.resampling import resampling_options
 from deatwin.plant.safe_read import clipped
 
 Floats = NDArray[np.float64]
-_TIME_NAMES = ("time", "t", "zeit", "uhrzeit", "temps", "heure", "hora", "tiempo", "时间")
 _STAMP_NAMES = (
     *("ts", "timestamp", "datetime", "unixtime", "times", "elapsed", "elapsedtime", "date", "zeitstempel"),
     *("datum", "datumuhrzeit", "datumzeit", "horodatage", "fecha", "fechahora"),
 )
 _CALENDARS = ((32874.0, 73051.0), (726834.0, 767011.0))  # Days from 1990 to 2100, counted from 1900 and from 0
 _SHORT = 1e-4  # Step below which times in s may be days, in which it is less than nine seconds
+_ROUNDED = 1e-6  # Relative error of a step from times with too few digits
 _LISTED = 5  # Largest number of columns that an error lists
 
 
@@ -36,15 +37,17 @@ def time_column(
     """Return the column of the times and its unit: as named, called ``time``, with a unit of time, or evenly rising."""
     if wanted is not None:
         return _named_times(table, taken, wanted)
-    free = [column for column in range(len(table.headers)) if column not in taken]
+    free = [column for column in range(len(table.headers)) if column not in taken and table.beside(column, taken)]
     timed = [column for column in free if UNITS[table.units[column]].si == "s"]
     # A column named time without a unit is in seconds, or holds dates.
     likely = [column for column in free if column in timed or not table.units[column]]
     usual = [column for column in likely if table.headers[column] == USUAL_TIMES]
-    named = [column for column in likely if _plain(table.names[column]) in _TIME_NAMES]
+    named = [column for column in likely if _plain(table.names[column]) in TIME_NAMES]
     stamped = [column for column in likely if _plain(table.names[column]) in _STAMP_NAMES]
+    inner = [column for column in likely if _plain(_field(table.names[column])) in (*TIME_NAMES, *_STAMP_NAMES)]
+    inner = [column for column in inner if holds_times(table, column)]
     first = [0] if needed and table.nameless and 0 in free and _uneven(table, 0) == NO_OPTIONS else []
-    found = usual or named or stamped or timed or first
+    found = usual or named or stamped or timed or inner or first
     groups = {_group(table.names[column]) for column in taken}
     found = [column for column in found if _group(table.names[column]) in groups] or found
     if len(found) > 1 and found == timed:  # some of them may be durations
@@ -76,6 +79,11 @@ def _plain(name: str) -> str:
 def _group(name: str) -> str:
     """Return the struct or group to which a column belongs, from its name."""
     return re.match(r"(.*[./])?", name, re.DOTALL)[0]  # type: ignore[index]  # it matches anything
+
+
+def _field(name: str) -> str:
+    """Return the last part of the name of a struct's field, which keeps the struct's name if others have such a field."""
+    return name.removeprefix(_group(name)) if re.fullmatch(r"\w+(\(\d+\))?(\.\w+(\(\d+\))?)+", name) else ""
 
 
 def _named_times(table: Table, taken: set[int], wanted: str) -> tuple[int, str]:
@@ -164,7 +172,9 @@ def with_times(table: Table, column: int, unit: str) -> Table:
 
 def require_unit(table: Table, column: int, times: Floats) -> None:
     """Refuse times in an unknown unit, or in none if they may be dates of a spreadsheet or of MATLAB: as many days as
-    since 1900 or since the year 0, in steps that would be very short as seconds."""
+    since 1900 or since the year 0, in steps that would be very short as seconds. A time of day is a part of a day, and
+    its step is a round number of seconds only if counted in days.
+    """
     place = f'{table.path}: the times in the column "{table.shown(column)}"'
     options = {unit: ReadOptions(time_column=f"{table.unmistakable(column)}={unit}") for unit in TIME_UNITS}
     if said := "" if table.units[column] else table.own_unit(column):
@@ -175,12 +185,20 @@ def require_unit(table: Table, column: int, times: Floats) -> None:
             like,
         )
     steps = np.diff(times)
-    if steps.size and 0.0 < np.median(steps) < _SHORT and any(a <= times[0] < b for a, b in _CALENDARS):
+    dated = any(a <= times[0] < b for a, b in _CALENDARS)
+    step = float(times[-1] - times[0]) / max(steps.size, 1)
+    of_day = 0.0 < times[0] < times[-1] < 1.0 and _is_round(step * UNITS["day"].numerator) and not _is_round(step)
+    if steps.size and 0.0 < np.median(steps) < _SHORT and (dated or of_day):
         raise DataError(
             f"{place} may be days of a calendar, as spreadsheets count them, or seconds; state it: "
             f"{options['day']} or {options['s']}",
             options["day"],
         )
+
+
+def _is_round(step: float) -> bool:
+    """Return whether a positive number has at most two digits, but for rounding."""
+    return abs(step / float(f"{step:.1e}") - 1.0) < _ROUNDED
 
 
 def no_times(table: Table, taken: set[int]) -> DataError:

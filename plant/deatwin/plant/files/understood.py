@@ -19,7 +19,7 @@ from deatwin.plant.recording import Recording
 from deatwin.plant.rigs.base import ReadingTime
 
 _REPAIRS = 7  # Largest number of rounds; there are six options, so that more rounds add nothing
-_LIKE_NUMBER = re.compile(r"[-+]?[\d.,]+([eE][-+]?\d+)?")
+_LIKE_NUMBER = re.compile(r"[-+]?\d?[\d.,'’\s]*\d([eE][-+]?\d+)?( ?[^\W\d]{1,3})?")  # perhaps with marks and a unit
 _WORD = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[^\W\d_]+")
 _USUAL_WORDS = {
     "input": "u uin vin input in cmd command control excitation drive voltage volt v hv reference ref setpoint target pwm "

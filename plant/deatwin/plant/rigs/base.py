@@ -121,6 +121,12 @@ class Rig(ABC):
     """Sizes at which the catalogue's effects act on this rig, if they differ from the diaphragm's."""
 
     @property
+    def body(self) -> str:
+        """Return the name of the moving part in sentences; the diaphragm alone has a ball."""
+        named = (self.sizes or Sizes()).body
+        return "moving part" if named == Sizes().body else named
+
+    @property
     def readings(self) -> tuple[Reading, ...]:
         """Return all readings, the first one first."""
         noise = max(self.noise, 1e-300)  # a simulated sensor may have no noise

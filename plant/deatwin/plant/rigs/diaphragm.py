@@ -122,6 +122,10 @@ class Diaphragm(Rig):
             raise RigError(f"{self.elements} elements: a film needs at least 1")
 
     @property
+    def body(self) -> str:
+        return "ball"
+
+    @property
     def parameters(self) -> tuple[Parameter, ...]:
         known: dict[str, Any] = {"source": "rig file", "known": True}
         return (

@@ -42,9 +42,11 @@ class Mistake:
 
 def mistakes_of(data: Mapping[str, Any]) -> list[Mistake]:
     """Find all mistakes of a rig file."""
-    kind, wrong = _kind(data.get("kind", "diaphragm"))
+    key = _key_of_kind(data)
+    kind, wrong = _kind(data.get(key, "diaphragm"))
     table = KINDS[kind].sections
-    outside = [_outside(name, table) for name in data if name not in (*table, "kind", "material", READINGS)]
+    strange = (name for name in data if name not in (*table, "kind", "material", READINGS))
+    outside = [_misnamed_kind(name) if name == key else _outside(name, table) for name in strange]
     called = {section: section for section in table}
     for mistake in outside:  # a section with a misspelt name is read under the name that it should have
         name = mistake.line_of[0]
@@ -62,6 +64,17 @@ def mistakes_of(data: Mapping[str, Any]) -> list[Mistake]:
     ]
     meant = {mistake.meant for mistake in found if mistake.meant}
     return [mistake for mistake in found if mistake.missing not in meant]
+
+
+def _key_of_kind(data: Mapping[str, Any]) -> str:
+    """Return the key above the sections that names the kind of the rig, under whatever name."""
+    texts = () if "kind" in data else (name for name, value in data.items() if isinstance(value, str))
+    return next((name for name in texts if data[name] in KINDS or nearest(name[:100], ("kind",))), "kind")
+
+
+def _misnamed_kind(name: str) -> Mistake:
+    """Return the mistake of another name for the key ``kind``."""
+    return Mistake(text=f'unknown key "{clipped(name)}"; did you mean "kind"?', line_of=(name,))
 
 
 def _kind(name: object) -> tuple[str, list[Mistake]]:

@@ -7,6 +7,7 @@ from deatwin.plant.safe_read import clipped
 
 _NUMBER = r"[+-]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?"
 _END = r"\s*(?:#.*)?"
+_CURLY = "“”„‟«»‘’‚‛`´"
 _KEY = re.compile(r"\s*([A-Za-z0-9_-]+)\s*=\s*(.*?)\s*")
 _BARE = re.compile(r"\s*([A-Za-z0-9_-]+)\s+([^=\[\]#]+?)\s*(?:#.*)?")
 _SECTION = re.compile(r"\s*\[([A-Za-z0-9_-]+)\s*\]?" + _END)
@@ -17,6 +18,10 @@ _SLIPS: tuple[tuple[re.Pattern[str], Callable[..., str]], ...] = (
     (
         re.compile(rf"({_NUMBER})\s*[A-Za-zµμ%°]+{_END}"),
         lambda number: f"the key has the unit in its name: write {number}",
+    ),
+    (
+        re.compile(rf"[{_CURLY}]+([^{_CURLY}\"']*)[{_CURLY}\"']*{_END}"),
+        lambda word: f'quotes are straight: write "{word}"',
     ),
     (
         re.compile(r"(?!true\b|false\b|inf\b|nan\b)([^\W\d][^\"'#\[\]{}]*?)" + _END),

@@ -36,6 +36,7 @@ class TomlFile:
         except RigError:
             raise
         except ValueError as error:  # TOMLDecodeError, or a whole number of thousands of digits
-            raise RigError(f"{path}: this is not valid TOML: {slip_of(text) or clipped(error, 200)}") from None
+            other = "" if str(path).endswith(".toml") else f"; the name of a {what} ends in .toml"
+            raise RigError(f"{path}: this is not valid TOML: {slip_of(text) or clipped(error, 200)}{other}") from None
         except RecursionError:
             raise RigError(f"{path}: not a {what}: lists are nested too deeply") from None

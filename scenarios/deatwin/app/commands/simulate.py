@@ -110,8 +110,10 @@ def _banded(headers: tuple[str, str, str], mean: np.ndarray, deviation: np.ndarr
     band.
     """
     half = TWO_SIDED_95 * deviation
-    columns = (mean, mean - half, mean + half)
-    return {name: values.round(_digits(half.min())) for name, values in zip(headers, columns, strict=True)}
+    columns = dict(zip(headers, (mean, mean - half, mean + half), strict=True))
+    if not (narrowest := half.min()):  # neither noise nor model error
+        return columns
+    return {name: values.round(_digits(narrowest)) for name, values in columns.items()}
 
 
 def _digits(width: float) -> int:

@@ -32,7 +32,19 @@ from deatwin.ident.mismatch.located import Band, PlaceSummary, Region, Unexplain
 from deatwin.ident.mismatch.result import Errors, Fault, OriginSummary, Output, Statistic, UnseenErrors
 from deatwin.ident.mismatch.say import MOST_NAMED, number, risk, say, title_of
 from deatwin.ident.mismatch.verdict import Shown
-from deatwin.plant import Coupon, Creep, Diaphragm, Effect, Experiment, Plant, Recording, SensorDrift
+from deatwin.plant import (
+    CalibratedPlant,
+    Coupon,
+    Creep,
+    Diaphragm,
+    Effect,
+    Experiment,
+    Planar,
+    Plant,
+    Recording,
+    Rig,
+    SensorDrift,
+)
 from deatwin.plant.effects.catalogue import catalogue
 from deatwin.plant.integrator.compiled import compiler
 from deatwin.plant.records import plain
@@ -610,3 +622,24 @@ def test_two_faults_of_one_recording_are_those_of_a_recording() -> None:
         )
     )
     assert said.startswith("The recording is faulty. In recording 1")
+
+
+@pytest.mark.parametrize(
+    ("rig", "body"),
+    [(Diaphragm(), "ball"), (Planar(), "moving part"), (Coupon(), "moving part")],
+    ids=["ball", "bar", "strip"],
+)
+def test_only_a_diaphragm_has_a_ball(rig: Rig, body: str) -> None:
+    friction = Cause(
+        effect="coulomb_friction",
+        family="mechanical",
+        probability=0.95,
+        share_explained=0.9,
+        parameters={"force": Interval(value=0.012, low=0.011, high=0.013, unit="N")},
+    )
+    model = CalibratedPlant.nominal(Plant(rig=rig))
+    named = replace(DIAGNOSES["named"], causes=(friction,), model=model)
+    assert f"the {body} moves against a dry friction of 12.0 mN" in say(named)
+    best = replace(LOCATED, place=(PlaceSummary(place="ball", score=0.9, explained=0.9, among_best=True),))
+    located = replace(DIAGNOSES["unknown"], location=best, base_model=model)
+    assert f"look for the cause at the {body} first" in say(located).lower() + next_step(located).lower()

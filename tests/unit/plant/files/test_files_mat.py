@@ -8,7 +8,7 @@ import pytest
 from scipy.io import loadmat, savemat
 
 from deatwin.plant.errors import DataError
-from deatwin.plant.files import read_recording, write_recording
+from deatwin.plant.files import read_experiment, read_recording, write_recording
 from deatwin.plant.recording import Recording
 
 pytestmark = pytest.mark.usefixtures("in_one_process")
@@ -94,6 +94,19 @@ class TestBoth:
         recording = read_recording(path, input_column="two.command_V", output_column="two.displacement_mm")
         np.testing.assert_array_equal(recording.inputs[0], COMMAND)
 
+    def test_two_structs_have_their_own_times(self, save) -> None:
+        one, two = ({"t": start + TIME, "u": COMMAND, "y": 0.1 * COMMAND} for start in (1.0, 5.0))
+        path = save({"one": one, "two": two})
+        recording = read_recording(path, input_column="two.u=V", output_column="two.y=mm")
+        assert (recording.start, recording.sample_time) == (5.0, 0.02)
+        with pytest.raises(DataError, match=r'"one.t" and "two.t" may all be the times, and they differ'):
+            read_recording(path, input_column="one.u=V", output_column="two.y=mm")
+
+    def test_columns_of_another_length_are_not_the_times(self, save) -> None:
+        fast = {"t": TIME, "u": COMMAND, "y": 0.1 * COMMAND}
+        path = save({"fast": fast, "slow": {"t": 10.0 * TIME[:5], "T": 20.0 + TIME[:5]}})
+        check(read_recording(path, input_column="u=V", output_column="y=mm"))
+
     def test_array_of_structs(self, save) -> None:
         signals = [{"values": SIGNALS["command_V"], "label": "U"}, {"values": SIGNALS["displacement_mm"], "label": "x"}]
         path = save({"scope": {"time": TIME, "signals": signals}})
@@ -126,6 +139,69 @@ def test_another_hdf5_file_has_its_units_as_attributes(tmp_path: Path, kind: typ
         for name, values, unit in (("t", 20.0 * np.arange(N), "ms"), ("u", COMMAND, "V"), ("y", 0.1 * COMMAND, "mm")):
             file.create_dataset(f"run/{name}", data=values).attrs["units"] = kind(unit)
     check(read_recording(tmp_path / "r.h5", input_column="u", output_column="y"))
+
+
+@pytest.mark.parametrize("kind", [np.int16, np.float64])
+def test_packed_values_of_hdf5_are_unpacked(tmp_path: Path, kind: type) -> None:
+    """CF conventions, section 8.1: a value is its packed value times scale_factor, plus add_offset."""
+    h5py = pytest.importorskip("h5py")
+    counts = np.arange(100, 100 + N).astype(kind)
+    with h5py.File(tmp_path / "r.h5", "w") as file:
+        file["time_s"] = TIME
+        file["command"], file["displacement"] = counts, counts
+        file["command"].attrs.update({"units": "V", "scale_factor": np.float32(0.5)})
+        file["displacement"].attrs.update({"units": "mm", "scale_factor": [0.25], "add_offset": -3})
+    recording = read_recording(tmp_path / "r.h5")
+    np.testing.assert_array_equal(recording.inputs[0], 0.5 * counts)
+    np.testing.assert_allclose(recording.outputs[0], 1e-3 * (0.25 * counts - 3.0), rtol=1e-15)
+
+
+@pytest.mark.parametrize("attribute", ["_FillValue", "missing_value"])
+def test_a_fill_value_of_hdf5_is_no_reading(tmp_path: Path, attribute: str) -> None:
+    h5py = pytest.importorskip("h5py")
+    readings = np.arange(N, dtype=np.int16)
+    readings[7] = -9999
+    with h5py.File(tmp_path / "r.h5", "w") as file:
+        file["time_s"], file["command_V"], file["displacement_mm"] = TIME, COMMAND, readings
+        file["displacement_mm"].attrs[attribute] = np.int16(-9999)
+    with pytest.raises(DataError, match=r'row 8, column "displacement_mm": there is no value'):
+        read_recording(tmp_path / "r.h5")
+    assert sum(r.n_samples for r in read_experiment([tmp_path / "r.h5"], allow_gaps=True).recordings) == N - 1
+
+
+@pytest.mark.parametrize("attribute", ["gain", "Scale", "offset_mm", "volts_per_count"])
+def test_whole_numbers_in_an_unknown_scale_are_refused(tmp_path: Path, attribute: str) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "r.h5", "w") as file:
+        file["time_s"], file["command_V"], file["run/displacement"] = TIME, COMMAND, np.arange(N)
+        file["run/displacement"].attrs.update({"units": "mm", attribute: 2e-4})
+    with pytest.raises(
+        DataError, match=rf'"run.displacement" .* attribute "{attribute}" is 0.0002; rename it to scale_f'
+    ):
+        read_recording(tmp_path / "r.h5")
+    with h5py.File(tmp_path / "r.h5", "r+") as file:
+        del file["run/displacement"].attrs[attribute]
+    assert read_recording(tmp_path / "r.h5").outputs[0, 2] == 2e-3
+
+
+def test_fields_of_a_compound_data_set_are_columns(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    rows = np.array(list(zip(*SIGNALS.values(), strict=True)), dtype=[(name, float) for name in SIGNALS])
+    with h5py.File(tmp_path / "r.h5", "w") as file:
+        file["run1/samples"] = rows
+    check(read_recording(tmp_path / "r.h5"))
+
+
+def test_complex_numbers_of_matlab_are_no_fields(tmp_path: Path) -> None:
+    """MATLAB stores complex arrays as compounds of real and imag."""
+    path = hdf5_mat(tmp_path / "rec.mat", SIGNALS)
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(path, "r+") as file:
+        file["spectrum"] = np.zeros(N, dtype=[("real", float), ("imag", float)])
+        file["spectrum"].attrs["MATLAB_class"] = np.bytes_("double")
+    check(read_recording(path))
+    with pytest.raises(DataError, match=r'no column "real"'):
+        read_recording(path, input_column="real")
 
 
 def test_integers(tmp_path: Path) -> None:

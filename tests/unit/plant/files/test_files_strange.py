@@ -81,6 +81,7 @@ REFUSED = {
     "a row that breaks off": ([*ROWS, "0.80,0.1"], "row 42, .* 2 of 3 cells; the file ends within it"),
     "rows that run backwards": (ROWS[::-1], "the rows run backwards: put them in order"),
     "an Excel file of dates": (with_times([f"{45413.5 + t / 86400:.10f}" for t in T]), '"Time=day" or .*"Time=s"'),
+    "times of day in days": (with_times([f"{0.585 + t / 86400:.12f}" for t in T]), '"Time=day" or .*"Time=s"'),
     "ticks": (with_times([str(3 * k) for k in range(40)]), 'said to be in "ticks", .* such as .*"Time .ticks.=s"'),
     "a time zone by name": (
         with_times([f"2024-05-01 12:00:{t:06.3f} CEST" for t in T]),
@@ -103,7 +104,12 @@ REFUSED = {
 @pytest.mark.parametrize("kind", REFUSED)
 def test_it_is_refused_with_a_line_to_follow(tmp_path: Path, kind: str) -> None:
     rows, said = REFUSED[kind]
-    times = {"an Excel file of dates": "Time", "ticks": "Time (ticks)", "a capital unit": "Time (mS)"}
+    times = {
+        "an Excel file of dates": "Time",
+        "times of day in days": "Time",
+        "ticks": "Time (ticks)",
+        "a capital unit": "Time (mS)",
+    }
     time = times.get(kind, "date" if " " in rows[0] and "mm" not in rows[0] else "time_s")
     (tmp_path / "r.csv").write_text("\n".join([HEAD.replace("time_s", time), *rows]), encoding="utf-8")
     with pytest.raises(DataError, match=said):

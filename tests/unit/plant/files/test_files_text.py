@@ -68,6 +68,21 @@ class TestKinds:
         lines = ["time,command,displacement,pressure", "s,V,mm,(bar)", *(f"{line},9" for line in LINES)]
         check(read_recording(write(lines)))
 
+    @pytest.mark.parametrize("below", [["MX840B,MX840B,MX1609"], ["fast,±10,±5", "MX840B,MX840B,MX1609"]])
+    def test_remarks_below_names_and_units(self, write, below: list[str]) -> None:
+        check(read_recording(write(["Film 7", "time,command,displacement", "s,V,mm", *below, *LINES])))
+
+    @pytest.mark.parametrize("label", ["Unit", "Units:", "Einheit", "Unité"])
+    @pytest.mark.parametrize("first", ["", "7"])
+    def test_a_word_before_the_units(self, write, label: str, first: str) -> None:
+        lines = ["Name,time,command,displacement", f"{label},s,V,mm", *(f"{first},{line}" for line in LINES)]
+        check(read_recording(write(lines)))
+
+    def test_names_below_units_stay_the_names(self, write) -> None:
+        lines = ["CH1,CH2,CH3", "s,V,mm", "time,U,x", *LINES]
+        named = {"input_column": "U=V", "output_column": "x=mm"}
+        check(read_recording(write(lines), **named))
+
     def test_without_times_the_sample_time_is_asked_for(self, write) -> None:
         path = write([line.partition(",")[2] for line in [HEADER, *LINES]])
         check(read_recording(path, dt=0.02))
@@ -82,6 +97,23 @@ class TestKinds:
 
 
 class TestRefused:
+    @pytest.mark.parametrize("word", ["Scale", "Offset in V", "Sequence"])
+    @pytest.mark.parametrize("first", ["", "7"])
+    def test_settings_between_the_names_and_the_samples(self, write, word: str, first: str) -> None:
+        body = [f"{first},{line}" for line in LINES]
+        settings = [f"{word},1,0.0005,0.0002", "Zero,0,0,0.1"]
+        with pytest.raises(DataError, match=rf'row 2: "{word}" begins a line below the names that is no sample'):
+            read_recording(write([f"Channel,{HEADER}", *settings, *body]), dt=0.02)
+        check(read_recording(write([*settings, f"Channel,{HEADER}", *body])))
+
+    @pytest.mark.parametrize(
+        "states", [["idle", "idle", "busy", "busy"], ["n/a", "NaN", "3", "4"], ["3", "on", "4", "on"]]
+    )
+    def test_a_first_column_of_words_is_no_setting(self, write, states: list[str]) -> None:
+        check(
+            read_recording(write([f"state,{HEADER}", *(f"{s},{line}" for s, line in zip(states, LINES, strict=True))]))
+        )
+
     @pytest.mark.parametrize(
         ("lines", "message"),
         [

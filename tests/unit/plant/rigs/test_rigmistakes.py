@@ -103,6 +103,14 @@ def test_lines_are_told_where_they_are_known(tmp_path: Path, text: str, lines: l
     assert said.index("the section [sensor] is missing") > said.rfind("line ")
 
 
+@pytest.mark.parametrize("name", ["Kind", "kin", "type"])
+def test_a_kind_under_another_name_is_the_kind(name: str) -> None:
+    stack = {"film": {"material": "Elastosil 2030", "thickness_mm": 0.1, "layers": 100, "area_mm2": 400.0}}
+    with pytest.raises(RigError) as caught:
+        RigFile.from_dict({name: "stack", **stack, "drive": SOUND["drive"], "sensor": SOUND["sensor"]}, "a rig")
+    assert str(caught.value) == f'a rig: unknown key "{name}"; did you mean "kind"?'
+
+
 def test_a_name_in_the_wrong_place_is_not_missing_as_well() -> None:
     drive = {key: value for key, value in SOUND["drive"].items() if key != "gain"}
     above, moved = {"gain": 800.0}, {"load": {**SOUND["load"], "gain": 1}}

@@ -43,6 +43,10 @@ class ArrayTable(Table):
                 )
         return first or super().timing(columns)
 
+    def beside(self, column: int, others: Collection[int]) -> bool:
+        """Return whether a column has as many samples as one of the others, if there are any."""
+        return not others or len(self.columns[column]) in {len(self.columns[k]) for k in others}
+
     def si(self, columns: Sequence[int], *, missing: Collection[int] = ()) -> NDArray[np.float64]:
         """Return columns as numbers in SI units, (len(columns), n)."""
         length = len(self.columns[columns[0]])

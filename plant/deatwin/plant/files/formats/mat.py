@@ -1,8 +1,8 @@
 """MATLAB files: version 5 (and 4, 6, 7) by SciPy, 7.3 (HDF5 behind a user block of 512 bytes) and other HDF5 by h5py.
 
 Signals are numeric vectors named as CSV columns are, alone or as fields of structs, ``signals(2).values`` in an array of
-structs, or columns of a matrix, ``data(:,2)``. A struct ``units`` may name units: ``units.command = 'V'``; so may
-attributes of HDF5. A scalar ``Ts``, ``dt`` or ``sample_time`` (s), ``fs`` or ``sample_rate`` (Hz) states the clock of a
+structs, columns of a matrix, ``data(:,2)``, or fields of a compound data set of HDF5. A struct ``units`` may name units:
+``units.command = 'V'``; so may attributes of HDF5. A scalar ``Ts``, ``dt`` or ``sample_time`` (s), ``fs`` or ``sample_rate`` (Hz) states the clock of a
 file without times. Texts go into the provenance.
 """
 
@@ -43,6 +43,11 @@ _WIDEST = 64  # Largest number of signals in a matrix or an array of structs; wi
 _UNREAD = frozenset(
     {"MATLAB_empty", "MATLAB_object_decode"}
 )  # Marks of empty arrays, and of objects such as timetables
+_PACKING = ("scale_factor", "add_offset")  # Attributes of HDF5 with which a value is packed
+_FILLS = ("_FillValue", "missing_value")  # Attributes of HDF5 that name the number in place of a missing value
+_SCALING = re.compile(
+    r"(?i)scale|scaling|gain|slope|factor|offset|per_(count|bit|lsb)"
+)  # Attributes of unknown meaning
 _UNUSED = ("cell", "object", "function", "opaque", "sparse", "unknown")  # Classes of variables that are ignored
 
 
@@ -185,13 +190,46 @@ def of_hdf5(content: bytes, path: str) -> dict[str, Any]:
             kind = np.bytes_(node.attrs.get("MATLAB_class", b"")).decode()
             if kind == "char":  # UTF-16 code units, stored by columns
                 values[name.replace("/", ".")] = node[()].T.astype("<u2").tobytes().decode("utf-16-le")
+            elif node.dtype.names and not kind:
+                numeric = (field for field in node.dtype.names if node.dtype[field].kind in "fiub")
+                values |= {f"{name}.{field}".replace("/", "."): node[field] for field in numeric}
             elif node.dtype.kind in "fiub" and kind not in ("cell", "function_handle"):
-                values[name.replace("/", ".")] = node[()].T  # MATLAB stores arrays by columns
-                unit = node.attrs.get("units", node.attrs.get("unit"))
-                if isinstance(unit, str | bytes):
-                    text = unit if isinstance(unit, str) else unit.decode("utf-8", errors="replace")
-                    values[f"units.{name.replace('/', '.')}"] = text
+                place = name.replace("/", ".")
+                values[place] = _unscaled(node, place, path).T  # MATLAB stores arrays by columns
+                if unit := _unit(node):
+                    values[f"units.{place}"] = unit
     return values
+
+
+def _unit(node: Any) -> str:
+    """Return the unit that an attribute of a data set states; empty if there is none."""
+    unit = node.attrs.get("units", node.attrs.get("unit"))
+    return unit.decode("utf-8", errors="replace") if isinstance(unit, bytes) else unit if isinstance(unit, str) else ""
+
+
+def _unscaled(node: Any, place: str, path: str) -> np.ndarray:
+    """Return the values of a data set, unpacked as section 8.1 of the CF conventions says; fill values become nan."""
+    packed: np.ndarray = node[()]
+    numbers = {name: value[0] for name in node.attrs if (value := _numeric(node.attrs[name])).size == 1}
+    known = {name: numbers[name] for name in (*_PACKING, *_FILLS) if name in numbers}
+    if not known:
+        unknown = next((name for name in numbers if _SCALING.search(name) and numbers[name] != 1), None)
+        if unknown and packed.dtype.kind in "iu" and _unit(node):
+            raise DataError(
+                f'{path}: "{clipped(place)}" holds whole numbers, and its attribute "{clipped(unknown)}" is '
+                f"{numbers[unknown]:g}; rename it to scale_factor or add_offset if the values must be multiplied by it or "
+                f"increased by it, and remove it if they are in {clipped(_unit(node))} already"
+            )
+        return packed
+    values = packed.astype(np.float64)
+    values[np.isin(packed, [known[name] for name in _FILLS if name in known])] = np.nan
+    return np.asarray(values * float(known.get("scale_factor", 1.0)) + float(known.get("add_offset", 0.0)))
+
+
+def _numeric(value: Any) -> np.ndarray:
+    """Return the numbers in an attribute, (n,); none for another attribute."""
+    numbers = np.ravel(value)
+    return numbers if numbers.dtype.kind in "fiu" else np.empty(0)
 
 
 def _structs(name: str, node: Any, file: Any) -> Iterator[tuple[str, Any]]:

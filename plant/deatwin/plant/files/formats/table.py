@@ -109,6 +109,10 @@ class Table(ABC):
         """Return the clock that the file states for some columns; None if it states none."""
         return self.declared.timing
 
+    def beside(self, column: int, others: Collection[int]) -> bool:
+        """Return whether a column has as many samples as one of the others, as the columns of a text always have."""
+        return True
+
     def column(self, wanted: str, works: Callable[[int], bool] = lambda column: True) -> int:
         """Return the number of a column, counted from 0."""
         if is_place(wanted) and wanted not in self.headers:
