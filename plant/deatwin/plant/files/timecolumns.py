@@ -172,8 +172,8 @@ def with_times(table: Table, column: int, unit: str) -> Table:
 
 def require_unit(table: Table, column: int, times: Floats) -> None:
     """Refuse times in an unknown unit, or in none if they may be dates of a spreadsheet or of MATLAB: as many days as
-    since 1900 or since the year 0, in steps that would be very short as seconds. A time of day is a part of a day, and
-    its step is a round number of seconds only if counted in days.
+    since 1900 or since the year 0, in steps that would be very short as seconds. A time of day is a part of a day, long
+    after midnight, and its step is a round number of seconds only if counted in days.
     """
     place = f'{table.path}: the times in the column "{table.shown(column)}"'
     options = {unit: ReadOptions(time_column=f"{table.unmistakable(column)}={unit}") for unit in TIME_UNITS}
@@ -187,7 +187,8 @@ def require_unit(table: Table, column: int, times: Floats) -> None:
     steps = np.diff(times)
     dated = any(a <= times[0] < b for a, b in _CALENDARS)
     step = float(times[-1] - times[0]) / max(steps.size, 1)
-    of_day = 0.0 < times[0] < times[-1] < 1.0 and _is_round(step * UNITS["day"].numerator) and not _is_round(step)
+    late = step * steps.size < times[0] < times[-1] < 1.0
+    of_day = late and _is_round(step * UNITS["day"].numerator) and not _is_round(step)
     if steps.size and 0.0 < np.median(steps) < _SHORT and (dated or of_day):
         raise DataError(
             f"{place} may be days of a calendar, as spreadsheets count them, or seconds; state it: "
