@@ -128,6 +128,15 @@ RECORDS: list[tuple[Callable[[], object], str]] = [
         lambda: arrays(np.ones((2, 5)), np.ones(5), 1.0, input_names=["u", "u"]),
         'two inputs .* are named "u": give each',
     ),
+    (
+        lambda: arrays(np.ones(5), np.ones(5), 1.0, input_names=(1,)),
+        "names and units of inputs must be texts; got 1, ''",
+    ),
+    (lambda: arrays(np.ones(5), np.ones(5), 1.0, output_units=(None,)), "of outputs must be texts; .*None"),
+    (
+        lambda: arrays(np.ones(5), np.ones(5), 1.0, extras={3: np.ones(5)}),
+        "names of extra channels must be texts; got 3",
+    ),
     (lambda: arrays(np.ones(5), np.ones((2, 5)), 1.0, output_names=["u", "u"]), 'two outputs .* are named "u"'),
     *(
         (
