@@ -247,12 +247,12 @@ def flatten(recordings: Recordings) -> tuple[Recording, ...]:
         return tuple(recordings.recordings)
     if isinstance(recordings, str | bytes) or not isinstance(recordings, Iterable):
         raise ModelError(
-            f"fit takes recordings and experiments, not a {type(recordings).__name__}: "
+            f"recordings and experiments are needed, not a {type(recordings).__name__}: "
             "Recording.from_arrays(inputs, outputs, sample_time) makes a recording of arrays"
         )
     chosen = tuple(record for item in recordings for record in flatten(item))
     if not chosen:
-        raise ModelError("no recording was given; fit needs at least one")
+        raise ModelError("no recording was given; at least one is needed")
     return chosen
 
 
