@@ -16,7 +16,7 @@ from deatwin.plant.builder import Builder
 from deatwin.plant.chain import MeasuringChain
 from deatwin.plant.effects.catalogue import catalogue, machine_catalogue
 from deatwin.plant.effects.sizes import Sizes
-from deatwin.plant.errors import RigError
+from deatwin.plant.errors import DeatwinError, RigError
 from deatwin.plant.parameters import Parameter, ParameterSet
 from deatwin.plant.readings import ROOM_TEMPERATURE, Reading, readings_from
 from deatwin.plant.rigfaults import users_code
@@ -321,14 +321,19 @@ def written(rig: Rig, build: Builder) -> Iterator[Any]:
         yield rig.write(build)
 
 
+def require_reading_time(value: object, error: type[DeatwinError]) -> None:
+    """Raise the error for anything but a `ReadingTime`, such as its text, which no comparison would recognise."""
+    if not isinstance(value, ReadingTime):
+        raise error(f"reading is {value!r}; it must be one of {', '.join(map(str, ReadingTime))}")
+
+
 def require_usable(rig: object) -> None:
     """Raise RigError for anything but a rig whose sample time, reading, noise and range of commands make sense."""
     if not isinstance(rig, Rig):
         given = rig.__name__ if isinstance(rig, type) else repr(rig)
         raise RigError(f"{given} is not a rig: give an object such as Diaphragm()")
     _require_number("sample_time", rig.sample_time)
-    if not isinstance(rig.reading, ReadingTime):
-        raise RigError(f"reading is {rig.reading!r}; it must be one of {', '.join(map(str, ReadingTime))}")
+    require_reading_time(rig.reading, RigError)
     if rig.command_range is not None:
         lower, upper = rig.command_range
         _require_number("the lower end of command_range", lower, least=-math.inf)
