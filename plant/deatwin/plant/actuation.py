@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from deatwin.plant.arrays import real_numbers
 from deatwin.plant.branch import branch_step, followed
 from deatwin.plant.datasets import Described, Metadata, Variables, attribute, coordinate, several, status_of
 from deatwin.plant.drawing import axes_or_new
@@ -154,13 +155,15 @@ def actuation_curve(plant: Plant, commands: np.ndarray) -> ActuationCurve:
     Raises
     ------
     DataError
-        If the commands do not rise.
+        If the commands are not one row of finite numbers that rise.
     SimulationError
         If the plant has no state of rest.
     """
     equations, values, start = plant.equations, plant.free_values, plant.rig.start.rest_command
-    wanted = np.asarray(commands, dtype=float)
-    if wanted.size == 0 or wanted[0] < start or np.any(np.diff(wanted) <= 0):
+    wanted = real_numbers(commands, "commands")
+    if wanted.ndim != 1 or wanted.size == 0 or not np.all(np.isfinite(wanted)):
+        raise DataError(f"commands of shape {wanted.shape}: need one row of at least one finite number")
+    if wanted[0] < start or np.any(np.diff(wanted) <= 0):
         raise DataError(f"an actuation curve needs commands that rise from {start:g}, the one at rest")
     rest = rest_state(equations, start, values)
     if not rest.found:

@@ -1,5 +1,7 @@
 """Turn samples and times that a user gives into read-only float arrays and numbers, or raise one clear error."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -40,6 +42,11 @@ def rows_of_signals(values: ArrayLike, what: str) -> NDArray[np.float64]:
             "transpose a table with a column for each"
         )
     return rows
+
+
+def texts(given: Sequence[str]) -> tuple[str, ...]:
+    """Return names or units as a tuple; a text alone is one of them, not a sequence of letters."""
+    return (given,) if isinstance(given, str) else tuple(given)
 
 
 def read_only(array: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording
-from deatwin.plant.rigs.base import ReadingTime
+from deatwin.plant.rigs.base import ReadingTime, require_reading_time
 
 Array = NDArray[np.float64]
 _PASSED, _STOPPED, _ATTENUATION_DB = 0.8, 1.2, 60.0  # Edges of the filter, relative to the new Nyquist frequency
@@ -44,8 +44,10 @@ def decimate(recording: Recording, factor: int, *, reading: ReadingTime = Readin
     Raises
     ------
     DataError
-        If the factor is not a positive integer, or the recording is shorter than the filter.
+        If the factor is not a positive integer, the reading is no `ReadingTime`, or the recording is shorter than the
+        filter.
     """
+    require_reading_time(reading, DataError)
     if not isinstance(factor, int | np.integer) or factor < 1:
         raise DataError(f"factor = {factor!r}; it must be an integer of at least 1")
     if factor == 1:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Self
 
@@ -19,7 +20,7 @@ from deatwin.plant.equations import STAGES, Equations
 from deatwin.plant.errors import RigError
 from deatwin.plant.parameters import ParameterSet
 from deatwin.plant.recording import Experiment, Recording
-from deatwin.plant.rigs.base import Rig
+from deatwin.plant.rigs.base import Rig, require_usable
 from deatwin.plant.rigs.catalogue import rig_kind
 from deatwin.plant.simulate import Progress, Runner, Simulator
 from deatwin.plant.simulation import Simulation
@@ -49,8 +50,8 @@ class Plant:
     Raises
     ------
     RigError
-        If an effect is not an `Effect` or occurs twice, a value has an unknown name or is out of range, or there is no
-        stage.
+        If the rig is not a `Rig`, or one with an unusable sample time, reading, noise or range of commands; if an effect
+        is not an `Effect` or occurs twice, a value has an unknown name or is out of range, or there is no stage.
 
     Examples
     --------
@@ -65,14 +66,21 @@ class Plant:
     stages: int = STAGES
 
     def __post_init__(self) -> None:
-        for effect in self.effects:
+        require_usable(self.rig)
+        if not isinstance(self.effects, Iterable):
+            raise RigError(f"effects is {self.effects!r}: give a tuple of effects, as (Creep(),)")
+        effects = tuple(self.effects)
+        for effect in effects:
             if not isinstance(effect, Effect):
                 given = effect.__name__ if isinstance(effect, type) else repr(effect)
                 raise RigError(f"{given} is not an effect: give effects one by one, each as an object such as Creep()")
         if not isinstance(self.stages, int) or self.stages < 1:
             raise RigError(f"stages is {self.stages!r}: an implicit step needs a whole number of them, at least 1")
         # Sorted, so that effects given in any order make the same plant.
-        object.__setattr__(self, "effects", tuple(sorted(self.effects, key=lambda e: e.name)))
+        object.__setattr__(self, "effects", tuple(sorted(effects, key=lambda e: e.name)))
+        for one, other in pairwise(self.effects):
+            if one.name == other.name:
+                raise RigError(f"the plant has the effect {one.name} twice; an effect can be in a plant only once")
         object.__setattr__(self, "values", MappingProxyType(dict(self.values)))
         self.parameters  # noqa: B018  (checks names and ranges)
 

@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deatwin.plant.arrays import read_only, real_numbers, rows_of_signals, seconds
+from deatwin.plant.arrays import read_only, real_numbers, rows_of_signals, seconds, texts
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.formats.optional import require
 from deatwin.plant.files.usual import usual_unit
@@ -47,8 +47,9 @@ class Recording:
     Raises
     ------
     DataError
-        If shapes, names and units do not fit together, two inputs or two outputs have the same name, a value is not a
-        real number or not finite (in an extra channel: is infinite), or the sample time is not positive.
+        If shapes, names and units do not fit together, names or units are not texts, two inputs or two outputs have the
+        same name, a value is not a real number or not finite (in an extra channel: is infinite), or the sample time is
+        not positive.
     """
 
     inputs: NDArray[np.float64]
@@ -73,10 +74,11 @@ class Recording:
         n = None
         for kind in ("input", "output"):
             values = read_only(real_numbers(getattr(self, f"{kind}s"), f"{kind}s"))
-            names, units = (_texts(getattr(self, f"{kind}_{what}")) for what in ("names", "units"))
+            names, units = (texts(getattr(self, f"{kind}_{what}")) for what in ("names", "units"))
             if values.ndim != 2 or values.shape[1] != (n := values.shape[1] if n is None else n):
                 wanted = "samples" if n is None else f"{n} samples"
                 raise DataError(f"{kind}s have the shape {values.shape}: it must be ({kind} count, {wanted})")
+            _require_texts(f"the names and units of {kind}s", (*names, *units))
             if not len(names) == len(units) == len(values):
                 raise DataError(f"{len(values)} {kind}s, {len(names)} names and {len(units)} units of them")
             if len(set(names)) < len(names):
@@ -94,7 +96,9 @@ class Recording:
                 raise DataError(f'extra channel "{name}" has the shape {values.shape}: it must be ({n},)')
             if np.isinf(values).any():
                 raise DataError(f'extra channel "{name}" is infinite at sample {int(np.argmax(np.isinf(values)))}')
+        _require_texts("the names of extra channels", tuple(extras))
         extra_units = {name: self.extra_units.get(name, usual_unit(name)) for name in extras}
+        _require_texts("the units of extra channels", tuple(extra_units.values()))
         object.__setattr__(self, "extras", extras)
         object.__setattr__(self, "extra_units", extra_units)
         object.__setattr__(self, "provenance", dict(self.provenance))
@@ -375,9 +379,9 @@ def _labels(
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return names and units of the rows, with the defaults that `Recording.from_arrays` documents."""
     if names is None and count == 1:
-        return (single[0],), _texts(units) if units is not None else (single[1],)
-    names = _texts(names) if names is not None else tuple(f"{kind}_{row + 1}" for row in range(count))
-    return names, _texts(units) if units is not None else ("",) * count
+        return (single[0],), texts(units) if units is not None else (single[1],)
+    names = texts(names) if names is not None else tuple(f"{kind}_{row + 1}" for row in range(count))
+    return names, texts(units) if units is not None else ("",) * count
 
 
 def _require_one_index(inputs: Any, outputs: Any) -> None:
@@ -392,9 +396,10 @@ def _require_one_index(inputs: Any, outputs: Any) -> None:
         )
 
 
-def _texts(given: Sequence[str]) -> tuple[str, ...]:
-    """Return names or units as a tuple; a text alone is one of them, not a sequence of letters."""
-    return (given,) if isinstance(given, str) else tuple(given)
+def _require_texts(what: str, given: tuple[object, ...]) -> None:
+    """Raise DataError unless all names and units are texts."""
+    if not all(isinstance(text, str) for text in given):
+        raise DataError(f"{what} must be texts; got {', '.join(map(repr, given))}")
 
 
 def _require_finite(name: str, values: NDArray[np.float64]) -> None:

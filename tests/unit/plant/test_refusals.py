@@ -10,10 +10,12 @@ import pytest
 from deatwin.plant import (
     Creep,
     Diaphragm,
+    Disc,
     Experiment,
     MeasuringChain,
     Parameter,
     ParameterSet,
+    Planar,
     Plant,
     Recording,
     RigError,
@@ -126,6 +128,15 @@ RECORDS: list[tuple[Callable[[], object], str]] = [
         lambda: arrays(np.ones((2, 5)), np.ones(5), 1.0, input_names=["u", "u"]),
         'two inputs .* are named "u": give each',
     ),
+    (
+        lambda: arrays(np.ones(5), np.ones(5), 1.0, input_names=(1,)),
+        "names and units of inputs must be texts; got 1, ''",
+    ),
+    (lambda: arrays(np.ones(5), np.ones(5), 1.0, output_units=(None,)), "of outputs must be texts; .*None"),
+    (
+        lambda: arrays(np.ones(5), np.ones(5), 1.0, extras={3: np.ones(5)}),
+        "names of extra channels must be texts; got 3",
+    ),
     (lambda: arrays(np.ones(5), np.ones((2, 5)), 1.0, output_names=["u", "u"]), 'two outputs .* are named "u"'),
     *(
         (
@@ -180,6 +191,16 @@ PARAMETERS: list[tuple[Callable[[], object], str]] = [
         (lambda wrong=wrong: PLANT.with_effects(wrong), "is not an effect: give effects one by one")
         for wrong in ("creep", Creep, [Creep()])
     ),
+    (lambda: PLANT.with_effects(Creep(), Creep(time=3.0)), "has the effect creep twice"),
+    (lambda: Plant(rig=Planar(), effects=Creep()), "give a tuple of effects"),
+    (lambda: Plant(rig=Planar), "Planar is not a rig: give an object"),
+    (lambda: Plant(rig=Planar(sample_time=np.nan)), "sample_time is nan; it must be a number above 0"),
+    (lambda: Plant(rig=Planar(sample_time=0.0)), "sample_time is 0.0; it must be a number above 0"),
+    (lambda: Plant(rig=Planar(noise=-1.0)), "noise .* is -1.0; it must be a number above 0"),
+    (lambda: Plant(rig=Planar(reading="start of hold")), "reading is 'start of hold'; it must be one of"),
+    (lambda: Plant(rig=Planar(command_range=(5.0, 1.0))), "command_range is 5 to 1; the lower end comes first"),
+    (lambda: Plant(rig=Disc(start_hold=-1.0)), "hold of the start is -1.0; it must be a number of at least 0"),
+    (lambda: Plant(rig=Disc(start_ramp=np.inf)), "ramp of the start is inf"),
     *(
         (lambda s=s: Parameter(name="x", value=1.0, unit="1", lower=0.0, upper=2.0, scale=s), "above 0")
         for s in (Scale.LOGARITHMIC, Scale.RECIPROCAL)

@@ -20,7 +20,7 @@ from deatwin.ident.frequency.many import follow_equilibrium, stable_polynomials
 from deatwin.ident.frequency.uncertainty.parameters import draw_theta
 from deatwin.ident.narx import NarxModel
 from deatwin.plant.errors import ModelError
-from deatwin.plant.rigs.base import ReadingTime
+from deatwin.plant.rigs.base import ReadingTime, require_reading_time
 
 Array = NDArray[np.float64]
 Booleans = NDArray[np.bool_]
@@ -199,8 +199,9 @@ class LinearFamily:
         Raises
         ------
         ModelError
-            If a reading at the start of the hold depends on the command that follows it.
+            If the reading is no `ReadingTime`, or one at the start of the hold depends on the command that follows it.
         """
+        require_reading_time(reading, ModelError)
         if reading is ReadingTime.START_OF_HOLD:
             answering = np.argwhere(self.numerators[:, :, 0] != 0.0)
             if answering.size:

@@ -16,7 +16,7 @@ from deatwin.control.linear.realisation import Realisation
 from deatwin.ident.narx.covariance import covariance_of
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, gain_unit, status_of, variable
 from deatwin.plant.errors import ModelError
-from deatwin.plant.rigs.base import ReadingTime
+from deatwin.plant.rigs.base import ReadingTime, require_reading_time
 
 if TYPE_CHECKING:
     from control import StateSpace, TransferFunction
@@ -330,8 +330,9 @@ class LinearModel(Described):
         Raises
         ------
         ModelError
-            If a reading at the start of the hold depends on the command that follows it.
+            If the reading is no `ReadingTime`, or one at the start of the hold depends on the command that follows it.
         """
+        require_reading_time(reading, ModelError)
         if reading is ReadingTime.START_OF_HOLD:
             if self.numerator[0] != 0.0:
                 raise ModelError(

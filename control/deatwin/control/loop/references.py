@@ -77,10 +77,20 @@ def sine_reference(centre: float, amplitude: float, frequency_Hz: float, sample_
     Raises
     ------
     ControlError
-        If an argument has the wrong type or is not finite, or one that must be positive is not.
+        If an argument has the wrong type or is not finite, one that must be positive is not, or the frequency is not
+        below half the sampling rate.
     """
+    _below_nyquist(frequency_Hz, sample_time)
     count = round(periods / (frequency_Hz * sample_time))
     return np.asarray(centre + amplitude * np.sin(2 * np.pi * frequency_Hz * sample_time * np.arange(count)))
+
+
+def _below_nyquist(frequency_Hz: float, sample_time: float) -> None:
+    """Raise ControlError if samples cannot hold a frequency."""
+    if frequency_Hz * sample_time >= 0.5:
+        raise ControlError(
+            f"a frequency of {frequency_Hz:g} Hz: it must be below half the sampling rate, {0.5 / sample_time:g} Hz"
+        )
 
 
 def _frequencies(value: Any, name: str) -> None:
@@ -122,9 +132,11 @@ def tone_reference(
     Raises
     ------
     ControlError
-        If an argument has the wrong type or is not finite, or one that must be positive is not.
+        If an argument has the wrong type or is not finite, one that must be positive is not, or a frequency is not
+        below half the sampling rate.
     """
     frequencies = np.atleast_1d(np.asarray(frequencies_Hz, dtype=np.float64))
+    _below_nyquist(frequencies.max(), sample_time)
     timepts = sample_time * np.arange(count)
     phases = rng.uniform(0.0, 2 * np.pi, frequencies.size)
     tones = np.sin(2 * np.pi * np.outer(frequencies, timepts) + phases[:, None]).sum(axis=0)

@@ -20,10 +20,11 @@ from deatwin.ident.greybox.survey import survey
 from deatwin.ident.greybox.tangent import least_within, linearised_rms
 from deatwin.ident.greybox.watch import Progress, Watch, unwatched
 from deatwin.ident.greybox.wording import described, known_together
+from deatwin.plant.arrays import texts
 from deatwin.plant.calibrated import TWO_SIDED_95
 from deatwin.plant.checks import check_units
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, status_of, variable
-from deatwin.plant.errors import DataError, nearest
+from deatwin.plant.errors import DataError, ModelError, nearest
 from deatwin.plant.model import Plant
 from deatwin.plant.parameters import Parameter
 from deatwin.plant.recording import label
@@ -204,7 +205,14 @@ class Calibration(Described):
         -------
         tuple of float
             Lower and upper end, SI; the whole range if the parameter is undetermined.
+
+        Raises
+        ------
+        ModelError
+            If the parameter was not fitted.
         """
+        if name not in self.names:
+            raise ModelError(f"{name!r} was not fitted{nearest(name, self.names)}")
         k = self.names.index(name)
         parameter = self.plant.parameters[name]
         if name in self.undetermined:
@@ -226,7 +234,7 @@ class Calibration(Described):
         name : str
             Name of a fitted parameter.
         """
-        parameter, (low, high) = self.plant.parameters[name], self.interval(name)
+        (low, high), parameter = self.interval(name), self.plant.parameters[name]
         slack = WHOLE * (parameter.upper - parameter.lower) if np.isfinite(parameter.upper - parameter.lower) else 0.0
         return not (low <= parameter.lower + slack and high >= parameter.upper - slack)
 
@@ -287,7 +295,8 @@ def calibrate(
     Raises
     ------
     DataError
-        If there is no recording, one is in another unit than the plant, or the number of starts is less than 1.
+        If there is no recording, one is in another unit than the plant, a name is not that of a free parameter or given
+        twice, or the number of starts or of evaluations is less than 1.
 
     References
     ----------
@@ -296,6 +305,8 @@ def calibrate(
     """
     if starts < 1:
         raise DataError(f"starts = {starts}: a calibration needs at least one")
+    if evaluations < 1:
+        raise DataError(f"evaluations = {evaluations}: a fit needs at least one simulation")
     problem = _problem(plant, records, names, unwatched() if progress is None else Watch(progress))
     try:
         return _calibrated(problem, starts, evaluations=evaluations, tolerance=tolerance, hopeless=hopeless)
@@ -325,7 +336,12 @@ def descend(
 def _problem(plant: Plant, records: Records, names: Sequence[str] | None, watch: Watch) -> Problem:
     if not isinstance(plant, Plant):
         raise DataError(f"a calibration needs a Plant, not a {type(plant).__name__}: Plant(rig=...) makes one of a rig")
-    for name in names or ():
+    chosen = tuple(plant.parameters.free) if names is None else texts(names)
+    if names is not None and not chosen:
+        raise DataError("no name of a parameter to fit is given; leave names out to fit all that are free")
+    for name in chosen:
+        if chosen.count(name) > 1:
+            raise DataError(f"the parameter {name} is given twice; each can be fitted once")
         if name not in plant.parameters.free:
             why = (
                 "is known" if name in plant.parameters else f"is not a parameter{nearest(name, plant.parameters.free)}"
@@ -336,7 +352,7 @@ def _problem(plant: Plant, records: Records, names: Sequence[str] | None, watch:
         check_units(recording, plant.rig)
         if not len(recording.outputs):
             raise DataError(f"{label(recording)}: it has no output, so there is nothing to calibrate the plant to")
-    return Problem(plant=plant, parts=parts, names=tuple(names or plant.parameters.free), watch=watch)
+    return Problem(plant=plant, parts=parts, names=chosen, watch=watch)
 
 
 def _calibrated(

@@ -100,6 +100,8 @@ def require_suits(recording: Recording, model: Signals, *, with_outputs: bool, f
     if wanted != list(rows[: len(kinds)]):
         held = f"the model {' and '.join(map(str, wanted))}"
         raise ModelError(f"the recording has {rows[0]} inputs and {rows[1]} outputs, {held}")
+    if moved := order_apart(recording, model, kinds):
+        raise ModelError(f"the recording's {moved}; give them in the model's order")
     for kind in kinds:
         names, units, known = (
             getattr(owner, f"{kind}_{what}")
@@ -110,6 +112,15 @@ def require_suits(recording: Recording, model: Signals, *, with_outputs: bool, f
             raise ModelError(f"{text}: the first is the model's unit; give the recording in it")
     if recording.n_samples < fewest:
         raise ModelError(f"the recording has {recording.n_samples} samples; the model needs at least {fewest}")
+
+
+def order_apart(recording: Recording, other: Signals, kinds: Sequence[str] = ("input", "output")) -> str:
+    """Return a text if a name is in both at different places, else ""; signals of other names are taken by position."""
+    for kind in kinds:
+        names, others = getattr(recording, f"{kind}_names"), getattr(other, f"{kind}_names")
+        if any(name != known and name in others for name, known in zip(names, others, strict=False)):
+            return f"{kind}s are {', '.join(names)}, in another order than {', '.join(others)}"
+    return ""
 
 
 def units_apart(names: Sequence[str], units: Sequence[str], others: Sequence[str]) -> list[str]:

@@ -216,6 +216,8 @@ def excitation(recording: Recording) -> Excitation:
 
 def _power(recording: Recording) -> NDArray[np.float64]:
     """Return the power at each spectral line of the input, from 0 Hz; lines are 1 / duration apart."""
+    if not isinstance(recording, Recording):
+        raise DataError(f"one recording is needed, not a {type(recording).__name__}")
     command = recording.inputs[0]
     if not np.ptp(command) > 0.0:
         raise DataError(f"{label(recording)}: the input is constant: it excites nothing")

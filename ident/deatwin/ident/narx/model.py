@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from types import MappingProxyType
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -22,8 +21,9 @@ from deatwin.ident.narx.operating import Array, OperatingRange, read_only
 from deatwin.ident.narx.response import NarxResponse, ResponseStatus, divergence_limit, response_over
 from deatwin.ident.narx.shown import shown_units
 from deatwin.ident.narx.terms import Term, TermTable
-from deatwin.ident.narx.values import require_terms, require_values
+from deatwin.ident.narx.values import require_terms, require_values, set_signals
 from deatwin.ident.narx.written import by_equation, name_signals, origins, written
+from deatwin.plant.arrays import texts
 from deatwin.plant.datasets import Described, Metadata, attribute, coordinate, document, squared, variable
 from deatwin.plant.documents import Saved
 from deatwin.plant.errors import ModelError
@@ -112,12 +112,12 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
     }
 
     def __post_init__(self) -> None:
+        set_signals(self)
         for name, names in (("input_origin", self.input_names), ("output_origin", self.output_names)):
             given = np.asarray(getattr(self, name))
             object.__setattr__(self, name, given if given.size else np.zeros(len(names)))
         for name in ("theta", "theta_cov", "input_origin", "output_origin"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
-        object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
         if self.n_outputs == 1 and set(self.equations) <= {0}:  # also after terms were replaced
             object.__setattr__(self, "equations", (0,) * len(self.terms))
         if self.n_outputs > 1:
@@ -156,9 +156,9 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
         Raises
         ------
         ModelError
-            If a term cannot be read.
+            If a term cannot be read, or for the reasons that the class gives.
         """
-        names = {f"{side}_names": details.get(f"{side}_names", ()) for side in ("input", "output")}
+        names = {f"{side}_names": texts(details.get(f"{side}_names", ())) for side in ("input", "output")}
         written = by_equation(terms, names["output_names"])
         parsed = tuple(Term.parse(text, **names) for _, text, _ in written)
         outputs = max(row for row, _, _ in written) + 1

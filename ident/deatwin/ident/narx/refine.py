@@ -85,7 +85,7 @@ def refine(
 def extend(
     model: NarxModel,
     recordings: Recordings,
-    candidates: Iterable[Term],
+    candidates: Iterable[Term | str],
     *,
     max_terms: int,
     progress: Progress | None = None,
@@ -103,8 +103,8 @@ def extend(
         Model to start from, as for `refine`; a linear one is sufficient.
     recordings : Recording, Experiment, or several
         Training data.
-    candidates : iterable of Term
-        Candidate terms; terms already in the model are skipped.
+    candidates : iterable of Term or str
+        Candidate terms, also as ``"u(k-1)^2"``; terms already in the model are skipped.
     max_terms : int
         Number of terms of the largest model.
     progress : callable, optional
@@ -118,9 +118,11 @@ def extend(
     Raises
     ------
     ModelError
-        If the model has several outputs or noise terms, or its free run diverges.
+        If the model has several outputs or noise terms, its free run diverges, or a term cannot be read.
     """
-    larger = extensions(model, flatten(recordings), candidates, max_terms=max_terms)
+    names = {"input_names": model.input_names, "output_names": model.output_names}
+    terms = [term if isinstance(term, Term) else Term.parse(term, **names) for term in candidates]
+    larger = extensions(model, flatten(recordings), terms, max_terms=max_terms)
     return _path(model, larger, max_terms - len(model.terms), progress)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deatwin.ident.narx.drive import units_apart
+from deatwin.ident.narx.drive import order_apart, units_apart
 from deatwin.ident.narx.lags import channel_lags
 from deatwin.ident.narx.levels import without_repeated_powers
 from deatwin.ident.narx.model import NarxModel
@@ -27,7 +27,7 @@ _BLOCK = 4096  # samples evaluated at once: 32 MB for a block of 1000 terms
 
 
 def require_alike(recordings: Sequence[Recording]) -> None:
-    """Raise ModelError unless recordings agree in inputs, outputs, units and sample time."""
+    """Raise ModelError unless recordings agree in inputs, outputs, their order, units and sample time."""
     first = recordings[0]
     for record in recordings[1:]:
         if not math.isclose(record.sample_time, first.sample_time, rel_tol=1e-6):
@@ -36,6 +36,8 @@ def require_alike(recordings: Sequence[Recording]) -> None:
             others := (record.inputs.shape[0], record.outputs.shape[0])
         ):
             differs = f"{counts[0]} and {others[0]} inputs, {counts[1]} and {others[1]} outputs"
+        elif moved := order_apart(record, first):
+            differs = moved
         else:
             apart = units_apart(
                 (*first.input_names, *first.output_names),
@@ -124,7 +126,10 @@ class Regression:
         return replace(self, table=table)
 
     def about(self, model: NarxModel) -> Regression:
-        """Return the regression of the signals relative to the origins of a model."""
+        """Return the regression of the signals relative to the origins of a model, which has them in the same order."""
+        record = self.recordings[0]
+        if moved := order_apart(record, model):
+            raise ModelError(f"the recordings' {moved}; give them in the model's order")
         return replace(self, input_origin=model.input_origin, output_origin=model.output_origin)
 
     @property
@@ -242,12 +247,12 @@ def flatten(recordings: Recordings) -> tuple[Recording, ...]:
         return tuple(recordings.recordings)
     if isinstance(recordings, str | bytes) or not isinstance(recordings, Iterable):
         raise ModelError(
-            f"fit takes recordings and experiments, not a {type(recordings).__name__}: "
+            f"recordings and experiments are needed, not a {type(recordings).__name__}: "
             "Recording.from_arrays(inputs, outputs, sample_time) makes a recording of arrays"
         )
     chosen = tuple(record for item in recordings for record in flatten(item))
     if not chosen:
-        raise ModelError("no recording was given; fit needs at least one")
+        raise ModelError("no recording was given; at least one is needed")
     return chosen
 
 

@@ -7,7 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
 
+from deatwin.ident.narx.drive import require_suits
 from deatwin.ident.narx.model import NarxModel
+from deatwin.ident.narx.regression import flatten
 from deatwin.ident.narx.validate import Validation, ValidationStatus, validate
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -204,7 +206,14 @@ def assess_reliance(model: NarxModel, recordings: Sequence[Recording]) -> Relian
     -------
     Reliance
         Assessment; its status is None if the recordings are too short for the tests.
+
+    Raises
+    ------
+    ModelError
+        If a recording does not suit the model.
     """
+    for record in flatten(recordings):
+        require_suits(record, model, with_outputs=True, fewest=0)
     try:
         return Reliance.of(model, validate(model, recordings))
     except ModelError:

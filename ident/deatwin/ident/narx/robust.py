@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import solve_triangular
 
+from deatwin.ident.narx.drive import require_suits
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import read_only
 from deatwin.ident.narx.regression import Recordings, Regression
@@ -104,6 +105,8 @@ def pseudovalues(
     if not isinstance(n_blocks, int | np.integer) or n_blocks < 2:
         raise ModelError(f"n_blocks = {n_blocks!r}; it must be an integer of at least 2")
     data = Regression.on(recordings, model.table).about(model)
+    for record in data.recordings:
+        require_suits(record, model, with_outputs=True, fewest=0)
     rows, target = data.matrix()
     others = rows if instruments is None else Regression.on(instruments, model.table).about(model).matrix()[0]
     if others.shape != rows.shape:
@@ -151,8 +154,8 @@ def robust(model: NarxModel, recordings: Recordings, *, n_blocks: int = BLOCKS) 
     Raises
     ------
     ModelError
-        If the model has several outputs or noise terms, ``n_blocks`` is below 2, there are too few samples, or the
-        parameters are not determined without one of the blocks.
+        If the model has several outputs or noise terms, the recordings do not suit it, ``n_blocks`` is below 2, there
+        are too few samples, or the parameters are not determined without one of the blocks.
     """
     cosines = Cosines.of(pseudovalues(model, recordings, n_blocks=n_blocks))
     return replace(model, theta_cov=cosines.scale * cosines.dof / (cosines.dof - 2), theta_dof=float(cosines.dof))

@@ -308,3 +308,11 @@ def _fields_of(document: Mapping[str, Any]) -> dict[str, Any]:
         "drift_variance": read_only(document["drift_variance"]),
         "log_likelihood": None if document["log_likelihood"] is None else float(document["log_likelihood"]),
     }
+
+
+def require_trajectory(given: object) -> None:
+    """Raise ModelError for anything but a trajectory."""
+    if not isinstance(given, ThetaTrajectory):
+        raise ModelError(
+            f"a {type(given).__name__} is not a ThetaTrajectory: give the trajectory_ of a fitted Rls or ThetaSmoother"
+        )

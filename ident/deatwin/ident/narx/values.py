@@ -3,14 +3,38 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from deatwin.plant.arrays import texts
 from deatwin.plant.errors import ModelError
 
 if TYPE_CHECKING:
     from deatwin.ident.narx.model import NarxModel
+
+
+def set_signals(model: Any) -> None:
+    """Make names and units of a frozen model tuples and its provenance read-only; ModelError unless they are texts and
+    each signal has one name of its own and one unit."""
+    for side in ("input", "output"):
+        names, units = texts(getattr(model, f"{side}_names")), texts(getattr(model, f"{side}_units"))
+        if not all(isinstance(text, str) for text in (*names, *units)):
+            raise ModelError(f"the names and units of {side}s must be texts; got {names} and {units}")
+        if len(names) != len(units):
+            raise ModelError(
+                f"{len(names)} {side}(s) are named, {', '.join(names)}, but {len(units)} unit(s) are given"
+            )
+        if len(set(names)) < len(names):
+            raise ModelError(f"two {side}s of the model have the same name; got {', '.join(names)}")
+        object.__setattr__(model, f"{side}_names", names)
+        object.__setattr__(model, f"{side}_units", units)
+    told = model.provenance
+    if not isinstance(told, Mapping) or not all(isinstance(text, str) for pair in told.items() for text in pair):
+        raise ModelError(f"provenance must be a mapping of texts to texts; got {told!r}")
+    object.__setattr__(model, "provenance", MappingProxyType(dict(told)))
 
 
 def require_terms(model: NarxModel) -> None:

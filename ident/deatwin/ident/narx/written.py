@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from deatwin.ident.narx.names import symbols_of
 from deatwin.ident.narx.terms import Term
+from deatwin.plant.arrays import texts
 from deatwin.plant.errors import ModelError
 
 if TYPE_CHECKING:
@@ -23,6 +24,8 @@ def by_equation(
     terms: Mapping[str, float] | Mapping[str, Mapping[str, float]], output_names: Sequence[str] = ()
 ) -> list[tuple[int, str, float]]:
     """Return output row, text and parameter of each written term."""
+    if not isinstance(terms, Mapping):
+        raise ModelError(f'terms are given as a {type(terms).__name__}; give a mapping, as {{"y(k-1)": 0.5}}')
     if not terms:
         raise ModelError("no terms are given; a NARX model needs at least one")
     equations = {name: value for name, value in terms.items() if isinstance(value, Mapping)}
@@ -46,10 +49,11 @@ def _number(text: str, value: Any) -> float:
 
 
 def name_signals(details: dict[str, Any], side: str, count: int) -> None:
-    """Number the signals of one side if there are several without names."""
+    """Number the signals of one side if there are several without names; each has a unit, unknown by default."""
     if count > 1:
         details.setdefault(f"{side}_names", tuple(f"{side}{number}" for number in range(1, count + 1)))
-        details.setdefault(f"{side}_units", ("",) * count)
+    if f"{side}_names" in details:
+        details.setdefault(f"{side}_units", ("",) * len(texts(details[f"{side}_names"])))
 
 
 def written(

@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -19,10 +18,12 @@ from deatwin.ident.narx.posterior import quantile
 from deatwin.ident.narx.predictive import PredictiveBand
 from deatwin.ident.narx.response import DIVERGED, NarxResponse, ResponseStatus, response_over
 from deatwin.ident.narx.shapes import own_functions, rebuilt
+from deatwin.ident.narx.values import set_signals
 from deatwin.ident.nss.basis import Basis
 from deatwin.ident.nss.document import SCHEMA, WEIGHTS, fields_of, to_document, weights_of
 from deatwin.ident.nss.march import System
 from deatwin.ident.nss.opening import Opening, opened
+from deatwin.plant.arrays import texts
 from deatwin.plant.documents import Saved
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
@@ -108,7 +109,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         return rebuilt, (own_functions(" ".join(self.terms)), *super().__reduce__())
 
     def __post_init__(self) -> None:
-        terms = tuple(self.terms)
+        terms = texts(self.terms)
         w, v = (np.atleast_2d(np.asarray(getattr(self, name), dtype=np.float64)) for name in ("transition", "output"))
         n, p = len(w), len(v)
         m = w.shape[1] - 1 - n - len(terms)
@@ -132,7 +133,6 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
             object.__setattr__(self, name, read_only(values))
             object.__setattr__(self, f"free_{name}", free)
         object.__setattr__(self, "terms", terms)
-        object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
         self._take_signals({"input": m, "output": p})
         if not 0.0 < self.sample_time < math.inf:
             raise ModelError(f"sample_time = {self.sample_time} must be positive and finite")
@@ -153,7 +153,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
             names = (side,) if count == 1 else tuple(f"{side}{i}" for i in range(1, count + 1))
             filled = {"names": names, "units": ("",) * count}
             for key, default in filled.items():
-                object.__setattr__(self, f"{side}_{key}", tuple(getattr(self, f"{side}_{key}")) or default)
+                object.__setattr__(self, f"{side}_{key}", texts(getattr(self, f"{side}_{key}")) or default)
             for key, value in (("origin", 0.0), ("scale", 1.0)):
                 given = np.atleast_1d(np.asarray(getattr(self, f"{side}_{key}"), dtype=np.float64))
                 values = given if given.size else np.full(count, value)
@@ -161,6 +161,7 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
             held = [getattr(self, f"{side}_{key}") for key in ("names", "units", "origin", "scale")]
             if any(len(one) != count for one in held) or not np.all(np.isfinite(held[2])) or not np.all(held[3] > 0):
                 raise ModelError(f"{count} {side}s need as many names, units, origins, and scales above 0")
+        set_signals(self)
         noise = np.atleast_1d(np.asarray(self.noise_variance, dtype=np.float64))
         noise = noise if noise.size else np.zeros(counts["output"])
         if noise.shape != (counts["output"],) or not np.all((noise >= 0.0) & np.isfinite(noise)):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -91,6 +91,10 @@ class Pnlss(StateSpaceIdentifier):
 
     def _require(self) -> None:
         self._require_whole("states", "starts")
+        for name in ("degrees", "output_degrees", "terms", "output_terms"):
+            if isinstance(given := getattr(self, name), str) or not isinstance(given, Iterable):
+                kind = "(2, 3)" if "degrees" in name else '["|x1|"]'
+                raise ModelError(f"{name} = {given!r}; give a list, as {kind}")
         wrong = [d for d in (*self.degrees, *self.output_degrees) if not isinstance(d, int | np.integer) or d < 2]
         if wrong:
             raise ModelError(

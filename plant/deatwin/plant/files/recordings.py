@@ -22,7 +22,7 @@ from deatwin.plant.files.replacing import replacing
 from deatwin.plant.files.wanted import in_units, require_known_units, require_stated_unit, with_stated_units
 from deatwin.plant.readings import Reading
 from deatwin.plant.recording import Experiment, Recording
-from deatwin.plant.rigs.base import ReadingTime
+from deatwin.plant.rigs.base import ReadingTime, require_reading_time
 from deatwin.plant.rigs.rigfile import RigFile
 
 Way = TypeVar("Way")
@@ -339,6 +339,7 @@ def recordings_of_table(
     readings: Sequence[Reading] = (),
 ) -> tuple[Recording, ...]:
     """Make recordings from a table, whose columns the user may have named."""
+    require_reading_time(reading, DataError)
     table, asked = with_stated_units(table, asked)
     chosen = chosen_columns(table, asked, units)
     wanted = {column: unit for role, unit in units.items() if unit is not None for column in chosen[role]}

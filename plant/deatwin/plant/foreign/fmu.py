@@ -19,7 +19,7 @@ from deatwin.plant.errors import RigError, nearest
 from deatwin.plant.files.formats.optional import require
 from deatwin.plant.files.units import UNITS, Unit, find_unit
 from deatwin.plant.integrator.compiled import cache_folder
-from deatwin.plant.rigs.base import ReadingTime
+from deatwin.plant.rigs.base import ReadingTime, require_reading_time
 from deatwin.plant.safe_read import reason
 
 Array = NDArray[np.float64]
@@ -105,8 +105,9 @@ class FmuModel:
         Raises
         ------
         RigError
-            If the file is not an FMU, or has no such variable or kind.
+            If the file is not an FMU, or has no such variable or kind, or the reading is no `ReadingTime`.
         """
+        require_reading_time(reading, RigError)
         where, digest = os.path.abspath(path), _digest(path)
         described, _ = _unpacked(where, digest)
         offered = [name for name, (_, part) in KINDS.items() if getattr(described, part) is not None]

@@ -71,7 +71,8 @@ class ForeignRig(Rig):
     Raises
     ------
     RigError
-        If the model cannot be called or hashed, a varying parameter is unknown, or there are further readings.
+        If the model cannot be called or hashed, the sizes are not `Sizes`, a varying parameter is unknown, or there
+        are further readings.
     """
 
     model: Model
@@ -101,6 +102,10 @@ class ForeignRig(Rig):
             raise RigError(
                 f"a {type(self.model).__name__} has no hash: make it a function or a frozen dataclass"
             ) from None
+        if not isinstance(self.sizes, Sizes):
+            raise RigError(
+                f"sizes is {self.sizes!r}; give the typical sizes, as Sizes(command=200.0, motion=60.0, period=300.0)"
+            )
         if self.further:
             raise RigError("a foreign model gives one reading; leave `further` empty")
         known = ParameterSet(self.parameters)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from enum import Enum
+from numbers import Real
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -14,6 +16,7 @@ from deatwin.plant.builder import Builder
 from deatwin.plant.chain import MeasuringChain
 from deatwin.plant.effects.catalogue import catalogue, machine_catalogue
 from deatwin.plant.effects.sizes import Sizes
+from deatwin.plant.errors import DeatwinError, RigError
 from deatwin.plant.parameters import Parameter, ParameterSet
 from deatwin.plant.readings import ROOM_TEMPERATURE, Reading, readings_from
 from deatwin.plant.rigfaults import users_code
@@ -67,6 +70,11 @@ class StartProcedure:
     ramp: float = 0.0
     hold: float = 0.0
     uncounted: float = 0.0
+
+    def __post_init__(self) -> None:
+        _require_number("rest_command of the start", self.rest_command, least=-math.inf)
+        for name in ("ramp", "hold", "uncounted"):
+            _require_number(f"{name} of the start", getattr(self, name), least=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,7 +137,7 @@ class Rig(ABC):
     @property
     def readings(self) -> tuple[Reading, ...]:
         """Return all readings, the first one first."""
-        noise = max(self.noise, 1e-300)  # a simulated sensor may have no noise
+        noise = self.noise or 1e-300  # a simulated sensor may have no noise
         first = Reading(name=self.output_name, unit=self.output_unit, noise=noise, model_error=self.model_error)
         return (first, *self.further)
 
@@ -317,3 +325,33 @@ def written(rig: Rig, build: Builder) -> Iterator[Any]:
             build.share("series_resistance", reading.series_resistance)
     with users_code(f"the rig {rig.kind}"):
         yield rig.write(build)
+
+
+def require_reading_time(value: object, error: type[DeatwinError]) -> None:
+    """Raise the error for anything but a `ReadingTime`, such as its text, which no comparison would recognise."""
+    if not isinstance(value, ReadingTime):
+        raise error(f"reading is {value!r}; it must be one of {', '.join(map(str, ReadingTime))}")
+
+
+def require_usable(rig: object) -> None:
+    """Raise RigError for anything but a rig whose sample time, reading, noise and range of commands make sense."""
+    if not isinstance(rig, Rig):
+        given = rig.__name__ if isinstance(rig, type) else repr(rig)
+        raise RigError(f"{given} is not a rig: give an object such as Diaphragm()")
+    _require_number("sample_time", rig.sample_time)
+    require_reading_time(rig.reading, RigError)
+    if rig.command_range is not None:
+        lower, upper = rig.command_range
+        _require_number("the lower end of command_range", lower, least=-math.inf)
+        _require_number("the upper end of command_range", upper, least=-math.inf)
+        if not lower < upper:
+            raise RigError(f"command_range is {lower:g} to {upper:g}; the lower end comes first")
+    rig.readings, rig.start  # noqa: B018  (check noise, model error and times)
+
+
+def _require_number(name: str, value: object, *, least: float | None = None) -> None:
+    """Raise RigError unless a value is a finite number, at least `least`, or above 0 if that is omitted."""
+    finite = isinstance(value, Real) and math.isfinite(value)
+    if not finite or (value <= 0.0 if least is None else value < least):  # type: ignore[operator]
+        wanted = "" if least == -math.inf else " above 0" if least is None else f" of at least {least:g}"
+        raise RigError(f"{name} is {value!r}; it must be a number{wanted}")

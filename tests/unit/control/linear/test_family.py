@@ -127,3 +127,10 @@ def test_one_input_only_and_rows_of_one_length():
     one = linearise(NarxModel.from_terms({"y(k-1)": 0.5, "u(k-1)": 1.0}, sample_time=1.0))
     with pytest.raises(ModelError, match="as many at each"):
         LinearFamily.of([[one], [one, one]])
+
+
+def test_a_text_is_no_reading_time():
+    model = NarxModel.from_terms({"y(k-1)": 0.5, "u(k-1)": 1.0}, sample_time=0.1)
+    for source in (linearise(model, 0.0), linearise_many(model, [0.0])):
+        with pytest.raises(ModelError, match="reading is 'start of hold'; it must be one of ReadingTime"):
+            source.in_loop("start of hold")

@@ -56,3 +56,12 @@ def test_the_phases_come_from_the_generator_alone():
     )
     np.testing.assert_array_equal(first, same)
     assert np.abs(first - other).max() > 0.1
+
+
+def test_tones_that_samples_cannot_hold_are_refused():
+    for use in (
+        lambda: sine_reference(0.0, 1.0, 25.0, H, 2),
+        lambda: tone_reference(0.0, 1.0, [1.0, 50.0], H, 100, np.random.default_rng(0)),
+    ):
+        with pytest.raises(ControlError, match="below half the sampling rate, 25 Hz"):
+            use()

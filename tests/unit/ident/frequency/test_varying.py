@@ -368,3 +368,15 @@ def test_what_cannot_be():
     for level in (None, 0.5):
         with pytest.raises(ModelError, match="one output; this one has 2"):
             tv_gfrf(joined, 1, W, operating_input=level)
+
+
+def test_a_model_is_no_trajectory():
+    model = NarxModel.from_terms({"y(k-1)": 0.5, "u(k-1)": 1.0}, sample_time=1.0)
+    for use in (
+        lambda: tv_gfrf(model, 1, [0.1]),
+        lambda: tv_nofrf(model, [1.0, -1.0], 1),
+        lambda: tv_output_spectrum(model, [1.0, -1.0], 1),
+        lambda: hold_equilibrium(model, 0.0),
+    ):
+        with pytest.raises(ModelError, match="a NarxModel is not a ThetaTrajectory: give the trajectory_"):
+            use()

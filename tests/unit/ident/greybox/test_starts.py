@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from made_rigs import Bare
 
-from deatwin.ident.greybox import FitStatus, Part, calibrate, starts
+from deatwin.ident.greybox import FitStatus, Part, calibrate, profile, starts
 from deatwin.ident.greybox.minimum import Minimum
-from deatwin.plant import DataError, Experiment, Parameter, Plant, Recording, Scale
+from deatwin.plant import DataError, Experiment, ModelError, Parameter, Plant, Recording, Scale
 from deatwin.plant.builder import Builder
 
 H, COUNT, NOISE = 0.02, 450, 0.02
@@ -98,6 +98,21 @@ def test_recordings_and_experiments_are_taken_as_they_are(turned):
         calibrate(plant.rig, turned)
     with pytest.raises(DataError, match="starts = 0"):
         calibrate(plant, turned, starts=0)
+    with pytest.raises(DataError, match="evaluations = 0"):
+        calibrate(plant, turned, evaluations=0)
+
+
+def test_names_are_free_parameters_each_given_once(turned):
+    plant = Plant(rig=Rotor(), values=TRUE)
+    name = next(iter(plant.parameters.free))
+    found = calibrate(plant, turned, names=name, starts=1)
+    assert found.names == (name,)
+    for wrong, message in (([], "no name of a parameter"), ([name, name], f"{name} is given twice")):
+        with pytest.raises(DataError, match=message):
+            calibrate(plant, turned, names=wrong)
+    for ask in (found.interval, found.is_determined, lambda other: profile(found, (), other)):
+        with pytest.raises(ModelError, match="'zero_' was not fitted"):
+            ask("zero_")
 
 
 def test_a_descent_that_stops_on_a_slope_does_not_say_that_it_settled(turned, monkeypatch):

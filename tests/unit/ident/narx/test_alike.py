@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from deatwin.ident.narx import Frols
+from deatwin.ident.narx import Fixed, Frols, assess_reliance, robust
+from deatwin.ident.narx.linear import Arx
 from deatwin.ident.narx.preprocess import estimate_dead_time
+from deatwin.ident.nss import Pnlss
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 
@@ -33,3 +35,65 @@ def test_recordings_that_differ_are_refused_by_name(find, other, said) -> None:
 
 def test_a_unit_that_nobody_stated_contradicts_none() -> None:
     assert Frols().fit([record("m"), record("1")]).model_.terms
+
+
+SIGNALS = np.random.default_rng(0).standard_normal((4, 300))
+
+
+def turned(inputs: tuple[str, str], outputs: tuple[str, str]) -> Recording:
+    return Recording.from_arrays(SIGNALS[:2], SIGNALS[2:], 0.1, input_names=inputs, output_names=outputs)
+
+
+@pytest.mark.parametrize(
+    ("other", "said"),
+    [
+        (turned(("heat", "volts"), ("left", "right")), "inputs are heat, volts, .*volts, heat"),
+        (turned(("volts", "heat"), ("right", "left")), "outputs are right, left, .*left, right"),
+        (turned(("new", "volts"), ("left", "right")), "inputs are new, volts, .*volts, heat"),
+    ],
+)
+def test_signals_in_another_order_are_refused(other, said) -> None:
+    first = turned(("volts", "heat"), ("left", "right"))
+    model = Frols(degree=1).fit(first).model_
+    for use in (Frols().fit, Pnlss(degrees=[]).fit):
+        with pytest.raises(ModelError, match=said):
+            use([first, other])
+    for use in (model.predict, model.simulate):
+        with pytest.raises(ModelError, match=said):
+            use(other)
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        lambda model, other: Fixed(terms=model).fit(other),
+        lambda model, other: robust(model, other),
+        lambda model, other: assess_reliance(model, [other]),
+    ],
+    ids=["fixed", "robust", "reliance"],
+)
+def test_what_fits_the_terms_of_a_model_takes_its_order_too(use) -> None:
+    first, other = (
+        Recording.from_arrays(SIGNALS[:2], SIGNALS[2], 0.1, input_names=names) for names in (("a", "b"), ("b", "a"))
+    )
+    with pytest.raises(ModelError, match="inputs are b, a, in another order than a, b; give them in the model's order"):
+        use(Fixed(terms=["y(k-1)", "a(k-1)", "b(k-2)"]).fit(first).model_, other)
+
+
+def test_reliance_on_a_recording_of_another_clock_is_refused() -> None:
+    model = Fixed(terms=["y(k-1)", "u(k-1)"]).fit(record("m")).model_
+    with pytest.raises(ModelError, match=r"sample time of 0\.2 s, the model of 0\.1 s"):
+        assess_reliance(model, [record("m", 0.2)])
+
+
+def test_inputs_of_a_linear_model_in_another_order_are_refused() -> None:
+    first, other = (
+        Recording.from_arrays(SIGNALS[:2], SIGNALS[2], 0.1, input_names=names) for names in (("a", "b"), ("b", "a"))
+    )
+    with pytest.raises(ModelError, match="inputs are b, a, in another order than a, b"):
+        Arx().fit([first, other])
+
+
+def test_other_names_are_taken_by_position() -> None:
+    first = turned(("volts", "heat"), ("left", "right"))
+    assert Frols(degree=1).fit([first, turned(("a", "b"), ("c", "d"))]).model_.input_names == ("volts", "heat")

@@ -159,3 +159,38 @@ def test_plot_has_units():
     axes = full_model().simulate(make_recording()).plot()
     assert axes.get_xlabel() == "time (s)" and "(m)" in axes.get_ylabel()
     pyplot.close("all")
+
+
+PLAIN = {"y(k-1)": 0.5, "u(k-1)": 1.0}
+
+
+def test_a_text_is_one_name_or_unit_not_its_letters():
+    model = NarxModel.from_terms({"y(k-1)": 0.5, "volts(k-1)": 1.0}, sample_time=0.1, input_names="volts")
+    assert model.input_names == ("volts",)
+    assert NarxModel.from_terms(PLAIN, sample_time=0.1, input_units="mV").input_units == ("mV",)
+
+
+def test_an_input_that_no_term_uses_has_a_unit_too():
+    model = NarxModel.from_terms(PLAIN, sample_time=0.1, input_names=("a", "b"))
+    assert model.input_units == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        ({"input_units": ("V", "A")}, r"1 input\(s\) are named, input, but 2 unit\(s\) are given"),
+        ({"output_units": ()}, r"1 output\(s\) are named, output, but 0 unit\(s\) are given"),
+        ({"input_units": (None,)}, "names and units of inputs must be texts"),
+        ({"input_names": ("a", "a")}, "two inputs of the model have the same name"),
+        ({"provenance": {"runs": 3}}, "provenance must be a mapping of texts to texts"),
+        ({"provenance": "a.csv"}, "provenance must be a mapping of texts to texts"),
+    ],
+)
+def test_signals_that_cannot_be(wrong, says):
+    with pytest.raises(ModelError, match=says):
+        NarxModel.from_terms(PLAIN, sample_time=0.1, **wrong)
+
+
+def test_terms_without_parameters_are_refused():
+    with pytest.raises(ModelError, match="terms are given as a list; give a mapping"):
+        NarxModel.from_terms(["y(k-1)"], sample_time=0.1)

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from deatwin.ident.frequency import gfrf
-from deatwin.ident.narx import Frols, Grow, Narmax, Semp, SvbNarx, ThetaSmoother, validate
+from deatwin.ident.narx import Frols, Grow, Narmax, Semp, SvbNarx, Term, ThetaSmoother, excitation, extend, validate
 from deatwin.ident.narx.fixed import Fixed
 from deatwin.ident.narx.lasso import Lasso
 from deatwin.ident.narx.linear import Arx, OutputError
+from deatwin.ident.narx.preprocess import choose_orders
 from deatwin.ident.nss import Pnlss
 from deatwin.ident.testing import example_recordings
-from deatwin.plant.errors import ModelError
+from deatwin.plant.errors import DataError, ModelError
 from deatwin.plant.recording import Recording
 
 RECORD = example_recordings(420)[0]  # of 400 samples
@@ -51,6 +52,8 @@ ARGUMENTS = [
     (Grow(parts=1.5), "parts = 1.5; it must be an integer of at least 1"),
     (Grow(rule=lambda term: term.degree == 2), r"begins with a linear model.*allow y\(k-1\) and u\(k-1\)"),
     (Fixed(terms=[]), "give a list"),
+    (Pnlss(degrees=2), r"degrees = 2; give a list, as \(2, 3\)"),
+    (Pnlss(terms="x1^2"), "terms = 'x1\\^2'; give a list"),
     (Fixed(terms="y(k-1)"), "give a list"),
     (Fixed(terms=["y(k-1)", "y(k-1)"]), "only once"),
     (Fixed(terms=["e(k-1)"]), "Narmax"),
@@ -85,7 +88,7 @@ DATA = [
     (Frols(), [], "at least one"),
     (Frols(), [RECORD, of(ONES, ONES)], "sample time"),
     *(
-        (Frols(), wrong, "fit takes recordings and experiments.*Recording.from_arrays")
+        (Frols(), wrong, "recordings and experiments are needed.*Recording.from_arrays")
         for wrong in ("recording.csv", None, 3.0)
     ),
     (Lasso(), of(ONES, ONES), "constant"),
@@ -143,3 +146,23 @@ def test_an_estimator_says_where_to_find_what_its_model_has():
         fitted.coef_  # noqa: B018
     with pytest.raises(ModelError, match="a Frols is not a NarxModel; its model_"):
         gfrf(fitted, 1, [1.0])
+
+
+@pytest.mark.parametrize(
+    ("use", "says"),
+    [
+        (lambda: validate(Fixed(terms=["y(k-1)"]).fit(RECORD).model_, []), "no recording was given"),
+        (lambda: choose_orders(Frols(), RECORD, RECORD, output_lags=2), r"output_lags = 2; give all that are tried"),
+        (lambda: choose_orders(Frols(), RECORD, RECORD, output_lags=[2], degrees=1), r"degrees = 1; give all"),
+        (lambda: excitation([RECORD]), "one recording is needed, not a list"),
+    ],
+)
+def test_functions_say_what_they_take(use, says):
+    with pytest.raises((ModelError, DataError), match=says):
+        use()
+
+
+def test_terms_that_extend_a_model_may_be_written():
+    model = Fixed(terms=["y(k-1)", "u(k-1)"]).fit(RECORD).model_
+    written, made = (extend(model, RECORD, [one], max_terms=3) for one in ("u(k-2)", Term.parse("u(k-2)")))
+    assert [step.theta.tolist() for step in written] == [step.theta.tolist() for step in made]

@@ -182,3 +182,8 @@ def test_a_plant_is_saved_by_the_name_of_its_model() -> None:
     unknown = plant.to_dict() | {"rig": {**plant.to_dict()["rig"], "model": "nowhere:motor"}}
     with pytest.raises(RigError, match="import nowhere first"):
         Plant.from_dict(unknown)
+
+
+def test_a_foreign_rig_needs_its_sizes() -> None:
+    with pytest.raises(RigError, match=r"sizes is None; give the typical sizes"):
+        ForeignRig(**{**vars(FOREIGN), "sizes": None})

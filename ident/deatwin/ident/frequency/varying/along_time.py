@@ -26,7 +26,7 @@ from deatwin.ident.frequency.varying.response import VaryingResponse
 from deatwin.ident.narx.identifier import Progress
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import read_only
-from deatwin.ident.narx.trajectory import ThetaTrajectory
+from deatwin.ident.narx.trajectory import ThetaTrajectory, require_trajectory
 from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
@@ -80,7 +80,7 @@ def tv_gfrf(
     ----------
     Zadeh, "Frequency analysis of variable networks", Proc. IRE 38 (1950) 291-299.
     """
-
+    require_trajectory(trajectory)
     order = whole_order(order, HIGHEST_ORDER)
     frequencies = checked_frequencies(omega, trajectory.model.sample_time, order)
     tones = Tones(frequencies.reshape(-1, order) * trajectory.model.sample_time)
@@ -125,6 +125,7 @@ def tv_output_spectrum(
     ModelError
         For the reasons given in `output_spectrum` and `tv_gfrf`.
     """
+    require_trajectory(trajectory)
     orders = Orders(one_period(excitation, trajectory.model.sample_time), whole_order(order))
     quantity = partial(output_spectrum, excitation=excitation, order=order)
     return _along(trajectory, quantity, orders, _of_all_orders, timepts, operating_input, progress)
@@ -180,6 +181,7 @@ def tv_nofrf(
     Lang, Billings, "Energy transfer properties of non-linear systems in the frequency domain", Int. J. Control 78
     (2005) 345-362, doi:10.1080/00207170500095759.
     """
+    require_trajectory(trajectory)
     period = one_period(excitation, trajectory.model.sample_time)
     spectrum = input_spectrum(period, order, trajectory.model.sample_time)
     lines, powers = spectrum.defined, spectrum.values[spectrum.defined]

@@ -17,7 +17,7 @@ from deatwin.ident.narx.covariance import transformed
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import OperatingRange
 from deatwin.ident.narx.terms import Term
-from deatwin.ident.narx.trajectory import ThetaTrajectory
+from deatwin.ident.narx.trajectory import ThetaTrajectory, require_trajectory
 from deatwin.plant.errors import ModelError
 
 Array = NDArray[np.float64]
@@ -64,6 +64,7 @@ def hold_equilibrium(
     ModelError
         If the model has several inputs or outputs, or if `output` or `operating_input` is not finite.
     """
+    require_trajectory(trajectory)
     require_one_input(trajectory.model, "gfrf of ThetaTrajectory.at(time), with inputs by name")
     inputs = operating_input_of(trajectory.model, operating_input)
     if not np.isfinite(real_number(output, "output")):

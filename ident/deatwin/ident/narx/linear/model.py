@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -21,6 +20,8 @@ from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import read_only
 from deatwin.ident.narx.response import NarxResponse, ResponseStatus, divergence_limit, response_over
 from deatwin.ident.narx.terms import Term, Variable
+from deatwin.ident.narx.values import set_signals
+from deatwin.plant.arrays import texts
 from deatwin.plant.datasets import (
     Described,
     Metadata,
@@ -144,14 +145,14 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
         object.__setattr__(self, "b", tuple(read_only(b) for b in self.b))
         object.__setattr__(self, "f", tuple(read_only(f) for f in self.f or [[1.0]] * m))
         names = ("input",) if m == 1 else tuple(f"input{i}" for i in range(1, m + 1))
-        object.__setattr__(self, "input_names", tuple(self.input_names) or names)
-        object.__setattr__(self, "input_units", tuple(self.input_units) or ("",) * m)
-        object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
+        object.__setattr__(self, "input_names", texts(self.input_names) or names)
+        object.__setattr__(self, "input_units", texts(self.input_units) or ("",) * m)
         if m == 0 or not len(self.f) == len(self.input_names) == len(self.input_units) == m:
             raise ModelError(
                 f"{m} polynomials b need as many f, input names and units; got {len(self.f)}, "
                 f"{len(self.input_names)} and {len(self.input_units)}"
             )
+        set_signals(self)
         self.polynomials.require()
         n = self.theta.size
         cov = np.asarray(self.theta_cov, dtype=np.float64)

@@ -255,9 +255,12 @@ def choose_orders(
     Raises
     ------
     ModelError
-        If the grid is empty or the held-out data are too short for its lags.
+        If lags or degrees are not a list, the grid is empty or the held-out data are too short for its lags.
     """
     held_out, train = flatten(validation), flatten(training)
+    for name, tried in (("output_lags", output_lags), ("input_lags", input_lags), ("degrees", degrees)):
+        if isinstance(tried, str) or not (tried is None or isinstance(tried, Iterable)):
+            raise ModelError(f"{name} = {tried!r}; give all that are tried, as [1, 2, 3]")
     own, other = list(output_lags), None if input_lags is None else list(input_lags)
     dead_times = estimate_dead_time(train) if train[0].inputs.size else ()
     pairs = _with_dead_times(own, dead_times, held_out) if other is None else list(product(own, other))
