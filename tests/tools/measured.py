@@ -163,13 +163,14 @@ def _recordings(rows: Rows) -> list[str]:
         best = _best(row["black_boxes"])
         ahead += best is not None and best < row["amended"]
         beside += best is not None
-        named = ", ".join(row["causes"]).replace("_", " ") if row["verdict"] == "named" else row["verdict"]
+        causes = ", ".join(row["causes"]).replace("_", " ")
+        told = {"named": causes, "ambiguous": f"ambiguous: {causes}"}.get(row["verdict"], row["verdict"])
         cells.append(
             [
                 f"{system.recording}, `{name}`",
                 system.lacks,
                 system.documented,
-                named,
+                told,
                 f"{system.loop} loop",
                 f"{row['base'] / system.scale:.3g} and {row['amended'] / system.scale:.3g} {system.unit}",
                 UNKNOWN if best is None else f"{best / system.scale:.3g} {system.unit}",

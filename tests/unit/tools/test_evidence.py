@@ -217,7 +217,12 @@ def test_what_scenarios_reached_becomes_data_and_tables_and_leaves_that_of_other
 
 
 @pytest.mark.parametrize(
-    ("amended", "verdict", "shown", "ahead"), [(0.001, "named", "cubic stiffness", 0), (0.003, "unknown", "unknown", 1)]
+    ("amended", "verdict", "shown", "ahead"),
+    [
+        (0.001, "named", "cubic stiffness", 0),
+        (0.001, "ambiguous", "ambiguous: cubic stiffness", 0),
+        (0.003, "unknown", "unknown", 1),
+    ],
 )
 def test_a_black_box_is_ahead_where_it_errs_less(amended: float, verdict: str, shown: str, ahead: int) -> None:
     errors = {**SILVERBOX["held_out"]["The arrow-head"], "recording": "The arrow-head", "amended": amended}
