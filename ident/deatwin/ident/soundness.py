@@ -20,9 +20,7 @@ def samples_in(seconds: float, sample_time: float) -> int:
 
 
 def neighbours_deviation(signal: Array) -> Array:
-    """Return the distance of each value from the cubic through its four neighbours. Shapes: `signal` (n,); returns
-    (n,).
-    """
+    """Return the distance (n,) of each value from the cubic through its four neighbours."""
     deviation = np.zeros(signal.size)
     near, far = signal[1:-3] + signal[3:-1], signal[:-4] + signal[4:]
     deviation[2:-2] = signal[2:-2] - (4.0 * near - far) / 6.0
@@ -41,9 +39,7 @@ def resolution(signal: Array) -> float:
 
 
 def noise_of_bends(signal: Array) -> float:
-    """Return the standard deviation of white noise with second differences as large as the signal's. Shapes: `signal`
-    (n,).
-    """
+    """Return the deviation of white noise with second differences as large as those of a signal (n,)."""
     bend = np.diff(signal, n=2)
     return 1.4826 * float(np.median(np.abs(bend - np.median(bend)))) / np.sqrt(6.0)
 

@@ -45,8 +45,7 @@ _DATASET = "dataset"
 
 
 def variable(*dims: str, **told: Any) -> Metadata:
-    """Metadata of a variable along dimensions, the first ones for an array with fewer axes; `told` sets fields of
-    `Entry`."""
+    """Metadata of a variable along dimensions, the first ones for fewer axes; `told` sets fields of `Entry`."""
     return {_DATASET: Entry(role="variable", dims=dims, **told)}
 
 
@@ -76,9 +75,7 @@ def nested() -> Metadata:
 
 
 def several(of: Callable[[Any], Variables], role: str = "variables") -> Metadata:
-    """Make metadata of variables (or ``coords``) whose names or dimensions depend on the result, as `dataset` takes
-    them.
-    """
+    """Make metadata of variables (or ``coords``) whose names or dimensions depend on the result."""
     return {_DATASET: Entry(role=role, of=of)}
 
 
@@ -219,9 +216,7 @@ def dataset(
 def columns(
     dimension: str, rows: Iterable[Mapping[str, Any]], units: Mapping[str, str] | None = None, before: str | None = None
 ) -> Variables:
-    """Return the columns of a table as variables along a dimension; each name begins with a text or the dimension's
-    name.
-    """
+    """Return the columns of a table as variables along a dimension; a text or the dimension begins each name."""
     listed, prefix = list(rows), f"{dimension}_" if before is None else before
     found: dict[str, tuple[Any, ...]] = {}
     for key in dict.fromkeys(key for row in listed for key in row):

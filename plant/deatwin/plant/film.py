@@ -97,8 +97,7 @@ class AnyFilm(ABC):
         return sum(self.capacitances, ca.SX(0))
 
     def force(self, coordinate: Symbol, squared_voltage: Symbol) -> Symbol:
-        """Return the film's forces dE/dq - V^2/2 dC/dq at a given voltage, with q = `coordinate`. Shapes: all (n,
-        1)."""
+        """Return the film's forces dE/dq - V^2/2 dC/dq at a given voltage, (n, 1), with q = `coordinate`."""
         electric = squared_voltage / 2 * ca.gradient(self.capacitance, coordinate) if self.capacitances else 0
         return ca.gradient(self.stored, coordinate) - electric
 

@@ -12,8 +12,7 @@ MATERIALS = PUBLISHED
 
 
 def material(name: str | Material) -> Material:
-    """Return a material itself, or by its key in `MATERIALS`, or by an energy of `deatwin.plant.laws`, such as
-    "neo-Hookean", for a film of which nothing else is known."""
+    """Return a material itself, or by its key in `MATERIALS`, or by an energy of `deatwin.plant.laws`."""
     if isinstance(name, Material):
         return name
     energy = name.lower().replace("-", "_").replace(" ", "_")

@@ -155,9 +155,7 @@ class Discrepancy:
 
 
 def discrepancy(plant: Plant, experiment: Experiment) -> Discrepancy:
-    """Return the residual of a plant against its version with finer equations, on an experiment's commands; cached on
-    disk.
-    """
+    """Return the residual of a plant against its version with finer equations; cached on disk."""
     commands = np.concatenate([record.inputs[0] for record in experiment.recordings])
     if not isinstance(plant.rig, Refinable):
         return _stated(plant.rig, commands)
@@ -230,9 +228,7 @@ class _Refit:
         return self.residuals(found.x)
 
     def residuals(self, coordinates: np.ndarray) -> np.ndarray:
-        """Return target minus readings, shape (n,), SI; very large values where the plant fails, so that the fit
-        avoids them.
-        """
+        """Return target minus readings, shape (n,), SI; very large values where the plant fails."""
         return self._evaluate(coordinates)[0]
 
     def _jacobian(self, coordinates: np.ndarray) -> np.ndarray:

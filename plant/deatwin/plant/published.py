@@ -92,9 +92,7 @@ _RANGE = _permittivity(4.5, "published values for stretched VHB lie between 3.5 
 
 
 def _common(name: str) -> Material:
-    """Return VHB with one relaxation and a modulus in the middle of the published values, as a start for a rig of
-    unknown history.
-    """
+    """Return VHB with one relaxation and a middling modulus, as a start for a rig of unknown history."""
     return Material(
         name=name,
         energy=gent,
@@ -142,9 +140,7 @@ def _published() -> tuple[Material, ...]:
 
 
 def _elastic(name: str, value: float, lower: float, upper: float, source: str) -> Parameter:
-    """Make an elastic parameter, on a scale that suits it: moduli logarithmic, limits of stretch inverse, small terms
-    linear.
-    """
+    """Make an elastic parameter: moduli on a logarithmic scale, limits of stretch inverse, small terms linear."""
     is_limit = name in ("stretch_limit", "locking_stretch")
     scale = Scale.RECIPROCAL if is_limit else Scale.LOGARITHMIC if lower > 0.0 else Scale.LINEAR
     unit = "1" if is_limit or name.startswith("alpha") else "Pa"

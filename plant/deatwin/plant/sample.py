@@ -25,9 +25,7 @@ class Sample:
     def __call__(
         self, x: Any, z: Any, held: np.ndarray, inputs: np.ndarray, time: float
     ) -> tuple[ca.DM, ca.DM, float] | None:
-        """Return states, coordinates and reading, SI, at the sample's end; None if unsolved. `x, z` (n_x,); `held`
-        (n_d,).
-        """
+        """Return states, coordinates and reading at the sample's end; None if unsolved. `x, z` (n_x,); `held`."""
         tried = (self._in_steps(x, z, held, inputs, time, n) for n in (1, *SHORTER_STEPS))
         return next((found for found in tried if found is not None), None)
 
@@ -45,9 +43,7 @@ class Sample:
 
 
 def solved(error: np.ndarray | ca.DM, reading: np.ndarray | ca.DM, count: int) -> int:
-    """Return how many of the first `count` samples were solved with finite readings; `error` (n, ...), `reading` (n,
-    rows).
-    """
+    """Return how many of the first `count` samples are solved; `error` (n, ...), `reading` (n, rows)."""
     errors = np.asarray(error).ravel()
     readings = np.asarray(reading).reshape(errors.size, -1)[:count]
     bad = ~((errors[:count] <= SETTLED) & np.isfinite(readings).all(axis=1))

@@ -211,9 +211,7 @@ class Simulator:
         return replace(run, further=combined(rows, sample_time), further_slopes=changes)
 
     def stepper(self, values: np.ndarray, *, rest_command: float, start: float, sample_time: float) -> Stepper:
-        """Return a plant at rest that takes one command at a time, for a controller in the loop. Shapes: `values`
-        (n_p,).
-        """
+        """Return a plant at rest that takes one command at a time, for a loop. Shapes: `values` (n_p,)."""
         rest = rest_state(self.equations, rest_command, values)
         first = self._reading(rest, rest_command, start, values)[0]
         return Stepper(

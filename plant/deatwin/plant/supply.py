@@ -115,9 +115,7 @@ class Supply:
         return voltage
 
     def _excess(self, ahead: Symbol, into: Symbol, build: Builder) -> Symbol:
-        """Return the ratio of the current that the resistance would allow to the source's largest current, smoothly
-        limited to at least 1.
-        """
+        """Return the current through the resistance divided by the source's largest, smoothly limited to at least 1."""
         source = inf if self.current_limit is None else self.current_limit
         sink = source if self.sink_current is None else max(self.sink_current, LEAST_SUNK)
         drops = [

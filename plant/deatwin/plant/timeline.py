@@ -60,9 +60,7 @@ class Timeline:
 
 
 def _pause(before: Recording, record: Recording) -> int:
-    """Return the number of samples between two records, counted from the end of the first to avoid accumulating
-    errors.
-    """
+    """Return the number of samples between two records, from the end of the first, so that no errors add up."""
     pause = (record.start - before.end) / before.sample_time
     if abs(pause - round(pause)) > OFF_CLOCK:
         raise DataError(

@@ -73,9 +73,7 @@ def loop_polynomials(numerators: ArrayLike, denominators: ArrayLike) -> tuple[Ar
 
 
 def jet(columns: Array, angle: Array, order: int) -> tuple[Complex, ...]:
-    """Return polynomials (n,) on the unit circle with derivatives by the angle. Shapes: `columns` (m, n); `angle`
-    (n,).
-    """
+    """Return polynomials (n,) on the unit circle with derivatives by the angle; `columns` (m, n)."""
     turn = np.exp(-1j * angle)
     found = []
     for power in range(order + 1):

@@ -79,9 +79,7 @@ class _Solver:
         return self.outputs
 
     def slope(self, value: Array, part: int, products: Mapping[int, Jet], linear: Mapping[int, int]) -> Array:
-        """Return the derivative of the equation by each parameter: the factor it multiplies, and the change of the
-        products.
-        """
+        """Return the derivative of the equation by each parameter."""
         slope = np.zeros((len(self.terms), *value.shape), dtype=value.dtype)
         for m, lag in linear.items():
             slope[m] = self.parts.delayed(value, part, lag)
@@ -101,9 +99,7 @@ class _Solver:
         return chain.known[part]
 
     def longer(self, earlier: _Chain, last: _Chain, part: int) -> Jet | None:
-        """Return a part of a product of several factors, summed over all ways to split it between the last factor and
-        the others.
-        """
+        """Return a part of a product, summed over all ways to split it between the last factor and the others."""
         total: Jet | None = None
         for first, second in self.parts.splits(part):
             a = self.product(earlier, first)

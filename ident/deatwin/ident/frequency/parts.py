@@ -20,9 +20,7 @@ _ROUNDING = 64 * np.finfo(float).eps  # relative size of what rounding leaves of
 
 
 class Tones:
-    """Parts that are sets of tones, each a bit of the part's number; `angles` (n, order), `rows` (order,) their
-    inputs.
-    """
+    """Parts that are sets of tones, each a bit of the part's number; `angles` (n, order), `rows` (order,)."""
 
     # The input is a sum of tones e^(jw_i k); the part of all n tones in the output is n! times the symmetric H_n.
 
@@ -66,9 +64,7 @@ class Tones:
         return self._shift(part, lag) if alone else None
 
     def delayed(self, values: Array, part: int, lag: int) -> Array:
-        """Multiply a part by the phase factor of a delay at the sum of its tones' frequencies. Shapes: `values` (...,
-        n).
-        """
+        """Multiply a part (..., n) by the phase factor of a delay at the sum of its tones' frequencies."""
         return values * self._shift(part, lag)
 
     def filtered(self, values: Array, part: int, feedback: Feedback) -> Array:

@@ -33,9 +33,7 @@ class Removal:
 
     @property
     def deleted_error(self) -> float:
-        """Rms change of the free run due to deleting the constant, relative to the run's standard deviation; at most
-        100.
-        """
+        """Rms change due to deleting the constant, in standard deviations of the run; at most 100."""
         difference = np.nan_to_num(self.deleted_run - self.run, nan=np.inf)
         return min(float(np.sqrt(np.mean(np.clip(difference, -1, 1) ** 2)) / self.run.std()), 100.0)
 

@@ -16,9 +16,7 @@ PERIODS = 3  # Periods of the lowest tone; the first ones let the plant settle
 def tone_response(
     plant: Plant, frequency_Hz: Sequence[float], size: float, operating_input: float
 ) -> NDArray[np.complex128]:
-    """Measure the response to tones of both signs, so that even orders cancel, (n_frequencies,); `size` in input
-    units.
-    """
+    """Measure the response (n_frequencies,) to tones of both signs, so that even orders cancel."""
     step = plant.rig.sample_time
     n = round(1 / frequency_Hz[0] / step)
     lines = np.round(np.array(frequency_Hz) * n * step).astype(int)

@@ -42,9 +42,7 @@ def with_errors(spread: np.ndarray, jacobian: np.ndarray, columns: np.ndarray) -
 
 
 def beside(jacobian: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Return the part of columns that least squares cannot explain. Shapes: `jacobian` (n, p); `columns` and result
-    (n, k).
-    """
+    """Return the part of `columns` (n, k) that least squares by `jacobian` (n, p) cannot explain, (n, k)."""
     scaled, _ = _unit_columns(jacobian)
     return np.asarray(columns - scaled @ np.linalg.lstsq(scaled, columns, rcond=np.sqrt(RANK))[0])
 

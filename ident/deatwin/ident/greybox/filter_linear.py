@@ -257,9 +257,7 @@ class Floor:
 
 
 def _correlation_time(linear: Linear) -> float:
-    """Return the correlation time, s, of the states, weighted by their contribution to the reading, or of the
-    reading.
-    """
+    """Return the correlation time of the states, weighted by their part of the reading, or of the reading, s."""
     still = np.zeros(linear.residual.size) if linear.state_names else linear.states[linear.plant.rig.output_name]
     motion = sum(
         (np.abs(linear.rows[:, k]).mean() * linear.states[name] for k, name in enumerate(linear.state_names)),

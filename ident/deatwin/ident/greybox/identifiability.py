@@ -200,9 +200,7 @@ def _variance(calibration: Calibration) -> float:
 
 
 def _deviance(best: Calibration, parts: Sequence[Part], name: str, value: float) -> float:
-    """Return twice the loss of log likelihood with one parameter fixed and the others fitted; infinite if no fit
-    succeeds.
-    """
+    """Return twice the loss of log likelihood with one parameter fixed; infinite if no fit succeeds."""
     problem, k = Problem(plant=best.plant, parts=tuple(parts), names=best.names), best.names.index(name)
     at = best.plant.parameters[name].scale.to_coordinate(value)
     refit = held(problem, problem.start(), best.covariance, k, at, evaluations=EVALUATIONS, tolerance=1e-6)

@@ -90,9 +90,7 @@ def _rms(found: Minimum) -> float:
 
 
 def largest_alike(residuals: np.ndarray, jacobian: np.ndarray) -> float:
-    """Return the largest rms error that does not differ from that of a fit. Shapes: `residuals` (m,); `jacobian` (m,
-    n).
-    """
+    """Return the largest rms error that does not differ from a fit's; `residuals` (m,), `jacobian` (m, n)."""
     # Residuals that are correlated in time count as fewer samples; the ratio of the variances shows how many.
     white, robust = white_variances(residuals, jacobian), np.diag(covariance(residuals, jacobian))
     fewer = float(np.max(np.divide(robust, white, out=np.ones_like(white), where=white > 0.0)))

@@ -26,9 +26,7 @@ def linearised_rms(residuals: np.ndarray, jacobian: np.ndarray) -> float:
 def bounded_fit(
     residuals: np.ndarray, jacobian: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> tuple[float, np.ndarray]:
-    """Return the residual of a linear model of a fit within bounds. Shapes: `residuals`, result (m,); `jacobian` (m,
-    n).
-    """
+    """Return the residual (m,) of a linear model of a fit within bounds; `jacobian` (m, n)."""
     sizes = np.linalg.norm(jacobian, axis=0)
     scales = np.where(sizes > 0.0, sizes, 1.0)
     basis, small = np.linalg.qr(jacobian / scales)  # parameters cannot change the rest of the residuals

@@ -279,9 +279,7 @@ def _least(
 
 
 def _beside(lines: NDArray[np.int64], excited: Lines) -> NDArray[np.int64] | None:
-    """Return the nearest detection lines of equal parity at each excited line, (n_excited, n_neighbours); None if
-    there are none.
-    """
+    """Return the nearest detection lines of equal parity, (n_excited, n_neighbours); None if there are none."""
     band = slice(int(np.argmax(excited)), excited.size - int(np.argmax(excited[::-1])))
     inside = np.zeros_like(excited)
     inside[band] = ~excited[band]

@@ -136,8 +136,7 @@ def _tones(power: Array) -> NDArray[np.bool_]:
 
 
 def _mean_by_chance(lines: float) -> float:
-    """Return the mean coherence that so many unlinked lines exceed once in 500: each is nearly exponential with the
-    mean 1 / segments, so their mean is a gamma variable."""
+    """Return the mean coherence that unlinked lines exceed once in 500: it is a gamma variable."""
     from scipy.special import gammainccinv
 
     return float(gammainccinv(lines, _CHANCE) / (lines * _INDEPENDENT))

@@ -308,9 +308,7 @@ def _extras(records: Sequence[Recording]) -> list[Array]:
 
 
 def _noise(records: Sequence[Recording], pieces: Sequence[Array]) -> float | None:
-    """Estimate the noise of a channel by the diagnosis' method for residuals; here the channel also contains the
-    motion.
-    """
+    """Estimate the noise of a channel as the diagnosis does that of residuals; here motion is in it, too."""
     if max(piece.size for piece in pieces) < _FEWEST:
         return None
     commands = [record.inputs[0] for record in records]

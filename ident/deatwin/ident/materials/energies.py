@@ -49,9 +49,7 @@ class EnergyStart:
 
     @property
     def prior(self) -> Array:
-        """Expected coordinates and their deviations, (2, k): a weak prior, for directions that the tests do not
-        determine.
-        """
+        """Expected coordinates and their deviations, (2, k): a weak prior for what the tests leave open."""
         deviations = {Scale.LOGARITHMIC: np.log(10.0), Scale.LINEAR: 10.0 * self.stiffest}
         modulus = [deviations.get(p.scale, np.inf) if p.unit == "Pa" else np.inf for p in self.parameters]
         return np.vstack([self.start, modulus])
@@ -80,9 +78,7 @@ class EnergyStart:
 
 
 def known_energies(modulus: float, largest: float) -> Iterator[EnergyStart]:
-    """Return all energies of `deatwin.plant.laws`, with starts from a neo-Hookean modulus, Pa, and the largest
-    invariant.
-    """
+    """Return all energies of `deatwin.plant.laws` with starts, from a modulus, Pa, and the largest invariant."""
 
     def stiff(name: str, value: float) -> Parameter:
         low, high = modulus / FURTHEST, modulus * FURTHEST

@@ -139,9 +139,7 @@ class Observations:
 
 
 def shows_memory(tests: Sequence[MaterialTest]) -> bool:
-    """Return whether the tests contain more than pulls at one constant rate: holds, returns, other rates, dynamic
-    moduli.
-    """
+    """Return whether the tests contain more than pulls at one constant rate."""
     rates = []
     for test in tests:
         if test.is_dma:
@@ -174,9 +172,7 @@ def _block(test: MaterialTest) -> Block:
 
 
 def samples_kept(times: Array, stretch: Array) -> NDArray[np.intp]:
-    """Return samples that describe a path: its corners, and samples at even and at growing distances. Shapes: (n,)
-    both.
-    """
+    """Return samples that describe a path (n,): corners, and samples at even and at growing distances."""
     if times.size <= KEPT:
         return np.arange(times.size)
     corners = _corners(times, stretch)

@@ -283,9 +283,7 @@ def _require_agreement(table: Table, column: int, unit: str, place: str) -> None
 
 
 def _is_plain(table: Table, column: int) -> bool:
-    """Return whether a column is declared as a plain number: by "=1", a line of units, or a header such as "strain
-    [-]".
-    """
+    """Return whether "=1", a line of units, or a header such as "strain [-]" declares a plain number."""
     said = table.said[column].strip("()[] ") if table.said else ""
     header = table.headers[column].strip()
     return said in _PLAIN or any(header.endswith((f"[{sign}]", f"({sign})")) for sign in _PLAIN)

@@ -50,9 +50,7 @@ def criterion_values(name: str, steps: Sequence[SelectionStep], target: Array, c
 def split(
     recordings: Sequence[Recording], share: float, first: int
 ) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
-    """Split recordings into a first part for training and a last part for testing, each longer than the largest lag
-    `first`.
-    """
+    """Split recordings into a first part for training and a last for testing, each longer than `first` lags."""
     training, held_out = [], []
     for number, record in enumerate(recordings, start=1):
         cut = record.n_samples - round(share * record.n_samples)

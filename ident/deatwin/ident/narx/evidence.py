@@ -67,9 +67,7 @@ def log_odds(data: Statistics, chosen: Indices) -> float:
 
 
 def climb(data: Statistics, start: Indices) -> Iterator[Move]:
-    """Move to the most probable neighbour (one term less, more, or exchanged) until none is more probable; yield the
-    moves.
-    """
+    """Move to the most probable neighbour, by one term, until none is more probable; yield the moves."""
     move = Move(chosen=np.sort(start), removed=None, added=None, log_odds=log_odds(data, start))
     yield move
     while move.log_odds > -np.inf:
@@ -101,9 +99,7 @@ def _best_neighbour(data: Statistics, chosen: Indices) -> Move:
 
 
 def _posterior(data: Statistics, left: Array | float, n_terms: int) -> Array:
-    """Return ln p(structure | y) - ln p(no term | y) of structures of n_terms terms with given residual sums of
-    squares.
-    """
+    """Return ln p(structure | y) - ln p(no term | y) from sums of squares of structures of n_terms terms."""
     candidates = data.moment.size
     if not 0 < n_terms < min(data.n_samples, candidates + 1):
         return np.full(np.shape(left), -np.inf)

@@ -257,9 +257,7 @@ class March:
 
 
 def _flat(products: Sequence[Factors], n: int) -> tuple[Integers, Integers]:
-    """List products one after another: the start of each, and the offset of each factor from sample k of the first
-    row.
-    """
+    """List products one after another: the start of each, and the offset of each factor in the first row."""
     starts = np.array([0, *accumulate(len(product) for product in products)], dtype=np.int64)
     offsets = np.array([row * n - lag for product in products for row, lag in product] or [0], dtype=np.int64)
     return starts, offsets

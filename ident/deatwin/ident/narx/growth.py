@@ -75,8 +75,7 @@ def _beyond_chance(model: NarxModel, larger: NarxModel, data: Regression) -> boo
 
 
 def smallest_adequate(errors: Array, level: float) -> int:
-    """Return the position of the first model of a path from which on no model is significantly worse than the best.
-    Shapes: `errors` (n_models, n_sections)."""
+    """Return the first model of a path from which none is significantly worse; `errors` (n_models, n_sections)."""
     best = int(np.argmin(errors.sum(axis=1)))
     if not np.isfinite(errors[best].sum()):
         return 0

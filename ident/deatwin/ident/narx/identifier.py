@@ -61,8 +61,7 @@ class FitStatus(Enum):
 
 
 class Identifier:
-    """An estimator under scikit-learn's contract: arguments are stored untouched under their names, so that
-    ``GridSearchCV`` and ``cross_val_score`` work on a list of recordings."""
+    """An estimator under scikit-learn's contract: arguments are stored untouched, so that searches work."""
 
     model_: Any
 

@@ -187,9 +187,7 @@ class Narmax(NarxIdentifier):
         return terms
 
     def _choose(self, process: Regression, candidates: TermTable, noise: Sequence[Array]) -> tuple[Term, ...]:
-        """Choose noise terms by their error reduction ratio, after the process terms, with the present noise
-        estimate.
-        """
+        """Choose noise terms by their error reduction ratio, after the process terms."""
         given, target = process.matrix()
         rows = noise_rows(process, candidates, noise)
         most = min(self.max_noise_terms, target.size - len(given) - 1)

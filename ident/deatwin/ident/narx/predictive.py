@@ -243,9 +243,7 @@ def _readings(model: NarxModel, output_noise: ArrayLike) -> Array:
 def _runs(
     model: NarxModel, recording: Recording, rng: np.random.Generator, n_draws: int, readings: Array | None
 ) -> list[Array]:
-    """Return noisy free runs (n_outputs, n) of draws, without those that diverge; `readings` (n_outputs, 1) noise on
-    outputs.
-    """
+    """Return noisy free runs (n_outputs, n) of draws that do not diverge; `readings` is noise on outputs."""
     first = model.simulate(recording).first  # also checks that the recording suits
     limit = model.divergence_limit(recording.outputs)
     inputs, outputs = model.about_origin(recording.inputs, recording.outputs)

@@ -165,9 +165,7 @@ class _Search:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Walk:
-    """A regression whose parameters follow random walks: rows phi (n, m), outputs, steps between samples, and the
-    start.
-    """
+    """A regression whose parameters follow random walks: rows phi (n, m), outputs, steps, and the start."""
 
     phi: Array
     target: Array

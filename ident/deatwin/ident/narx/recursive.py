@@ -147,9 +147,7 @@ class Rls(VaryingParameters):
 
 
 def _beginning(phi: Array, target: Array, forgetting: float) -> tuple[int, Array, Array, float]:
-    """Solve the shortest beginning with independent regressors; return samples, theta, covariance root, squared
-    residual.
-    """
+    """Solve the shortest beginning; return samples, theta, covariance root, squared residual."""
     n, count = phi.shape
     while count < n:
         weights = np.sqrt(forgetting) ** np.arange(count - 1, -1, -1)

@@ -24,9 +24,7 @@ def period_of(values: Array) -> float | None:
 
 
 def whole_period_of(values: Array) -> int | None:
-    """Return the smallest number of whole periods that is a whole number of samples, in samples; None without a
-    period.
-    """
+    """Return the fewest whole periods that are a whole number of samples; None without a period."""
     found = _repeats(values)
     return None if found is None else whole_multiple(found[0] / found[1], values.size // 2)
 

@@ -130,9 +130,7 @@ def response_over(
 
 
 def divergence_limit(operating: OperatingRange | None, measured: Array, origin: Array | float = 0.0) -> float:
-    """Return the magnitude of the largest output beyond which a free run counts as diverged. Shapes: `measured`
-    (n_outputs, n).
-    """
+    """Return the largest output beyond which a free run has diverged; `measured` (n_outputs, n)."""
     about = np.asarray(origin)
     largest = float(np.abs(measured - about[..., None]).max())
     if operating is None:

@@ -73,9 +73,7 @@ class Cosines:
         return replace(self, coefficients=read_only(self.coefficients @ np.asarray(directions, dtype=np.float64).T))
 
     def drift(self, shares: ArrayLike) -> Array:
-        """Return the drift of the series from their means by the slow cosines, (n_times, n_series); `shares`
-        (n_times,).
-        """
+        """Return the drift of the series by the slow cosines, (n_times, n_series); `shares` (n_times,)."""
         return np.asarray(self._slow_shapes(shares).T @ self.slow, dtype=np.float64)
 
     def drift_scales(self, shares: ArrayLike) -> Array:

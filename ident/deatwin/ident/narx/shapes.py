@@ -222,9 +222,7 @@ class Shape:
         return found / self.unit
 
     def along(self, signal: Array) -> Array:
-        """Evaluate the function of a whole signal; a change before the first sample counts as zero. Shapes: `signal`
-        (n,).
-        """
+        """Evaluate the function of a signal (n,); a change before the first sample counts as zero."""
         changed = signal
         if self.difference:
             changed = np.zeros_like(signal)

@@ -84,9 +84,7 @@ def follow_actuator(name: str, recording: Recording, structure: Structure) -> Tr
 
 
 def _choice_errors(structure: Structure, recording: Recording) -> Array:
-    """Return the error of each of `SHARES` on the blocks for choosing; fits use neither these nor the blocks for
-    judging.
-    """
+    """Return the error of each of `SHARES` on the blocks for choosing, which no fit uses."""
     training = stretches(recording, (CHOOSING, JUDGING))
     blocks = _within(blocks_of(recording, CHOOSING), training)
     walks = (walked(structure, training, share, recording).trajectory_ for share in SHARES)

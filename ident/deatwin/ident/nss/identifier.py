@@ -209,10 +209,7 @@ def _on_all(found: Found, start: Point, whole: Sequence[Record], max_steps: int)
 
 
 def _status(found: Found, overfitted: bool, rows: Array, whole: Sequence[Record]) -> FitStatus:
-    """Return the status of a search over all samples, whose steps the held-out ones may have limited.
-
-    `rows` is the `triangle` at its end.
-    """
+    """Return the status of a search over all samples; `rows` is the `triangle` at its end."""
     if found.interrupted:
         return FitStatus.INTERRUPTED
     readings = np.concatenate([record.outputs.ravel() for record in whole])

@@ -140,9 +140,7 @@ def _past(parts: Sequence[Any], build: Builder, whole: Any, counts: Sequence[int
 
 
 def _inside(reading: Any, build: Builder, share: Any, growth: int) -> Any:
-    """Return the reading a `share` of the sample before its end; at rest it is constant or, with `growth` 2, grows
-    from 0.
-    """
+    """Return the reading within a sample; at rest it is constant or, with `growth` 2, grows from 0."""
     size = build.signal("reading_size")
     width, moments = build.sample_time, []
     above = reading

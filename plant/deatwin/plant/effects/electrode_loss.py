@@ -18,10 +18,7 @@ if TYPE_CHECKING:
 
 
 def rate_of(share: Any, time: Any) -> Any:
-    """Return the rate at which the share of the electrode with contact changes, 1/s; 0 for one that is a number.
-
-    Equations of rest are those of clock 0, where nothing changes.
-    """
+    """Return the rate of the share of the electrode with contact, 1/s; 0 at rest, and for a plain number."""
     return 0.0 if isinstance(share, float) else ca.if_else(time == 0, 0.0, ca.jacobian(share, time))
 
 

@@ -39,9 +39,7 @@ def tone_at(timepts: np.ndarray, values: np.ndarray, frequency: float) -> Tone:
 
 
 def tones(timepts: np.ndarray, residual: np.ndarray, count: int = 3) -> tuple[Tone, ...]:
-    """Return spectral lines of a residual that exceed their neighbourhood, best first. Shapes: `timepts`, `residual`
-    (n,).
-    """
+    """Return spectral lines of a residual (n,) that exceed their neighbourhood, best first."""
     from scipy.ndimage import median_filter
 
     if residual.size < 16:

@@ -9,9 +9,7 @@ APART = 0.02  # Least distance between two candidates, as a share of the number 
 
 
 def steps_of(timepts: np.ndarray, residual: np.ndarray, count: int = 3) -> tuple[tuple[float, float], ...]:
-    """Return times at which a step would explain most of a residual (n,), best first (Hinkley, Biometrika 57 (1970)
-    1).
-    """
+    """Return times of steps that would explain most of a residual (n,) (Hinkley, Biometrika 57 (1970) 1)."""
     n = residual.size
     if n < 2:
         return ()

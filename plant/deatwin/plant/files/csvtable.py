@@ -90,9 +90,7 @@ class CsvTable(Table):
     def _of_short_rows(
         self, rows: Sequence[Sequence[str]], columns: Sequence[int], missing: Collection[int]
     ) -> list[list[str]]:
-        """Return the cells of columns. A short row is filled up with empty cells, except the last row, at which the
-        file breaks off.
-        """
+        """Return the cells of columns; short rows are filled up, except the last, at which the file breaks off."""
         last = len(rows) - 1
         try:
             return [

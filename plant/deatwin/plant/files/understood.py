@@ -70,8 +70,7 @@ class Understood:
 
 
 def understand(path: str | Path, asked: ReadOptions = NO_OPTIONS, readings: Sequence[Reading] = ()) -> Understood:
-    """Read a file as asked; if that is refused, look for options that do read it, trying each. `readings` are the
-    further ones of a rig, whose columns are then told as such."""
+    """Read a file as asked or, if that is refused, with options that work; `readings` are the rig's further ones."""
     found = Understood(path=str(path), asked=asked)
     try:
         table = table_of_file(path)

@@ -17,9 +17,7 @@ CHUNK = 200  # Number of samples in one call of compiled code
 
 
 class March:
-    """Arguments and results of a function as arrays, because converting each call takes longer than a small plant's
-    step.
-    """
+    """Arguments and results of a function as arrays, because converting each call takes longer than a step."""
 
     def __init__(self, function: ca.Function) -> None:
         self._arguments = [_array(function.size_in(i)) for i in range(function.n_in())]

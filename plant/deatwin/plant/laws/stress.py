@@ -37,9 +37,7 @@ def nominal_stress(
 def true_stress(
     energy: Callable[..., Symbol], stretch_1: Symbol, stretch_2: Symbol, *parameters: Symbol
 ) -> tuple[Symbol, Symbol]:
-    r"""Return true stresses :math:`\sigma_i = \lambda_i\,\partial W/\partial\lambda_i` along 1 and 2, Pa; none
-    across.
-    """
+    r"""Return true stresses along 1 and 2, :math:`\lambda_i\,\partial W/\partial\lambda_i`, Pa; none across."""
     first, second = nominal_stress(energy, stretch_1, stretch_2, *parameters)
     return stretch_1 * first, stretch_2 * second
 
@@ -53,7 +51,5 @@ def tangent(
 
 
 def shear_modulus(energy: Callable[..., Symbol], *parameters: Symbol) -> Symbol:
-    r"""Return the shear modulus at small strain, :math:`\mu_0 = \tfrac14\,\partial^2 W/\partial\lambda_1^2` at rest,
-    Pa.
-    """
+    r"""Return the shear modulus at rest, :math:`\tfrac14\,\partial^2 W/\partial\lambda_1^2`, Pa."""
     return tangent(energy, 1.0, 1.0, *parameters)[0] / 4

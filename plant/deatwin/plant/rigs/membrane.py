@@ -129,9 +129,7 @@ class _Ring:
 
 
 def _gauss_points(width: float) -> tuple[np.ndarray, np.ndarray]:
-    r"""Return abscissae in (-1, 1) and weights of the two-point Gauss rule for :math:`\int_{-1}^{1}
-    f(x)\,e^{wx}\,dx`.
-    """
+    """Return abscissae in (-1, 1) and weights of the two-point Gauss rule with the weight :math:`e^{wx}`."""
     fine, lengths = np.polynomial.legendre.leggauss(16)
     moments = [float(lengths @ (np.exp(width * fine) * fine**k)) for k in range(4)]
     # The abscissae are the roots of the quadratic that is orthogonal to 1 and x under the weight.

@@ -128,9 +128,7 @@ class Pressure(FilmActuator):
         return heights | {f"flat_{k}": 1.0 for k in range(SHAPES)}
 
     def _potential(self, position: Symbol, shape: Kinematics, build: Builder) -> Symbol:
-        r"""Return the work of the pressure, :math:`-p\int\pi r^2\,dz`, from the points' areas
-        :math:`2\pi\rho\,d\rho`.
-        """
+        r"""Return the work of the pressure, :math:`-p\int\pi r^2\,dz`, from the areas of the points."""
         film, area = self._film, build.constant("swept", self._film.areas * self._film.radii / 2)
         heights = ca.vertcat(position, *shape.coordinates[: SHAPES - 1])
         fall = -(matrix("fall", film.slope.T, build) @ heights)

@@ -65,9 +65,7 @@ class Revolved:
 
     @property
     def inertia(self) -> np.ndarray:
-        """Return the film's mass matrix for the speeds of h and g, from density and thickness, (n_h + n_g, n_h +
-        n_g).
-        """
+        """Return the film's mass matrix for the speeds of h and g, (n_h + n_g, n_h + n_g)."""
         count = len(self.height)
         whole = np.zeros((count + len(self.hoop),) * 2)
         whole[:count, :count] = (self.height * self.areas) @ self.height.T

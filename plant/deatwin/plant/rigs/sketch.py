@@ -118,9 +118,7 @@ def _stretched(rig: Any) -> str:
 
 
 def _round(pen: _Pen, rig: Any, inner: tuple[str, float], depth: float, colour: str = ELECTRODE) -> tuple[float, float]:
-    """Draw a ring from above and its frame from the side; return radius and position of the inner part in the side
-    view.
-    """
+    """Draw a ring from above, and its frame from the side; return radius and height of the inner part."""
     name, radius = inner
     share, place = radius / rig.frame_radius, 2.7
     pen.disc((0.0, 0.0), 1.0, FILM)

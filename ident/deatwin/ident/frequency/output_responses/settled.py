@@ -33,9 +33,7 @@ class Evaluated:
 
     @property
     def errors(self) -> Array:
-        """Largest error of each G_n of least squares, relative to the largest gain if there is one, shape
-        (n_orders,).
-        """
+        """Largest error of each G_n, relative to the largest gain if there is one, shape (n_orders,)."""
         pairs = zip(self.fitted.orders, self.direct, strict=False)
         return np.array([np.abs(g.values - d.values).max() / (d.gain.max() or 1.0) for g, d in pairs])
 

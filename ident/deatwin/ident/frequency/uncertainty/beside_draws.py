@@ -75,9 +75,7 @@ class Spread:
 
     @property
     def ratio(self) -> float:
-        """Draws' variance divided by the propagated one, at the frequency and in the direction where it is farthest
-        from one.
-        """
+        """Draws' variance divided by the propagated one, where and in the direction in which it is farthest from 1."""
         values = np.linalg.eigvalsh(self.whitened).ravel()
         return float(values[np.argmax(np.abs(np.log(values)))])
 

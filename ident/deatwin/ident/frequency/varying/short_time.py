@@ -40,9 +40,7 @@ class ShortTime:
     predicted: Mapping[str, Complex]  # shape (n_windows, n): Amplitudes of each prediction
 
     def power_ratio_dB(self, name: str, band: tuple[float, float]) -> Array:
-        """Predicted power in a band, Hz, divided by the recorded power, for each window, dB. Shapes: returns
-        (n_windows,).
-        """
+        """Predicted power in a band, Hz, divided by the recorded power, in dB, shape (n_windows,)."""
         inside = self._inside(band)
         powers = [np.sum(np.abs(s[:, inside]) ** 2, axis=1) for s in (self.predicted[name], self.recorded)]
         return np.asarray(10 * np.log10(powers[0] / powers[1]))
@@ -97,9 +95,7 @@ def predicted(source: NarxModel | ThetaTrajectory, period: Array, time: float, o
 
 
 def series_error(trajectory: ThetaTrajectory, window: Recording, operating_input: float) -> float:
-    """Return the error of the sum of G_n U_n, for each number of orders, against the steady free run of a window's
-    model.
-    """
+    """Return the error of the sum of G_n U_n, for each number of orders, against a window's free run."""
     period, middle = window.inputs[0] - operating_input, 0.5 * (window.start + window.end)
     spectrum = np.zeros(period.size // 2 + 1, dtype=np.complex128)
     with warnings.catch_warnings():

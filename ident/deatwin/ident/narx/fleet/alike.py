@@ -91,9 +91,7 @@ def linear_in_output(term: Term) -> bool:
 def choose_structure(
     training: Sequence[Recording], plan: Plan, rule: Rule = linear_in_output, *, jobs: int = 1
 ) -> tuple[Structure, Array, int]:
-    """Choose the structure with the smallest free-run errors on all recordings; return it, its errors, and the number
-    tried.
-    """
+    """Choose the structure with the smallest free-run errors; return it, its errors, and the number tried."""
     cuts = [record.n_samples - round(CHOOSING * record.n_samples) for record in training]
     parts = [(r.section(0, cut), r.section(cut, r.n_samples)) for r, cut in zip(training, cuts, strict=True)]
     passed = run_jobs(_passed, [(beginning, plan, rule) for beginning, _ in parts], workers=jobs)

@@ -70,9 +70,7 @@ def _fitted(orders: Orders, records: Sequence[Record]) -> tuple[Minimum, float]:
 
 
 def _at_edge(orders: Orders, found: Minimum, limit: float) -> int | None:
-    """Return the input whose F has a root at the edge of stability, or within two standard deviations of it; else
-    None.
-    """
+    """Return the input whose F has a root within two deviations of the edge of stability; else None."""
     ends = np.cumsum(orders.sizes)
     m = len(orders.nb)
     for i, nf in enumerate(orders.nf):

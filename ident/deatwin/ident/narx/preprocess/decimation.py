@@ -187,9 +187,7 @@ def choose_sampling(recordings: Recordings, *, n_lags: int | None = None) -> Sam
 
 
 def _factor(minimum: int | None, highest: float) -> tuple[int, SamplingStatus]:
-    """Return factor and status from the first minimum, in samples, and the output's highest frequency, cycles per
-    sample.
-    """
+    """Return factor and status from the first minimum, in samples, and the output's highest frequency."""
     low, high = _WANTED
     if minimum is None:
         return 1, SamplingStatus.NO_MINIMUM
@@ -224,9 +222,7 @@ def _correlation(signals: list[Array], lags: int) -> Array:
 
 
 def _first_minimum(values: Array, band: float) -> int | None:
-    """Return the lag of the first minimum after which the function rises by more than the band; None if there is
-    none.
-    """
+    """Return the lag of the first minimum that a rise by more than the band follows; None without one."""
     lowest = 0
     for lag, value in enumerate(values):
         if value < values[lowest]:

@@ -60,9 +60,7 @@ def delay_probabilities(arx: LongArx, which: int, latest: int) -> Array:
 
 
 def _excess(squares: float, n_errors: int, arx: LongArx) -> float:
-    """Return the residual power of the best low-order model beyond the long one, in noise variances per degree of
-    freedom.
-    """
+    """Return the best low-order model's residual power beyond the long one, in noise variances."""
     freedom = max(arx.n_unknowns - 6, 1)
     return max(1.0, (squares / arx.variance - (n_errors - arx.n_unknowns)) / freedom)
 
@@ -70,9 +68,7 @@ def _excess(squares: float, n_errors: int, arx: LongArx) -> float:
 def _least(
     loss: PredictionErrorLoss, former: Polynomials | None, simplest: Polynomials | None
 ) -> tuple[float, Polynomials]:
-    """Return the smallest sum of squares, starting from the result for the neighbouring dead time, a simple model,
-    and ARX.
-    """
+    """Return the smallest sum of squares from three starts: the next dead time, a simple model, and ARX."""
     from scipy.optimize import least_squares
 
     starts = starting_points(loss.orders, loss.records)[1:]

@@ -55,9 +55,7 @@ def cut(signal: Array, n_segments: int) -> Array:
 
 
 def chance_of_mean(segments: Array) -> Array:
-    """Return the variance of each segment's mean from its lowest periodogram line, (n_segments,), 2 degrees of
-    freedom each.
-    """
+    """Return the variance of each segment's mean, (n_segments,), from its lowest periodogram line."""
     length = segments.shape[1]
     slowest = np.fft.rfft(segments, axis=1)[:, 1]
     return np.asarray(np.abs(slowest) ** 2 / length**2, dtype=np.float64)
