@@ -23,7 +23,7 @@ UPDATES = 20
 SETTLED = 1e-12  # Relative change of the unknowns that ends Newton's method, which is not differentiated
 
 
-def rest_under(plant: Plant, command: float, *, time: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+def rest_under(plant: Plant, command: float) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Return the state in which a plant rests after it was brought to a constant command. Shapes: returns (n_x,)."""
     equations, start, values = plant.equations, plant.rig.start.rest_command, plant.free_values
     first = rest_state(equations, start, values)
@@ -31,7 +31,7 @@ def rest_under(plant: Plant, command: float, *, time: float = 0.0) -> tuple[np.n
         return None
     try:
         here = followed(equations, np.concatenate([first.x, first.z]), start, command, values)
-        here = settled(equations, here, first.d, command, values, time)[0]
+        here = settled(equations, here, first.d, command, values, 0.0)[0]
     except (NoRestError, RuntimeError):
         return None
     n_x = len(equations.states)

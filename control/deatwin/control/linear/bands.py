@@ -95,7 +95,8 @@ class FamilyBands(Described):
     @property
     def stable_share(self) -> Array:
         """Share of the samples with a stable equilibrium, shape (n_points,)."""
-        return np.asarray(self._samples(self.family.stable).mean(axis=1))
+        stable = self.family.stable
+        return np.asarray((stable[:, 1:] if self.family.n_samples > 1 else stable).mean(axis=1))
 
     @property
     def stable(self) -> NDArray[np.bool_]:
@@ -125,9 +126,6 @@ class FamilyBands(Described):
             frequency=Banded.over_samples(size / (2 * np.pi)),
             damping=Banded.over_samples(damping),
         )
-
-    def _samples(self, values: NDArray[Any]) -> NDArray[Any]:
-        return values[:, 1:] if self.family.n_samples > 1 else values
 
     @property
     def _along(self) -> tuple[Array, str]:

@@ -16,7 +16,6 @@ from deatwin.control.linear.family import LinearFamily, draw, linearise_many
 from deatwin.control.progress import Progress
 from deatwin.ident.frequency.varying.along_time import checked_inputs, checked_times
 from deatwin.ident.frequency.varying.following import followed
-from deatwin.ident.narx import NarxModel
 from deatwin.ident.narx.trajectory import ThetaTrajectory
 from deatwin.plant.datasets import Metadata, coordinate
 
@@ -98,15 +97,12 @@ def linearise_along(
     for model, time, level in zip(models, timepts.tolist(), inputs.tolist(), strict=True):
         # The same standard draws at all times keep each sample equally far from the model, so that bands are smooth.
         same = np.random.default_rng(seed)
-        family = _of_one_time(trajectory.at(time) if model is None else model, level, same, samples)
+        one = trajectory.at(time) if model is None else model
+        family = linearise_many(one, [level], np.vstack([one.theta, draw(one, same, samples)]))
         families.append(family if model is not None else _emptied(family))
         if progress is not None:
             progress(len(families) / timepts.size)
     return VaryingLinear(family=_joined(families), timepts=timepts)
-
-
-def _of_one_time(model: NarxModel, level: float, rng: np.random.Generator, samples: int) -> LinearFamily:
-    return linearise_many(model, [level], np.vstack([model.theta, draw(model, rng, samples)]))
 
 
 def _emptied(family: LinearFamily) -> LinearFamily:

@@ -237,7 +237,7 @@ def band_margins(
     angle = np.union1d(np.geomspace(_LOWEST, np.pi, _POINTS), angle[(angle > _LOWEST) & (angle < np.pi)])
     response = _response(linear, feedback, angle)
     return MarginBand(
-        gain=_gain(at, _real_angles(found.real.angle), linear.covariance, level),
+        gain=_gain(at, np.concatenate([[0.0], found.real.angle, [np.pi]]), linear.covariance, level),
         phase_deg=_phase(at, found.gain.angle, linear.covariance, level),
         delay=_delay(at, found.gain.angle, linear.covariance, level, linear.sample_time),
         disk=_disk(at, found.disk.angle, angle, linear.covariance, level),
@@ -288,10 +288,6 @@ def _response(linear: LinearModel, feedback: tuple[Array, Array], angle: Array) 
         theta_cov=linear.covariance,
         differentiate=Pointwise(partial(_gradient, linear=linear, feedback=feedback), angle),
     )
-
-
-def _real_angles(angle: Array) -> Array:
-    return np.concatenate([[0.0], angle, [np.pi]])
 
 
 def _deviations(gradient: Array, covariance: Array) -> Array:

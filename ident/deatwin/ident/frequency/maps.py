@@ -184,7 +184,7 @@ def _is_slice(response: FrequencyResponse) -> bool:
 def _middle_slice(response: FrequencyResponse) -> FrequencyResponse:
     if response.omega.ndim == 1 or response.omega.shape[1] == 2:
         return response
-    held = _held(response)
+    held = np.unique(response.frequency_Hz[:, 2:], axis=0)
     return slice_of(response, held[len(held) // 2])
 
 

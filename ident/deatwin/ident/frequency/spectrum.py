@@ -13,7 +13,7 @@ from deatwin.ident.frequency.checks import real_numbers, whole_order
 from deatwin.ident.frequency.dc import Deviations, deviations
 from deatwin.ident.frequency.gfrf import names_of
 from deatwin.ident.frequency.hierarchy import Jet, solve_parts
-from deatwin.ident.frequency.many import Evaluated, spectrum_of_many
+from deatwin.ident.frequency.many import spectrum_of_many
 from deatwin.ident.frequency.parts import CrossOrders, Orders
 from deatwin.ident.frequency.response import FrequencyResponse, FrequencyStatus
 from deatwin.ident.narx.model import NarxModel
@@ -216,22 +216,4 @@ def inner_lines(
     """Return the lines at which an order is complex and not zero, so that its covariance has two dimensions."""
     whole = output_orders(model, excitation, order, operating_input=operating_input)[-1]
     inner = np.arange(1, whole.values.size - 1)
-    kept = inner[whole.gain[inner] > 1e-9 * whole.gain.max()]
-    return replace(
-        whole,
-        values=whole.values[kept],
-        omega=whole.omega[kept],
-        differentiate=partial(_slopes_at, whole, kept),
-        evaluate=partial(_values_at, whole, kept),
-    )
-
-
-def _slopes_at(whole: FrequencyResponse, kept: NDArray[np.intp]) -> Complex:
-    return whole.gradient[kept]
-
-
-def _values_at(whole: FrequencyResponse, kept: NDArray[np.intp], thetas: Array) -> Evaluated:
-    if whole.evaluate is None:
-        raise ValueError("an order of the output knows its values at many parameters")
-    found = whole.evaluate(thetas)
-    return replace(found, values=found.values[:, kept])
+    return whole.at_points(inner[whole.gain[inner] > 1e-9 * whole.gain.max()])

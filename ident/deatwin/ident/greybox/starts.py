@@ -60,7 +60,8 @@ def least(problem: Problem, starts: int, **options: Any) -> Search | None:
         if one is not None:
             found = [min(first, one, key=_rms)] if start is problem else [*found, one]
         best = min(found, key=_rms)
-        agreed = _agreeing(found, limit := _same(best, spread))
+        limit = _same(best, spread)
+        agreed = [one for one in found if _rms(one) <= limit]
         if len(agreed) > 1:
             break
     return Search(
@@ -100,10 +101,6 @@ def largest_alike(residuals: np.ndarray, jacobian: np.ndarray) -> float:
 def _same(best: Minimum, spread: float) -> float:
     """Return the largest error that equals the best fit's, up to rounding."""
     return max(largest_alike(best.residuals, best.jacobian), EXACT * spread)
-
-
-def _agreeing(found: list[Minimum], limit: float) -> list[Minimum]:
-    return [one for one in found if _rms(one) <= limit]
 
 
 def _equals(best: Minimum, agreed: list[Minimum], limit: float) -> tuple[np.ndarray, ...]:

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency.frozen import Frozen
-from deatwin.ident.narx.panels import panels_or_new
 from deatwin.plant.amplitudes import axis_label, written_amplitude
-from deatwin.plant.drawing import written_unit
+from deatwin.plant.drawing import panels_or_new, written_unit
 from deatwin.plant.prefixes import with_unit
 
 if TYPE_CHECKING:

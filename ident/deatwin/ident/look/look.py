@@ -16,13 +16,12 @@ from deatwin.ident.look.inputs import InputPattern, pattern_of
 from deatwin.ident.look.link import LINE_CHANCE, Link, links_of
 from deatwin.ident.mismatch.quality.noise import noise_level
 from deatwin.ident.narx.excited import Excitation, excitation
-from deatwin.ident.narx.panels import panels_or_new
 from deatwin.ident.narx.preprocess import Finding, FindingKind, SamplingChoice, choose_sampling, inspect_recordings
 from deatwin.ident.narx.preprocess.findings import FEWEST
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.soundness import resolution
 from deatwin.plant.amplitudes import axis_label, written_amplitude
-from deatwin.plant.drawing import envelope
+from deatwin.plant.drawing import envelope, panels_or_new
 from deatwin.plant.errors import DataError
 from deatwin.plant.prefixes import with_unit
 from deatwin.plant.recording import Recording, label

@@ -15,7 +15,7 @@ from deatwin.ident.materials.noise import Noise
 from deatwin.ident.materials.observations import Block, Observations
 from deatwin.ident.materials.section import toml_of
 from deatwin.ident.materials.tests import MaterialTest
-from deatwin.ident.narx.panels import panels_or_new
+from deatwin.plant.drawing import panels_or_new
 from deatwin.plant.records import Json
 from deatwin.plant.rigs.rigmaterial import read_material
 from deatwin.plant.substance import Material

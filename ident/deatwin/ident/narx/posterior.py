@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from deatwin.ident.narx.covariance import covariance_root
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.panels import panels_or_new
 from deatwin.plant.arrays import require_generator
+from deatwin.plant.drawing import panels_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from deatwin.ident.narx.document import fields_of, to_document
 from deatwin.ident.narx.model import NarxModel
 from deatwin.ident.narx.operating import Array, read_only
-from deatwin.ident.narx.panels import panels_or_new
 from deatwin.ident.narx.response import NarxResponse
 from deatwin.ident.narx.terms import Term, Variable
 from deatwin.plant.datasets import Described, Metadata, coordinate, variable
 from deatwin.plant.documents import Saved
+from deatwin.plant.drawing import panels_or_new
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
 

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from deatwin.ident.narx.fit import Fit, gain_error
 from deatwin.ident.narx.late_inputs import late_inputs
 from deatwin.ident.narx.model import NarxModel
-from deatwin.ident.narx.panels import panels_or_new
 from deatwin.ident.narx.regression import Recordings, flatten
 from deatwin.ident.narx.residual_tests import CorrelationTest, Whiteness, correlation_tests, whiteness_of
 from deatwin.ident.narx.unstable import Unstable, recorded_once, stable_model_of_unstable, unstable_model
@@ -28,6 +27,7 @@ from deatwin.plant.datasets import (
     variable,
 )
 from deatwin.plant.documents import Saved
+from deatwin.plant.drawing import panels_or_new
 from deatwin.plant.errors import ModelError, nearest
 from deatwin.plant.records import plain, read
 

@@ -22,11 +22,8 @@ def steps_of(timepts: np.ndarray, residual: np.ndarray, count: int = 3) -> tuple
     for k in np.argsort(-explained, kind="stable"):
         if len(found) == count or explained[k] <= 0.0:
             break
-        if _peaks_at(explained, k) and all(abs(k - other) > apart for other in found):
+        is_peak = explained[k] >= explained[max(k - 1, 0) : k + 2].max()
+        if is_peak and all(abs(k - other) > apart for other in found):
             found.append(int(k))
     steps = ((float(timepts[k] + timepts[k + 1]) / 2, float(heights[k])) for k in found)
     return tuple((time, height) for time, height in steps if 0.0 < time < LATEST)
-
-
-def _peaks_at(values: np.ndarray, k: int) -> bool:
-    return bool(values[k] >= values[max(k - 1, 0) : k + 2].max())

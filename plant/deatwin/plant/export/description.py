@@ -57,7 +57,7 @@ class Description:
         root.set("description", self.text)
         root.set("variableNamingConvention", "flat")  # a rig may choose any names for its signals
         root.set("generationTool", f"deatwin {version('deatwin')} ({root.get('generationTool', '')})")
-        _insert(root, 1, _units(units.values()), _experiment(self.sample_time))
+        _insert_second(root, _units(units.values()), _experiment(self.sample_time))
         return _written(root)
 
 
@@ -86,7 +86,7 @@ def sampled_description(source: SampledSource) -> bytes:
         },
     )
     units = [s.unit for s in (*source.inputs, *source.outputs) if s.unit]
-    _insert(root, 1, _units(units), _experiment(source.sample_time))
+    _insert_second(root, _units(units), _experiment(source.sample_time))
     variables, structure = ET.SubElement(root, "ModelVariables"), ET.SubElement(root, "ModelStructure")
     ET.SubElement(variables, "Float64", {"name": "time", "valueReference": "0", "causality": "independent"})
     for reference, signal in enumerate((*source.inputs, *source.outputs), start=1):
@@ -120,10 +120,10 @@ def _experiment(sample_time: float) -> ET.Element:
     )
 
 
-def _insert(root: ET.Element, position: int, *elements: ET.Element | None) -> None:
-    """Insert elements at a position, in the given order."""
+def _insert_second(root: ET.Element, *elements: ET.Element | None) -> None:
+    """Insert elements after the first child, in the given order."""
     for element in reversed([e for e in elements if e is not None]):
-        root.insert(position, element)
+        root.insert(1, element)
 
 
 def _written(root: ET.Element) -> bytes:

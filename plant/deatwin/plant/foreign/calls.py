@@ -140,7 +140,8 @@ class _Workers:
         futures = [self._submitted(_answer, model, call) for call in calls]
         found = [self._result(future, longest) for future in futures]
         return [
-            self._alone(model, call, longest) if a.fault in LOST else a for a, call in zip(found, calls, strict=True)
+            self._result(self._submitted(_answer, model, call), longest) if a.fault in LOST else a
+            for a, call in zip(found, calls, strict=True)
         ]
 
     def _submitted(self, function: Callable[..., Any], *arguments: Any) -> Any:
@@ -159,9 +160,6 @@ class _Workers:
         except (BrokenExecutor, CancelledError):
             return Answer(fault=CRASHED)
         return answer
-
-    def _alone(self, model: Model, call: Call, longest: float) -> Answer:
-        return self._result(self._submitted(_answer, model, call), longest)
 
 
 def _pool(count: int) -> Any:

@@ -145,7 +145,7 @@ class _Around:
                 return replace(run, outputs=run.outputs[:0], watched=None, failed_at=None)
             for name, signal in zip(self._simulator.equations.signals, run.watched, strict=True):
                 if name == APPLIED:
-                    inputs[runner.input_name] = self._mean(signal)
+                    inputs[runner.input_name] = np.diff(signal, prepend=0.0) / self._clock["sample_time"]
                 elif name.startswith(VARYING):
                     parameters[name.removeprefix(VARYING)] = signal
         return Call(parameters=parameters, inputs=inputs, time=self._time, output=runner.output_name)
@@ -175,9 +175,6 @@ class _Around:
             return watched
         row = self._simulator.equations.signals.index(APPLIED)
         return np.insert(np.delete(watched, row, axis=0), row, call.inputs[self._runner.input_name], axis=0)
-
-    def _mean(self, integral: np.ndarray) -> Array:
-        return np.diff(integral, prepend=0.0) / self._clock["sample_time"]
 
     def _channel(self, name: str, default: float) -> Array:
         given = self._channels.get(name)

@@ -87,18 +87,13 @@ def _begun(step: ca.Function, rows: Sequence[int], equations: Equations, place: 
     return ca.Function(f"{step.name()}_begun", arguments, step.call(given))
 
 
-def _with_middle(u: ca.MX, place: int, middle: ca.MX) -> ca.MX:
-    """Return a step's inputs with the clock time of its middle at `place`."""
-    return ca.vertcat(u[:place], middle, u[place + 1 :])
-
-
 def _in_two(step: ca.Function, n_states: int, place: int) -> ca.Function:
     """Return two steps of half the width, each with its own middle; some results of the first pass to the second."""
     arguments = step.mx_in()
     at, kept, (u, t, h, p, c) = arguments[:n_states], arguments[n_states:-5], arguments[-5:]
     errors = []
     for half in halves(t, h):
-        told = _with_middle(u, place, half.middle)
+        told = ca.vertcat(u[:place], half.middle, u[place + 1 :])
         *found, error = step.call([*at, *kept, told, half.begin, half.width, p, c])
         at = found[:n_states]
         errors.append(error)

@@ -80,7 +80,7 @@ def factorised(matrix: Rows) -> Factors:
     """Factorise a matrix by elimination."""
     pattern = [{j for j, entry in enumerate(row) if not entry.is_zero} for row in matrix]
     partner = _partners(pattern)
-    columns = _order([pattern[partner[j]] for j in range(len(pattern))])
+    columns = _ordered([pattern[partner[j]] for j in range(len(pattern))])[0]
     rows = [partner[j] for j in columns]
     a = [[matrix[i][j] for j in columns] for i in rows]
     for k, pivot_row in enumerate(a):
@@ -111,10 +111,6 @@ def products(pattern: Sequence[set[int]]) -> int:
     """Return the number of products in the elimination of a matrix, given the columns of the entries in each row."""
     partner = _partners(pattern)
     return _ordered([pattern[partner[j]] for j in range(len(pattern))])[1]
-
-
-def _order(pattern: Sequence[set[int]]) -> list[int]:
-    return _ordered(pattern)[0]
 
 
 def _ordered(pattern: Sequence[set[int]]) -> tuple[list[int], int]:

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.ident.frequency.checks import probability, real_number
-from deatwin.ident.narx.panels import panels_or_new
 from deatwin.plant.datasets import Described, attribute, coordinate, variable
+from deatwin.plant.drawing import panels_or_new
 from deatwin.plant.errors import DataError
 from deatwin.plant.recording import Recording
 
