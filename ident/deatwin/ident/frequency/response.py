@@ -281,7 +281,7 @@ class FrequencyResponse(Described, Frozen):
 
         A response of order three or more on a grid is plotted as a slice over the first two frequencies, with the
         others held constant; points that do not form a grid are plotted as points. See also `bode`, `plot_surface` and
-        `plot_slices`.
+        `slice_of`.
 
         Parameters
         ----------

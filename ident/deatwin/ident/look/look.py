@@ -276,10 +276,11 @@ def _best_linear(record: Recording, pattern: InputPattern) -> BestLinearApproxim
 
 def _channels(records: Sequence[Recording]) -> tuple[ChannelLook, ...]:
     first, found = records[0], []
+    extras = [np.array(list(record.extras.values())) for record in records]
     for role, names, units, rows in (
         ("input", first.input_names, first.input_units, [record.inputs for record in records]),
         ("output", first.output_names, first.output_units, [record.outputs for record in records]),
-        ("extra", tuple(first.extras), tuple(first.extra_units.values()), _extras(records)),
+        ("extra", tuple(first.extras), tuple(first.extra_units.values()), extras),
     ):
         for k, (name, unit) in enumerate(zip(names, units, strict=True)):
             pieces = [piece for row in rows if (piece := row[k][np.isfinite(row[k])]).size]
@@ -300,10 +301,6 @@ def _channels(records: Sequence[Recording]) -> tuple[ChannelLook, ...]:
                 )
             )
     return tuple(found)
-
-
-def _extras(records: Sequence[Recording]) -> list[Array]:
-    return [np.array(list(record.extras.values())) for record in records]
 
 
 def _noise(records: Sequence[Recording], pieces: Sequence[Array]) -> float | None:
