@@ -17,7 +17,7 @@ import numpy as np
 from deatwin.scenarios.concealed_physics.page import drawings, reported, summary, tables
 from deatwin.scenarios.concealed_physics.results import FAR, Opened, open_key, score, sentence
 from deatwin.scenarios.concealed_physics.study import carry_out, key_of, labels
-from deatwin.studies.report.story import Note, StoryPage, end_run, write_story
+from deatwin.studies.report.story import Measure, Note, StoryPage, end_run, write_story
 from deatwin.studies.report.words import notes
 from deatwin.studies.stories import Setting
 
@@ -39,7 +39,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
     page = StoryPage(
         title="concealed-physics",
         sentence=sentence(study, goals),
-        rows=[goal.row for goal in goals if goal.met is not None],
+        rows=[Measure(g.measure, g.demanded, g.reached, g.met) for g in goals if g.met is not None],
         notes=_notes(study, store.seal.hash),
         figures=drawings(study),
         tables=[reported(goals), *tables(study)],

@@ -17,6 +17,7 @@ from deatwin.scenarios.concealed_physics.results import Case, Goal, Opened
 from deatwin.studies.rates import Rate, brier_score, expected_calibration_error, reliability
 from deatwin.studies.report.drawing import Drawing, Hue, draw, numbers_of_decades, plain_numbers, standalone, titled
 from deatwin.studies.report.quantities import three_digits
+from deatwin.studies.report.rendering import plain
 from deatwin.studies.report.story import Table
 from deatwin.studies.report.tables import csv_text
 from deatwin.studies.report.words import Words
@@ -55,11 +56,6 @@ class Confusion:
     answers: tuple[str, ...]  # Columns
     counts: np.ndarray  # shape (truths, answers): Cases
     right: np.ndarray  # shape (truths, answers): True where the answer is right
-
-    def csv(self) -> str:
-        """Write a line for each truth: its name and its counts."""
-        lines = ((truth, *map(int, line)) for truth, line in zip(self.truths, self.counts, strict=True))
-        return csv_text(("truth", *self.answers), lines)
 
 
 def by_effect(study: Opened) -> Confusion:
@@ -105,12 +101,8 @@ def tables(study: Opened) -> list[Table]:
 
 def reported(goals: Sequence[Goal]) -> Table:
     """List results without a goal."""
-    columns: dict[str, Callable[[Goal], str]] = {"measure": lambda g: g.measure, "reached": lambda g: g.reached}
-    return Table.of("Results without a goal", [goal for goal in goals if goal.met is None], columns)
-
-
-def _words(name: str) -> str:
-    return name.replace("_", " ")
+    rows = [[goal.measure, goal.reached] for goal in goals if goal.met is None]
+    return Table(title="Results without a goal", columns=["measure", "reached"], rows=rows)
 
 
 def _verdicts(study: Opened) -> Table:
@@ -137,8 +129,8 @@ def _effects(study: Opened) -> Table:
         f"Results for each effect ({legend})",
         _grouped(study.of("effect"), lambda case: case.truth[0]).items(),
         {
-            "effect": lambda group: _words(group[0]),
-            "concealed as": lambda group: ", ".join(dict.fromkeys(_words(m) for c in group[1] for m in c.mechanisms)),
+            "effect": lambda group: plain(group[0]),
+            "concealed as": lambda group: ", ".join(dict.fromkeys(plain(m) for c in group[1] for m in c.mechanisms)),
             "cases": lambda group: len(group[1]),
             "detected": lambda group: sum(c.detected for c in group[1]),
             "true effect among causes or alternatives": lambda group: sum(c.inside for c in group[1]),
@@ -170,7 +162,7 @@ def _outside(study: Opened) -> Table:
         "Effects that the catalogue lacks (✓ unknown, ✗ a cause stated, – nothing detected, · other)",
         _grouped(study.of("outside"), lambda case: case.mechanisms[0]).items(),
         {
-            "mechanism": lambda group: _words(group[0]),
+            "mechanism": lambda group: plain(group[0]),
             "cases": lambda group: len(group[1]),
             "detected": lambda group: sum(c.detected for c in group[1]),
             "unknown": lambda group: sum(c.verdict == "unknown" for c in group[1]),
@@ -242,7 +234,7 @@ def _reach() -> Table:
         "(measured before the study, on one rig whose noise is 1 % of the motion)",
         sorted(REACH, key=lambda name: (REACH[name], name in OUTSIDE, name)),
         {
-            "mechanism": _words,
+            "mechanism": plain,
             "effect": lambda name: KEY[name][0] if name in KEY else "outside the catalogue",
             "largest mismatch divided by noise": lambda name: three_digits(REACH[name]),
             "visible": lambda name: "no" if REACH[name] < VISIBLE else "yes",
@@ -269,7 +261,11 @@ def drawings(study: Opened) -> list[Drawing]:
     with draw(SIZE) as figure:
         _whole(figure, study)
         whole = WORDS.drawing(figure, "summary")
-    return [whole, _mechanisms(study)]
+    table = by_effect(study)
+    with draw((11.0, 9.6)) as figure:
+        _draw_confusion(figure.add_subplot(), table, "x-small")
+        lines = ((truth, *map(int, line)) for truth, line in zip(table.truths, table.counts, strict=True))
+        return [whole, WORDS.drawing(figure, "confusion_effect", csv_text(("truth", *table.answers), lines))]
 
 
 def summary(study: Opened) -> str:
@@ -294,13 +290,6 @@ def _whole(figure: Figure, study: Opened) -> None:
     }
     for axes, title in titles.items():
         titled(axes, title)
-
-
-def _mechanisms(study: Opened) -> Drawing:
-    table = by_effect(study)
-    with draw((11.0, 9.6)) as figure:
-        _draw_confusion(figure.add_subplot(), table, "x-small")
-        return WORDS.drawing(figure, "confusion_effect", table.csv())
 
 
 def _draw_confusion(axes: Axes, table: Confusion, size: str) -> None:
