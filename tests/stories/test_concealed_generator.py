@@ -246,7 +246,7 @@ def knocked():
 def test_a_specimen_reaches_its_ratio(knocked):
     """The ratio once more, by a refit of another kind: linear, with derivatives by finite differences."""
     clean = replace(knocked.apparatus, mechanisms=()).readings(knocked.whole)[0]
-    change = knocked.noise_free[0] - clean
+    change = knocked.apparatus.readings(knocked.whole)[0] - clean
     rig = replace(knocked.apparatus.plant.rig, resolution="reduced")
     base, experiment = knocked.apparatus.plant.with_rig(rig), knocked.experiments[0]
     columns = []
@@ -269,10 +269,10 @@ def test_a_specimen_is_what_the_diagnosis_may_see(knocked):
     assert record.n_samples == 1200 and check.start == pytest.approx(record.end)
     assert knocked.plant.effect_names == () and knocked.plant.rig.noise == knocked.noise
     assert knocked.noise == pytest.approx(0.03 * np.std(record.outputs), rel=0.1)
-    added = record.outputs[0] - knocked.noise_free[0]
+    added = record.outputs[0] - knocked.apparatus.readings(knocked.whole)[0]
     # White and coloured noise of 1200 samples: its rms scatters by some 4 %.
     assert added.std() == pytest.approx(knocked.noise, rel=0.15)
-    assert set(knocked.concealed) == {"knocked_sensor"} and knocked.truth == ("sensor_jump",)
+    assert [m.name for m in knocked.apparatus.mechanisms] == ["knocked_sensor"] and knocked.truth == ("sensor_jump",)
 
 
 def test_the_same_case_is_the_same_bytes_and_another_run_has_other_noise(knocked):

@@ -57,7 +57,7 @@ def test_a_plant_among_the_candidates_is_found(sound: Bench) -> None:
         assert found.passed >= 4  # each fails with a chance of 1 %
         model = found.model
         assert set(truth) <= {str(term) for term in model.terms}
-    estimated = {e.name: e.model for e in estimate_all(sound.models[SEMP].model.terms, *sound.sections)}
+    estimated = {name: e.model for name, e in estimate_all(sound.models[SEMP].model.terms, sound.sections).items()}
     assert set(estimated) >= {"least squares", "least prediction error"}
     np.testing.assert_allclose(estimated["least squares"].theta, sound.models[SEMP].model.theta)
     assert set(sound.models) == {SEMP, SVB, LINEAR, FROLS, FREE}

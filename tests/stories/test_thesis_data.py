@@ -41,11 +41,11 @@ def made_up(readings: Any) -> Study:
         u = actuator.excitation().recordings[0].inputs[0]
         y = readings(u) + 1e-6 * np.random.default_rng(actuator.seed).standard_normal(u.size)
         wave = cycle(0.01, STEP).recordings[-1].inputs[0]
-        loop = Loop(rate=0.01, commands=wave, displacements=readings(wave))
+        loop = Loop(commands=wave, displacements=readings(wave))
         benches.append(Bench(actuator=actuator, recording=Recording.from_arrays(u, y, STEP), loop=loop))
     # A trace of area, the same at each rate as hysteresis has it: there is none without hysteresis either.
     late = readings(np.roll(wave, 5))
-    loops = tuple(Loop(rate=rate, commands=wave, displacements=late) for rate in RATES)
+    loops = tuple(Loop(commands=wave, displacements=late) for _ in RATES)
     return Study(benches=tuple(benches), loops=loops, elastic_loops=loops)
 
 

@@ -21,9 +21,7 @@ from deatwin.studies.stories import Setting
 def test_the_effect_of_a_moving_constant_in_closed_form(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(study, "TIMES", 20)
     # y = c + a y + q y² has the root below; about it the pole is a + 2 q ybar, so H_1 = b / (e^jw - a - 2 q ybar).
-    found = study.known_systems(
-        (), (), [{1: np.ones((1, 1), bool), 2: np.ones((1, 1), bool)}], np.zeros(1), np.zeros(1)
-    )
+    found = study.known_systems((), (), [{1: np.ones((1, 1), bool), 2: np.ones((1, 1), bool)}])
     truth = MOVING_DC.truth()
     for time, output, value in zip(
         found.solved[1].timepts, found.solved[1].equilibria, found.solved[1].values[:, 0], strict=True
@@ -83,9 +81,8 @@ def made() -> Study:
         )
         followed = tuple(follow(system, np.random.default_rng(5)) for system in SYSTEMS)
         frozen = tuple(run for system in SYSTEMS for speed in (2.0, 4.0) for run in frozen_run(system, speed))
-        timepts, frequencies = np.array([10.0, 20.0]), np.array([0.5, 2.0])
-        held = [covered(np.random.default_rng(k), timepts, frequencies) for k in range(4)]
-        systems = study.known_systems(followed, frozen, held, timepts, frequencies)
+        held = [covered(np.random.default_rng(k), study.COVERAGE_TIMES, study.COVERAGE_HZ) for k in range(4)]
+        systems = study.known_systems(followed, frozen, held)
     plain = replace(rising, maps={}, whole=None, frozen={})
     driven = (falling, rising, *(replace(plain, track=replace(plain.track, name=f"DEA {n}")) for n in (3, 4, 5)), still)
     return Study(known=systems, driven=driven, stories=tuple(f"Story {n}." for n in range(1, 7)))

@@ -41,7 +41,8 @@ class DiagnosisTask:
             require_unread(folder.path / name, self.files)
         inputs = hashes(self.files)
         record = RunRecord(command=self.command, inputs=inputs, seed=self.seed, jobs=self.jobs)
-        diagnosis = self._diagnosed(folder, record, FinishedSteps(progress, self._unit, say))
+        unit = written_amplitude(self.plant.rig.output_unit)[0]
+        diagnosis = self._diagnosed(folder, record, FinishedSteps(progress, unit, say))
         if diagnosis.model is not None:
             folder.save("model.json", diagnosis.model.save)
         remove_partial(folder)
@@ -54,10 +55,6 @@ class DiagnosisTask:
         folder.remove_former(rf"{RIVALS}/[^/]+\.json|figures/\w+\.csv")
         record.save(folder)
         return diagnosis
-
-    @property
-    def _unit(self) -> str:
-        return written_amplitude(self.plant.rig.output_unit)[0]
 
     def _diagnosed(self, folder: ResultFolder, record: RunRecord, finished: FinishedSteps) -> Diagnosis:
         """Write the diagnosis or, after an interrupt, the finished steps."""

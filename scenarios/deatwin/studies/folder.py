@@ -32,7 +32,9 @@ class ResultFolder:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
         if kind is not None:
-            self._remove_empty()
+            for path in reversed(self._made):  # folders that were created here, innermost first
+                with suppress(OSError):  # the folder is not empty, or is gone
+                    path.rmdir()
 
     def text(self, name: str, text: str) -> None:
         """Write a text file."""
@@ -64,12 +66,6 @@ class ResultFolder:
     def summary(self) -> str:
         """List the written files, in words."""
         return f"{self.path} holds {', '.join(self.written)}" if self.written else f"nothing was written to {self.path}"
-
-    def _remove_empty(self) -> None:
-        """Remove empty folders that were created here, innermost first."""
-        for path in reversed(self._made):
-            with suppress(OSError):  # the folder is not empty, or is gone
-                path.rmdir()
 
     def _make(self, path: Path) -> None:
         if str(path) == "-":

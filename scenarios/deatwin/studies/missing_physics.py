@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from deatwin.plant.drawing import envelope
 from deatwin.plant.errors import ModelError
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
+from deatwin.plant.records import finite
 from deatwin.plant.rigs.base import Rig
 from deatwin.studies.diagnosing import DiagnosisTask
 from deatwin.studies.folder import ResultFolder
@@ -28,9 +28,11 @@ from deatwin.studies.public.records import DataSet
 from deatwin.studies.public.sources import data_folder, origins
 from deatwin.studies.report.drawing import Drawing, Hue, draw, legend_above
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, finish
+from deatwin.studies.report.words import Words
 from deatwin.studies.stories import Setting
 from deatwin.studies.voice import Progress
 
+WORDS = Words(__package__)
 Array = NDArray[np.float64]
 BLACK_BOXES = (LINEAR, REFINED, GROWN)  # Black boxes that are compared with the plant; the last two are NARX models
 
@@ -180,19 +182,14 @@ def judged(case: Case, diagnosis: Diagnosis, jobs: int = 1) -> tuple[Trial, ...]
 
 def measures(case: Case, diagnosis: Diagnosis, trials: Sequence[Trial]) -> list[Measure]:
     """Compare a diagnosis and its free runs with their goals."""
-    causes = [cause.effect for cause in diagnosis.causes]
-    rows = [
-        Measure(
-            "The documented physics is named, and no other",
-            f"named: {' or '.join(case.documented)}",
-            f"{diagnosis.verdict.value}: {', '.join(causes) or 'no cause'}",
-            bool(causes) and set(causes) <= set(case.documented) and diagnosis.verdict.value == "named",
-        )
-    ]
+    causes, verdict = [cause.effect for cause in diagnosis.causes], diagnosis.verdict.value
+    right = bool(causes) and set(causes) <= set(case.documented) and verdict == "named"
+    told = {"documented": " or ".join(case.documented), "causes": ", ".join(causes) or "no cause"}
+    rows = [WORDS.measure("named", right, verdict=verdict, **told)]
     for trial in trials:
         base, after = trial.base_error / case.scale, trial.amended_error / case.scale
-        name = f"{trial.held_out.name}: rms error of the free run, relative to the base plant"
-        rows.append(Measure(name, f"below {base:.4g} {case.unit}", f"{after:.4g} {case.unit}", after < base))
+        name = trial.held_out.name
+        rows.append(WORDS.measure("error", after < base, name=name, base=base, after=after, unit=case.unit))
     return rows
 
 
@@ -200,38 +197,21 @@ def error_table(case: Case, trials: Sequence[Trial]) -> Table:
     """Return the table of free-run errors on the held-out recordings."""
     rows = []
     for trial in trials:
-        errors = {
-            "calibrated base plant": f"{trial.base_error / case.scale:.4g}",
-            "amended plant": f"{trial.amended_error / case.scale:.4g}",
-            **{
-                f"{o.method}, {o.terms} parameters": o.failure or f"{o.free_run / case.scale:.4g}"
-                for o in trial.black_boxes
-            },
-        }
-        rows += [[trial.held_out.name, *row] for row in errors.items()]
-    return Table(
-        title=f"Free runs in {case.loop} over held-out recordings: root mean square errors",
-        columns=["recording", "model", f"error ({case.unit})"],
-        rows=rows,
-    )
+        errors = {"calibrated base plant": trial.base_error, "amended plant": trial.amended_error}
+        shown = {name: f"{error / case.scale:.4g}" for name, error in errors.items()}
+        for o in trial.black_boxes:
+            shown[f"{o.method}, {o.terms} parameters"] = o.failure or f"{o.free_run / case.scale:.4g}"
+        rows += [[trial.held_out.name, *row] for row in shown.items()]
+    return WORDS.table("errors", rows, loop=case.loop, unit=case.unit)
 
 
 def tried_table(case: Case, diagnosis: Diagnosis) -> Table:
     """Return the table of the effects that the diagnosis tried, with their remaining errors."""
-    tried = diagnosis.candidates
-    rows = [
-        [
-            " and ".join(c.effects).replace("_", " ") or "none",
-            f"{c.fitted / case.scale:.4g}",
-            f"{c.unseen / case.scale:.4g}",
-        ]
-        for c in sorted(tried, key=lambda c: c.fitted)
-    ]
-    return Table(
-        title="Effects that were built in",
-        rows=rows,
-        columns=["effects", f"fitted part ({case.unit})", f"held-out part of the same recordings ({case.unit})"],
-    )
+    rows = []
+    for c in sorted(diagnosis.candidates, key=lambda c: c.fitted):
+        errors = [f"{error / case.scale:.4g}" for error in (c.fitted, c.unseen)]
+        rows.append([" and ".join(c.effects).replace("_", " ") or "none", *errors])
+    return WORDS.table("tried", rows, unit=case.unit)
 
 
 ZOOM = 300  # Samples in the magnified part, which are drawn one by one
@@ -258,14 +238,8 @@ def held_out(case: Case, trial: Trial) -> Drawing:
         bottom.set(ylabel=label, xlabel="time (s)")
         legend_above(figure, bottom, 3)
         columns = {"time_s": time, "recording": measured, "base": base, "amended": amended}
-        return Drawing.of(
-            figure,
-            "held_out",
-            f"{case.title}: {trial.held_out.name}",
-            "Free runs over a held-out recording. Above: all of it; below: the ochre part, around the largest error of "
-            "the base plant.",
-            {name: values[near] for name, values in columns.items()},
-        )
+        shown = {name: values[near] for name, values in columns.items()}
+        return WORDS.drawing(figure, "held_out", shown, title=case.title, name=held.name)
 
 
 def residuals(case: Case, trial: Trial) -> Drawing:
@@ -287,13 +261,7 @@ def residuals(case: Case, trial: Trial) -> Drawing:
         top.set(ylabel=f"measured − simulated ({case.unit})", xlabel="time (s)")
         bottom.set(ylabel=f"density ({case.unit}/√Hz)", xlabel="frequency (Hz)")
         legend_above(figure, top, 2)
-        return Drawing.of(
-            figure,
-            "residuals",
-            f"{case.title}: residual of {trial.held_out.name}",
-            "Measured minus simulated (free run), without and with the effect that was found.",
-            columns,
-        )
+        return WORDS.drawing(figure, "residuals", columns, title=case.title, name=trial.held_out.name)
 
 
 def law(case: Case, found: Law) -> Drawing:
@@ -308,8 +276,7 @@ def law(case: Case, found: Law) -> Drawing:
         axes.set(xlabel=found.state, ylabel=found.force)
         legend_above(figure, axes, 2)
         columns = {"state": found.modelled[0], "missing": found.modelled[1]}
-        title = f"{case.title}: the missing physics as a function of its state"
-        return Drawing.of(figure, "law", title, found.caption, columns)
+        return WORDS.drawing(figure, "law", columns, title=case.title, caption=found.caption)
 
 
 def drawings(case: Case, trial: Trial, amended: Plant | None) -> list[Drawing]:
@@ -327,6 +294,10 @@ def tell(setting: Setting, source: str, case_of: Callable[[Path], Case]) -> dict
     trials = judged(case, diagnosis, setting.jobs)
     setting.progress(0.95, "drawing")
     rows = measures(case, diagnosis, trials)
+    held_out = {}
+    for trial in trials:
+        boxes = {o.method: o.free_run for o in trial.black_boxes}
+        held_out[trial.held_out.name] = {"base": trial.base_error, "amended": trial.amended_error, "black_boxes": boxes}
     page = StoryPage(
         title=case.name,
         sentence=f"{diagnosis.sentence} {_said(case, trials[0])}",
@@ -350,20 +321,13 @@ def tell(setting: Setting, source: str, case_of: Callable[[Path], Case]) -> dict
         causes=[cause.effect for cause in diagnosis.causes],
         set=list(diagnosis.names),
         right=rows[0].passed,
-        held_out={t.held_out.name: _plain(t) for t in trials},
+        held_out=finite(held_out),
     )
-
-
-def _plain(trial: Trial) -> dict[str, Any]:
-    black_boxes = {o.method: o.free_run if isfinite(o.free_run) else None for o in trial.black_boxes}
-    return {"base": trial.base_error, "amended": trial.amended_error, "black_boxes": black_boxes}
 
 
 def _said(case: Case, trial: Trial) -> str:
     base, amended = trial.base_error / case.scale, trial.amended_error / case.scale
     best = trial.best_black_box
     beside = "" if best is None else f" (best NARX model: {best.free_run / case.scale:.3g} {case.unit} rms)"
-    return (
-        f"On the held-out recording {trial.held_out.name}, the free-run error in {case.loop} is {base:.3g} {case.unit} rms "
-        f"without and {amended:.3g} {case.unit} rms with the added effects{beside}."
-    )
+    told = {"loop": case.loop, "unit": case.unit, "beside": beside}
+    return WORDS.text("sentence", name=trial.held_out.name, base=base, amended=amended, **told)

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from deatwin.scenarios.concealed_physics.page import drawings, reported, summary, tables
-from deatwin.scenarios.concealed_physics.results import FAR, Opened, open_key, score, sentence
+from deatwin.scenarios.concealed_physics.results import FAR, open_key, score, sentence
 from deatwin.scenarios.concealed_physics.study import carry_out, key_of, labels
-from deatwin.studies.report.story import Note, StoryPage, end_run, write_story
+from deatwin.studies.report.story import Measure, StoryPage, end_run, write_story
 from deatwin.studies.report.words import notes
 from deatwin.studies.stories import Setting
 
@@ -33,14 +33,23 @@ def run(setting: Setting) -> Mapping[str, Any]:
     setting.progress(1.0, "opening the key")
     key = key_of(labels(size, setting.seed))
     study = open_key(store, key)
-    goals = score(study)
+    goals, seconds = score(study), np.array(study.seconds or (0.0,))
+    advised = [case for case in study.of("tie") if case.again]
     folder.text("key.json", json.dumps(key, indent=1) + "\n")
     folder.text("summary.svg", summary(study))
     page = StoryPage(
         title="concealed-physics",
         sentence=sentence(study, goals),
-        rows=[goal.row for goal in goals if goal.met is not None],
-        notes=_notes(study, store.seal.hash),
+        rows=[Measure(g.measure, g.demanded, g.reached, g.met) for g in goals if g.met is not None],
+        notes=notes(
+            __package__,
+            seal=store.seal.hash,
+            far=FAR,
+            heavier=sum(case.heavier for case in advised),
+            advised=len(advised),
+            median=np.median(seconds),
+            most=seconds.max(),
+        ),
         figures=drawings(study),
         tables=[reported(goals), *tables(study)],
     )
@@ -54,17 +63,3 @@ def run(setting: Setting) -> Mapping[str, Any]:
         "failures": dict(study.failures),
     }
     return end_run(folder, record, page.title, result)
-
-
-def _notes(study: Opened, seal: str) -> list[Note]:
-    seconds = np.array(study.seconds or (0.0,))
-    advised = [case for case in study.of("tie") if case.again]
-    return notes(
-        __package__,
-        seal=seal,
-        far=FAR,
-        heavier=sum(case.heavier for case in advised),
-        advised=len(advised),
-        median=np.median(seconds),
-        most=seconds.max(),
-    )

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from itertools import combinations
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -84,38 +83,36 @@ class Size:
     library: tuple[str, ...] = ()  # Effects that the diagnosis knows; empty for the whole catalogue
 
 
-SIZES: Mapping[str, Size] = MappingProxyType(
-    {
-        # One form of rig and few effects, since each plant that is tried has equations of its own to compile.
-        "tiny": Size(
-            clean=3,
-            effects=4,
-            outside=2,
-            pairs=2,
-            ties=1,
-            draws=1,
-            seconds=36.0,
-            check_seconds=16.0,
-            form="usual",
-            library=("creep", "electrode_rc", "quadratic_damping", "sensor_drift"),
-        ),
-        # Recordings as long as a rig's own: a search that ends well on two minutes may lose its way on seven.
-        "long": Size(
-            clean=12,
-            effects=2,
-            outside=14,
-            pairs=20,
-            ties=0,
-            draws=0,
-            ladder=(0.9, 2.8),
-            seconds=420.0,
-            check_seconds=120.0,
-            excitation="noise+holds",
-        ),
-        "standard": Size(clean=150, effects=6, outside=40, pairs=40, ties=24, draws=12),
-        "full": Size(clean=300, effects=12, outside=80, pairs=80, ties=48, draws=24),
-    }
-)
+SIZES: Mapping[str, Size] = {
+    # One form of rig and few effects, since each plant that is tried has equations of its own to compile.
+    "tiny": Size(
+        clean=3,
+        effects=4,
+        outside=2,
+        pairs=2,
+        ties=1,
+        draws=1,
+        seconds=36.0,
+        check_seconds=16.0,
+        form="usual",
+        library=("creep", "electrode_rc", "quadratic_damping", "sensor_drift"),
+    ),
+    # Recordings as long as a rig's own: a search that ends well on two minutes may lose its way on seven.
+    "long": Size(
+        clean=12,
+        effects=2,
+        outside=14,
+        pairs=20,
+        ties=0,
+        draws=0,
+        ladder=(0.9, 2.8),
+        seconds=420.0,
+        check_seconds=120.0,
+        excitation="noise+holds",
+    ),
+    "standard": Size(clean=150, effects=6, outside=40, pairs=40, ties=24, draws=12),
+    "full": Size(clean=300, effects=12, outside=80, pairs=80, ties=48, draws=24),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,8 +130,10 @@ def case_specs(size: str, seed: int) -> tuple[CaseSpec, ...]:
     """List the cases of a study that are diagnosed."""
     of = SIZES[size]
     rng = np.random.default_rng([seed, len(size)])
-    effects = _few_effects(of, rng) if of.library else _effects(of, rng)
-    several = [*_clean(of), *effects, *_outside(of, rng), *_pairs(of, rng), *_ties(of, rng)]
+    clean = [_given(f"clean-{k + 1:03d}", "clean", (), 0.0) for k in range(of.clean)]
+    easy = rng.choice(_seen_well(of.library), of.effects, replace=False) if of.library else ()
+    effects = [_effect(str(name), 0, 2.8) for name in easy] if of.library else _effects(of, rng)
+    several = [*clean, *effects, *_outside(of, rng), *_pairs(of, rng), *_ties(of, rng)]
     first = (seed + 1) * 1_000_000  # a block of seeds for each study
     return tuple(
         CaseSpec(seed=first + k, form=of.form, library=of.library, **_recorded(given, of.excitation, rng))
@@ -163,11 +162,6 @@ def pairable(library: Sequence[str] = ()) -> tuple[tuple[str, str], ...]:
     return tuple((a, b) for a, b in combinations(seen, 2) if family[a] is not family[b])
 
 
-def _is_shown(mechanism: str, excitation: str) -> bool:
-    """Return whether commands that are given, or may be drawn, reveal a mechanism."""
-    return not excitation or mechanism not in SHOWN_BY or SHOWN_BY[mechanism] in excitation.split("+")
-
-
 def _seen_well(library: Sequence[str]) -> list[str]:
     return [name for name, names in KEY.items() if REACH[name] >= PAIRABLE and (not library or names[0] in library)]
 
@@ -180,11 +174,6 @@ def _given(name: str, kind: str, effects: tuple[str, ...], ratio: float, **more:
     return {"name": name, "kind": kind, "effects": effects, "truth": truth, "target_ratio": ratio, **more}
 
 
-def _clean(of: Size) -> Iterator[Given]:
-    for k in range(of.clean):
-        yield _given(f"clean-{k + 1:03d}", "clean", (), 0.0)
-
-
 def _effects(of: Size, rng: np.random.Generator) -> Iterator[Given]:
     """List cases of each effect at increasing ratios; the highest ratio gets the least noise, so that it can be
     reached.
@@ -194,12 +183,6 @@ def _effects(of: Size, rng: np.random.Generator) -> Iterator[Given]:
         noises = sorted((log_uniform(rng, *NOISE_SHARES) for _ in ratios), reverse=True)
         for k, (ratio, noise) in enumerate(zip(ratios, noises, strict=True)):
             yield _effect(name, k, ratio, noise_share=round(noise, 4))
-
-
-def _few_effects(of: Size, rng: np.random.Generator) -> Iterator[Given]:
-    """Draw some effects that are easy to detect."""
-    for name in rng.choice(_seen_well(of.library), of.effects, replace=False):
-        yield _effect(str(name), 0, 2.8)
 
 
 def _effect(name: str, k: int, ratio: float, **more: Any) -> Given:
@@ -215,7 +198,8 @@ def _outside(of: Size, rng: np.random.Generator) -> Iterator[Given]:
 def _pairs(of: Size, rng: np.random.Generator) -> Iterator[Given]:
     every = pairable(of.library)
     shuffled = [every[number] for number in rng.permutation(len(every))]
-    shown = [pair for pair in shuffled if all(_is_shown(name, of.excitation) for name in pair)]
+    hidden = {name for name, waveform in SHOWN_BY.items() if of.excitation and waveform not in of.excitation.split("+")}
+    shown = [pair for pair in shuffled if hidden.isdisjoint(pair)]
     for k, pair in enumerate(shown[: of.pairs]):
         ratio, noise = log_uniform(rng, *PAIR_RATIOS), log_uniform(rng, *PAIR_NOISE_SHARES)
         yield _given(f"pair-{k + 1:02d}", "pair", pair, ratio, noise_share=round(noise, 4))

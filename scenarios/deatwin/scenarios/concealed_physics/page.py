@@ -17,6 +17,7 @@ from deatwin.scenarios.concealed_physics.results import Case, Goal, Opened
 from deatwin.studies.rates import Rate, brier_score, expected_calibration_error, reliability
 from deatwin.studies.report.drawing import Drawing, Hue, draw, numbers_of_decades, plain_numbers, standalone, titled
 from deatwin.studies.report.quantities import three_digits
+from deatwin.studies.report.rendering import plain
 from deatwin.studies.report.story import Table
 from deatwin.studies.report.tables import csv_text
 from deatwin.studies.report.words import Words
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+WORDS = Words(__package__)
 KINDS = {
     "clean": "nothing concealed",
     "effect": "one effect",
@@ -55,11 +57,6 @@ class Confusion:
     answers: tuple[str, ...]  # Columns
     counts: np.ndarray  # shape (truths, answers): Cases
     right: np.ndarray  # shape (truths, answers): True where the answer is right
-
-    def csv(self) -> str:
-        """Write a line for each truth: its name and its counts."""
-        lines = ((truth, *map(int, line)) for truth, line in zip(self.truths, self.counts, strict=True))
-        return csv_text(("truth", *self.answers), lines)
 
 
 def by_effect(study: Opened) -> Confusion:
@@ -94,29 +91,20 @@ def tables(study: Opened) -> list[Table]:
         _ties(study),
         _predictions(study),
         _reach(),
-        Table(
-            title="Cases that ended in an error",
-            columns=["case", "message"],
-            rows=[[name, text] for name, text in study.failures.items()],
-        ),
+        WORDS.table("failures", [[name, text] for name, text in study.failures.items()]),
     ]
     return [table for table in made if table.rows]
 
 
 def reported(goals: Sequence[Goal]) -> Table:
     """List results without a goal."""
-    columns: dict[str, Callable[[Goal], str]] = {"measure": lambda g: g.measure, "reached": lambda g: g.reached}
-    return Table.of("Results without a goal", [goal for goal in goals if goal.met is None], columns)
-
-
-def _words(name: str) -> str:
-    return name.replace("_", " ")
+    return WORDS.table("reported", [[goal.measure, goal.reached] for goal in goals if goal.met is None])
 
 
 def _verdicts(study: Opened) -> Table:
     found = {words: Counter(case.verdict for case in study.of(kind)) for kind, words in KINDS.items()}
     rows = [[words, str(f.total()), *(str(f[verdict]) for verdict in VERDICTS)] for words, f in found.items()]
-    return Table(title="Verdicts", columns=["cases", "number", *VERDICTS], rows=rows)
+    return WORDS.table("verdicts", rows, *VERDICTS)
 
 
 def _grouped(cases: Iterable[Case], key: Callable[[Case], str]) -> dict[str, list[Case]]:
@@ -132,23 +120,13 @@ def _each(cases: Sequence[Case], mark: Callable[[Case], str]) -> str:
 
 
 def _effects(study: Opened) -> Table:
-    legend = (
-        "✓ named, ½ partly, (✓) ambiguous with the true effect included, ✗ wrong, ? unknown, – no mismatch, · other"
-    )
-    return Table.of(
-        "Results for each effect",
-        _grouped(study.of("effect"), lambda case: case.truth[0]).items(),
-        {
-            "effect": lambda group: _words(group[0]),
-            "concealed as": lambda group: ", ".join(dict.fromkeys(_words(m) for c in group[1] for m in c.mechanisms)),
-            "cases": lambda group: len(group[1]),
-            "detected": lambda group: sum(c.detected for c in group[1]),
-            "true effect among causes or alternatives": lambda group: sum(c.inside for c in group[1]),
-            "first cause right": lambda group: sum(c.first_right for c in group[1]),
-            "wrong name": lambda group: sum(c.confidently_wrong for c in group[1]),
-            f"mismatch divided by noise, and result, of each case ({legend})": lambda group: _each(group[1], _mark),
-        },
-    )
+    rows = []
+    for name, cases in _grouped(study.of("effect"), lambda case: case.truth[0]).items():
+        concealed = ", ".join(dict.fromkeys(plain(m) for case in cases for m in case.mechanisms))
+        flags = ("detected", "inside", "first_right", "confidently_wrong")
+        counts = [str(sum(getattr(case, flag) for case in cases)) for flag in flags]
+        rows.append([plain(name), concealed, str(len(cases)), *counts, _each(cases, _mark)])
+    return WORDS.table("effects", rows)
 
 
 def _mark(case: Case) -> str:
@@ -162,59 +140,35 @@ def _mark(case: Case) -> str:
 
 
 def _outside(study: Opened) -> Table:
-    def which(cases: Sequence[Case]) -> str:
-        return ", ".join(f"{k} {v}" for k, v in Counter("+".join(c.causes) for c in cases if c.causes).most_common())
-
-    legend = "✓ unknown, ✗ a cause stated, – no mismatch, · other"
-
     def mark(case: Case) -> str:
         return "✗" if case.causes else {"unknown": "✓", "none": "–", "parameters": "–"}.get(case.verdict, "·")
 
-    return Table.of(
-        "Effects that the catalogue lacks",
-        _grouped(study.of("outside"), lambda case: case.mechanisms[0]).items(),
-        {
-            "mechanism": lambda group: _words(group[0]),
-            "cases": lambda group: len(group[1]),
-            "detected": lambda group: sum(c.detected for c in group[1]),
-            "unknown": lambda group: sum(c.verdict == "unknown" for c in group[1]),
-            "a cause stated": lambda group: sum(bool(c.causes) for c in group[1]),
-            "causes stated, with the number of cases": lambda group: which(group[1]),
-            f"mismatch divided by noise, and result, of each case ({legend})": lambda group: _each(group[1], mark),
-        },
-    )
+    rows = []
+    for name, cases in _grouped(study.of("outside"), lambda case: case.mechanisms[0]).items():
+        stated = Counter("+".join(case.causes) for case in cases if case.causes)
+        unknown = sum(case.verdict == "unknown" for case in cases)
+        counts = map(str, (len(cases), sum(case.detected for case in cases), unknown, stated.total()))
+        which = ", ".join(f"{causes} {count}" for causes, count in stated.most_common())
+        rows.append([plain(name), *counts, which, _each(cases, mark)])
+    return WORDS.table("outside", rows)
 
 
 def _pairs(study: Opened) -> Table:
-    return Table.of(
-        "Two effects",
-        study.of("pair"),
-        {
-            "case": lambda case: case.name,
-            "concealed effects": lambda case: " + ".join(case.truth),
-            "mismatch divided by noise": lambda case: three_digits(case.ratio),
-            "verdict": lambda case: case.verdict,
-            "causes": lambda case: " + ".join(case.causes),
-            "alternatives": lambda case: ", ".join(sorted(case.answer - set(case.causes))),
-        },
-    )
+    rows = []
+    for case in study.of("pair"):
+        others = ", ".join(sorted(case.answer - set(case.causes)))
+        found = [three_digits(case.ratio), case.verdict, " + ".join(case.causes), others]
+        rows.append([case.name, " + ".join(case.truth), *found])
+    return WORDS.table("pairs", rows)
 
 
 def _ties(study: Opened) -> Table:
-    mass = "† with a mass added: the new recording was diagnosed alone, with only the tied effects as candidates"
-    return Table.of(
-        "Ties: commands that cannot distinguish the effect",
-        study.of("tie"),
-        {
-            "case": lambda case: case.name,
-            "concealed effect": lambda case: case.truth[0],
-            "mismatch divided by noise": lambda case: three_digits(case.ratio),
-            "verdict": lambda case: case.verdict,
-            "causes and alternatives": lambda case: ", ".join(sorted(case.answer)),
-            f"verdict after the advised experiment ({mass})": lambda case: (case.advised or "–") + "†" * case.heavier,
-            "true effect named": lambda case: "yes" if case.resolved else "at once" if case.named_right else "no",
-        },
-    )
+    rows = []
+    for case in study.of("tie"):
+        found = [three_digits(case.ratio), case.verdict, ", ".join(sorted(case.answer))]
+        named = "yes" if case.resolved else "at once" if case.named_right else "no"
+        rows.append([case.name, case.truth[0], *found, (case.advised or "–") + "†" * case.heavier, named])
+    return WORDS.table("ties", rows)
 
 
 def over_oracle(study: Opened) -> dict[str, np.ndarray]:
@@ -230,31 +184,18 @@ def _predictions(study: Opened) -> Table:
         low, middle, high = np.quantile(ratios, (0.05, 0.5, 0.95))
         lost = sum(name in c.lost for c in study.of("effect", ratio=1.0) if "oracle" in c.errors)
         rows.append([MADE_BY[name], str(ratios.size), *(f"{r:.3f}" for r in (middle, low, high)), str(lost)])
-    columns = ["model", "cases", "median", "5 % quantile", "95 % quantile", "diverged or failed runs"]
-    return Table(
-        title="One concealed effect, mismatch at least as large as the noise: "
-        "error on the check recording, divided by that of the oracle",
-        columns=columns,
-        rows=rows,
-    )
+    return WORDS.table("predictions", rows)
 
 
 def _reach() -> Table:
     """Show how much of each mechanism the displacement at a given voltage can reveal at all."""
-    return Table.of(
-        "Largest mismatch of each mechanism at a plausible size, divided by the noise "
-        "(measured before the study, on one rig whose noise is 1 % of the motion)",
-        sorted(REACH, key=lambda name: (REACH[name], name in OUTSIDE, name)),
-        {
-            "mechanism": _words,
-            "effect": lambda name: KEY[name][0] if name in KEY else "outside the catalogue",
-            "largest mismatch divided by noise": lambda name: three_digits(REACH[name]),
-            "visible": lambda name: "no" if REACH[name] < VISIBLE else "yes",
-        },
-    )
+    rows = []
+    for name in sorted(REACH, key=lambda name: (REACH[name], name in OUTSIDE, name)):
+        effect, visible = KEY[name][0] if name in KEY else "outside the catalogue", REACH[name] >= VISIBLE
+        rows.append([plain(name), effect, three_digits(REACH[name]), "yes" if visible else "no"])
+    return WORDS.table("reach", rows)
 
 
-WORDS = Words(__package__)
 RUNGS = (0.0, 0.15, 0.39, 0.67, 1.2, 2.1, 3.7, np.inf)
 """Ends of the classes of structural residual over noise, halfway between the strengths of the cases."""
 ANSWERS: dict[str, tuple[Callable[[Case], bool], str, str]] = {
@@ -273,7 +214,11 @@ def drawings(study: Opened) -> list[Drawing]:
     with draw(SIZE) as figure:
         _whole(figure, study)
         whole = WORDS.drawing(figure, "summary")
-    return [whole, _mechanisms(study)]
+    table = by_effect(study)
+    with draw((11.0, 9.6)) as figure:
+        _draw_confusion(figure.add_subplot(), table, "x-small")
+        lines = ((truth, *map(int, line)) for truth, line in zip(table.truths, table.counts, strict=True))
+        return [whole, WORDS.drawing(figure, "confusion_effect", csv_text(("truth", *table.answers), lines))]
 
 
 def summary(study: Opened) -> str:
@@ -298,13 +243,6 @@ def _whole(figure: Figure, study: Opened) -> None:
     }
     for axes, title in titles.items():
         titled(axes, title)
-
-
-def _mechanisms(study: Opened) -> Drawing:
-    table = by_effect(study)
-    with draw((11.0, 9.6)) as figure:
-        _draw_confusion(figure.add_subplot(), table, "x-small")
-        return WORDS.drawing(figure, "confusion_effect", table.csv())
 
 
 def _draw_confusion(axes: Axes, table: Confusion, size: str) -> None:

@@ -11,7 +11,6 @@ import numpy as np
 from deatwin.plant import DataError, effect_named
 from deatwin.scenarios.concealed_physics.cases import TERM_NAMES
 from deatwin.studies.rates import Rate, brier_score, expected_calibration_error, median_interval, reliability
-from deatwin.studies.report.story import Measure
 from deatwin.studies.report.words import Words
 from deatwin.studies.sweep.seal import digest
 from deatwin.studies.sweep.store import CaseStore
@@ -29,13 +28,11 @@ class Case:
     mechanisms: tuple[str, ...]  # Concealed mechanisms
     truth: tuple[str, ...]  # The name under which each mechanism of the catalogue is counted
     rich: bool  # True if the input distinguishes mechanisms
-    failed: bool
     ratio: float  # Structural residual over noise
-    verdict: str  # ``error`` if the case failed
+    verdict: str  # "error" if the case failed
     causes: tuple[str, ...]  # Effects that are built in, the one that explains most first
     answer: frozenset[str]  # Causes and set together
-    cleared: bool  # The verdict is that no physics is missing
-    detected: bool  # The verdict is that some is
+    detected: bool  # The verdict is that some physics is missing
     wrong_cause: bool  # Some cause is not right
     confidently_wrong: bool  # The verdict is named or partly, with a cause that is not right
     first_right: bool  # The first cause is right
@@ -53,7 +50,6 @@ class Case:
     advised: str  # What the advised experiment came to; empty where none was run
     again: bool  # It was diagnosed
     lost: frozenset[str]  # Models of the residual that diverged or failed
-    seconds: float | None  # Processor time
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -100,7 +96,6 @@ def _case(spec: Mapping[str, Any], result: Mapping[str, Any], names: Mapping[str
     answer = frozenset((*causes, *diagnosis.get("set", ())))
     accepted = [frozenset(names.get(mechanism, ())) for mechanism in spec["effects"]]
     right: frozenset[str] = frozenset().union(*accepted)
-    failed, cleared = result["status"] != "done", verdict in CLEAN_VERDICTS
     wrong = any(cause not in right for cause in causes)
     all_named = bool(accepted) and all(one & set(causes) for one in accepted) and verdict != "partly"
     near = (float(pair["d2"]) for pair in diagnosis.get("indistinguishable", ()) if pair["d2"] is not None)
@@ -113,13 +108,11 @@ def _case(spec: Mapping[str, Any], result: Mapping[str, Any], names: Mapping[str
         mechanisms=tuple(spec["effects"]),
         truth=tuple(spec["truth"]),
         rich=bool(spec["rich"]),
-        failed=failed,
         ratio=float(result.get("ratio", spec["target_ratio"])),
         verdict=verdict,
         causes=causes,
         answer=answer,
-        cleared=cleared,
-        detected=not failed and not cleared,
+        detected=verdict not in ("error", *CLEAN_VERDICTS),
         wrong_cause=wrong,
         confidently_wrong=verdict in ("named", "partly") and wrong,
         first_right=bool(causes) and causes[0] in right,
@@ -137,7 +130,6 @@ def _case(spec: Mapping[str, Any], result: Mapping[str, Any], names: Mapping[str
         advised=_advised(again),
         again="verdict" in again,
         lost=frozenset(name for name, made in baselines.items() if made["failure"]),
-        seconds=result.get("seconds_in_all"),
     )
 
 
@@ -179,11 +171,6 @@ class Goal:
     count: int  # Cases that count
     met: bool | None  # True if what is demanded is reached; None if nothing is demanded
 
-    @property
-    def row(self) -> Measure:
-        """Row of the page."""
-        return Measure(self.measure, self.demanded, self.reached, bool(self.met))
-
 
 def score(study: Opened) -> list[Goal]:
     """Compare the study with its goals."""
@@ -194,9 +181,11 @@ def score(study: Opened) -> list[Goal]:
     named = [case for case in study.of("effect", "pair") if case.verdict == "named"]
     tied = [case for case in study.of("tie") if case.verdict == "ambiguous"]
     fine = [covered for case in study.cases for covered in case.covered]
+    rate = Rate.of(study.intervals)
+    covers = rate.count >= LEAST_PARAMETERS and 0.92 <= rate.share <= 0.98
     return [
         _at_most("false_alarm", [bool(c.causes) for c in clean], 1 / 150, "1 of 150"),
-        _at_least("cleared", [c.cleared for c in clean], 0.95),
+        _at_least("cleared", [c.verdict in CLEAN_VERDICTS for c in clean], 0.95),
         _harm(study),
         _at_most("wrong", [c.confidently_wrong for c in detected], 0.01, "1 %"),
         _at_least("first_right", [c.first_right for c in far], 0.9),
@@ -206,14 +195,14 @@ def score(study: Opened) -> list[Goal]:
         _at_least("outside_unknown", [c.verdict == "unknown" for c in outside], 0.9),
         _at_most("outside_named", [bool(c.causes) for c in outside], 0.05, "5 %"),
         _at_least("both", [c.all_named for c in pairs], 0.7),
-        _at_least("no_wrong_of_two", [not c.failed and not c.wrong_cause for c in pairs], 0.9),
+        _at_least("no_wrong_of_two", [c.verdict != "error" and not c.wrong_cause for c in pairs], 0.9),
         _at_least("resolved", [c.resolved for c in tied], 0.9),
         _at_least("resolved_or_named", [c.resolved or c.named_right for c in ties], 0.9),
         _at_least("tie_inside", [c.inside for c in ties], 0.95),
         _median("gap_closed", gaps_closed(study), 0.95),
         _at_least("ahead", [_ahead(c) for c in named], 0.9),
         _points("beyond_sparse", inside, 0.3),
-        _coverage(study),
+        _rate("covered", f"92 to 98 % of at least {LEAST_PARAMETERS}", study.intervals, covers),
         _rate("fine_covered", REPORTED, fine, None),
         _calibration(study),
     ]
@@ -241,7 +230,7 @@ def gaps_closed(study: Opened) -> list[float]:
     closed = []
     for case in study.of("effect", ratio=VERY_STRONG):
         base, oracle = case.errors.get("base"), case.errors.get("oracle")
-        if case.failed:
+        if case.verdict == "error":
             closed.append(0.0)
         elif base is not None and oracle is not None and oracle < base:
             closed.append((base - case.errors.get("diagnosis", base)) / (base - oracle))
@@ -261,12 +250,6 @@ def _harm(study: Opened) -> Goal:
     middle = float(np.median(ratios)) if ratios else np.nan
     words = f"{middle:.4f} (95 % interval {low:.4f} to {high:.4f}), largest {max(ratios, default=np.nan):.3f}"
     return _goal("harm", "at most 1.005", words, (middle, low, high), len(ratios), middle <= 1.005)
-
-
-def _coverage(study: Opened) -> Goal:
-    rate = Rate.of(study.intervals)
-    met = rate.count >= LEAST_PARAMETERS and 0.92 <= rate.share <= 0.98
-    return _rate("covered", f"92 to 98 % of at least {LEAST_PARAMETERS}", study.intervals, met)
 
 
 def _calibration(study: Opened) -> Goal:

@@ -56,20 +56,9 @@ def cover(spec: IntervalSpec) -> dict[str, Any]:
     recorded = _read(true, silent, spec.coloured, rng)
     fit = calibrate(true, [Part.whole(recorded)], starts=1, tolerance=TOLERANCE)
     effect = effect_named(spec.effect)
-    rows = []
-    for parameter in effect.parameters:
-        if parameter.name == f"{effect.name}.{effect.event}":
-            continue
-        low, high = fit.interval(parameter.name)
-        rows.append(
-            {
-                "name": parameter.name,
-                "true": true.parameters[parameter.name].value,
-                "low": low,
-                "high": high,
-                "at_bound": parameter.name in fit.at_bound,
-            }
-        )
+    names = [p.name for p in effect.parameters if p.name != f"{effect.name}.{effect.event}"]
+    ends = [dict(zip(("low", "high"), fit.interval(name), strict=True)) for name in names]
+    rows = [{"name": n, "true": true.parameters[n].value, **end} for n, end in zip(names, ends, strict=True)]
     return {"status": "done", "parameters": rows}
 
 

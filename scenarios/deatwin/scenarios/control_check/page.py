@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from math import isfinite
 
 import numpy as np
@@ -109,22 +109,14 @@ def tables(study: Study) -> list[Table]:
 
 
 def _tracking_table(every: Sequence[Tracking]) -> Table:
-    return Table.of(
-        "Tracking tones of 0.1 to 0.8 Hz",
-        [(tracking, name, tracking.tracked[name]) for tracking in every for name in tracking.tracked],
-        {
-            "plant": lambda row: row[0].name,
-            "controller": lambda row: row[1],
-            "rms error": lambda row: _number(MICRO * row[2].rms, ".3g", " µm"),
-            "rms error of the PI controller, divided by the rms error of this controller": lambda row: _number(
-                row[0].ratio("PI", row[1]), ".2f"
-            ),
-            "this error, divided by that of the best oracle": lambda row: _number(row[2].rms / row[0].best, ".2f"),
-            "gain margin with the identified model": lambda row: _number(float(row[2].margins.gain[0]), ".3g"),
-            "phase margin": lambda row: _number(float(row[2].margins.phase_deg[0]), ".0f", "°"),
-            "run": lambda row: row[2].run.status.name.lower().replace("_", " "),
-        },
-    )
+    rows = []
+    for tracking, name, one in [(t, key, tracked) for t in every for key, tracked in t.tracked.items()]:
+        ratios = [_number(ratio, ".2f") for ratio in (tracking.ratio("PI", name), one.rms / tracking.best)]
+        gain, phase = float(one.margins.gain[0]), float(one.margins.phase_deg[0])
+        margins = [_number(gain, ".3g"), _number(phase, ".0f", "°")]
+        status = one.run.status.name.lower().replace("_", " ")
+        rows.append([tracking.name, name, _number(MICRO * one.rms, ".3g", " µm"), *ratios, *margins, status])
+    return WORDS.table("tracking", rows)
 
 
 def _number(value: float, form: str, unit: str = "") -> str:
@@ -132,19 +124,13 @@ def _number(value: float, form: str, unit: str = "") -> str:
 
 
 def _fleet(runs: Sequence[FleetRun]) -> Table:
-    return Table.of(
-        "The scheduled design on the six actuators",
-        runs,
-        {
-            "actuator": lambda run: run.actuator.name,
-            "what happens to it": lambda run: run.actuator.story,
-            "overshoot of the steps": lambda run: f"{100 * run.steps.overshoot:.0f} %",
-            "mean error in the last third of each level": lambda run: f"{100 * run.steps.steady_error:.1f} %",
-            "rms motion in the last third of each level": lambda run: f"{100 * run.steps.ripple:.2g} %",
-            "rms error on the tones": lambda run: f"{MICRO * run.tones.rms_error:.0f} µm",
-            "stable": lambda run: "yes" if run.stable else "no",
-        },
-    )
+    rows = []
+    for run in runs:
+        shares = [100 * share for share in (run.steps.overshoot, run.steps.steady_error, run.steps.ripple)]
+        steps = [f"{share:{form}} %" for share, form in zip(shares, (".0f", ".1f", ".2g"), strict=True)]
+        tones, stable = f"{MICRO * run.tones.rms_error:.0f} µm", "yes" if run.stable else "no"
+        rows.append([run.actuator.name, run.actuator.story, *steps, tones, stable])
+    return WORDS.table("fleet", rows)
 
 
 def _models(matters: Matters) -> Table:
@@ -153,15 +139,7 @@ def _models(matters: Matters) -> Table:
         left = "diverged" if m.residual is None else f"{100 * m.residual / matters.output_rms:.2g} %"
         cells = [_promise(p) for p in m.promises] or [f"no design: {m.reason}", *[""] * (len(QUANTITIES) - 1)]
         rows.append([m.name, left, *cells])
-    return Table(
-        title="Predicted (95 % interval), then achieved; ✓ where it lies inside",
-        columns=[
-            "model",
-            "free run leaves, of the recording's rms",
-            *(axis_label(name, unit) for name, (unit, _) in QUANTITIES.items()),
-        ],
-        rows=rows,
-    )
+    return WORDS.table("models", rows, *(axis_label(name, unit) for name, (unit, _) in QUANTITIES.items()))
 
 
 def _promise(promise: Promise) -> str:
@@ -170,57 +148,30 @@ def _promise(promise: Promise) -> str:
 
 
 def _concealed_table(every: Sequence[Concealed]) -> Table:
-    def causes(one: Concealed) -> str:
-        return ", ".join(cause.effect.replace("_", " ") for cause in one.diagnosis.causes) or "–"
-
-    return Table.of(
-        "A concealed effect: designs from the base model and from the amended one",
-        [(one, designed) for one in every for designed in (*one.designs, *one.at_other_times)],
-        {
-            "concealed": lambda row: row[0].effect.replace("_", " "),
-            "diagnosis": lambda row: row[0].diagnosis.verdict.value,
-            "its causes": lambda row: causes(row[0]),
-            "designed from": lambda row: row[1].source,
-            "closed-loop time": lambda row: f"{row[1].controller.closed_loop_time:g} s",
-            "controller": lambda row: row[1].controller.name,
-            "verdict of the check": lambda row: row[1].check.verdict.value,
-            "reason": lambda row: row[1].check.reason,
-            "what the true rig did": lambda row: f"{row[1].truth.verdict.value}: {row[1].truth.text}",
-        },
-    )
+    rows = []
+    designs = [(each, designed) for each in every for designed in (*each.designs, *each.at_other_times)]
+    for one, designed in designs:
+        causes = ", ".join(cause.effect.replace("_", " ") for cause in one.diagnosis.causes) or "–"
+        law, found, truth = designed.controller, designed.check, designed.truth
+        told = [one.effect.replace("_", " "), one.diagnosis.verdict.value, causes, designed.source]
+        design = [f"{law.closed_loop_time:g} s", law.name, found.verdict.value, found.reason]
+        rows.append([*told, *design, f"{truth.verdict.value}: {truth.text}"])
+    return WORDS.table("concealed", rows)
 
 
 def _rates(outcomes: Sequence[Outcome]) -> Table:
-    groups: list[tuple[str, list[Outcome]]] = [("all", list(outcomes))]
-    keys: tuple[Callable[[Outcome], str], ...] = (
-        lambda o: o.design,
-        lambda o: f"concealed: {(o.concealed or NOTHING).replace('_', ' ')}",
-    )
-    for key in keys:
-        groups += [(name, [o for o in outcomes if key(o) == name]) for name in sorted(set(map(key, outcomes)))]
+    concealed = [f"concealed: {(o.concealed or NOTHING).replace('_', ' ')}" for o in outcomes]
+    groups = {"all": list(outcomes)}
+    for names in ([o.design for o in outcomes], concealed):
+        own = {name: [o for o, its in zip(outcomes, names, strict=True) if its == name] for name in sorted(set(names))}
+        groups |= own
     seen = [verdict.value for verdict in Verdict]
     seen += [NO_MODEL] if any(o.verdict == NO_MODEL for o in outcomes) else []
-    rows = [
-        [
-            name,
-            str(len(of)),
-            *(str(sum(o.verdict == v for o in of)) for v in seen),
-            *map(_cell, (inside(of), sound(of), caught(of))),
-        ]
-        for name, of in groups
-    ]
-    return Table(
-        title="How often the verdict was right, by design and by concealed effect (lower bounds with 95 %)",
-        columns=[
-            "trials",
-            "number",
-            *seen,
-            "of those that pass: steps inside the band",
-            "of those that pass: sound on the true rig",
-            "of the unsound: not passed",
-        ],
-        rows=rows,
-    )
+    rows = []
+    for name, of in groups.items():
+        counts = [str(sum(o.verdict == verdict for o in of)) for verdict in seen]
+        rows.append([name, str(len(of)), *counts, *map(_cell, (inside(of), sound(of), caught(of)))])
+    return WORDS.table("rates", rows, *seen, *WORDS.texts("table.rates.further"))
 
 
 def _cell(rate: Rate) -> str:
@@ -228,18 +179,14 @@ def _cell(rate: Rate) -> str:
 
 
 def _broken(outcomes: Sequence[Outcome]) -> Table:
-    return Table.of(
-        "Passed trials that failed on the true rig",
-        broken(outcomes),
-        {
-            "trial": lambda o: o.number,
-            "design": lambda o: o.design,
-            "closed-loop time": lambda o: f"{o.closed_loop_time:.2g} s",
-            "concealed": lambda o: o.concealed.replace("_", " ") or NOTHING,
-            "steps inside the band": lambda o: "–" if o.inside is None else f"{100 * o.inside:.1f} %",
-            "on the true rig": lambda o: o.truth,
-        },
-    )
+    rows = []
+    for o in broken(outcomes):
+        concealed, share = (
+            o.concealed.replace("_", " ") or NOTHING,
+            "–" if o.inside is None else f"{100 * o.inside:.1f} %",
+        )
+        rows.append([str(o.number), o.design, f"{o.closed_loop_time:.2g} s", concealed, share, o.truth])
+    return WORDS.table("broken", rows)
 
 
 Array = NDArray[np.float64]

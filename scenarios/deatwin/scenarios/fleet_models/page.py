@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -26,7 +25,6 @@ from deatwin.ident.narx import (
     Validation,
     one_step_band,
     refine,
-    validate,
 )
 from deatwin.ident.narx.fleet.orders import DEGREES, LAGS, Plan
 from deatwin.ident.narx.fleet.records import FILM, RECORDED, STEADY, VARIANTS
@@ -133,9 +131,13 @@ def svb_tables(study: Study) -> list[Table]:
 
 
 def failures(study: Study) -> dict[str, Any]:
-    """Return passed tests and remaining errors with less and less physics, for the notes."""
-    every = [study.models(variant) for variant in VARIANTS]
+    """Return the plan, and passed tests and remaining errors with less and less physics, for the notes."""
+    every, plan = [study.models(variant) for variant in VARIANTS], study.plan
+    lags = ", ".join(f"u(k-{lag})" if lag else "u(k)" for lag in plan.input_lags)
+    own = ", ".join(f"y(k-{lag})" for lag in range(1, plan.output_lags + 1))
     return {
+        "step": quantity(plan.factor * study.sample_time, "s"),
+        "candidates": f"products of {own} and {lags} up to degree {plan.degree}",
         "number": len(every[0]),
         "total": sum(len(one.held_out.tests) for one in every[0]),
         "passed": [sum(one.passed for one in found) for found in every],
@@ -144,13 +146,6 @@ def failures(study: Study) -> dict[str, Any]:
         "noise": 1e6 * study.prepared[0].actuator.plant.rig.noise,
         "test": every[0][0].held_out.tests[0],
     }
-
-
-def candidates_in_words(plan: Plan) -> str:
-    """The candidates of all searches."""
-    lags = ", ".join(f"u(k-{lag})" if lag else "u(k)" for lag in plan.input_lags)
-    own = ", ".join(f"y(k-{lag})" for lag in range(1, plan.output_lags + 1))
-    return f"products of {own} and {lags} up to degree {plan.degree}"
 
 
 def _preprocessing(study: Study) -> Iterator[list[str]]:
@@ -220,7 +215,8 @@ def _parameters(benches: Iterable[Bench], method: str) -> Iterator[list[str]]:
 def _estimators(bench: Bench) -> Table:
     """One structure, estimated in several ways, with errors and tests."""
     terms = bench.models[SEMP].model.terms
-    estimated = estimate_all(terms, *bench.sections)
+    named = estimate_all(terms, bench.sections)
+    estimated = named.values()
     noise = sorted({t for e in estimated for t in e.model.terms} - set(terms), key=str)
     rows = [[str(term), *(_estimate(e.model, str(term)) for e in estimated)] for term in (*terms, *noise)]
     for label, found in (("training", [e.training for e in estimated]), ("held out", [e.held_out for e in estimated])):
@@ -229,7 +225,7 @@ def _estimators(bench: Bench) -> Table:
     for name, text in TESTS.items():
         cells = ["passes" if e.held_out.test(name) not in e.held_out.failed else "fails" for e in estimated]
         rows.append([f"φ {text}, held out", *cells])
-    return WORDS.table("estimators", rows, *(e.name for e in estimated), name=bench.name)
+    return WORDS.table("estimators", rows, *named, name=bench.name)
 
 
 def _estimate(model: NarxModel, term: str) -> str:
@@ -238,25 +234,13 @@ def _estimate(model: NarxModel, term: str) -> str:
 
 
 def _dc(bench: Bench) -> Table:
-    model = bench.models[SEMP].model
-    shifted = deviations(model)
+    shifted = deviations(model := bench.models[SEMP].model)
     level, rest = float(shifted.point.operating_input[0]), 1e3 * shifted.point.output
-    rows = parameters_by_term(model, shifted.model)
-    return WORDS.table("dc", rows, name=bench.name, level=level, rest=rest)
+    return WORDS.table("dc", parameters_by_term(model, shifted.model), name=bench.name, level=level, rest=rest)
 
 
 Terms = Sequence[Term]
 NOISE_LAGS = 2
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Estimated:
-    """A structure with the parameters of one estimator."""
-
-    name: str
-    model: NarxModel  # The structure's terms first; those of the noise after them
-    training: Validation
-    held_out: Validation
 
 
 def _with_noise(terms: Terms, section: Recording) -> NarxModel:
@@ -264,32 +248,26 @@ def _with_noise(terms: Terms, section: Recording) -> NarxModel:
     return Narmax(process, noise_lags=NOISE_LAGS, noise_degree=1, criterion="none").fit(section).model_
 
 
-ESTIMATORS: Mapping[str, Callable[[Terms, Recording], NarxModel]] = MappingProxyType(
-    {
-        "least squares": lambda terms, section: Fixed(terms=terms).fit(section).model_,
-        "ridge": lambda terms, section: Fixed(terms=terms, estimator=Ridge()).fit(section).model_,
-        "total least squares": lambda terms, section: (
-            Fixed(terms=terms, estimator=TotalLeastSquares()).fit(section).model_
-        ),
-        "least prediction error": _with_noise,
-        "least free-run error": lambda terms, section: refine(Fixed(terms=terms).fit(section).model_, section),
-    }
-)
+ESTIMATORS: Mapping[str, Callable[[Terms, Recording], NarxModel]] = {
+    "least squares": lambda terms, section: Fixed(terms=terms).fit(section).model_,
+    "ridge": lambda terms, section: Fixed(terms=terms, estimator=Ridge()).fit(section).model_,
+    "total least squares": lambda terms, section: Fixed(terms=terms, estimator=TotalLeastSquares()).fit(section).model_,
+    "least prediction error": _with_noise,
+    "least free-run error": lambda terms, section: refine(Fixed(terms=terms).fit(section).model_, section),
+}
 """Estimators of the parameters of given terms; the fourth adds e(k-1) and e(k-2)."""
 
 
-def estimate_all(terms: Terms, training: Recording, held_out: Recording) -> tuple[Estimated, ...]:
-    """Estimate a structure with each of `ESTIMATORS`."""
-    found = []
+def estimate_all(terms: Terms, sections: tuple[Recording, Recording]) -> dict[str, Identified]:
+    """Estimate a structure with each of `ESTIMATORS`; the terms of the noise come after its own."""
+    found = {}
     for name, estimate in ESTIMATORS.items():
         try:
-            model = estimate(terms, training)
+            model = estimate(terms, sections[0])
         except ModelError:
             continue
-        found.append(
-            Estimated(name=name, model=model, training=validate(model, training), held_out=validate(model, held_out))
-        )
-    return tuple(found)
+        found[name] = Identified.of(None, model, sections)
+    return found
 
 
 Array = NDArray[np.float64]

@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from deatwin.ident.narx.fleet.records import RECORDED
-from deatwin.scenarios.fleet_models.page import candidates_in_words, failures, judge_semp, semp_drawings, semp_tables
+from deatwin.scenarios.fleet_models import WORDS
+from deatwin.scenarios.fleet_models.page import failures, judge_semp, semp_drawings, semp_tables
 from deatwin.scenarios.fleet_models.study import FROLS, SEMP, Programme, Study, carry_out, save
 from deatwin.studies.report.quantities import quantity
 from deatwin.studies.report.story import StoryPage, reached
@@ -31,11 +31,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
     fits = Span(bench.models[SEMP].fit for bench in study.recorded)
     page = StoryPage(
         title="semp-fleet",
-        sentence=(
-            f"On held-out sections, the free runs of the six SEMP models fit {fits:.0f} %; {reached(rows)} stated "
-            f"goals are reached. The correlation tests show the effects of drift, hysteresis and the polynomials' own "
-            f"error."
-        ),
+        sentence=WORDS.text("semp", fits=fits, reached=reached(rows)),
         rows=rows,
         notes=notes(__package__, method=SEMP, **failures(study), **_choices(study)),
         figures=semp_drawings(study),
@@ -46,7 +42,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
 
 def _choices(study: Study) -> dict[str, Any]:
     """Choices on the training sections, and errors on the held-out ones, in words."""
-    plan, step = study.plan, study.prepared[0].recordings[RECORDED].sample_time
+    plan, step = study.plan, study.sample_time
     asked = sorted({one.sampling.factor * step for one in study.prepared})
     tried = [f"{100 * one.least.mean():.1f} % at {quantity(one.factor * step, 's')}" for one in plan.orders]
     errors = [
@@ -56,7 +52,5 @@ def _choices(study: Study) -> dict[str, Any]:
     return {
         "asked": " or ".join(quantity(time, "s") for time in asked),
         "tried": ", ".join(tried),
-        "step": quantity(plan.factor * step, "s"),
-        "candidates": candidates_in_words(plan),
         "errors": ", ".join(f"{name} {semp:.1f} µm against {fro:.1f} µm" for name, semp, fro in errors),
     }

@@ -34,10 +34,17 @@ class Programme:
 class Identified:
     """A model with its search, and its results on two sections."""
 
-    search: Any
+    search: Any  # None for terms that were given
     model: NarxModel
     training: Validation
     held_out: Validation
+
+    @classmethod
+    def of(cls, search: Any, model: NarxModel, sections: tuple[Recording, Recording]) -> Identified:
+        """Validate a model on both sections."""
+        return cls(
+            search=search, model=model, training=validate(model, sections[0]), held_out=validate(model, sections[1])
+        )
 
     @property
     def fit(self) -> float:
@@ -72,6 +79,11 @@ class Study:
     plan: Plan
     benches: Mapping[str, tuple[Bench, ...]]  # By variant
     methods: tuple[str, ...]
+
+    @property
+    def sample_time(self) -> float:
+        """Sample time of the recordings, s."""
+        return self.prepared[0].recordings[RECORDED].sample_time
 
     @property
     def recorded(self) -> tuple[Bench, ...]:
@@ -109,12 +121,7 @@ def identify(name: str, variant: str, sections: tuple[Recording, Recording], pla
 
 def candidates(plan: Plan) -> dict[str, Any]:
     """Arguments of a search among the candidates of the plan."""
-    return {
-        "output_lags": plan.output_lags,
-        "input_lags": plan.input_lags,
-        "degree": plan.degree,
-        "rule": RULE,
-    }
+    return {"output_lags": plan.output_lags, "input_lags": plan.input_lags, "degree": plan.degree, "rule": RULE}
 
 
 def save(setting: Setting, record: Any, page: StoryPage, study: Study, method: str) -> Mapping[str, Any]:
@@ -157,5 +164,4 @@ def _identified(search: NarxIdentifier, sections: tuple[Recording, Recording]) -
         # The search may end at a model that a test calls as good as the best on its way: here the best is taken.
         best = min(search.path_, key=lambda step: step.msse)
         model = Fixed(terms=best.terms).fit(sections[0]).model_
-    training, held_out = (validate(model, section) for section in sections)
-    return Identified(search=search, model=model, training=training, held_out=held_out)
+    return Identified.of(search, model, sections)

@@ -11,18 +11,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from deatwin.ident.narx import Frols
-from deatwin.ident.narx.fleet.records import RECORDED
-from deatwin.scenarios.fleet_models.page import (
-    Choice,
-    candidates_in_words,
-    compare,
-    failures,
-    judge_svb,
-    svb_drawings,
-    svb_tables,
-)
+from deatwin.scenarios.fleet_models import WORDS
+from deatwin.scenarios.fleet_models.page import compare, failures, judge_svb, svb_drawings, svb_tables
 from deatwin.scenarios.fleet_models.study import FREE, SEMP, SVB, Programme, Study, candidates, carry_out, save
-from deatwin.studies.report.quantities import quantity
 from deatwin.studies.report.story import StoryPage, reached
 from deatwin.studies.report.words import Span, notes
 from deatwin.studies.stories import Setting
@@ -36,37 +27,26 @@ def run(setting: Setting) -> Mapping[str, Any]:
     record = setting.record()
     study = carry_out(setting.seed, PROGRAMME, jobs=setting.jobs, progress=setting.progress)
     setting.progress(0.9, "judging and drawing")
-    rows = judge_svb(study)
+    rows, shown = judge_svb(study), study.shown
+    fro = Frols(**candidates(study.plan), max_terms=LONGEST_PATH, criterion="none").fit(shown.sections[0])
+    choice = compare(shown.models[SVB].search, fro, *shown.sections)
     own, other = (Span(bench.models[method].fit for bench in study.recorded) for method in (SVB, SEMP))
     page = StoryPage(
         title="svb-fleet",
-        sentence=(
-            f"On held-out sections, the free runs of the six models by sparse variational Bayes fit {own:.0f} %, those by "
-            f"SEMP {other:.0f} %; {reached(rows)} stated goals are reached."
-        ),
+        sentence=WORDS.text("svb", own=own, other=other, reached=reached(rows)),
         rows=rows,
         notes=notes(__package__, method=SVB, **failures(study), **_kept(study)),
-        figures=svb_drawings(study, _choice(study)),
+        figures=svb_drawings(study, choice),
         tables=svb_tables(study),
     )
     return save(setting, record, page, study, SVB)
 
 
-def _choice(study: Study) -> Choice:
-    """Follow the paths of SVB and FROLS on the actuator that is shown in full."""
-    fro = Frols(**candidates(study.plan), max_terms=LONGEST_PATH, criterion="none")
-    shown = study.shown
-    return compare(shown.models[SVB].search, fro.fit(shown.sections[0]), *shown.sections)
-
-
 def _kept(study: Study) -> dict[str, Any]:
     """Terms that SVB keeps, and its fits with more candidates."""
-    step = study.plan.factor * study.prepared[0].recordings[RECORDED].sample_time
     free = [bench.models[FREE] for bench in study.recorded]
     counts = {m: ", ".join(str(len(bench.models[m].model.terms)) for bench in study.recorded) for m in study.methods}
     return {
-        "step": quantity(step, "s"),
-        "candidates": candidates_in_words(study.plan),
         "counts": "; ".join(f"{method} {numbers}" for method, numbers in counts.items()),
         "lost": sum(bool(one.training.diverged or one.held_out.diverged) for one in free),
         "free": Span(one.fit for one in free if not one.held_out.diverged),

@@ -17,7 +17,7 @@ from deatwin.ident.narx.fleet.alike import OPERATING_INPUT, identify_fleet
 from deatwin.scenarios.frequency_analysis.actuators import LARGE, ORDERS, SMALL, Actuators, Anchor, actuators, anchor
 from deatwin.scenarios.frequency_analysis.figures import fleet_drawings, known_drawings
 from deatwin.scenarios.frequency_analysis.known import known_systems
-from deatwin.scenarios.frequency_analysis.measures import HALF, HIGH, LOW, judge, spread, tables
+from deatwin.scenarios.frequency_analysis.measures import HALF, HIGH, LOW, WORDS, judge, spread, tables
 from deatwin.studies.parallel import between
 from deatwin.studies.report.drawing import key_of
 from deatwin.studies.report.quantities import quantity
@@ -42,11 +42,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
     ridges = Span(one.ridge for one in found.each)
     page = StoryPage(
         title="frequency-analysis",
-        sentence=(
-            "Frequency responses and NOFRFs agree with closed forms and with simulation; the second-order response of each "
-            f"actuator has a ridge where f₁ + f₂ = 0, {ridges:.1f} times higher than beside it; {reached(rows)} stated "
-            "goals are reached."
-        ),
+        sentence=WORDS.text("sentence", ridges=ridges, reached=reached(rows)),
         rows=rows,
         notes=notes(__package__, **_numbers(found, truth)),
         figures=[*known_drawings(known), *fleet_drawings(found)],

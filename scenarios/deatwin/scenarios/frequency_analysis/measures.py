@@ -109,12 +109,14 @@ def _bands(found: Actuators, truth: Anchor) -> list[Measure]:
 
 def tables(known: Known, found: Actuators) -> list[Table]:
     """Make all tables."""
+    shown = found.shown.removal
+    point, terms = shown.shifted.point, parameters_by_term(shown.model, shown.shifted.model)
     closed = [
         [one.name, one.shown, *(_error(known.errors[one.name].get(order)) for order in (1, 2, 3, 4))] for one in SYSTEMS
     ]
     return [
         WORDS.table("closed", closed),
-        _removal(found.shown),
+        WORDS.table("removal", terms, name=found.shown.name, level=point.operating_input[0], rest=1e3 * point.output),
         WORDS.table("deviations", [_deviations(one) for one in found.each]),
     ]
 
@@ -123,21 +125,10 @@ def _error(error: float | None) -> str:
     return "–" if error is None else f"{error:.0e}" if error else "0"
 
 
-def _removal(one: Analysed) -> Table:
-    point, rows = one.removal.shifted.point, parameters_by_term(one.removal.model, one.removal.shifted.model)
-    return WORDS.table("removal", rows, name=one.name, level=point.operating_input[0], rest=1e3 * point.output)
-
-
 def _deviations(one: Analysed) -> list[str]:
     """The operating point, and what the removal and the deletion of the constant do."""
     removal, point = one.removal, one.removal.shifted.point
-    return [
-        one.name,
-        f"{point.operating_input[0]:.3f} V",
-        f"{1e3 * point.output:.3f} mm",
-        "stable" if point.is_stable else "unstable",
-        f"{len(removal.model.terms)} and {len(removal.shifted.model.terms)}",
-        f"{removal.error:.0e}",
-        f"{removal.deleted_error:.2f}",
-        f"{one.alike.fit_percent:.1f} %",
-    ]
+    rest = [f"{point.operating_input[0]:.3f} V", f"{1e3 * point.output:.3f} mm"]
+    terms = f"{len(removal.model.terms)} and {len(removal.shifted.model.terms)}"
+    errors = [f"{removal.error:.0e}", f"{removal.deleted_error:.2f}", f"{one.alike.fit_percent:.1f} %"]
+    return [one.name, *rest, "stable" if point.is_stable else "unstable", terms, *errors]

@@ -188,16 +188,10 @@ def _tolerances(fleet: Consistency) -> Iterator[list[str]]:
 
 def _systems(known: Known) -> Iterator[list[str]]:
     for spread in [s for group in (known.cases, known.fragile) for each in group.values() for s in each]:
-        longest = 100 * spread.relative
-        yield [
-            spread.case,
-            spread.symbol,
-            f"{longest.min():.2g} to {longest.max():.2g} %",
-            f"{spread.propagated.nonlinearity.max():.2g}",
-            f"{np.sqrt(spread.ratio):.3g}",
-            f"{100 * spread.held:.1f} %",
-            _SAYS[spread.propagated.status],
-        ]
+        longest, law = 100 * spread.relative, spread.propagated
+        sizes = [f"{longest.min():.2g} to {longest.max():.2g} %", f"{law.nonlinearity.max():.2g}"]
+        held = [f"{np.sqrt(spread.ratio):.3g}", f"{100 * spread.held:.1f} %"]
+        yield [spread.case, spread.symbol, *sizes, *held, _SAYS[law.status]]
 
 
 def _p(value: float) -> str:

@@ -7,7 +7,6 @@ import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -83,17 +82,15 @@ def _case(name: str, system: BenchmarkSystem, noise: float, n_samples: int, orde
     return Case(name=name, system=replace(system, noise_std=noise), n_samples=n_samples, orders=orders)
 
 
-CASES: Mapping[str, Case] = MappingProxyType(
-    {
-        case.name: case
-        for case in (
-            _case("S1, linear", SYSTEMS["S1"], 0.1, 500, (1,)),
-            _case("S2, powers of the input", SYSTEMS["S2"], 0.01, 500, (1, 2, 3)),
-            _case("S6, bilinear", SYSTEMS["S6"], 0.01, 4000, (1, 2, 3)),
-            _case("E0, product of outputs", SYSTEMS["E0"], 0.1, 4000, (1, 2, 3)),
-        )
-    }
-)
+CASES: Mapping[str, Case] = {
+    case.name: case
+    for case in (
+        _case("S1, linear", SYSTEMS["S1"], 0.1, 500, (1,)),
+        _case("S2, powers of the input", SYSTEMS["S2"], 0.01, 500, (1, 2, 3)),
+        _case("S6, bilinear", SYSTEMS["S6"], 0.01, 4000, (1, 2, 3)),
+        _case("E0, product of outputs", SYSTEMS["E0"], 0.1, 4000, (1, 2, 3)),
+    )
+}
 """Systems whose parameters are known well enough that the law of propagation, which is linear, should hold."""
 LINEAR, POWERS, BILINEAR, PRODUCT = CASES
 _NOTCH = BenchmarkSystem(

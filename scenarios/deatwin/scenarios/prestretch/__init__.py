@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from enum import Enum
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -25,9 +25,6 @@ from deatwin.studies.report.rendering import Origin, write_page
 from deatwin.studies.report.story import end_run
 from deatwin.studies.report.words import notes
 from deatwin.studies.stories import Setting
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 RELAXING = "VHB 4910 Wang 2016"
 """Film whose three branches are a whole published set; the plant's VHB 4905 has only the first of them."""
@@ -82,14 +79,14 @@ def judged_claims(s: Sweep) -> tuple[Claim, ...]:
     """Judge all claims; the words stand in a template, in the same order."""
     columns, needed, prompt = s.columns, s.columns["voltage_for_5_percent_V"], s.columns["prompt_share"]
     gain = columns["strain_at_1kV"] / s.stretch**4  # at one true field: the thickness goes with 1/stretch²
-    cheapest, slowest = int(np.argmin(needed)), int(np.argmin(prompt))
+    cheapest, slowest, pulls_in = int(np.argmin(needed)), int(np.argmin(prompt)), np.isfinite(columns["pull_in_V"])
     along, across = s.ratios["strain_along"], s.ratios["strain_across"]
     verdicts = (
         s.rises(columns["strain_at_1kV"]),
         s.rises(-needed),
         s.rises(columns["breakdown_field_MV_m"]),
         s.rises(columns["breakdown_voltage_as_mounted_V"]),
-        _suppressed(np.isfinite(columns["pull_in_V"])),
+        Verdict.FALSE if pulls_in.all() else Verdict.CONDITIONAL if pulls_in.any() else Verdict.TRUE,
         s.rises(columns["largest_strain"]),
         s.rises(prompt),
         s.rises(along / across),
@@ -115,10 +112,6 @@ def judged_claims(s: Sweep) -> tuple[Claim, ...]:
         Claim(claim=note.title, verdict=verdict, finding=note.paragraphs[0])
         for note, verdict in zip(findings, verdicts, strict=True)
     )
-
-
-def _suppressed(pulls_in: np.ndarray) -> Verdict:
-    return Verdict.FALSE if pulls_in.all() else Verdict.CONDITIONAL if pulls_in.any() else Verdict.TRUE
 
 
 def _certain(holds: bool | np.bool_) -> Verdict:
@@ -265,7 +258,33 @@ def _drawn(folder: ResultFolder, columns: Columns, ratios: Columns) -> Drawing:
     """Draw the page's figure, and write ``prestretch.svg``."""
     title = "What changes with the prestretch"
     with draw((9.6, 6.0)) as figure:
-        _panels(figure, columns, ratios)
+        stretch = columns["prestretch"]
+        axes = figure.subplots(2, 3)
+        strain, volts, limits, prompt, directed, ball = axes.flat
+        strain.plot(stretch, 100 * columns["strain_at_1kV"])
+        strain.set(title="strain at 1 kV (%)")
+        volts.semilogy(stretch, columns["voltage_for_5_percent_V"], label="for 5 % strain")
+        volts.semilogy(stretch, columns["pull_in_V"], label="pull-in")
+        volts.semilogy(stretch, columns["breakdown_V"], label="breakdown")
+        volts.semilogy(stretch, np.where(columns["slack_V"] > 0, columns["slack_V"], np.nan), label="slack in a frame")
+        volts.set(title="voltages (V)", ylim=(500, 4e4))
+        volts.legend(fontsize="x-small", ncols=2)
+        limits.plot(stretch, 100 * columns["largest_strain"])
+        limits.set(title="largest strain (%)")
+        prompt.plot(stretch, 100 * columns["prompt_share"], label="of a step's strain within 20 ms")
+        prompt.plot(stretch, 100 * columns["tension_lost"], label="of the tension lost after mounting")
+        prompt.set(title="shares (%)", ylim=(0, 100))
+        prompt.legend(fontsize="x-small")
+        directed.plot(ratios["ratio"], 100 * ratios["strain_along"], label="along")
+        directed.plot(ratios["ratio"], 100 * ratios["strain_across"], label="across")
+        directed.set(title="strain at 1 kV, unequal (%)")
+        directed.legend(fontsize="x-small")
+        ball.plot(stretch, columns["ball_at_2kV_mm"])
+        ball.set(title="ball at 2 kV (mm)")
+        for panel in axes.flat:
+            panel.set_xlabel("prestretch")
+            panel.title.set_fontsize("medium")
+        directed.set_xlabel("prestretch across / along")
         folder.text("prestretch.svg", standalone(figure))
         return Drawing(
             name="prestretch",
@@ -276,33 +295,3 @@ def _drawn(folder: ResultFolder, columns: Columns, ratios: Columns) -> Drawing:
             caption="A square film of VHB 4905 under equal dead loads. Below, in the middle: under unequal loads, at "
             "equal thickness. Below, on the right: the ball of the thesis' rig.",
         )
-
-
-def _panels(figure: Figure, columns: Columns, ratios: Columns) -> None:
-    stretch = columns["prestretch"]
-    axes = figure.subplots(2, 3)
-    strain, volts, limits, prompt, directed, ball = axes.flat
-    strain.plot(stretch, 100 * columns["strain_at_1kV"])
-    strain.set(title="strain at 1 kV (%)")
-    volts.semilogy(stretch, columns["voltage_for_5_percent_V"], label="for 5 % strain")
-    volts.semilogy(stretch, columns["pull_in_V"], label="pull-in")
-    volts.semilogy(stretch, columns["breakdown_V"], label="breakdown")
-    volts.semilogy(stretch, np.where(columns["slack_V"] > 0, columns["slack_V"], np.nan), label="slack in a frame")
-    volts.set(title="voltages (V)", ylim=(500, 4e4))
-    volts.legend(fontsize="x-small", ncols=2)
-    limits.plot(stretch, 100 * columns["largest_strain"])
-    limits.set(title="largest strain (%)")
-    prompt.plot(stretch, 100 * columns["prompt_share"], label="of a step's strain within 20 ms")
-    prompt.plot(stretch, 100 * columns["tension_lost"], label="of the tension lost after mounting")
-    prompt.set(title="shares (%)", ylim=(0, 100))
-    prompt.legend(fontsize="x-small")
-    directed.plot(ratios["ratio"], 100 * ratios["strain_along"], label="along")
-    directed.plot(ratios["ratio"], 100 * ratios["strain_across"], label="across")
-    directed.set(title="strain at 1 kV, unequal (%)")
-    directed.legend(fontsize="x-small")
-    ball.plot(stretch, columns["ball_at_2kV_mm"])
-    ball.set(title="ball at 2 kV (mm)")
-    for panel in axes.flat:
-        panel.set_xlabel("prestretch")
-        panel.title.set_fontsize("medium")
-    directed.set_xlabel("prestretch across / along")

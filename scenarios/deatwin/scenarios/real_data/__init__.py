@@ -77,11 +77,17 @@ def run(setting: Setting) -> Mapping[str, Any]:
         title="real-data",
         sentence=WORDS.text("sentence", error=best.free_run / data.scale, terms=best.terms, reached=reached(rows)),
         rows=rows,
-        notes=notes(__package__, sets=sets, refined=REFINED, semp=SEMP, grown=GROWN),
+        notes=notes(
+            __package__,
+            sets={d.title: WORDS.text(f"note.{d.name}") for d in sets},
+            refined=REFINED,
+            semp=SEMP,
+            grown=GROWN,
+        ),
         figures=[
             _arrow_head(data, outcomes["silverbox"]),
             _converter(sets[1], outcomes["buck"]),
-            *(_free_runs(d, outcomes[d.name], (LINEAR, REFINED, GROWN)) for d in sets[2:]),
+            *(_free_runs(d, outcomes[d.name]) for d in sets[2:]),
         ],
         tables=[
             *(_table(d, outcomes[d.name]) for d in sets),
@@ -104,20 +110,13 @@ def judge(sets: Sequence[DataSet], outcomes: Outcomes) -> list[Measure]:
     best, semp, simple, linear = (box[m].free_run / oscillator.scale for m in (GROWN, SEMP, FROLS, LINEAR))
     limit = LARGEST_ERROR / oscillator.scale
     documented = min(documented_errors(sets[1].test).values())
-    refined = converter[REFINED].free_run
+    refined, numbers = converter[REFINED].free_run, {"method": REFINED, "documented": documented}
     grown, small = box[GROWN].terms, best <= limit and box[GROWN].terms <= MOST_TERMS
     return [
         WORDS.measure("grown", small, limit=limit, most=MOST_TERMS, error=best, terms=grown),
         WORDS.measure("semp", semp < simple, other=simple, error=semp, terms=box[SEMP].terms),
         WORDS.measure("linear", best < 0.1 * linear, other=linear, error=best),
-        WORDS.measure(
-            "converter",
-            refined <= documented,
-            method=REFINED,
-            documented=documented,
-            error=refined,
-            terms=converter[REFINED].terms,
-        ),
+        WORDS.measure("converter", refined <= documented, **numbers, error=refined, terms=converter[REFINED].terms),
     ]
 
 
@@ -125,17 +124,10 @@ def _table(data: DataSet, outcomes: Mapping[str, Outcome]) -> Table:
     def shown(value: float) -> str:
         return f"{value / data.scale:.4f}" if value == value else "–"
 
-    rows = [
-        [
-            o.method,
-            str(o.terms),
-            shown(o.one_step),
-            o.failure or shown(o.free_run),
-            shown(o.training),
-            f"{o.seconds:.1f}",
-        ]
-        for o in outcomes.values()
-    ]
+    rows = []
+    for o in outcomes.values():
+        errors = [shown(o.one_step), o.failure or shown(o.free_run), shown(o.training)]
+        rows.append([o.method, str(o.terms), *errors, f"{o.seconds:.1f}"])
     return WORDS.table("errors", rows, data=data.title, unit=data.unit)
 
 
@@ -187,10 +179,10 @@ def _converter(data: DataSet, outcomes: Mapping[str, Outcome]) -> Drawing:
     return _runs(data, runs, "converter", method=REFINED)
 
 
-def _free_runs(data: DataSet, outcomes: Mapping[str, Outcome], methods: Sequence[str]) -> Drawing:
-    """Draw free runs of some methods over the test recording, with their errors."""
-    runs = {method: outcomes[method].outputs for method in methods if not outcomes[method].failure}
-    return _runs(data, runs, "free_run", data.name, data=data.title, note=data.note)
+def _free_runs(data: DataSet, outcomes: Mapping[str, Outcome]) -> Drawing:
+    """Draw free runs of three methods over the test recording, with their errors."""
+    runs = {method: outcomes[method].outputs for method in (LINEAR, REFINED, GROWN) if not outcomes[method].failure}
+    return _runs(data, runs, "free_run", data.name, data=data.title, note=WORDS.text(f"note.{data.name}"))
 
 
 def _runs(shown: DataSet, runs: Mapping[str, Array], name: str, called: str = "", **said: str) -> Drawing:

@@ -100,8 +100,7 @@ class BoucWen(Hysteresis):
     def rewrite(self, signal: Any, build: Builder) -> Any:
         memory = build.state("hysteresis_memory", scale=1.0, start=0.0)
         velocity = build.signal("velocity")
-        slow = 1e-6
-        speed, strain = (smooth_magnitude(x, slow) for x in (velocity, memory))
+        speed, strain = (smooth_magnitude(x, 1e-6) for x in (velocity, memory))
         change = velocity - speed * memory + self.own("hardening", build) * velocity * strain
         build.rate(memory, change, mass=self.own("distance", build))
         return signal - self.own("force", build) * memory

@@ -101,28 +101,28 @@ def case(folder: Path) -> Case:
     """The recordings and the plant."""
     files = tuple(folder / name for name in EMPS_FILES)
     estimation, validation = (_recording(file) for file in files)
-    pulsed = HeldOut(
-        name="The validation record, with force pulses",
-        experiment=Experiment(recordings=(validation,)),
-        black_box=emps_deviation(estimation.section(0, FITTED), validation, files),
-        follows=True,
-    )
-    rest = HeldOut(
-        name="The rest of the estimation record",
-        experiment=Experiment(recordings=(estimation,)),
-        first=FITTED,
-        black_box=emps_deviation(
-            estimation.section(0, FITTED), estimation.section(FITTED, estimation.n_samples), files
-        ),
-        follows=True,
-    )
+    opening, rest = estimation.section(0, FITTED), estimation.section(FITTED, estimation.n_samples)
     return Case(
         name="emps",
         title="EMPS",
         documented=("coulomb_friction",),
         plant=Plant(rig=ControlledCarriage()),
-        fitted=(Experiment(recordings=(estimation.section(0, FITTED),)),),
-        held_out=(pulsed, rest),
+        fitted=(Experiment(recordings=(opening,)),),
+        held_out=(
+            HeldOut(
+                name="The validation record, with force pulses",
+                experiment=Experiment(recordings=(validation,)),
+                black_box=emps_deviation(opening, validation),
+                follows=True,
+            ),
+            HeldOut(
+                name="The rest of the estimation record",
+                experiment=Experiment(recordings=(estimation,)),
+                first=FITTED,
+                black_box=emps_deviation(opening, rest),
+                follows=True,
+            ),
+        ),
         unit="µm",
         scale=1e-6,
         files=files,

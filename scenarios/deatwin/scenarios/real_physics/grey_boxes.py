@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import tomllib
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -25,10 +25,10 @@ from deatwin.studies.public.records import EMPS_FILES, emps_averaged
 from deatwin.studies.public.sources import data_folder
 from deatwin.studies.report.drawing import Drawing, draw, draw_runs
 from deatwin.studies.report.story import Measure, Note, StoryPage, Table, finish, reached
-from deatwin.studies.report.tables import drawn_table
 from deatwin.studies.report.words import Words
 from deatwin.studies.stories import Setting
 
+WORDS = Words(__package__)
 _FILE: dict[str, Any] = tomllib.loads(files(__package__).joinpath("published.toml").read_text(encoding="utf-8"))
 PUBLISHED: list[dict[str, str]] = _FILE["published"]
 """Errors on test parts, each with its model; sources and places that recur have a name."""
@@ -41,25 +41,15 @@ def said(test: str) -> str:
 
 def sources() -> Table:
     """Return all figures with their sources."""
-    return Table.of(
-        "Published errors, and where they were read",
-        PUBLISHED,
-        {
-            "test part": lambda one: one["test"],
-            "error": lambda one: one["error"],
-            "model": lambda one: one["model"],
-            "source": lambda one: _FILE["source"].get(one["source"], one["source"]),
-            "read in": lambda one: _FILE["read"][one["read"]],
-        },
-    )
+    own = [[one["test"], one["error"], one["model"]] for one in PUBLISHED]
+    places = [[_FILE["source"].get(one["source"], one["source"]), _FILE["read"][one["read"]]] for one in PUBLISHED]
+    return WORDS.table("sources", [[*cells, *place] for cells, place in zip(own, places, strict=True)])
 
 
-WORDS = Words(__package__)
 Array = NDArray[np.float64]
 AVERAGED = 5
 """Samples of 1 ms that make one of EMPS: the mean voltage keeps the impulse, and friction needs no finer ones."""
 MOTOR = 35.150651882485469  # N/V, as the benchmark's file has it
-SETS = ("Cascaded tanks", "EMPS", "Bouc-Wen")
 STARTS = 3  # Fits of which two must agree
 
 
@@ -160,29 +150,21 @@ class Judged:
     task: Task
     fit: Calibration
     seconds: float  # Time to calibrate
-
-    @property
-    def readings(self) -> Array:
-        """The free run where it counts, shape (n,), SI."""
-        return self.task.held_out.readings(self.fit.plant)
+    readings: Array  # shape (n,): The free run where it counts, SI
 
     @property
     def error(self) -> float:
         """Rms error over the test part, in the unit shown."""
         return float(np.sqrt(np.mean((self.task.held_out.measured - self.readings) ** 2))) / self.task.scale
 
-    @property
-    def trained(self) -> float:
-        """Rms error over the training part, in the unit shown."""
-        return self.fit.rms / self.task.scale
-
 
 def run(setting: Setting) -> Mapping[str, Any]:
     """Calibrate every plant on its training part, and run it free over the test part."""
     found = calibrated(setting.data, setting.jobs)
-    files = [file for folder in ("cascaded_tanks", "emps", "boucwen_benchmark_h5") for file in _files(setting, folder)]
-    record = setting.record(hashes(files))
-    rows = [_row(one) for one in found]
+    folders = [data_folder(setting.data, name) for name in ("cascaded_tanks", "emps", "boucwen_benchmark_h5")]
+    read = [file for folder in folders for file in sorted(folder.iterdir()) if file.suffix in (".csv", ".mat", ".h5")]
+    record = setting.record(hashes(read))
+    rows = [within(f"{j.task.name}: free-run error on the test part", j.error, j.task.goal, j.task.unit) for j in found]
     page = StoryPage(
         title="grey-boxes",
         sentence=f"The documented physics of three benchmarks, calibrated on the training parts: {reached(rows)} goals "
@@ -195,21 +177,16 @@ def run(setting: Setting) -> Mapping[str, Any]:
     return finish(setting.folder, record, page, errors={one.task.name: one.error for one in found})
 
 
-def calibrated(data: Path | None, jobs: int, sets: Collection[str] = SETS) -> list[Judged]:
-    """Return the plants of some of the data sets, calibrated."""
-    plants = [_tanks(data)] if "Cascaded tanks" in sets else []
-    plants += [(task,) for task in _emps(data)] if "EMPS" in sets else []
-    plants += [_bouc_wen(data)] if "Bouc-Wen" in sets else []
-    return [one for judged in run_jobs(_judged, [(tasks,) for tasks in plants], workers=jobs) for one in judged]
+def within(name: str, error: float, goal: float, unit: str, told: str = "") -> Measure:
+    """Compare an error with its goal; `told` is what is reached in words, by default the error."""
+    return Measure(name, f"at most {goal:g} {unit} rms", told or f"{error:.3g} {unit}", bool(error <= goal))
 
 
-def _row(one: Judged) -> Measure:
-    name, unit = f"{one.task.name}: free-run error on the test part", one.task.unit
-    return Measure(name, f"at most {one.task.goal:g} {unit} rms", f"{one.error:.3g} {unit}", one.error <= one.task.goal)
-
-
-def _files(setting: Setting, name: str) -> list[Path]:
-    return sorted(p for p in data_folder(setting.data, name).iterdir() if p.suffix in (".csv", ".mat", ".h5"))
+def calibrated(data: Path | None, jobs: int, sets: Collection[str] | None = None) -> list[Judged]:
+    """Return the plants of some of the data sets, or of all, calibrated."""
+    makers = {"Cascaded tanks": _tanks, "EMPS": _emps, "Bouc-Wen": _bouc_wen}
+    plants = [(tasks,) for name, make in makers.items() if sets is None or name in sets for tasks in make(data)]
+    return [one for judged in run_jobs(_judged, plants, workers=jobs) for one in judged]
 
 
 def _judged(tasks: tuple[Task, ...]) -> list[Judged]:
@@ -217,37 +194,32 @@ def _judged(tasks: tuple[Task, ...]) -> list[Judged]:
     begun = time.perf_counter()
     fit = calibrate(tasks[0].plant, tasks[0].fitted, starts=STARTS)
     seconds = time.perf_counter() - begun
-    return [Judged(task=task, fit=fit, seconds=seconds) for task in tasks]
+    runs = [task.held_out.readings(fit.plant) for task in tasks]
+    return [Judged(task=task, fit=fit, seconds=seconds, readings=run) for task, run in zip(tasks, runs, strict=True)]
 
 
-def _tanks(data: Path | None) -> tuple[Task, ...]:
+def _tanks(data: Path | None) -> Iterator[tuple[Task, ...]]:
     case = cascaded_tanks.case(data_folder(data, "cascaded_tanks"))
-    about: dict[str, Any] = {
-        "fitted": case.fitted,
-        "held_out": case.held_out[0],
-        "unit": "V",
-        "scale": 1.0,
-        "goal": 0.19,
-    }
-    return (Task(name="Cascaded tanks", plant=Plant(rig=BrimmedTanks()), test="Cascaded tanks, validation", **about),)
+    about: dict[str, Any] = {"fitted": case.fitted, "held_out": case.held_out[0], "unit": "V", "scale": 1.0}
+    plant, test = Plant(rig=BrimmedTanks()), "Cascaded tanks, validation"
+    yield (Task(name="Cascaded tanks", plant=plant, test=test, goal=0.19, **about),)
 
 
-def _emps(data: Path | None) -> tuple[Task, ...]:
+def _emps(data: Path | None) -> Iterator[tuple[Task, ...]]:
     folder = data_folder(data, "emps")
     fitted, judged = (Experiment(recordings=(emps_averaged(folder / name, AVERAGED),)) for name in EMPS_FILES)
     about: dict[str, Any] = {"unit": "mm", "scale": 1e-3, "goal": 5.4, "fitted": (fitted,)}
     held_out = HeldOut(name="The validation record, with force pulses", experiment=judged)
-    return tuple(
-        Task(name=name, plant=Plant(rig=OpenCarriage(uneven=uneven)), held_out=held_out, test="EMPS, pulses", **about)
-        for name, uneven in (("EMPS, four parameters", False), ("EMPS, uneven friction", True))
-    )
+    for name, uneven in (("EMPS, four parameters", False), ("EMPS, uneven friction", True)):
+        plant = Plant(rig=OpenCarriage(uneven=uneven))
+        yield (Task(name=name, plant=plant, held_out=held_out, test="EMPS, pulses", **about),)
 
 
-def _bouc_wen(data: Path | None) -> tuple[Task, ...]:
+def _bouc_wen(data: Path | None) -> Iterator[tuple[Task, ...]]:
     case = bouc_wen.case(data_folder(data, "boucwen_benchmark_h5"))
     plant = Plant(rig=bouc_wen.LinearOscillator(), effects=(bouc_wen.BoucWen(),))
     about: dict[str, Any] = {"plant": plant, "fitted": case.fitted, "unit": "µm", "scale": 1e-6, "goal": 15.0}
-    return tuple(
+    yield tuple(
         Task(name=f"Bouc-Wen, {name}", test=f"Bouc-Wen, {name}", held_out=held, **about)
         for name, held in zip(("multisine", "sweep"), case.held_out, strict=True)
     )
@@ -258,22 +230,15 @@ def _drawn(number: int, one: Judged) -> Drawing:
     runs = {"free run of the calibrated plant": one.readings / scale}
     with draw((7.4, 3.8)) as figure:
         draw_runs(figure, held_out.timepts, held_out.measured / scale, runs, one.task.unit)
-        caption = "The test part, on which nothing was fitted."
-        return Drawing.of(figure, f"test_{number}", one.task.name, caption, drawn_table(figure))
+        return WORDS.drawing(figure, "test", None, f"test_{number}", name=one.task.name)
 
 
 def _table(found: list[Judged]) -> Table:
-    return Table.of(
-        "Root mean square errors of free runs",
-        found,
-        {
-            "task": lambda j: j.task.name,
-            "parameters": lambda j: len(j.fit.names),
-            "training": lambda j: f"{j.trained:.3g} {j.task.unit}",
-            "test": lambda j: f"{j.error:.3g} {j.task.unit}",
-            "published": lambda j: said(j.task.test),
-        },
-    )
+    rows = []
+    for one in found:
+        errors = [f"{error:.3g} {one.task.unit}" for error in (one.fit.rms / one.task.scale, one.error)]
+        rows.append([one.task.name, str(len(one.fit.names)), *errors, said(one.task.test)])
+    return WORDS.table("grey_boxes", rows)
 
 
 def _parameters(one: Judged) -> Table:
@@ -282,4 +247,4 @@ def _parameters(one: Judged) -> Table:
         (low, high), p = one.fit.interval(name), one.fit.plant.parameters[name]
         known = f"{low:.3g} to {high:.3g}" if one.fit.is_determined(name) else "undetermined"
         rows.append([name.replace("_", " "), f"{p.value:.4g} {'' if p.unit == '1' else p.unit}".rstrip(), known])
-    return Table(title=f"{one.task.name}: parameters", columns=["parameter", "value", "95 % interval"], rows=rows)
+    return WORDS.table("parameters", rows, name=one.task.name)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +14,8 @@ from deatwin.ident.nss import Cascade, NonlinearStateSpace, Pnlss
 from deatwin.ident.nss.basis import monomials
 from deatwin.ident.parallel import jobs_as_they_end
 from deatwin.plant import DataError, Recording
-from deatwin.scenarios.real_physics.grey_boxes import Judged, calibrated, said, sources
+from deatwin.plant.records import finite
+from deatwin.scenarios.real_physics.grey_boxes import Judged, calibrated, said, sources, within
 from deatwin.studies.provenance import RunRecord, hashes
 from deatwin.studies.public.black_boxes import (
     GROWN,
@@ -42,7 +43,7 @@ from deatwin.studies.public.records import (
     silverbox_table,
 )
 from deatwin.studies.public.sources import data_folder
-from deatwin.studies.report.story import Measure, Note, StoryPage, Table, finish, reached
+from deatwin.studies.report.story import Note, StoryPage, finish, reached
 from deatwin.studies.report.words import Words
 from deatwin.studies.stories import Setting
 
@@ -277,8 +278,33 @@ def _written(
     outcomes = {(o.data, o.method): o for o in done}
     wanted = [(task, outcomes.get((task.data.name, method))) for task in tasks for method in task.methods]
     rows = [row for task, outcome in wanted if outcome for row in _judged(task, outcome)]
-    rows += [_of_plant(one) for one in plants]
-    measures = [_measure(row) for row in rows if row.model in CLAIMED]
+    rows += [
+        Row(
+            task=one.task.test,
+            model=UNEVEN if "uneven" in one.task.name else PLANT,
+            size=f"{len(one.fit.names)} parameters",
+            error=one.error,
+            unit=one.task.unit,
+            seconds=one.seconds,
+            goal=one.task.goal,
+        )
+        for one in plants
+    ]
+    measures = [
+        within(
+            f"{r.task}: free-run error, {r.model}",
+            r.error,
+            r.goal,
+            r.unit,
+            r.said or f"{r.error:.3g} {r.unit}, {r.size}",
+        )
+        for r in rows
+        if r.model in CLAIMED
+    ]
+    cells = [
+        [row.task, row.model, row.size, row.said or f"{row.error:.3g} {row.unit}", f"{row.seconds:.1f}", said(row.task)]
+        for row in sorted(rows, key=lambda row: row.task)
+    ]
     notes = [Note(title="Rules", paragraphs=WORDS.texts("standard_tasks.notes"))]
     notes += [Note(title="Left out", paragraphs=left_out)] if left_out else []
     page = StoryPage(
@@ -287,14 +313,14 @@ def _written(
         rows=measures,
         figures=[],
         notes=notes,
-        tables=[_table(rows), sources()],
+        tables=[WORDS.table("standard_tasks", cells), sources()],
     )
-    return finish(setting.folder, record, page, errors=[_plain(row) for row in rows], notes=left_out)
+    plain = finite([{name: getattr(row, name) for name in ("task", "model", "size", "error", "unit")} for row in rows])
+    return finish(setting.folder, record, page, errors=plain, notes=left_out)
 
 
-def _judged(task: Task, outcome: Outcome) -> list[Row]:
-    """Return the lines of one model: its free run over each test part."""
-    rows = []
+def _judged(task: Task, outcome: Outcome) -> Iterator[Row]:
+    """Yield the lines of one model: its free run over each test part."""
     for test in task.tests:
         error, said = np.nan, outcome.failure
         if outcome.model is not None:
@@ -302,19 +328,16 @@ def _judged(task: Task, outcome: Outcome) -> list[Row]:
             left = test.recording.outputs[0, test.shown :] - ran.outputs[0, -test.recording.n_samples :][test.shown :]
             said = "" if ran.status.ok else "diverges"
             error = float(np.sqrt(np.mean(left**2))) / task.data.scale if ran.status.ok else np.nan
-        rows.append(
-            Row(
-                task=f"{task.data.title}, {test.name}",
-                model=outcome.method,
-                size=_size(outcome),
-                error=error,
-                unit=task.data.unit,
-                seconds=outcome.seconds,
-                goal=test.goal,
-                said=said,
-            )
+        yield Row(
+            task=f"{task.data.title}, {test.name}",
+            model=outcome.method,
+            size=_size(outcome),
+            error=error,
+            unit=task.data.unit,
+            seconds=outcome.seconds,
+            goal=test.goal,
+            said=said,
         )
-    return rows
 
 
 def _size(outcome: Outcome) -> str:
@@ -324,47 +347,3 @@ def _size(outcome: Outcome) -> str:
     if isinstance(outcome.model, NonlinearStateSpace):
         return f"{outcome.model.n_states} states, {outcome.terms} weights"
     return f"{outcome.terms} terms"
-
-
-def _of_plant(one: Judged) -> Row:
-    """Return the line of a calibrated plant; its run counts from the first sample on."""
-    return Row(
-        task=one.task.test,
-        model=UNEVEN if "uneven" in one.task.name else PLANT,
-        size=f"{len(one.fit.names)} parameters",
-        error=one.error,
-        unit=one.task.unit,
-        seconds=one.seconds,
-        goal=one.task.goal,
-    )
-
-
-def _measure(row: Row) -> Measure:
-    """Hold an error against the goal."""
-    told = row.said or f"{row.error:.3g} {row.unit}, {row.size}"
-    return Measure(
-        f"{row.task}: free-run error, {row.model}",
-        f"at most {row.goal:g} {row.unit} rms",
-        told,
-        bool(row.error <= row.goal),
-    )
-
-
-def _table(rows: list[Row]) -> Table:
-    return Table.of(
-        "Root mean square errors of free runs over the official test parts",
-        sorted(rows, key=lambda row: row.task),
-        {
-            "task": lambda row: row.task,
-            "model": lambda row: row.model,
-            "size": lambda row: row.size,
-            "error": lambda row: row.said or f"{row.error:.3g} {row.unit}",
-            "training time (s)": lambda row: f"{row.seconds:.1f}",
-            "published": lambda row: said(row.task),
-        },
-    )
-
-
-def _plain(row: Row) -> dict[str, Any]:
-    error = row.error if np.isfinite(row.error) else None
-    return {"task": row.task, "model": row.model, "size": row.size, "error": error, "unit": row.unit}

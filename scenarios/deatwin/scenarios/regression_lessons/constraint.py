@@ -56,8 +56,10 @@ def plane(rng: np.random.Generator) -> Plane:
     extent = SHARE * float(np.abs(least).sum())
     on_diamond = _on_diamond(gram, least, extent)
     push = float(np.abs(moment - gram @ on_diamond).max())
-    penalties, knots = _lasso(rows, target)
-    penalised = np.array([np.interp(push, penalties[::-1], knot[::-1]) for knot in knots])
+    size = float(np.sqrt(np.mean(target**2)))  # the path's own scale of the output
+    _, penalties, coefficients = lasso_path(rows, target, centred=False, max_knots=20)
+    knots = size * coefficients
+    penalised = np.array([np.interp(push, size * penalties[::-1], knot[::-1]) for knot in knots])
     lasso = Constrained(size=extent, point=on_diamond, penalised=penalised)
 
     path = np.array([Ridge(float(penalty))(rows, target).theta for penalty in PENALTIES]).T
@@ -70,13 +72,6 @@ def plane(rng: np.random.Generator) -> Plane:
         lasso_path=knots,
         shares=np.linalg.norm(path, axis=0) / np.linalg.norm(least),
     )
-
-
-def _lasso(rows: Array, target: Array) -> tuple[Array, Array]:
-    """Penalties and parameters at the knots of ``mean(e^2)/2 + penalty sum |theta|``, in the target's unit."""
-    size = float(np.sqrt(np.mean(target**2)))  # the path's own scale of the output
-    _, penalties, coefficients = lasso_path(rows, target, centred=False, max_knots=20)
-    return size * penalties, size * coefficients
 
 
 def _on_circle(gram: Array, least: Array, radius: float) -> Array:

@@ -18,6 +18,7 @@ from deatwin.studies.report.words import Words
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+WORDS = Words(__package__)
 COVERAGE = (0.92, 0.98)
 LEAST_PARAMETERS = 500
 WEAK = "S6"  # System whose smallest term is so weak that no method can find it in all draws
@@ -71,16 +72,12 @@ def _beside_oracles(study: Study, method: str, what: str, share: float) -> Itera
     if WEAK not in study.plan.systems:
         return
     rate = _rate(study, WEAK, method, what)
-    of = f"{share:g} of " if share < 1 else ""
+    of, label = f"{share:g} of " if share < 1 else "", METHODS[method].label
     names = ("an oracle on all candidates", "a stricter oracle that starts from the true terms")
     for name, oracle in zip(names, oracles(study, WEAK), strict=True):
         reference = (oracle.exact if what.startswith("exact") else oracle.kept).share
-        yield Measure(
-            f"{METHODS[method].label}, {WEAK}: {what}, relative to {name}",
-            f"at least {of}{100 * reference:g} %",
-            str(rate),
-            rate.share >= share * reference,
-        )
+        measure, demanded = f"{label}, {WEAK}: {what}, relative to {name}", f"at least {of}{100 * reference:g} %"
+        yield Measure(measure, demanded, str(rate), rate.share >= share * reference)
 
 
 def _covers(study: Study) -> Iterator[Measure]:
@@ -88,29 +85,21 @@ def _covers(study: Study) -> Iterator[Measure]:
         sets = [study.covered[system, estimator] for system in WHITE if (system, estimator) in study.covered]
         if sets:
             rate = Rate.of(np.concatenate([flags.ravel() for flags in sets]).tolist())
-            yield Measure(
-                f"95 % intervals by {estimator}, estimated with the true structure: {', '.join(WHITE)}",
-                f"{_band()} of at least {LEAST_PARAMETERS} contain the true value",
-                f"{rate} of {rate.count}",
-                _within(rate.share) and rate.count >= LEAST_PARAMETERS,
-            )
+            enough, systems = rate.count >= LEAST_PARAMETERS, ", ".join(WHITE)
+            numbers = {"band": _band(), "least": LEAST_PARAMETERS, "rate": str(rate), "count": rate.count}
+            passed = _within(rate.share) and enough
+            yield WORDS.measure("covers", passed, estimator=estimator, systems=systems, **numbers)
 
 
 def _sampler_agrees(study: Study) -> Iterator[Measure]:
     if not study.comparisons:
         return
     same = Rate.of(draw.agrees for draw in study.comparisons)
-    yield Measure(
-        "spike-and-slab sampler on S4: terms with a probability above one half",
-        "the same terms as SVB, in every draw",
-        f"in {same.hits} of {same.count} draws; two chains differ by at most "
-        f"{max(draw.unsettled for draw in study.comparisons):.4f}",
-        same.hits == same.count,
-    )
-    for name, words in (("mass_given", "of the same structure"), ("mass", "averaged over structures")):
+    apart = max(draw.unsettled for draw in study.comparisons)
+    yield WORDS.measure("sampler", same.hits == same.count, same=same, apart=apart)
+    for name, which in (("mass_given", "of the same structure"), ("mass", "averaged over structures")):
         mass = float(np.mean(np.concatenate([getattr(draw, name) for draw in study.comparisons])))
-        measure = f"its probability of SVB's 95 % intervals, {words}"
-        yield Measure(measure, _band(), f"{100 * mass:.1f} %", _within(mass))
+        yield WORDS.measure("mass", _within(mass), which=which, band=_band(), mass=100 * mass)
 
 
 def _band() -> str:
@@ -131,31 +120,21 @@ def tables(study: Study) -> list[Table]:
 
 
 def _method(study: Study, method: str) -> Table:
-    def median_time(system: str) -> str:
-        return three_digits(float(np.median([t.seconds for t in study.of(system, method)])))
-
-    return Table.of(
-        f"{METHODS[method].label}: {METHODS[method].line}",
-        study.plan.systems,
-        {
-            "system": str,
-            "every true term kept": lambda system: kept(study, system, method),
-            "exact structure": lambda system: exact(study, system, method),
-            "missed": lambda system: f"{np.mean([t.missed for t in study.of(system, method)]):.2f}",
-            "false": lambda system: f"{np.mean([t.false for t in study.of(system, method)]):.2f}",
-            "median processor time (s)": median_time,
-        },
-    )
+    rows = []
+    for system in study.plan.systems:
+        trials = study.of(system, method)
+        means = [f"{np.mean([getattr(trial, kind) for trial in trials]):.2f}" for kind in ("missed", "false")]
+        time = three_digits(float(np.median([trial.seconds for trial in trials])))
+        rows.append([system, str(kept(study, system, method)), str(exact(study, system, method)), *means, time])
+    return WORDS.table("method", rows, label=METHODS[method].label, line=WORDS.text(f"method.{method}"))
 
 
 def _oracles(study: Study) -> Table:
-    rows, columns = [], ["system"]
+    rows = []
     for system in study.plan.systems:
         several = [[str(o.kept), str(o.exact), three_digits(o.threshold)] for o in oracles(study, system)]
         rows.append([system, *several[0], *several[1]])
-    for name in ("on all candidates", "from the true terms"):
-        columns += [f"{name}: every true term", "exact structure", "best threshold on |t|"]
-    return Table(title="Oracles, which know the truth and so choose the best threshold", columns=columns, rows=rows)
+    return WORDS.table("oracles", rows)
 
 
 def _chosen(study: Study) -> Table:
@@ -173,15 +152,9 @@ def _chosen(study: Study) -> Table:
         return shown
 
     terms = dict.fromkeys([*true, *(term for trial in first.values() for term in trial.terms)])
-    return Table(
-        title=f"{SWEPT}: parameters of the first draw, and in how many of all draws a true term is kept "
-        "(thesis table 6.1)",
-        columns=["term", "true", *(METHODS[method].label for method in first)],
-        rows=[
-            [term, f"{true[term]:g}" if term in true else "–", *(cell(term, method) for method in first)]
-            for term in terms
-        ],
-    )
+    known = {term: f"{true[term]:g}" if term in true else "–" for term in terms}
+    rows = [[term, value, *(cell(term, method) for method in first)] for term, value in known.items()]
+    return WORDS.table("chosen", rows, *(METHODS[method].label for method in first), swept=SWEPT)
 
 
 def _intervals(study: Study) -> Table:
@@ -196,9 +169,7 @@ def _intervals(study: Study) -> Table:
             holds, mean = "yes" if low <= value <= high else "no", f"{right[0].theta[at]:.4f}"
             ends = f"{low:.4f} to {high:.4f}"
             rows.append([METHODS[method].label, term, f"{value:g}", mean, ends, holds, str(inside)])
-    columns = ["method", "term", "true", "mean", "95 % interval", "holds it", "in all draws with the right structure"]
-    title = f"{SWEPT}: intervals of the first draw whose structure is found (thesis table 6.2)"
-    return Table(title=title, columns=columns, rows=rows)
+    return WORDS.table("intervals", rows, swept=SWEPT)
 
 
 def _holds(trial: Trial, term: str, value: float) -> bool:
@@ -209,33 +180,20 @@ def _holds(trial: Trial, term: str, value: float) -> bool:
 def _coverage(study: Study) -> Table:
     rates = [(*key, Rate.of(flags.ravel().tolist())) for key, flags in study.covered.items()]
     rows = [[system, estimator, str(rate.count), str(rate)] for system, estimator, rate in rates]
-    columns = ["system", "estimator", "parameters", "covered"]
-    return Table(title="95 % intervals, estimated with the true structure", columns=columns, rows=rows)
+    return WORDS.table("coverage", rows)
 
 
 def _systems(study: Study) -> Table:
-    def diverged(name: str) -> str:
-        redraws = sum(draw.redraws for draw in study.contrasts[name])
-        return f"{redraws} of {redraws + len(study.contrasts[name])}"
-
-    return Table.of(
-        "Systems",
-        study.plan.systems,
-        {
-            "system": str,
-            "equation": lambda name: system_of(name).model,
-            "samples": lambda name: system_of(name).n_samples,
-            "output over noise, median": lambda name: f"{np.median([d.snr_db for d in study.contrasts[name]]):.1f} dB",
-            "diverged": diverged,
-            "condition of the candidates, median": lambda name: (
-                f"{np.median([d.condition for d in study.contrasts[name]]):.1e}"
-            ),
-            "source": lambda name: system_of(name).source,
-        },
-    )
+    rows = []
+    for name in study.plan.systems:
+        system, draws = system_of(name), study.contrasts[name]
+        redraws = sum(draw.redraws for draw in draws)
+        snr_db, condition = (np.median([getattr(draw, what) for draw in draws]) for what in ("snr_db", "condition"))
+        found = [f"{snr_db:.1f} dB", f"{redraws} of {redraws + len(draws)}", f"{condition:.1e}"]
+        rows.append([name, str(system.model), str(system.n_samples), *found, system.source])
+    return WORDS.table("systems", rows)
 
 
-WORDS = Words(__package__)
 STYLES = {
     "fro": (Hue.MEASURED, "v"),
     "fro-told": (Hue.MEASURED, "^"),

@@ -42,24 +42,15 @@ def run(setting: Setting) -> Mapping[str, Any]:
         setting.folder.save(name, lambda path, r=bench.recording: write_recording(path, r))  # type: ignore[misc]
     page = StoryPage(
         title="thesis-data",
-        sentence=(
-            f"Six actuators of one specification, each with its own drifts of known physics, reproduce {reached(rows)} "
-            f"observations of the thesis."
-        ),
+        sentence=WORDS.text("sentence", reached=reached(rows)),
         rows=rows,
         notes=notes(__package__, bands=bands, **_thresholds(study.benches[-1], rests)),
         figures=drawings(study, rests, bands, step),
         tables=_tables(study),
     )
-    return finish(
-        setting.folder,
-        record,
-        page,
-        small_voltages={
-            name: {"exponents": rest.exponents.tolist(), "visible_V": rest.visible} for name, rest in rests.items()
-        },
-        side_bands={"reached": bands.reached, "expected": bands.expected, "superposition": bands.superposition},
-    )
+    small = {name: {"exponents": rest.exponents.tolist(), "visible_V": rest.visible} for name, rest in rests.items()}
+    sides = {name: getattr(bands, name) for name in ("reached", "expected", "superposition")}
+    return finish(setting.folder, record, page, small_voltages=small, side_bands=sides)
 
 
 def _thresholds(bench: Bench, rests: Mapping[str, SmallVoltages]) -> dict[str, Any]:

@@ -22,7 +22,6 @@ RATES = (0.1, 0.01, 0.001)  # Rates of the loops of the specification, Hz
 class Loop:
     """One cycle of a triangle."""
 
-    rate: float  # Hz
     commands: NDArray[np.float64]  # shape (n,): V
     displacements: NDArray[np.float64]  # shape (n,): m
 
@@ -73,18 +72,16 @@ def cycle(rate: float, sample_time: float) -> Experiment:
 
 def loops_of(plant: Plant, rates: tuple[float, ...]) -> tuple[Loop, ...]:
     """Loops of a plant without the sensor, at `rates`, Hz."""
-    found = []
-    for rate in rates:
-        experiment = cycle(rate, plant.rig.sample_time)
-        readings = plant.simulate(experiment).require().outputs[-1][0]
-        found.append(Loop(rate=rate, commands=experiment.recordings[-1].inputs[0], displacements=readings))
-    return tuple(found)
+    experiments = [cycle(rate, plant.rig.sample_time) for rate in rates]
+    readings = [plant.simulate(experiment).require().outputs[-1][0] for experiment in experiments]
+    commands = [experiment.recordings[-1].inputs[0] for experiment in experiments]
+    return tuple(Loop(commands=u, displacements=y) for u, y in zip(commands, readings, strict=True))
 
 
 def _record(actuator: Actuator) -> Bench:
     recording = actuator.record().recordings[0]
     last = actuator.record(cycle(LOOP_RATE, recording.sample_time)).recordings[-1]
-    loop = Loop(rate=LOOP_RATE, commands=last.inputs[0], displacements=last.outputs[0])
+    loop = Loop(commands=last.inputs[0], displacements=last.outputs[0])
     return Bench(actuator=actuator, recording=recording, loop=loop)
 
 

@@ -15,7 +15,7 @@ from typing import Any
 from deatwin.ident.narx.fleet.records import DRIFTING
 from deatwin.ident.narx.wander import BLOCK, CONSTANT, LIKELIEST, REFINED, SHARES, VARYING
 from deatwin.scenarios.time_varying.figures import fleet_drawings, known_drawings
-from deatwin.scenarios.time_varying.measures import CHANCE, HELD, judge
+from deatwin.scenarios.time_varying.measures import CHANCE, HELD, WORDS, judge
 from deatwin.scenarios.time_varying.study import FACTOR, STRUCTURE, Study, carry_out
 from deatwin.studies.report.drawing import key_of
 from deatwin.studies.report.story import StoryPage, finish, reached
@@ -35,10 +35,8 @@ def run(setting: Setting) -> Mapping[str, Any]:
         setting.folder.save(f"theta/{key_of(track.name).lower()}.json", track.trajectory.thinned(SAVED_EVERY).save)
     page = StoryPage(
         title="time-varying",
-        sentence=(
-            "With one structure for all six actuators, the free-run error on held-out blocks is "
-            f"{_unseen(study, CONSTANT):.0f} % of the reading's deviation with constant parameters and "
-            f"{_unseen(study, VARYING):.0f} % with varying parameters; {reached(rows)} stated goals are reached."
+        sentence=WORDS.text(
+            "sentence", constant=_unseen(study, CONSTANT), varying=_unseen(study, VARYING), reached=reached(rows)
         ),
         rows=rows,
         notes=notes(__package__, **_numbers(study)),

@@ -12,7 +12,18 @@ from deatwin.ident.frequency.varying.short_time import BANDS
 from deatwin.ident.narx import Term
 from deatwin.ident.narx.fleet.alike import OPERATING_INPUT
 from deatwin.ident.narx.wander import CONSTANT, VARYING
-from deatwin.scenarios.time_varying.study import LEVEL, LINES, ORDERS, Driven, Followed, FrozenRun, Known, Study
+from deatwin.scenarios.time_varying.study import (
+    COVERAGE_HZ,
+    COVERAGE_TIMES,
+    LEVEL,
+    LINES,
+    ORDERS,
+    Driven,
+    Followed,
+    FrozenRun,
+    Known,
+    Study,
+)
 from deatwin.studies.report.drawing import (
     Drawing,
     Hue,
@@ -114,17 +125,17 @@ def _frozen(every: Sequence[FrozenRun]) -> Drawing:
 
 
 def _coverage(known: Known) -> Drawing:
-    count, times = len(known.coverage[1]), known.coverage_times
+    count, times = len(known.coverage[1]), COVERAGE_TIMES
     with draw((9.6, 3.6)) as figure:
         panels = panels_of(figure, 1, 2, "time (s)", sharey=True)[0]
-        places = np.arange(known.coverage_Hz.size, dtype=np.float64)
+        places = np.arange(COVERAGE_HZ.size, dtype=np.float64)
         for axes, (order, held) in zip(panels, known.coverage.items(), strict=True):
             share = 100 * held.mean(axis=0)
             mesh = draw_map(axes, times, places, share, vmin=85.0, vmax=100.0, cmap="cividis")
             for (i, j), value in np.ndenumerate(share):
                 how = {"ha": "center", "va": "center", "fontsize": 7, "color": ink_on(mesh, value)}
                 axes.text(times[i], places[j], f"{value:.0f}", **how)
-            axes.set_yticks(places, [f"{f:g}" for f in known.coverage_Hz])
+            axes.set_yticks(places, [f"{f:g}" for f in COVERAGE_HZ])
             titled(axes, f"{'$H_1$' if order == 1 else '$H_2$, f₂ = f₁'}: {share.mean():.1f} % on average")
         panels[0].set_ylabel("frequency (Hz)")
         share_bar(figure, mesh, panels, "truth covered (%)")

@@ -30,6 +30,7 @@ BAND_DB = (1.0, 1.0, 1.0, 3.0)  # Mean magnitude of the difference in power that
 
 def judge(study: Study) -> list[Measure]:
     """Compare the study with its goals."""
+    shares = [100 * share for one in study.shown for share in one.frozen.values()]
     return [
         *_known(study.known),
         *_frozen(study.known.frozen),
@@ -37,7 +38,7 @@ def judge(study: Study) -> list[Measure]:
         *_drifts(study),
         *_unseen(study.driven),
         *_spectra(study.driven),
-        _standing(study.shown),
+        WORDS.measure("standing", max(shares) < 1.0, shares=Span(shares)),
     ]
 
 
@@ -151,9 +152,3 @@ def _spectra(driven: Sequence[Driven]) -> Iterable[Measure]:
     }
     closer = all(pairs[name][1] < pairs[name][0] for name in DRIFTING)
     yield WORDS.measure("closer", closer, low=band[0], high=band[1], pairs=Each(pairs.values()))
-
-
-def _standing(shown: Sequence[Driven]) -> Measure:
-    """Return how little the actuators change within their own memory."""
-    shares = [100 * share for one in shown for share in one.frozen.values()]
-    return WORDS.measure("standing", max(shares) < 1.0, shares=Span(shares))

@@ -63,7 +63,6 @@ class Followed:
     """A known system, its recording, and the parameters and responses found."""
 
     name: str
-    recording: Recording
     truth: ThetaTrajectory  # Parameters of the system
     trajectory: ThetaTrajectory  # Parameters that the smoother finds
     true: Mapping[str, Map]  # TV-GFRFs along `LINES` and TV-NOFRFs "G1" to "G3" of the system
@@ -102,9 +101,7 @@ class Known:
     solved: Mapping[int, Map]  # H_n of the moving DC by order, its equilibrium solved for at each time
     held: Mapping[int, Map]  # The same with the equilibrium held
     frozen: tuple[FrozenRun, ...]  # Both systems, all speeds
-    coverage: Mapping[int, NDArray[np.bool_]]  # By order, shape (n_realisations, n_times, n)
-    coverage_times: Array
-    coverage_Hz: Array
+    coverage: Mapping[int, NDArray[np.bool_]]  # By order, shape (n_realisations, n_times, n), as `COVERAGE_TIMES`
 
 
 def smoothed(structure: Structure, recording: Recording) -> ThetaTrajectory:
@@ -128,7 +125,6 @@ def follow(system: KnownSystem, rng: np.random.Generator) -> Followed:
     trajectory = smoothed(system.structure, recording)
     return Followed(
         name=system.name,
-        recording=recording,
         truth=truth,
         trajectory=trajectory,
         true=_responses(system, truth),
@@ -139,7 +135,10 @@ def follow(system: KnownSystem, rng: np.random.Generator) -> Followed:
 def _responses(system: KnownSystem, trajectory: ThetaTrajectory) -> dict[str, Map]:
     timepts = np.linspace(1.0, DURATION - 1.0, TIMES)
     frequencies = np.linspace(0.05, 0.8 * system.band, 60)
-    found = {name: _along(trajectory, name, frequencies, timepts) for name in ([H1] if system.is_linear else LINES)}
+    about: dict[str, Any] = {"timepts": timepts, "operating_input": 0.0}
+    names = [H1] if system.is_linear else list(LINES)
+    responses = {name: tv_gfrf(trajectory, len(LINES[name]), lines(frequencies, name), **about) for name in names}
+    found = {name: Map.of(response) for name, response in responses.items()}
     if not system.is_linear:
         signal = design_excitation((0.1, system.band / 3), STEP, amplitude=2 * system.amplitude, period=20.0)
         for order in ORDERS:
@@ -148,22 +147,15 @@ def _responses(system: KnownSystem, trajectory: ThetaTrajectory) -> dict[str, Ma
     return found
 
 
-def _along(trajectory: ThetaTrajectory, name: str, frequencies: Array, timepts: Array) -> Map:
-    """TV-GFRF along one of `LINES`."""
-    omega = lines(frequencies, name)
-    return Map.of(tv_gfrf(trajectory, len(LINES[name]), omega, timepts=timepts, operating_input=0.0))
-
-
 def _dc_effect() -> tuple[dict[int, Map], dict[int, Map]]:
     """H_n of the moving DC by order, with the equilibrium solved for at each time, and held where it was at first."""
     truth, timepts = MOVING_DC.truth(), np.linspace(0.0, DURATION - STEP, TIMES)
-    sides = []
-    for trajectory in (truth, hold_equilibrium(truth, 0.0, 0.0)):
-        tones = {n: np.full((1, n) if n > 1 else 1, 2 * np.pi * 0.1) for n in ORDERS}
-        sides.append(
-            {n: Map.of(tv_gfrf(trajectory, n, tones[n], timepts=timepts, operating_input=0.0)) for n in ORDERS}
-        )
-    return sides[0], sides[1]
+    tones = {n: np.full((1, n) if n > 1 else 1, 2 * np.pi * 0.1) for n in ORDERS}
+    solved, held = (
+        {n: Map.of(tv_gfrf(trajectory, n, tones[n], timepts=timepts, operating_input=0.0)) for n in ORDERS}
+        for trajectory in (truth, hold_equilibrium(truth, 0.0, 0.0))
+    )
+    return solved, held
 
 
 def frozen_run(system: KnownSystem, speed: float) -> list[FrozenRun]:
@@ -229,23 +221,12 @@ def covered(rng: np.random.Generator, timepts: Array, frequencies: Array) -> dic
 
 
 def known_systems(
-    followed: tuple[Followed, ...],
-    frozen: tuple[FrozenRun, ...],
-    held: list[dict[int, NDArray[np.bool_]]],
-    timepts: Array,
-    frequencies: Array,
+    followed: tuple[Followed, ...], frozen: tuple[FrozenRun, ...], held: list[dict[int, NDArray[np.bool_]]]
 ) -> Known:
     """Put the parts together."""
     solved, standing = _dc_effect()
-    return Known(
-        followed=followed,
-        solved=solved,
-        held=standing,
-        frozen=frozen,
-        coverage={order: np.stack([one[order] for one in held]) for order in (1, 2)},
-        coverage_times=timepts,
-        coverage_Hz=frequencies,
-    )
+    coverage = {order: np.stack([one[order] for one in held]) for order in (1, 2)}
+    return Known(followed=followed, solved=solved, held=standing, frozen=frozen, coverage=coverage)
 
 
 FACTOR = 6  # Every so many samples are kept: 0.12 s, as the story `semp-fleet` chooses for seed 0
@@ -337,8 +318,7 @@ def carry_out(seed: int, *, jobs: int, progress: Progress) -> Study:
         between(progress, 0.8, 0.92),
         "coverage of the truth",
     )
-    runs = tuple(run for each in frozen for run in each)
-    known = known_systems(tuple(followed), runs, held, COVERAGE_TIMES, COVERAGE_HZ)
+    known = known_systems(tuple(followed), tuple(run for each in frozen for run in each), held)
     return Study(known=known, driven=tuple(driven), stories=tuple(actuator.story for actuator in actuators))
 
 

@@ -8,17 +8,16 @@ and relaxation (section 2.3.2), is tried out on actuators of which the mechanism
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from deatwin.ident.drifts import moving_mean
 from deatwin.plant import fleet
 from deatwin.scenarios.unexplained_drift.repeatability import numbers, rows_of, sentence_of, table_of
-from deatwin.scenarios.unexplained_drift.score import Estimate, Judged, Mark, judged, measures
+from deatwin.scenarios.unexplained_drift.score import Judged, Mark, judged, measures
 from deatwin.scenarios.unexplained_drift.sealed import Key, opened
 from deatwin.scenarios.unexplained_drift.study import CASES, VISITS, Answers, Finding, Track, carry_out
 from deatwin.studies.parallel import between
@@ -32,7 +31,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 WORDS = Words(__package__)
-Array = NDArray[np.float64]
 WINDOW = 2.0  # Window of the sliding mean, s: two periods of the highest frequency of the input
 KEPT = 10  # One point in so many is drawn
 
@@ -49,10 +47,12 @@ def run(setting: Setting) -> Mapping[str, Any]:
     scores, groups = judged(study.findings, key), study.groups
     folder.text("key.json", json.dumps(key.drifts, indent=1) + "\n")
     setting.progress(0.95, "drawing")
+    counts = {mark: count for mark in Mark if (count := sum(score.mark is mark for score in scores))}
+    marks = [f"{count} {mark.value}" for mark, count in counts.items()]
     (_, first), (again, second) = VISITS
     page = StoryPage(
         title="unexplained-drift",
-        sentence=f"{_said(scores)} {sentence_of(groups)}",
+        sentence=f"{WORDS.text('sentence', marks=', '.join(marks))} {sentence_of(groups)}",
         rows=[*measures(scores), *rows_of(groups)],
         notes=notes(
             __package__,
@@ -60,7 +60,7 @@ def run(setting: Setting) -> Mapping[str, Any]:
             second=second,
             again=again,
             key=answers.seal.parts["key"],
-            marks=[mark for mark in Mark if any(score.mark is mark for score in scores)],
+            marks=list(counts),
             **numbers(groups),
         ),
         figures=[_drifts(study.findings, scores)],
@@ -77,12 +77,6 @@ def run(setting: Setting) -> Mapping[str, Any]:
     return end_run(folder, record, page.title, result)
 
 
-def _said(scores: Sequence[Judged]) -> str:
-    counts = {mark: sum(score.mark is mark for score in scores) for mark in Mark}
-    told = [f"{count} {mark.value}" for mark, count in counts.items() if count]
-    return f"Results for the six actuators with concealed drifts: {', '.join(told)}."
-
-
 def _drifts(findings: Sequence[Finding], scores: Sequence[Judged]) -> Drawing:
     """Draw each actuator's departure from its calibrated base plant, as recorded and as the answer has it."""
     visits = len(findings[0].tracks)
@@ -90,7 +84,7 @@ def _drifts(findings: Sequence[Finding], scores: Sequence[Judged]) -> Drawing:
         grid = figure.subplots(len(findings), visits, sharey="row", width_ratios=[2, 1][:visits], squeeze=False)
         for row, finding, score in zip(grid, findings, scores, strict=True):
             for axes, track in zip(row, finding.tracks, strict=True):
-                _draw_departures(axes, *_departures(track))
+                _draw_departures(axes, track)
             row[0].set_title(_title(score), loc="left", fontsize=9.5)
             row[0].set_ylabel("departure (µm)")
         for axes in grid[-1]:
@@ -99,15 +93,12 @@ def _drifts(findings: Sequence[Finding], scores: Sequence[Judged]) -> Drawing:
         return WORDS.drawing(figure, "drifts", window=WINDOW)
 
 
-def _departures(track: Track) -> tuple[Array, Array, Array, Array]:
+def _draw_departures(axes: Axes, track: Track) -> None:
     samples = round(WINDOW / (track.timepts[1] - track.timepts[0]))
     slow = [moving_mean(values, samples) for values in (track.measured - track.base, track.answer - track.base)]
     kept = np.flatnonzero(np.isfinite(slow[0]))[::KEPT]
     measured, answer = (1e6 * values[kept] for values in slow)
-    return track.timepts[kept], measured, answer, 1.96e6 * track.deviation[kept]
-
-
-def _draw_departures(axes: Axes, time: Array, measured: Array, answer: Array, band: Array) -> None:
+    time, band = track.timepts[kept], 1.96e6 * track.deviation[kept]
     axes.axhline(0.0, color=Hue.BEFORE, label="calibrated base plant")
     axes.fill_between(time, answer - band, answer + band, color=Hue.AFTER, alpha=0.2, linewidth=0)
     axes.plot(time, measured, color=Hue.MEASURED, linewidth=2.0, label="recording")
@@ -122,43 +113,22 @@ def _title(score: Judged) -> str:
 
 
 def _answers(scores: Sequence[Judged]) -> Table:
-    def unseen(score: Judged, when: str) -> str:
-        error = getattr(score.diagnosis.fit.unseen, when)
-        return "–" if error is None else f"{error:.2f}"
-
-    return Table.of(
-        "The answers",
-        scores,
-        {
-            "actuator": lambda score: score.name,
-            "concealed": lambda score: _words(score.truth),
-            "verdict": lambda score: _words([score.diagnosis.verdict.value]),
-            "causes (probability)": lambda score: (
-                _words(f"{c.effect} ({c.probability:.2f})" for c in score.diagnosis.causes) or "–"
-            ),
-            "set": lambda score: _words(score.diagnosis.names) or "–",
-            "held out, before (µm)": lambda score: unseen(score, "before"),
-            "after (µm)": lambda score: unseen(score, "after"),
-            "mark": lambda score: score.mark.value,
-        },
-    )
+    rows = []
+    for score in scores:
+        found, unseen = score.diagnosis, score.diagnosis.fit.unseen
+        causes = _words(f"{c.effect} ({c.probability:.2f})" for c in found.causes) or "–"
+        errors = ["–" if error is None else f"{error:.2f}" for error in (unseen.before, unseen.after)]
+        told = [_words(score.truth), _words([found.verdict.value]), causes, _words(found.names) or "–"]
+        rows.append([score.name, *told, *errors, score.mark.value])
+    return WORDS.table("answers", rows)
 
 
 def _estimates(scores: Sequence[Judged]) -> Table:
-    def found(e: Estimate) -> tuple[str, str]:
-        return with_interval(e.value, e.low, e.high, e.unit)
-
-    columns: dict[str, Callable[[tuple[Judged, Estimate]], object]] = {
-        "actuator": lambda row: row[0].name,
-        "effect": lambda row: _words([row[1].effect]),
-        "parameter": lambda row: _words([row[1].name]),
-        "truth": lambda row: quantity(row[1].truth, row[1].unit),
-        "found": lambda row: found(row[1])[0],
-        "95 % interval": lambda row: found(row[1])[1],
-        "covered": lambda row: "yes" if row[1].covered else "no",
-    }
-    rows = [(score, estimate) for score in scores for estimate in score.estimates]
-    return Table.of("Parameters of the causes that are present", rows, columns)
+    rows = []
+    for score, e in [(each, estimate) for each in scores for estimate in each.estimates]:
+        truth, found = quantity(e.truth, e.unit), with_interval(e.value, e.low, e.high, e.unit)
+        rows.append([score.name, _words([e.effect]), _words([e.name]), truth, *found, "yes" if e.covered else "no"])
+    return WORDS.table("estimates", rows)
 
 
 def _words(names: Iterable[str]) -> str:

@@ -179,10 +179,7 @@ def sentence_of(groups: Sequence[Group]) -> str:
     """Summarise the outcome in one sentence."""
     six, alike, unlike = _sorted(groups)
     before, after = ([sum(g.rules_out(d) for d in six.drifts) for g in several] for several in (alike, unlike))
-    return (
-        f"With equal histories, repeatability excludes creep of a known size in {before[0]} and relaxation in "
-        f"{before[1]} of the six actuators; with different histories, in {after[0]} and {after[1]}."
-    )
+    return WORDS.text("repeatability", before=before, after=after)
 
 
 def rows_of(groups: Sequence[Group]) -> list[Measure]:
@@ -235,31 +232,16 @@ def numbers(groups: Sequence[Group]) -> dict[str, Any]:
 
 def table_of(groups: Sequence[Group]) -> Table:
     """Make the table of shifts, their spread, and the sizes that they rule out."""
-
-    def spread(group: Group) -> str:
+    rows = []
+    for group in groups:
         s, low, high = (1e6 * v for v in group.spread)
-        return f"{s:.1f} ({low:.1f} to {high:.1f})"
-
-    def gains(group: Group) -> str:
-        several = [100 * d.gain for d in group.drifts]
-        return f"{min(several):.1f} to {max(several):.1f}"
-
-    def excluded(group: Group) -> str:
+        gains = [100 * d.gain for d in group.drifts]
         several = [f"DEA {k}" for k, d in enumerate(groups[0].drifts, start=1) if group.rules_out(d)]
-        return "–" if group is groups[0] else ", ".join(several) or "none"
-
-    return Table.of(
-        "Shift of the mean between two runs of the same noise",
-        groups,
-        {
-            "mechanism and history": lambda group: f"{group.name}, {group.assumption}",
-            "shifts": _range,
-            "standard deviation (95 %) (µm)": spread,
-            "95 % of further actuators": _interval,
-            "change of gain (%)": gains,
-            "ruled out for": excluded,
-        },
-    )
+        excluded = "–" if group is groups[0] else ", ".join(several) or "none"
+        shifts = [_range(group), f"{s:.1f} ({low:.1f} to {high:.1f})", _interval(group)]
+        gain = f"{min(gains):.1f} to {max(gains):.1f}"
+        rows.append([f"{group.name}, {group.assumption}", *shifts, gain, excluded])
+    return WORDS.table("shifts", rows)
 
 
 def _sorted(groups: Sequence[Group]) -> tuple[Group, tuple[Group, Group], tuple[Group, Group]]:

@@ -18,6 +18,7 @@ from deatwin.plant.records import plain, read
 from deatwin.scenarios.unexplained_drift.repeatability import Drift, Group, History, drift_of, grouped, runs
 from deatwin.studies.diagnosing import DiagnosisTask
 from deatwin.studies.folder import ResultFolder
+from deatwin.studies.parallel import call
 from deatwin.studies.sweep.run import run_sweep
 from deatwin.studies.sweep.seal import SweepSeal
 from deatwin.studies.sweep.store import CaseStore
@@ -146,18 +147,12 @@ def carry_out(
     answers.discard([name for name in diagnoses if name in through and not _whole(answers, name)])
     for name in through & set(repeats):
         answers.drift(name)  # a bad one is told of at once
-    run_sweep(
-        _answered, {**diagnoses, **repeats}, answers, jobs=jobs, tell=tell, efforts=dict.fromkeys(diagnoses, EFFORT)
-    )
+    run_sweep(call, {**diagnoses, **repeats}, answers, jobs=jobs, tell=tell, efforts=dict.fromkeys(diagnoses, EFFORT))
     return Study(
         findings=tuple(map(answers.finding, diagnoses)),
         groups=grouped([answers.drift(name) for name in repeats]),
         files=tuple(file for name in diagnoses for file in answers.files(name)),
     )
-
-
-def _answered(work: Work) -> dict[str, Any]:
-    return work()
 
 
 def _diagnosed(actuator: Actuator, folder: Path, command: Sequence[str], seed: int) -> dict[str, Any]:

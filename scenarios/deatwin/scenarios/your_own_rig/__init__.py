@@ -126,7 +126,16 @@ def _written(setting: Setting, told: Mapping[str, Told], record: RunRecord) -> M
             *(_titled(tried_table(o, d), o) for o, d, _ in told.values()),
         ],
     )
-    return finish(setting.folder, record, page, told=_plain(told))
+    plain = {
+        name: {
+            "verdict": diagnosis.verdict.value,
+            "causes": [cause.effect for cause in diagnosis.causes],
+            "base_m": trial.base_error,
+            "amended_m": trial.amended_error,
+        }
+        for name, (_, diagnosis, trial) in told.items()
+    }
+    return finish(setting.folder, record, page, told=plain)
 
 
 def _agreement(timepts: Array, road: Array, here: Array, elsewhere: Array, noise: float) -> Drawing:
@@ -147,30 +156,15 @@ def _agreement(timepts: Array, road: Array, here: Array, elsewhere: Array, noise
         return WORDS.drawing(figure, "agreement", columns, noise=1e6 * noise)
 
 
-def _plain(told: Mapping[str, Told]) -> dict[str, Any]:
-    return {
-        name: {
-            "verdict": diagnosis.verdict.value,
-            "causes": [cause.effect for cause in diagnosis.causes],
-            "base_m": trial.base_error,
-            "amended_m": trial.amended_error,
-        }
-        for name, (_, diagnosis, trial) in told.items()
-    }
-
-
 def _rows(own: Case, diagnosis: Diagnosis, trial: Trial) -> list[Measure]:
     noise, error = plant().rig.noise, trial.amended_error
     near = WORDS.measure("near", error <= NEAR * noise, NEAR=NEAR, noise=1e3 * noise, error=1e3 * error)
-    rows = [*measures(own, diagnosis, [trial]), _size(diagnosis), near]
-    return [replace(row, measure=f"{own.title}. {row.measure}") for row in rows]
-
-
-def _size(diagnosis: Diagnosis) -> Measure:
     found = next((c.parameters["coefficient"] for c in diagnosis.causes if c.effect == DRAG), None)
     within = found is not None and found.low <= CAR.orifice <= found.high
     shown = "no drag was named" if found is None else in_interval(found.value, found.low, found.high)
-    return WORDS.measure("size", within, drag=CAR.orifice, found=shown)
+    size = WORDS.measure("size", within, drag=CAR.orifice, found=shown)
+    rows = [*measures(own, diagnosis, [trial]), size, near]
+    return [replace(row, measure=f"{own.title}. {row.measure}") for row in rows]
 
 
 def _notes(told: Mapping[str, Told]) -> list[Note]:

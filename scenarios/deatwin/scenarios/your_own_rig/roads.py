@@ -70,11 +70,7 @@ def record(driver: str, folder: ResultFolder, roads: tuple[Array, Array], rng: n
 
 def unread(road: Array) -> Recording:
     """Return the recording of a road before any drive, with zero readings."""
-    return _named(road, np.zeros(road.size))
-
-
-def _named(road: Array, travel: Array) -> Recording:
-    return experiment_of(plant().rig, road, travel).recordings[0]
+    return experiment_of(plant().rig, road, np.zeros(road.size)).recordings[0]
 
 
 def _here(road: Array, rng: np.random.Generator) -> Recording:
@@ -84,7 +80,7 @@ def _here(road: Array, rng: np.random.Generator) -> Recording:
 def _elsewhere(road: Array, rng: np.random.Generator) -> Recording:
     rig = plant().rig
     travel, _, _ = drive(CAR, road, rig.sample_time)
-    return _named(road, travel + rig.noise * rng.standard_normal(road.size))
+    return experiment_of(rig, road, travel + rig.noise * rng.standard_normal(road.size)).recordings[0]
 
 
 DRIVERS: Mapping[str, Callable[[Array, np.random.Generator], Recording]] = {"here": _here, "elsewhere": _elsewhere}

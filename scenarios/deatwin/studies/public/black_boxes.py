@@ -7,7 +7,6 @@ import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from importlib import import_module
-from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
@@ -25,6 +24,7 @@ from deatwin.ident.narx.svb import SvbNarx
 from deatwin.ident.nss import NonlinearStateSpace, StateSpaceIdentifier
 from deatwin.plant.errors import ModelError
 from deatwin.plant.recording import Recording
+from deatwin.plant.records import finite
 from deatwin.studies.public.records import Candidates, DataSet, Learner
 
 SYSIDENTPY, FASTCAN = "SysIdentPy, FROLS", "fastcan, multi-step"
@@ -151,18 +151,16 @@ def _fro(data: DataSet) -> NarxModel:
     return _narx(data, Frols, max_terms=data.candidates.max_terms, criterion="none")
 
 
-METHODS: Mapping[str, Callable[[DataSet], Model]] = MappingProxyType(
-    {
-        "ARX, linear": _arx,
-        LINEAR: _output_error,
-        FROLS: _fro,
-        "LASSO": lambda data: _narx(data, Lasso, max_terms=data.candidates.max_terms),
-        SEMP: lambda data: _narx(data, Semp, max_terms=data.candidates.max_terms),
-        "SVB": lambda data: _narx(data, SvbNarx, clean_up="none"),  # as published, without a clean-up
-        REFINED: lambda data: refine(_fro(data), data.train),
-        GROWN: lambda data: _narx(data, Grow, max_terms=data.candidates.max_terms, parts=data.parts),
-    }
-)
+METHODS: Mapping[str, Callable[[DataSet], Model]] = {
+    "ARX, linear": _arx,
+    LINEAR: _output_error,
+    FROLS: _fro,
+    "LASSO": lambda data: _narx(data, Lasso, max_terms=data.candidates.max_terms),
+    SEMP: lambda data: _narx(data, Semp, max_terms=data.candidates.max_terms),
+    "SVB": lambda data: _narx(data, SvbNarx, clean_up="none"),  # as published, without a clean-up
+    REFINED: lambda data: refine(_fro(data), data.train),
+    GROWN: lambda data: _narx(data, Grow, max_terms=data.candidates.max_terms, parts=data.parts),
+}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -184,16 +182,9 @@ class Outcome:
     @property
     def plain(self) -> dict[str, Any]:
         """Return numbers that are equal in every run, and the model in words, for files."""
-        numbers = {"one_step": self.one_step, "free_run": self.free_run, "training": self.training}
-        finite = {name: value if np.isfinite(value) else None for name, value in numbers.items()}
-        return {
-            "data": self.data,
-            "method": self.method,
-            "terms": self.terms,
-            **finite,
-            "failure": self.failure,
-            "model": str(self.model) if self.model is not None else "",
-        }
+        shown = ("data", "method", "terms", "one_step", "free_run", "training", "failure")
+        model = "" if self.model is None else str(self.model)
+        return {**finite({name: getattr(self, name) for name in shown}), "model": model}
 
 
 def learned(method: str, data: DataSet) -> Outcome:

@@ -75,7 +75,6 @@ class DataSet:
     unit: str  # Unit in which errors are shown
     scale: float  # Size of that unit, in the unit of the output
     files: tuple[Path, ...] = ()  # Files from which it was read
-    note: str = ""  # Note on its preparation
     parts: int = 1  # Parts into which a long training recording is cut to grow structures
     further: Mapping[str, Learner] = field(default_factory=dict)  # Estimators made for this data set, by name
 
@@ -94,7 +93,6 @@ def buck(folder: Path) -> DataSet:
         scale=1.0,
         files=files,
         candidates=Candidates(output_lags=2, input_lags=(1, 2), degree=2, max_terms=8),
-        note="Identified from buck_id and tested on buck_valid, without preprocessing.",
     )
 
 
@@ -113,9 +111,6 @@ def silverbox(folder: Path) -> DataSet:
         train=whole.section(MULTISINE.start, MULTISINE.stop),
         test=whole.section(ARROW_HEAD.start, ARROW_HEAD.stop),
         candidates=Candidates(output_lags=3, input_lags=(0, 1, 2, 3), degree=3, max_terms=15),
-        note="Identified from the multisine (samples 40,650 to 127,400) and tested on the arrow-head (the first "
-        "40,000), whose amplitude grows beyond the training data. The input is band-limited, so its present value has "
-        "an effect.",
     )
 
 
@@ -137,7 +132,6 @@ def cascaded_tanks(folder: Path) -> DataSet:
         scale=1.0,
         files=(file,),
         candidates=Candidates(output_lags=3, input_lags=(1, 2, 3), degree=3, max_terms=15),
-        note="Identified from the estimation recording and tested on the validation recording. A polynomial cannot describe the overflow.",
     )
 
 
@@ -182,10 +176,6 @@ def emps(folder: Path) -> DataSet:
         scale=1e-3,
         files=files,
         candidates=Candidates(output_lags=2, input_lags=(0, 1, 2), degree=3, max_terms=12),
-        note="The input is the motor force, which includes the pulses of the validation recording; the output is the "
-        "velocity (differences of the position). Both are decimated from 1 kHz to 50 Hz. The free run is in open "
-        "loop, from force to velocity. The data were recorded in closed loop, where the force reacts to errors of the "
-        "motion, so one-step estimates are biased. A polynomial cannot describe Coulomb friction.",
     )
 
 
@@ -203,7 +193,7 @@ def _emps(path: Path) -> Recording:
     return recorded(force[within], np.gradient(position, step)[within], step, ("N", "m/s"), path)
 
 
-def emps_deviation(train: Recording, test: Recording, files: tuple[Path, ...]) -> DataSet:
+def emps_deviation(train: Recording, test: Recording) -> DataSet:
     """The controlled positioning system: velocity of the reference in, deviation of the position from it out."""
 
     def deviation(record: Recording) -> Recording:
@@ -216,7 +206,6 @@ def emps_deviation(train: Recording, test: Recording, files: tuple[Path, ...]) -
         title="EMPS",
         unit="µm",
         scale=1e-6,
-        files=files,
         train=deviation(train),
         test=deviation(test),
         candidates=Candidates(output_lags=2, input_lags=(0, 1, 2), degree=3, max_terms=12),

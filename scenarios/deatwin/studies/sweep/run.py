@@ -6,7 +6,7 @@ import os
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from multiprocessing import parent_process
 from typing import Any, TypeVar
@@ -58,6 +58,8 @@ def _run_all(
     progress: _Progress,
 ) -> None:
     """Run all missing cases, in turns; after a worker's death, the cases that were running are delayed."""
+    from joblib import Parallel, delayed
+
     deaths: Counter[str] = Counter()
     while missing := store.missing(list(cases)):
         progress.only(missing)
@@ -70,8 +72,10 @@ def _run_all(
         turn = [name for name in missing if deaths[name] == fewest]
         turn = turn[:1] if fewest >= TOGETHER else turn
         try:
-            for name in _turn(work, ((name, cases[name]) for name in turn), store, jobs):
-                progress.through(name)
+            tasks = (delayed(_one)(work, store, name, cases[name]) for name in turn)
+            with closing(Parallel(n_jobs=jobs, return_as="generator_unordered")(tasks)) as finished:
+                for name in finished:
+                    progress.through(name)
         except Exception as error:
             if not any(kind.__name__ in DEATHS for kind in type(error).__mro__):
                 raise
@@ -83,20 +87,6 @@ def _run_all(
                     f"this folder?"
                 )
     progress.only([])
-
-
-def _turn(
-    work: Callable[[Case], Mapping[str, Any]],
-    cases: Iterable[tuple[str, Case]],
-    store: CaseStore,
-    jobs: int | None,
-) -> Iterator[str]:
-    """Run cases; yield the name of each when it is finished."""
-    from joblib import Parallel, delayed
-
-    tasks = (delayed(_one)(work, store, name, case) for name, case in cases)
-    with closing(Parallel(n_jobs=jobs, return_as="generator_unordered")(tasks)) as stream:
-        yield from stream
 
 
 def _one(work: Callable[[Case], Mapping[str, Any]], store: CaseStore, name: str, case: Case) -> str:

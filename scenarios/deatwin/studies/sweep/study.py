@@ -93,12 +93,13 @@ def run_study(
     KeyboardInterrupt
         If the user interrupts; finished cases are kept, and the text says how many there are.
     """
+    from deatwin.studies.provenance import versions
     from deatwin.studies.voice import Voice
 
     known = _named(cases)
-    seal = SweepSeal(
-        schema=CASE_SCHEMA, parts={"seed": seed, "settings": dict(settings or {}), **_function(work), **_environment()}
-    )
+    parts = {"seed": seed, "settings": dict(settings or {}), **_function(work)}
+    parts |= {"versions": versions(VERSIONS), "deatwin_sources": sources_digest(PACKAGES)}
+    seal = SweepSeal(schema=CASE_SCHEMA, parts=parts)
     store = CaseStore(folder, seal, expected=len(known))
     with Voice().progress("study") as bar:
         run_sweep(_Recorded(work=work, seed=seed), known, store, jobs=jobs, tell=tell or bar)
@@ -169,9 +170,3 @@ def _function(work: Work) -> dict[str, str]:
     except OSError:
         raise DataError(f"the source of {work.__qualname__} cannot be read, so it cannot be sealed") from None
     return {"work": work.__qualname__, "work_source": digest(text)}
-
-
-def _environment() -> dict[str, Any]:
-    from deatwin.studies.provenance import versions
-
-    return {"versions": versions(VERSIONS), "deatwin_sources": sources_digest(PACKAGES)}

@@ -6,7 +6,7 @@ import re
 from abc import ABC
 from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass, field, fields, replace
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, dataclass_transform
 
 import casadi as ca
 import numpy as np
@@ -91,9 +91,11 @@ class Draw:
         return cls.by(lambda rng, setting, largest: setting.seconds * rng.uniform(lower, upper))
 
 
+@dataclass_transform(frozen_default=True, kw_only_default=True)
 @dataclass(frozen=True, kw_only=True)
 class Mechanism(ABC):
-    """A concealed piece of physics; its fields are parameters in SI units, in the order in which they are drawn."""
+    """A concealed piece of physics; its fields are parameters in SI units, in the order in which they are drawn. Each
+    subclass becomes a frozen data class."""
 
     name: ClassVar[str]
     strength: ClassVar[str]
@@ -103,6 +105,7 @@ class Mechanism(ABC):
         cls.name = re.sub(r"(?<!^)([A-Z])", r"_\1", cls.__name__).lower()
         drawn = {name: value.metadata for name, value in vars(cls).items() if isinstance(value, Field)}
         cls.strength, cls.largest = next((name for name, how in drawn.items() if how["strength"]), ""), largest
+        dataclass(frozen=True, kw_only=True)(cls)
 
     @classmethod
     def drawn(cls, rng: np.random.Generator, setting: Setting) -> Self:
@@ -137,7 +140,6 @@ class Mechanism(ABC):
         return {}
 
 
-@dataclass(frozen=True, kw_only=True)
 class PlantMechanism(Effect, Mechanism):
     """A mechanism in the plant's equations."""
 
@@ -146,9 +148,9 @@ class PlantMechanism(Effect, Mechanism):
     law: ClassVar[Callable[..., Any]]
     """Rewrites the signal: takes the signal, the builder, and a symbol for each field, in their order."""
 
-    def __init_subclass__(cls, *, place: Place, signal: str, largest: float, order: int = 0) -> None:
+    def __init_subclass__(cls, *, place: Place, signal: str, largest: float, rank: int = 0) -> None:
         super().__init_subclass__(largest=largest)
-        cls.place, cls.signal, cls.order = place, signal, order
+        cls.place, cls.signal, cls.order = place, signal, rank
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -169,7 +171,6 @@ def _decades(time: Any, first: Any) -> Any:
     return ca.log10(1 + ca.fmax(time, 0.0) / first)
 
 
-@dataclass(frozen=True, kw_only=True)
 class PowerLawCreep(PlantMechanism, place=Place.FILM, signal="film", largest=60e3):
     r"""Creep in the area of the film whose relaxation follows a power law of time."""
 
@@ -192,8 +193,7 @@ class PowerLawCreep(PlantMechanism, place=Place.FILM, signal="film", largest=60e
         return replace(signal, relaxing=signal.relaxing + energy)
 
 
-@dataclass(frozen=True, kw_only=True)
-class LogarithmicRelaxation(PlantMechanism, place=Place.FILM, signal="film", order=2, largest=0.08):
+class LogarithmicRelaxation(PlantMechanism, place=Place.FILM, signal="film", rank=2, largest=0.08):
     """The film's tension falls by the same share in each decade of time."""
 
     loss: float = Draw.part()  # Share for each decade
@@ -203,8 +203,7 @@ class LogarithmicRelaxation(PlantMechanism, place=Place.FILM, signal="film", ord
         return replace(signal, elastic=(1 - loss * _decades(build.time, first)) * signal.elastic)
 
 
-@dataclass(frozen=True, kw_only=True)
-class ChainDamage(PlantMechanism, place=Place.FILM, signal="film", order=1, largest=0.15):
+class ChainDamage(PlantMechanism, place=Place.FILM, signal="film", rank=1, largest=0.15):
     r"""Damage at each point by the largest energy it has held: :math:`d = d_\infty(1 - e^{-(\hat w - w_0)/m})`."""
 
     damage: float = Draw.part()  # :math:`d_\\infty`, share of the network's stress
@@ -224,7 +223,6 @@ class ChainDamage(PlantMechanism, place=Place.FILM, signal="film", order=1, larg
         return replace(signal, elastic=signal.elastic - lost)
 
 
-@dataclass(frozen=True, kw_only=True)
 class ExponentialStiffening(PlantMechanism, place=Place.FILM, signal="film", largest=10e3):
     r"""Fibres that stiffen exponentially: :math:`\frac{\mu}{2b}(e^{bx} - 1 - bx)` in :math:`x = I_1 - I_1^p`."""
 
@@ -241,7 +239,6 @@ class ExponentialStiffening(PlantMechanism, place=Place.FILM, signal="film", lar
         return replace(signal, elastic=signal.elastic + sum(p.volume * density(*p.stretches) for p in signal.points))
 
 
-@dataclass(frozen=True, kw_only=True)
 class AgeingPermittivity(PlantMechanism, place=Place.PARAMETER, signal="permittivity", largest=0.12):
     """The permittivity changes by the same share in each decade of time."""
 
@@ -252,7 +249,6 @@ class AgeingPermittivity(PlantMechanism, place=Place.PARAMETER, signal="permitti
         return signal * (1 + change * _decades(build.time, first))
 
 
-@dataclass(frozen=True, kw_only=True)
 class DilutedPermittivity(PlantMechanism, place=Place.FILM, signal="film", largest=0.3):
     r"""Dipoles that the stretch dilutes: :math:`\varepsilon \propto (\lambda_1\lambda_2)^{-c}` from the prestretch on."""
 
@@ -265,7 +261,6 @@ class DilutedPermittivity(PlantMechanism, place=Place.FILM, signal="film", large
         return replace(signal, capacitances=diluted)
 
 
-@dataclass(frozen=True, kw_only=True)
 class SlowDipoles(PlantMechanism, place=Place.DRIVE, signal="squared_voltage", largest=0.2):
     """Polarisation V^2 - V sum_k a_k (V - p_k) with tau_k dp_k/dt = V - p_k, of times as broad and lopsided as
     Havriliak and Negami's."""
@@ -286,7 +281,6 @@ class SlowDipoles(PlantMechanism, place=Place.DRIVE, signal="squared_voltage", l
         return signal - share * voltage * late
 
 
-@dataclass(frozen=True, kw_only=True)
 class SpaceCharge(PlantMechanism, place=Place.DRIVE, signal="field_voltage", largest=0.15):
     r"""Charge that strong fields push into the film: :math:`\tau\dot V_q = bV|V|/V_0 - V_q` with :math:`V_0` = 2 kV."""
 
@@ -299,8 +293,7 @@ class SpaceCharge(PlantMechanism, place=Place.DRIVE, signal="field_voltage", lar
         return signal - trapped
 
 
-@dataclass(frozen=True, kw_only=True)
-class TrapConduction(PlantMechanism, place=Place.DRIVE, signal="film_voltage", order=1, largest=2e9):
+class TrapConduction(PlantMechanism, place=Place.DRIVE, signal="film_voltage", rank=1, largest=2e9):
     r"""Conduction out of traps, :math:`j = \sigma E\,e^{\sqrt{E/E_0}}`, whose current drops voltage over a resistance."""
 
     resistance: float = Draw.part()
@@ -321,7 +314,6 @@ class TrapConduction(PlantMechanism, place=Place.DRIVE, signal="film_voltage", o
         return left
 
 
-@dataclass(frozen=True, kw_only=True)
 class LadderElectrode(PlantMechanism, place=Place.DRIVE, signal="film_voltage", largest=0.3):
     """An electrode whose resistance is spread: a ladder of two resistances and two halves of the capacitance."""
 
@@ -335,7 +327,6 @@ class LadderElectrode(PlantMechanism, place=Place.DRIVE, signal="film_voltage", 
         return ca.sqrt((near**2 + far**2) / 2 + 1e-6)
 
 
-@dataclass(frozen=True, kw_only=True)
 class CrackedElectrode(PlantMechanism, place=Place.FILM, signal="electrode_share", largest=0.5):
     """A crack that runs round the electrode's rim cuts it off, within a part of a second."""
 
@@ -351,8 +342,7 @@ class CrackedElectrode(PlantMechanism, place=Place.FILM, signal="electrode_share
         return {"electrode_loss.share": self.share, "electrode_loss.at": self.at + self.lasts / 2}
 
 
-@dataclass(frozen=True, kw_only=True)
-class RateLimit(PlantMechanism, place=Place.DRIVE, signal="amplifier_voltage", order=1, largest=2e-3):
+class RateLimit(PlantMechanism, place=Place.DRIVE, signal="amplifier_voltage", rank=1, largest=2e-3):
     """An amplifier whose current limits its rate, sharply; down by another rate than up."""
 
     slowness: float = Draw.part()  # Upwards, s/V
@@ -369,7 +359,6 @@ class RateLimit(PlantMechanism, place=Place.DRIVE, signal="amplifier_voltage", o
         return voltage
 
 
-@dataclass(frozen=True, kw_only=True)
 class HardClip(Mechanism, largest=0.5):
     """An output that stops dead at a level."""
 
@@ -382,7 +371,6 @@ class HardClip(Mechanism, largest=0.5):
         return replace(drive, commands=np.clip(drive.commands, -limit, limit))
 
 
-@dataclass(frozen=True, kw_only=True)
 class GroundShift(Mechanism, largest=0.1):
     """Two grounds that differ: a voltage is added to every command, at rest too."""
 
@@ -395,7 +383,6 @@ class GroundShift(Mechanism, largest=0.1):
         return {"amplifier_offset.offset": self.offset}
 
 
-@dataclass(frozen=True, kw_only=True)
 class TransportDelay(Mechanism, largest=0.08):
     """Every command begins to act late, at the very instant, whole sample or not."""
 
@@ -411,7 +398,6 @@ class TransportDelay(Mechanism, largest=0.08):
         return {"delay.time": self.time}
 
 
-@dataclass(frozen=True, kw_only=True)
 class StopOperators(PlantMechanism, place=Place.BALL, signal="force", largest=3e-3):
     """Prandtl and Ishlinskii's hysteresis, F = -sum_k F_h/(5 r_k) sigma_k, by five elements that slip at r_k:
     d(sigma_k)/dt = v while |sigma_k| < r_k or v sigma_k < 0, else 0."""
@@ -433,7 +419,6 @@ class StopOperators(PlantMechanism, place=Place.BALL, signal="force", largest=3e
         return signal - force * held
 
 
-@dataclass(frozen=True, kw_only=True)
 class BristleFriction(PlantMechanism, place=Place.BALL, signal="force", largest=3e-3):
     """LuGre friction -(sigma_0 z + sigma_1 dz/dt), dz/dt = v - sigma_0 |v| z/g(v), g = F_c [1 + 0.25 exp(-(v/v_s)^2)]
     (Canudas de Wit et al., IEEE Trans. Autom. Control 40 (1995) 419)."""
@@ -452,7 +437,6 @@ class BristleFriction(PlantMechanism, place=Place.BALL, signal="force", largest=
         return signal - force * (share + self.damping * bending)
 
 
-@dataclass(frozen=True, kw_only=True)
 class TurbulentDrag(PlantMechanism, place=Place.BALL, signal="force", largest=10.0):
     r"""Air that is pressed through a gap: :math:`F = -c\,v\,|v|^{3/4}`, as in smooth turbulent flow."""
 
@@ -463,7 +447,6 @@ class TurbulentDrag(PlantMechanism, place=Place.BALL, signal="force", largest=10
         return signal - coefficient * velocity * (velocity**2 + 1e-10) ** 0.375
 
 
-@dataclass(frozen=True, kw_only=True)
 class RoundedStop(PlantMechanism, place=Place.BALL, signal="force", largest=1e5):
     r"""A round stop that is pressed in: Hertz' :math:`kd^{3/2}`, damped with the depth."""
 
@@ -479,7 +462,6 @@ class RoundedStop(PlantMechanism, place=Place.BALL, signal="force", largest=1e5)
         return signal - stiffness * depth * ca.sqrt(depth + 1e-9) * damped
 
 
-@dataclass(frozen=True, kw_only=True)
 class HardeningSpring(PlantMechanism, place=Place.BALL, signal="force", largest=60.0):
     r"""A spring at the ball that hardens: :math:`F = -k\,[a\sinh(y/a) - y]`."""
 
@@ -492,7 +474,6 @@ class HardeningSpring(PlantMechanism, place=Place.BALL, signal="force", largest=
         return signal - stiffness * (reach * ca.sinh(y / reach) - y)
 
 
-@dataclass(frozen=True, kw_only=True)
 class TwinModes(PlantMechanism, place=Place.BALL, signal="force", largest=1e-3):
     """Two equal masses on springs at the ball, tuned a tenth apart: a split mode of a holder."""
 
@@ -512,8 +493,7 @@ class TwinModes(PlantMechanism, place=Place.BALL, signal="force", largest=1e-3):
         return signal
 
 
-@dataclass(frozen=True, kw_only=True)
-class SecondOrderSensor(PlantMechanism, place=Place.SENSOR, signal="reading", order=20, largest=0.05):
+class SecondOrderSensor(PlantMechanism, place=Place.SENSOR, signal="reading", rank=20, largest=0.05):
     r"""A filter of second order: :math:`T^2\ddot r + 2\zeta T\dot r + r = y`."""
 
     time: float = Draw.part()  # T, s
@@ -527,7 +507,6 @@ class SecondOrderSensor(PlantMechanism, place=Place.SENSOR, signal="reading", or
         return shown
 
 
-@dataclass(frozen=True, kw_only=True)
 class WarmingSensor(Mechanism, largest=1e-4):
     """The zero moves by the same way in each decade of time."""
 
@@ -538,7 +517,6 @@ class WarmingSensor(Mechanism, largest=1e-4):
         return reading.values + self.change * np.log10(1 + np.maximum(reading.times, 0.0) / self.first)
 
 
-@dataclass(frozen=True, kw_only=True)
 class KnockedSensor(Mechanism, largest=1e-4):
     """A knock shifts all further readings, from one sample to the next; a fifth of it goes back within a second."""
 
@@ -553,7 +531,6 @@ class KnockedSensor(Mechanism, largest=1e-4):
         return {"sensor_jump.change": self.change, "sensor_jump.at": self.at}
 
 
-@dataclass(frozen=True, kw_only=True)
 class CrookedOptics(Mechanism, largest=200.0):
     r"""Triangulation that was not made straight: :math:`r = y/(1 - \kappa y)`."""
 
@@ -563,7 +540,6 @@ class CrookedOptics(Mechanism, largest=200.0):
         return reading.values / (1 - self.curvature * reading.values)
 
 
-@dataclass(frozen=True, kw_only=True)
 class HardCeiling(Mechanism, largest=0.5):
     """A reading that stops dead at a level."""
 
@@ -575,8 +551,7 @@ class HardCeiling(Mechanism, largest=0.5):
         return np.minimum(reading.values, self.top - self.depth * (self.top - self.bottom))
 
 
-@dataclass(frozen=True, kw_only=True)
-class ThermostatSwing(PlantMechanism, place=Place.FILM, signal="film", order=2, largest=0.1):
+class ThermostatSwing(PlantMechanism, place=Place.FILM, signal="film", rank=2, largest=0.1):
     """A room that is heated on and off: the modulus follows its temperature, up and down exponentially."""
 
     change: float = Draw.signed()
@@ -595,7 +570,6 @@ class ThermostatSwing(PlantMechanism, place=Place.FILM, signal="film", order=2, 
         return replace(signal, elastic=(1 + change * swing) * signal.elastic)
 
 
-@dataclass(frozen=True, kw_only=True)
 class MainsHum(Mechanism, largest=1e-4):
     """A tone in the reading with a weak second harmonic, whose phase wanders a little."""
 
@@ -621,7 +595,6 @@ def _fading(kept: np.ndarray, pushes: np.ndarray) -> np.ndarray:
     return found
 
 
-@dataclass(frozen=True, kw_only=True)
 class CrossoverDeadZone(Mechanism, largest=0.4):
     """An amplifier of two halves that leave a gap where one hands over to the other."""
 
@@ -640,8 +613,7 @@ class CrossoverDeadZone(Mechanism, largest=0.4):
         return replace(drive, commands=np.sign(drive.commands) * size)
 
 
-@dataclass(frozen=True, kw_only=True)
-class ChargingHeat(PlantMechanism, place=Place.FILM, signal="film", order=3, largest=20.0):
+class ChargingHeat(PlantMechanism, place=Place.FILM, signal="film", rank=3, largest=20.0):
     """Charging currents heat the film, each by the square of its step of voltage; the warm film is softer."""
 
     softening: float = Draw.part()  # Share of the modulus lost for a heat of 1: steps of 1 kV ten times a second
@@ -657,7 +629,6 @@ class ChargingHeat(PlantMechanism, place=Place.FILM, signal="film", order=3, lar
         return replace(signal, elastic=signal.elastic / (1 + softening * build.channel("charging_heat", 0.0)))
 
 
-@dataclass(frozen=True, kw_only=True)
 class GainWander(Mechanism, largest=0.08):
     """The amplifier's gain wanders at random, and comes back within some seconds."""
 
@@ -670,7 +641,6 @@ class GainWander(Mechanism, largest=0.08):
         return replace(drive, commands=drive.commands * (1 + self.deviation * wander))
 
 
-@dataclass(frozen=True, kw_only=True)
 class InterferenceBursts(Mechanism, largest=3e-4):
     """Short bursts in the reading at random times, each with its own frequency and size."""
 
@@ -687,7 +657,6 @@ class InterferenceBursts(Mechanism, largest=3e-4):
         return disturbed
 
 
-@dataclass(frozen=True, kw_only=True)
 class OneWayDamper(PlantMechanism, place=Place.BALL, signal="force", largest=3.0):
     """Air that leaves the chamber below the film easily, and comes back through a narrow valve."""
 
@@ -698,7 +667,6 @@ class OneWayDamper(PlantMechanism, place=Place.BALL, signal="force", largest=3.0
         return signal - coefficient * (velocity - (velocity**2 + 1e-12) ** 0.5) / 2
 
 
-@dataclass(frozen=True, kw_only=True)
 class CapacitiveCrosstalk(Mechanism, largest=1e-4):
     """Every change of the high voltage couples into the sensor's cable, which forgets it within a second or so."""
 
@@ -711,7 +679,6 @@ class CapacitiveCrosstalk(Mechanism, largest=1e-4):
         return reading.values + self.coupling * _fading(np.full(steps.size, kept), steps)
 
 
-@dataclass(frozen=True, kw_only=True)
 class ClockSkew(Mechanism, largest=2e-3):
     """Two clocks that run apart: commands come later and later against the readings."""
 

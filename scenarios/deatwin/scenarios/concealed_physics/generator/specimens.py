@@ -21,7 +21,6 @@ from deatwin.plant.excitation import (
 from deatwin.plant.integrator.rosenbrock import integrate
 from deatwin.plant.model import Plant
 from deatwin.plant.recording import Experiment, Recording
-from deatwin.plant.records import plain
 from deatwin.plant.rigs.base import ReadingTime
 from deatwin.plant.rigs.diaphragm import BALLS, Diaphragm
 from deatwin.plant.simulate import RunStatus
@@ -115,12 +114,9 @@ class _Waves:
 
     def one_level(self) -> np.ndarray:
         """A constant level with a sine of a few hundredths of the range."""
-        angle, span = 2 * np.pi * self.rng.uniform(0.3, 0.6) * self._times, self.upper - self.lower
+        times, span = self.step * np.arange(round(self.seconds / self.step)), self.upper - self.lower
+        angle = 2 * np.pi * self.rng.uniform(0.3, 0.6) * times
         return self.lower + self.rng.uniform(0.5, 0.8) * span + 0.02 * span * np.sin(angle)
-
-    @property
-    def _times(self) -> np.ndarray:
-        return self.step * np.arange(round(self.seconds / self.step))
 
     def _of_length(self, wave: np.ndarray) -> np.ndarray:
         """Cut the wave to its length, or hold its last value."""
@@ -306,7 +302,6 @@ class Specimen:
     ratio: float  # Structural residual of all mechanisms together over the noise; 0 where there are none
     ratios: Mapping[str, float]  # The same for each mechanism alone
     noise: float  # Rms of the sensor's noise, m
-    noise_free: tuple[np.ndarray, ...]  # Readings without noise of the records, then of the check, m
     apparatus: Apparatus
 
     @property
@@ -318,11 +313,6 @@ class Specimen:
     def parameters(self) -> dict[str, float]:
         """True values, SI, by the name of the catalogue's parameter, if a mechanism has the same one."""
         return {k: v for m in self.apparatus.mechanisms for k, v in m.catalogue_values().items()}
-
-    @property
-    def concealed(self) -> dict[str, dict[str, float]]:
-        """Parameters of each concealed mechanism, SI."""
-        return {m.name: plain(m) for m in self.apparatus.mechanisms}
 
     def record(self, experiment: Experiment, seed: int) -> Experiment:
         """Record other commands on the same apparatus, from rest."""
@@ -344,8 +334,9 @@ def make(spec: CaseSpec, *, seconds: float = SECONDS, check_seconds: float = CHE
     highest, last = HIGHEST, ""
     for _ in range(RETRIES):
         whole = _commands(spec, rigging, np.random.default_rng(waves), seconds, check_seconds, highest)
+        raised = Experiment(recordings=tuple(replace(r, inputs=CLEAR * r.inputs) for r in whole.recordings))
         try:
-            if _is_borne(rigging, whole):
+            if rigging.reduced.simulate(raised).status is RunStatus.DONE:
                 return _made(spec, rigging, whole, np.random.default_rng(shapes))
         except SimulationError as error:
             last = f": {error}"
@@ -373,12 +364,6 @@ def _silent(wave: np.ndarray, step: float, start: float) -> Recording:
     return Recording(inputs=wave[None], outputs=np.zeros((1, wave.size)), sample_time=step, start=start)
 
 
-def _is_borne(rigging: Rigging, experiment: Experiment) -> bool:
-    """Return whether the reduced film tolerates slightly higher commands."""
-    raised = tuple(replace(r, inputs=CLEAR * r.inputs) for r in experiment.recordings)
-    return rigging.reduced.simulate(Experiment(recordings=raised)).status is RunStatus.DONE
-
-
 def _made(spec: CaseSpec, rigging: Rigging, whole: Experiment, rng: np.random.Generator) -> Specimen:
     count = len(whole.recordings) - 1
     silent = SensorNoise(rms=0.0, coloured=0.0, pole=0.0, step=0.0)
@@ -402,7 +387,6 @@ def _made(spec: CaseSpec, rigging: Rigging, whole: Experiment, rng: np.random.Ge
         ratio=ratio,
         ratios=ratios,
         noise=noise.rms,
-        noise_free=readings,
         apparatus=apparatus,
     )
 
