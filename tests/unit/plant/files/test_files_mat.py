@@ -148,6 +148,14 @@ def test_text_that_matlab_saved(tmp_path: Path) -> None:
     check(read_recording(tmp_path / "r.mat", input_column="#2=V", output_column="#3=mm"))
 
 
+@pytest.mark.parametrize("content", [b"", b"no matlab", b"MATLAB 5.0 MAT-file" + bytes(300)])
+def test_damaged(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "rec.mat"
+    path.write_bytes(content)
+    with pytest.raises(DataError, match=r"rec.mat: (cannot be read as a MATLAB file|no vectors)"):
+        read_recording(path)
+
+
 def test_written_for_matlab(tmp_path: Path) -> None:
     """Column vectors under valid names in SI units, whatever the signals are called."""
     recording = Recording.from_arrays(

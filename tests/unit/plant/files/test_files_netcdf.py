@@ -93,6 +93,12 @@ def test_without_times(path: Path) -> None:
         read_recording(path)
 
 
+def test_a_head_of_version_4_alone(path: Path) -> None:
+    path.write_bytes(b"\x89HDF\r\n\x1a\n and then nothing")
+    with pytest.raises(DataError, match=r"rec.nc: cannot be read as a NetCDF file"):
+        read_recording(path)
+
+
 def test_written_for_others(path: Path) -> None:
     write_recording(path, Recording.from_arrays([1.0, 2.0], [3.0, 4.0], 0.5, start=7.0))
     with xarray.open_dataset(path, decode_times=False) as found:

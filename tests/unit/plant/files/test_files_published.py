@@ -85,6 +85,11 @@ class TestNoHeader:
         with pytest.raises(DataError, match=r"no header; .*no name is a number"):
             read_recording(write(header, *lines), time_column="#1", **BY_PLACE)
 
+    def test_commas_that_part_digits_too(self, write) -> None:
+        lines = [line.replace(".", ",") for line in rows(seconds)]
+        with pytest.raises(DataError, match=r"a comma is not delimiter and decimal sign at once"):
+            read_recording(write(*lines), time_column="#1", **BY_PLACE)
+
 
 class TestBlanks:
     @pytest.mark.parametrize("name", ["rec.dat", "rec.asc", "rec.txt", "REC.DAT"])
