@@ -193,16 +193,7 @@ def test_raw_errors_are_model_errors():
 # Drawings and files
 
 
-@pytest.fixture
-def pyplot():
-    from matplotlib import pyplot
-
-    pyplot.switch_backend("Agg")
-    yield pyplot
-    pyplot.close("all")
-
-
-def test_labels_stay_on_the_figure_and_raise_powers(pyplot):
+def test_labels_stay_on_the_figure_and_raise_powers():
     axes = H_1(MODEL).plot()
     axes.figure.canvas.draw()
     assert axes.yaxis.label.get_window_extent().x0 >= 0 and axes.xaxis.label.get_window_extent().y0 >= 0
@@ -211,7 +202,7 @@ def test_labels_stay_on_the_figure_and_raise_powers(pyplot):
     assert propagate(MODEL, lambda model: line).plot_gain().get_ylabel() == "gain (m/V$^3$)"
 
 
-def test_points_that_do_not_belong_together_are_not_joined(pyplot):
+def test_points_that_do_not_belong_together_are_not_joined():
     grid = propagate(MODEL, partial(gfrf, order=2, omega=frequency_grid(OMEGA, OMEGA)))
     for draw in (grid.plot_gain, grid.plot_phase):
         with pytest.raises(ModelError, match=r"are not a line, .*plot_map"):

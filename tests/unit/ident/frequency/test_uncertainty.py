@@ -409,9 +409,6 @@ def test_an_arx_model_and_its_narx_form_agree():
 
 
 def test_drawings_have_units_and_say_where_the_law_fails():
-    from matplotlib import pyplot
-
-    pyplot.switch_backend("Agg")
     found = propagate(nonlinear(), QUANTITIES["H_1"])
     axes = found.plot()
     assert axes.get_xlabel() == "real part (m/V)" and axes.get_ylabel() == "imaginary part (m/V)"
@@ -426,7 +423,6 @@ def test_drawings_have_units_and_say_where_the_law_fails():
     assert drawn.plot_gain().get_ylabel() == "gain (m/V$^2$)"
     assert "sum" in drawn.plot_gain(drawn.plot_phase().figure.add_subplot()).get_xlabel()
     drawn.plot()
-    pyplot.close("all")
 
 
 def test_both_export_to_xarray():

@@ -6,7 +6,6 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import ClassVar
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from made_rigs import Wire
@@ -208,7 +207,6 @@ def test_where_the_reading_cannot_tell_another_signal_is_advised(late, tmp_path)
     assert found.undecided == found.alternatives
     axes = found.plot()
     assert axes.get_xlabel()
-    plt.close(axes.figure)
 
 
 @compiled
@@ -480,7 +478,6 @@ def test_the_advised_input_decides_a_tie(tmp_path):
     assert found.alternatives == ("delay", "electrode_rc")
     axes = found.plot()
     assert "µm" in axes.get_ylabel()
-    plt.close(axes.figure)
 
 
 @pytest.mark.study
