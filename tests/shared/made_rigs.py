@@ -1,4 +1,4 @@
-"""What rigs that tests make have in common, a mass on a spring, and a plate that pulls in."""
+"""What rigs that tests make have in common, a mass on a spring, a wire, a tank, and a plate that pulls in."""
 
 from __future__ import annotations
 
@@ -51,6 +51,57 @@ class Pushed(Bare):
         build.rate(y, v)
         build.rate(v, self.push * command + build.place(Place.BALL, "force", force), mass=build.parameter("mass"))
         return build.place(Place.SENSOR, "reading", y)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wire(Bare):
+    """A capacitor behind an amplifier, and a sensor that reads its voltage."""
+
+    noise: float = 2e-6
+
+    kind: ClassVar[str] = "wire"
+    follows_at_once: ClassVar[bool] = True
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (
+            Parameter(name="gain", value=1e-4, unit="m/V", lower=1e-6, upper=1e-2),
+            Parameter(name="zero", value=0.0, unit="m", lower=-1e-3, upper=1e-3),
+        )
+
+    def write(self, build: Builder) -> Any:
+        command = build.place(Place.DRIVE, "command", build.command)
+        build.watch("capacitance", 1e-9 + 0 * command)
+        voltage = build.watch("film_voltage", build.place(Place.DRIVE, "film_voltage", command))
+        return build.place(Place.SENSOR, "reading", build.parameter("gain") * voltage + build.parameter("zero"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tank(Bare):
+    """A leaking tank: the level is read first; the outflow and the filling may be read beside it."""
+
+    sample_time: float = 0.1
+    noise: float = 1e-3
+    drain: float = 0.5
+    area: float = 1.0
+
+    kind: ClassVar[str] = "tank"
+    input_name: ClassVar[str] = "pump"
+    output_name: ClassVar[str] = "level"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (
+            Parameter(name="drain", value=self.drain, unit="1/s", lower=0.1, upper=2.0),
+            Parameter(name="area", value=self.area, unit="m2", lower=0.2, upper=5.0),
+        )
+
+    def write(self, build: Builder) -> Any:
+        level = build.state("level", scale=1.0)
+        outflow = build.watch("outflow", build.parameter("drain") * level)
+        build.rate(level, build.command / build.parameter("area") - outflow)
+        build.measure("filling", 0.0, stored=level)
+        return level
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,17 +6,15 @@ the motion. No equation of the plants is used. What is concealed, how strongly, 
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
+from machines import MACHINES, Hidden, drawn_log, machine_record
 from scipy.integrate import solve_ivp
 from scipy.interpolate import RectBivariateSpline
 from scipy.optimize import brentq
@@ -25,7 +23,6 @@ from deatwin.ident.mismatch import Diagnosis, diagnose
 from deatwin.plant import Cone, Disc, Experiment, Plant, Pressure, Recording
 from deatwin.plant.laws import VACUUM_PERMITTIVITY
 
-PAGE = Path(__file__).parents[2] / "docs/how-to/machines.md"
 PIECES, HEIGHTS, SQUARES = 60, 28, 9
 MODULUS, RELATIVE, GRAVITY, GAIN = 330e3, 2.8, 9.80665, 1000.0
 Rng = np.random.Generator
@@ -120,31 +117,16 @@ def _statics(one: Specimen) -> tuple[RectBivariateSpline, float, float]:
     return spline, float(rest), 0.85e3 * float(np.sqrt(bears[-1]))
 
 
-@dataclass(frozen=True, kw_only=True)
-class Hidden:
-    """What is concealed: its name in the catalogue, and numbers that the generator knows."""
-
-    name: str = ""
-    values: Mapping[str, float] = field(default_factory=dict)
-
-    def get(self, name: str, key: str) -> float:
-        return self.values[key] if self.name == name else 0.0
-
-
-def _log(rng: Rng, low: float, high: float) -> float:
-    return float(low * (high / low) ** rng.uniform())
-
-
 FILM_EFFECTS: Mapping[str, Callable[[Rng], dict[str, float]]] = {
-    "creep": lambda rng: {"share": _log(rng, 0.08, 0.25), "time": _log(rng, 4.0, 15.0)},
-    "electrode_rc": lambda rng: {"time": _log(rng, 0.02, 0.1)},
-    "permittivity_drift": lambda rng: {"change": -_log(rng, 0.05, 0.2), "time": _log(rng, 20.0, 60.0)},
-    "sensor_drift": lambda rng: {"change": _log(rng, 0.03, 0.1), "time": _log(rng, 20.0, 60.0)},
-    "sensor_jump": lambda rng: {"change": _log(rng, 0.02, 0.1), "at": rng.uniform(0.2, 0.8)},
+    "creep": lambda rng: {"share": drawn_log(rng, 0.08, 0.25), "time": drawn_log(rng, 4.0, 15.0)},
+    "electrode_rc": lambda rng: {"time": drawn_log(rng, 0.02, 0.1)},
+    "permittivity_drift": lambda rng: {"change": -drawn_log(rng, 0.05, 0.2), "time": drawn_log(rng, 20.0, 60.0)},
+    "sensor_drift": lambda rng: {"change": drawn_log(rng, 0.03, 0.1), "time": drawn_log(rng, 20.0, 60.0)},
+    "sensor_jump": lambda rng: {"change": drawn_log(rng, 0.02, 0.1), "at": rng.uniform(0.2, 0.8)},
     "amplifier_saturation": lambda rng: {"limit": rng.uniform(0.7, 0.9)},
-    "periodic_disturbance": lambda rng: {"size": _log(rng, 0.01, 0.05), "frequency": _log(rng, 0.5, 12.0)},
-    "coulomb_friction": lambda rng: {"share": _log(rng, 0.01, 0.04)},
-    "end_stop": lambda rng: {"stiffness": _log(rng, 2.0, 10.0), "at": rng.uniform(0.5, 0.75)},
+    "periodic_disturbance": lambda rng: {"size": drawn_log(rng, 0.01, 0.05), "frequency": drawn_log(rng, 0.5, 12.0)},
+    "coulomb_friction": lambda rng: {"share": drawn_log(rng, 0.01, 0.04)},
+    "end_stop": lambda rng: {"stiffness": drawn_log(rng, 2.0, 10.0), "at": rng.uniform(0.5, 0.75)},
     "delay": lambda rng: {"time": rng.uniform(0.012, 0.045)},
 }
 POOLS = {
@@ -235,116 +217,6 @@ def film_record(kind: str, hidden: Hidden, rng: Rng) -> tuple[Plant, Recording]:
         "pressure": lambda: Pressure(pressure=one.load, **shape),
     }
     return Plant(rig=rigs[kind]()), Recording.from_arrays(commands, read, width)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Machine:
-    """A machine as it really is."""
-
-    rates: Callable[[Hidden, np.ndarray, float], list[float]]
-    reading: Callable[[np.ndarray, float], float]
-    rest: tuple[float, ...]
-    levels: tuple[float, float, int, int]  # Lowest and highest command, samples of a hold, samples
-    effects: Mapping[str, Callable[[Rng], dict[str, float]]]
-
-
-def _motor(hidden: Hidden, x: np.ndarray, u: float) -> list[float]:
-    friction = hidden.get("coulomb_friction", "force") * np.tanh(x[0] / 0.05)
-    return [(0.048 * (u - 0.048 * x[0]) / 2.0 - 1.2e-5 * x[0] - friction) / 1.1e-4]
-
-
-def _cylinder(hidden: Hidden, x: np.ndarray, u: float) -> list[float]:
-    gap = hidden.get("dead_zone", "width")
-    inflow = 3.3e-5 * np.sign(u) * max(abs(u) - gap, 0.0) - 5e-10 * 1e5 * x[2] - 5e-4 * x[1]
-    friction = hidden.get("coulomb_friction", "force") * np.tanh(x[1] / 1e-4)
-    return [x[1], (5e-4 * 1e5 * x[2] - 2200.0 * x[0] - 60.0 * x[1] - friction) / 2.0, inflow / 1.1e-10 / 1e5]
-
-
-def _room(hidden: Hidden, x: np.ndarray, u: float) -> list[float]:
-    problem, time = hidden.get("relaxation", "stiffness"), hidden.get("relaxation", "time") or 1.0
-    into_walls, into_bench = 140.0 * (x[0] - x[1]), problem * (x[0] - x[2])
-    return [(u - into_walls - 35.0 * x[0] - into_bench) / 1.2e4, (into_walls - 90.0 * x[1]) / 4e5, (x[0] - x[2]) / time]
-
-
-def _battery(hidden: Hidden, x: np.ndarray, u: float) -> list[float]:
-    slow, time = hidden.get("relaxation", "resistance"), hidden.get("relaxation", "time") or 1.0
-    heating = u * (0.032 * (1 - 0.012 * x[3]) * u + x[1] + x[2]) - 0.12 * x[3]
-    return [-u / 9000.0, (0.018 * u - x[1]) / 9.0, (slow * u - x[2]) / time, heating / 40.0]
-
-
-MACHINES = {
-    "motor": Machine(
-        rates=_motor,
-        reading=lambda x, u: x[0],
-        rest=(0.0,),
-        levels=(-3.0, 3.0, 20, 1200),
-        effects={
-            "coulomb_friction": lambda rng: {"force": _log(rng, 2e-3, 8e-3)},
-            "delay": lambda rng: {"time": rng.uniform(0.006, 0.03)},
-        },
-    ),
-    "cylinder": Machine(
-        rates=_cylinder,
-        reading=lambda x, u: x[0],
-        rest=(0.0, 0.0, 0.0),
-        levels=(-2.5, 2.5, 25, 1200),
-        effects={
-            "dead_zone": lambda rng: {"width": _log(rng, 0.1, 0.4)},
-            "coulomb_friction": lambda rng: {"force": _log(rng, 1.0, 4.0)},
-        },
-    ),
-    "room": Machine(
-        rates=_room,
-        reading=lambda x, u: x[0],
-        rest=(0.0, 0.0, 0.0),
-        levels=(0.0, 2000.0, 12, 1200),
-        effects={
-            "relaxation": lambda rng: {"stiffness": _log(rng, 60.0, 200.0), "time": _log(rng, 200.0, 500.0)},
-            "periodic_disturbance": lambda rng: {"size": _log(rng, 0.05, 0.3), "frequency": _log(rng, 3e-4, 1e-2)},
-        },
-    ),
-    "battery": Machine(
-        rates=_battery,
-        reading=lambda x, u: 3.28 + 0.85 * x[0] - 0.032 * (1 - 0.012 * x[3]) * u - x[1] - x[2],
-        rest=(1.0, 0.0, 0.0, 0.0),
-        levels=(-2.5, 4.0, 15, 1500),
-        effects={
-            "relaxation": lambda rng: {"resistance": _log(rng, 8e-3, 2e-2), "time": _log(rng, 60.0, 200.0)},
-            "sensor_jump": lambda rng: {"change": _log(rng, 2e-3, 1e-2), "at": rng.uniform(0.2, 0.8)},
-        },
-    ),
-}
-
-
-def machine_record(kind: str, hidden: Hidden, rng: Rng) -> tuple[Plant, Recording]:
-    """A recording of a machine of docs/how-to/machines.md with something concealed, and the plant of that page."""
-    code = re.search(rf'^```python title="{kind}\.py"\n(.*?)^```', PAGE.read_text(encoding="utf-8"), re.S | re.M)
-    assert code is not None
-    module = ModuleType(kind)
-    exec(compile(code[1], f"{kind}.py", "exec", dont_inherit=True), vars(module))
-    plant, machine = module.plant(), MACHINES[kind]
-    low, high, hold, number = machine.levels
-    commands = np.repeat(rng.uniform(low, high, number // hold), hold)
-    width, state, readings = plant.rig.sample_time, np.array(machine.rest), []
-    late = hidden.get("delay", "time")
-    whole = int(late / width)
-    split = width * (late / width - whole)
-    for row in range(number):
-        pieces = ((split, row - whole - 1), (width - split, row - whole)) if split else ((width, row),)
-        for time, acting in pieces:
-            u = commands[acting] if acting >= 0 else 0.0
-            run = solve_ivp(
-                lambda t, x, u=u: machine.rates(hidden, x, u), (0.0, time), state, "LSODA", rtol=1e-8, atol=1e-10
-            )
-            state = run.y[:, -1]
-        readings.append(machine.reading(state, commands[row]))
-    clock, read = width * (1 + np.arange(number)), np.array(readings)
-    if hidden.name == "sensor_jump":
-        read += hidden.values["change"] * (clock > hidden.values["at"] * number * width)
-    if hidden.name == "periodic_disturbance":
-        read += hidden.values["size"] * np.sin(2 * np.pi * hidden.values["frequency"] * clock + 1.0)
-    read += plant.rig.noise * rng.standard_normal(number)
-    return plant, Recording.from_arrays(commands, read, width)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from pages import report_alone
 
 from deatwin.app.cli import main
 from deatwin.ident.mismatch import Diagnosis, how_sure, next_step
+from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.studies.diagnosing import DiagnosisTask
 
 FILES = {"diagnosis.json", "model.json", "report.html", "run.json", "figures"}
@@ -98,13 +100,16 @@ def test_the_data_of_the_figures(results: Path) -> None:
 
 
 def test_an_interrupt_says_what_exists(
-    on_bench: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    results: Path, on_bench: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     from deatwin.studies import diagnosing
 
     def interrupted(*arguments: object) -> None:
         raise KeyboardInterrupt
 
+    model = CalibratedPlant.load(results / "model.json")
+    diagnosis = replace(Diagnosis.load(results / "diagnosis.json"), model=model)
+    monkeypatch.setattr(diagnosing, "diagnose", lambda *_, **__: diagnosis)
     monkeypatch.setattr(diagnosing, "write_report", interrupted)
     assert main(["diagnose", "strip_of_mine:strip", "pulls.csv", "--out", "cut", "--quiet"]) == 130
     error = capsys.readouterr().err

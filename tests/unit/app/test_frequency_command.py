@@ -168,20 +168,6 @@ def test_several_inputs_have_responses_of_their_own_and_cross_kernels(
     assert not any(path.name.startswith("gfrf2") for path in tables.iterdir())
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (["--operating-input", "1"], "has 1 value(s): give it once for each of volts, heat, in this order"),
-        (["--order", "2", "--amplitude", "1"], "the model has 2 inputs; --amplitude is the size"),
-    ],
-)
-def test_options_that_do_not_suit_several_inputs_are_refused(
-    two_inputs: Path, capsys: pytest.CaptureFixture[str], options: list[str], message: str
-) -> None:
-    assert main(["frequency", "narx.json", "--out", "response", *options]) == 1
-    assert message in capsys.readouterr().err
-
-
 def test_a_second_run_leaves_nothing_of_the_first(square: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(frequency_report, "_drawings", lambda *_: iter(()))
     folder = square / "response"

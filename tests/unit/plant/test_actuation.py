@@ -61,14 +61,11 @@ def test_a_plant_without_rest_says_so():
 
 
 def test_the_picture_has_the_curve_and_its_end():
-    from matplotlib import pyplot
-
     curve = actuation_curve(Plant(rig=Planar(prestretch=1.0)), np.linspace(0, 12, 31))
     axes = curve.plot()
     np.testing.assert_allclose(axes.lines[0].get_ydata(), 1e3 * curve.readings)
     assert [text.get_text() for text in axes.texts] == ["pull-in"]
     assert axes.get_xlabel() == "command (V)" and axes.get_ylabel() == "displacement (mm)"
-    pyplot.close(axes.figure)
 
 
 def test_a_held_film_goes_slack_where_maxwell_stress_is_its_tension():

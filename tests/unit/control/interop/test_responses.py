@@ -1,7 +1,6 @@
 """Frequency responses as those of python-control."""
 
 import control
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from made_models import linear_model
@@ -71,15 +70,12 @@ def test_python_control_draws_it_and_puts_it_in_a_loop(uncertain):
     margins = control.stability_margins(uncertain.system() * control.tf([0.5, 0.0], [1.0, -1.0], H))
     # Between its frequencies a response is interpolated.
     np.testing.assert_allclose(control.stability_margins(loop)[1], margins[1], rtol=1e-3)
-    try:
-        assert control.bode_plot(frd.system).figure.axes
-        assert control.nyquist_plot(frd.system, warn_encirclements=False).figure.axes
-        axes = frd.plot()
-        assert axes.get_ylabel() == "gain (m/V)" and axes.get_xlabel() == "frequency (Hz)"
-        zero = linear_frd(uncertain, [0.0, 1.0, 2.0]).plot()
-        assert zero.lines[0].get_xdata().size == 2
-    finally:
-        plt.close("all")
+    assert control.bode_plot(frd.system).figure.axes
+    assert control.nyquist_plot(frd.system, warn_encirclements=False).figure.axes
+    axes = frd.plot()
+    assert axes.get_ylabel() == "gain (m/V)" and axes.get_xlabel() == "frequency (Hz)"
+    zero = linear_frd(uncertain, [0.0, 1.0, 2.0]).plot()
+    assert zero.lines[0].get_xdata().size == 2
 
 
 def test_its_arrays_cannot_be_written(uncertain):

@@ -170,7 +170,5 @@ def test_pictures_are_drawn_with_units(schedule, name):
             text in "".join(ax.get_xlabel() + ax.get_ylabel() for ax in figure.axes)
             for text in ((along,) if name != "plot_poles" else (along, "Re z", "Im z"))
         )
-        pyplot.close(figure)
     if name == "plot":
         assert "mm/V" in schedule.plot().get_ylabel()
-        pyplot.close("all")

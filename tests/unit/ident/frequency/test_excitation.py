@@ -1,6 +1,5 @@
 """The test signal against convolutions and closed forms; how contributions cancel."""
 
-import matplotlib
 import numpy as np
 import pytest
 from made_narx import trained_on
@@ -221,4 +220,3 @@ def test_plots_name_their_axes():
     axes = signal.input_spectrum(2).plot()
     assert axes.get_xlabel() == "frequency (Hz)"
     assert axes.get_ylabel() == "input spectrum (V$^2$)"
-    matplotlib.pyplot.close("all")

@@ -37,11 +37,6 @@ def test_removing_the_operating_point_first_changes_nothing():
     np.testing.assert_allclose(shifted.covariance, direct.covariance, rtol=1e-9, atol=1e-15)
 
 
-def test_an_unstable_operating_point_is_a_status():
-    model = NarxModel.from_terms({"y(k-1)": 1.2, "u(k-1)": 1.0}, sample_time=1.0)
-    assert not gfrf(model, 1, 0.1).status.ok
-
-
 def mean_over_permutations(response, omega):
     orders = list(permutations(range(omega.shape[1])))
     return sum(response(omega[:, list(order)]) for order in orders) / len(orders)

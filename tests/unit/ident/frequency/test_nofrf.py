@@ -6,7 +6,6 @@ from copy import deepcopy
 from dataclasses import replace
 from functools import partial
 
-import matplotlib
 import numpy as np
 import pytest
 from direct import direct_output
@@ -414,7 +413,6 @@ def test_results_are_drawn_and_written():
     axes = found.plot_orders()
     assert [ax.get_ylabel() for ax in axes] == ["gain (mm/V)", "gain (mm/V$^2$)"]
     assert found.plot().get_xlabel() == "frequency (Hz)"
-    matplotlib.pyplot.close("all")
     written = found.to_xarray()
     assert written["real"].dims == ("order", "frequency")
     shown = written["real"].sel(order=2).dropna("frequency")

@@ -4,6 +4,7 @@ from dataclasses import FrozenInstanceError, replace
 
 import numpy as np
 import pytest
+from matplotlib import pyplot
 
 from deatwin.ident.frequency import (
     Equilibrium,
@@ -23,15 +24,6 @@ ROOT = 2e-3 * np.random.default_rng(0).normal(size=(6, 6))
 MODEL = NarxModel.from_terms(TERMS, sample_time=0.02, theta_cov=ROOT @ ROOT.T, input_units=("V",), output_units=("µm",))
 OMEGA = 2 * np.pi * np.geomspace(0.1, 24.0, 60)
 AXIS = 2 * np.pi * np.linspace(-20.0, 20.0, 9)
-
-
-@pytest.fixture(autouse=True)
-def pyplot():
-    from matplotlib import pyplot
-
-    pyplot.switch_backend("Agg")
-    yield pyplot
-    pyplot.close("all")
 
 
 def response(values, gradient, theta_cov, omega=None, symbol="H"):
@@ -146,7 +138,7 @@ def test_a_spectrum_is_drawn_at_its_lines():
     assert axes.get_xscale() == "linear" and axes.get_ylabel() == "gain (µm)"
 
 
-def test_a_grid_of_two_frequencies_is_drawn_as_contours(pyplot):
+def test_a_grid_of_two_frequencies_is_drawn_as_contours():
     found = gfrf(MODEL, 2, frequency_grid(AXIS, AXIS[2:]))
     shuffled = np.random.default_rng(0).permutation(len(found.omega))
     for given in (found, gfrf(MODEL, 2, found.omega[shuffled])):
@@ -171,7 +163,7 @@ def test_points_that_are_no_grid_are_points():
     assert diagonal.get_title() == "" and len(diagonal.collections[0].get_offsets()) == OMEGA.size
 
 
-def test_surfaces(pyplot):
+def test_surfaces():
     found = gfrf(MODEL, 2, frequency_grid(AXIS, AXIS))
     axes = plot_surface(found)
     assert labels(axes) == ("$f_1$ (Hz)", "$f_2$ (Hz)") and axes.get_zlabel() == "|$H_2$| (dB re 1 µm/V$^2$)"
@@ -202,7 +194,7 @@ def test_a_slice_holds_the_nearest_frequencies():
         slice_of(gfrf(MODEL, 2, frequency_grid(AXIS, AXIS)), 1.0)
 
 
-def test_slices_share_their_colours(pyplot):
+def test_slices_share_their_colours():
     cube = gfrf(MODEL, 3, frequency_grid(AXIS, AXIS, AXIS))
     panels = plot_slices(cube, [-10.0, 0.0, 10.0])
     assert [panel.get_title() for panel in panels] == [f"$f_3$ = {held} Hz" for held in (-10, 0, 10)]
@@ -216,7 +208,7 @@ def test_slices_share_their_colours(pyplot):
         plot_slices(gfrf(MODEL, 3, np.random.default_rng(0).uniform(-9, 9, (9, 3))))
 
 
-def test_bode(pyplot):
+def test_bode():
     found = gfrf(MODEL, 1, OMEGA)
     gain, phase = bode(found)
     assert labels(gain) == ("", "gain (µm/V)") and labels(phase) == ("frequency (Hz)", "phase (°)")

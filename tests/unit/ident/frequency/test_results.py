@@ -164,15 +164,20 @@ def test_raw_errors_are_model_errors():
         ("omega is empty", lambda: frf(LINEAR, [])),
         ("half the sampling rate", lambda: frf(LINEAR, [np.nan])),
         ("channel = 'a'", lambda: frf(LINEAR, OMEGA, channel="a")),
+        ("channel = 1; it must be an integer from 0 to 0", lambda: frf(LINEAR, OMEGA, channel=1)),
         ("NarxModel is not a LinearModel; gfrf", lambda: frf(MODEL, OMEGA)),
         ("LinearModel is not a NarxModel; frf", lambda: gfrf(LINEAR, 1, OMEGA)),
         ("LinearModel is not a NarxModel; frf", lambda: output_spectrum(LINEAR, PERIOD, 1)),
         ("form = \\[\\]", lambda: gfrf(MODEL, 1, OMEGA, form=[])),
         ("level must be real numbers; got text", lambda: propagate(MODEL, H_1, level="a")),
         ("level must be real numbers; got text", lambda: H_1(MODEL).band("a")),
-        ("level = 2", lambda: found.ellipse(2)),
+        ("level = 95", lambda: propagate(MODEL, H_1, level=95)),
+        ("level = 2", lambda: sample(MODEL, H_1, rng, 10).gain_band(2.0)),
+        ("level = 0", lambda: found.ellipse(0.0)),
         ("n_points = -3", lambda: found.ellipse(n_points=-3)),
         ("quantity = None", lambda: propagate(MODEL, None)),
+        ("ndarray; it must return a FrequencyResponse", lambda: propagate(MODEL, lambda m: H_1(m).values)),
+        ("n_draws = 1", lambda: sample(MODEL, H_1, rng, 1)),
         ("n_draws = 2.5", lambda: sample(MODEL, H_1, rng, 2.5)),
         ("n_draws = 'a'", lambda: sample(MODEL, H_1, rng, "a")),
         ("rng = None", lambda: sample(MODEL, H_1, None)),
@@ -188,16 +193,7 @@ def test_raw_errors_are_model_errors():
 # Drawings and files
 
 
-@pytest.fixture
-def pyplot():
-    from matplotlib import pyplot
-
-    pyplot.switch_backend("Agg")
-    yield pyplot
-    pyplot.close("all")
-
-
-def test_labels_stay_on_the_figure_and_raise_powers(pyplot):
+def test_labels_stay_on_the_figure_and_raise_powers():
     axes = H_1(MODEL).plot()
     axes.figure.canvas.draw()
     assert axes.yaxis.label.get_window_extent().x0 >= 0 and axes.xaxis.label.get_window_extent().y0 >= 0
@@ -206,7 +202,7 @@ def test_labels_stay_on_the_figure_and_raise_powers(pyplot):
     assert propagate(MODEL, lambda model: line).plot_gain().get_ylabel() == "gain (m/V$^3$)"
 
 
-def test_points_that_do_not_belong_together_are_not_joined(pyplot):
+def test_points_that_do_not_belong_together_are_not_joined():
     grid = propagate(MODEL, partial(gfrf, order=2, omega=frequency_grid(OMEGA, OMEGA)))
     for draw in (grid.plot_gain, grid.plot_phase):
         with pytest.raises(ModelError, match=r"are not a line, .*plot_map"):

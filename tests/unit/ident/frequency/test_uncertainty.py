@@ -408,29 +408,7 @@ def test_an_arx_model_and_its_narx_form_agree():
 # What is wrong is said; what is drawn has units
 
 
-def test_what_makes_no_sense_is_refused():
-    model, quantity = nonlinear(), QUANTITIES["H_1"]
-    rng = np.random.default_rng(0)
-    with pytest.raises(ModelError, match="level = 95"):
-        propagate(model, quantity, level=95)
-    with pytest.raises(ModelError, match="level = 0"):
-        propagate(model, quantity).ellipse(0.0)
-    with pytest.raises(ModelError, match="level = 2"):
-        sample(model, quantity, rng, 10).gain_band(2.0)
-    with pytest.raises(ModelError, match="ndarray; it must return a FrequencyResponse"):
-        propagate(box_jenkins(), lambda m: frf(m, OMEGA).values)
-    with pytest.raises(ModelError, match="n_draws = 1"):
-        sample(model, quantity, rng, 1)
-    with pytest.raises(ModelError, match="channel = 2; it must be an integer from 0 to 1"):
-        frf(box_jenkins(), OMEGA, channel=2)
-    with pytest.raises(ModelError, match="half the sampling rate"):
-        frf(box_jenkins(), 1e4)
-
-
 def test_drawings_have_units_and_say_where_the_law_fails():
-    from matplotlib import pyplot
-
-    pyplot.switch_backend("Agg")
     found = propagate(nonlinear(), QUANTITIES["H_1"])
     axes = found.plot()
     assert axes.get_xlabel() == "real part (m/V)" and axes.get_ylabel() == "imaginary part (m/V)"
@@ -445,7 +423,6 @@ def test_drawings_have_units_and_say_where_the_law_fails():
     assert drawn.plot_gain().get_ylabel() == "gain (m/V$^2$)"
     assert "sum" in drawn.plot_gain(drawn.plot_phase().figure.add_subplot()).get_xlabel()
     drawn.plot()
-    pyplot.close("all")
 
 
 def test_both_export_to_xarray():

@@ -1,42 +1,19 @@
 """Calibration on several readings against weighted least squares of a closed form."""
 
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_rigs import Bare
+from made_rigs import Tank
 from scipy.optimize import least_squares
 
 from deatwin.ident.greybox import calibrate
-from deatwin.plant import Builder, DataError, Experiment, Parameter, Plant, Reading, Recording
+from deatwin.plant import DataError, Experiment, Plant, Reading, Recording
 
 STEP, COUNT = 0.1, 300
 
 
-@dataclass(frozen=True, kw_only=True)
-class Tank(Bare):
-    """A leaking tank: the level is read first, the outflow beside it."""
-
-    sample_time: float = STEP
-    noise: float = 0.05
-    further: tuple[Reading, ...] = (Reading(name="outflow", unit="m/s", noise=0.01),)
-    kind: ClassVar[str] = "several_readings_tank"
-    input_name: ClassVar[str] = "pump"
-    output_name: ClassVar[str] = "level"
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="drain", value=0.8, unit="1/s", lower=0.1, upper=2.0),
-            Parameter(name="area", value=1.5, unit="m2", lower=0.2, upper=5.0),
-        )
-
-    def write(self, build: Builder) -> Any:
-        level = build.state("level", scale=1.0)
-        outflow = build.watch("outflow", build.parameter("drain") * level)
-        build.rate(level, build.command / build.parameter("area") - outflow)
-        return level
+TANK = Tank(noise=0.05, drain=0.8, area=1.5, further=(Reading(name="outflow", unit="m/s", noise=0.01),))
 
 
 def levels(drain: float, area: float, commands: np.ndarray) -> np.ndarray:
@@ -76,7 +53,7 @@ def test_each_reading_counts_by_its_noise_and_where_it_was_measured(recording: R
         return np.concatenate([(measured - level) / 0.05, (flow - values[0] * level)[seen] / 0.01])
 
     expected = least_squares(residuals, [0.8, 1.5], xtol=1e-12, ftol=1e-12)
-    fit = calibrate(Plant(rig=Tank()), recording, tolerance=1e-10)
+    fit = calibrate(Plant(rig=TANK), recording, tolerance=1e-10)
     found = [fit.plant.parameters[name].value for name in ("drain", "area")]
     assert found == pytest.approx(expected.x, rel=1e-5)
     assert fit.residuals == pytest.approx(0.05 * expected.fun, abs=1e-6)
@@ -87,7 +64,7 @@ def test_a_recording_without_the_reading_is_fitted_by_the_first_one(recording: R
     bare = Recording.from_arrays(
         recording.inputs, recording.outputs, STEP, input_names=["pump"], output_names=["level"]
     )
-    both, one = (calibrate(Plant(rig=rig), bare, starts=1) for rig in (Tank(), Tank(further=())))
+    both, one = (calibrate(Plant(rig=rig), bare, starts=1) for rig in (TANK, replace(TANK, further=())))
     assert both.residuals == pytest.approx(one.residuals)
 
 
@@ -96,13 +73,13 @@ def test_a_reading_in_another_unit_is_refused(recording: Recording) -> None:
         recording.inputs, recording.outputs, STEP, extras=recording.extras, extra_units={"outflow": "V"}
     )
     with pytest.raises(DataError, match='the reading "outflow" is in V, but the model needs it in m/s'):
-        calibrate(Plant(rig=Tank()), wrong)
+        calibrate(Plant(rig=TANK), wrong)
 
 
 def test_simulated_recordings_of_all_readings_give_the_plant_back(recording: Recording) -> None:
-    truth = Plant(rig=Tank(), values={"drain": 0.5, "area": 1.0})
+    truth = Plant(rig=TANK, values={"drain": 0.5, "area": 1.0})
     made = truth.record(Experiment(recordings=(recording,)), np.random.default_rng(2))
-    fit = calibrate(Plant(rig=Tank()), made)
+    fit = calibrate(Plant(rig=TANK), made)
     assert fit.residuals.size == 2 * COUNT
     low, high = fit.interval("drain", 4.0)
     assert low < 0.5 < high

@@ -115,14 +115,16 @@ def test_names_are_free_parameters_each_given_once(turned):
             ask("zero_")
 
 
-def test_a_descent_that_stops_on_a_slope_does_not_say_that_it_settled(turned, monkeypatch):
-    def stuck(problem, **options):
-        residuals, jacobian = problem.evaluate(problem.start())
-        return Minimum(
-            coordinates=problem.start(), residuals=residuals, jacobian=jacobian, status=FitStatus.SETTLED, evaluations=1
-        )
+def where_it_starts(problem, **_):
+    """A search that says at once that it settled."""
+    residuals, jacobian = problem.evaluate(problem.start())
+    return Minimum(
+        coordinates=problem.start(), residuals=residuals, jacobian=jacobian, status=FitStatus.SETTLED, evaluations=1
+    )
 
-    monkeypatch.setattr(starts, "minimise", stuck)
+
+def test_a_descent_that_stops_on_a_slope_does_not_say_that_it_settled(turned, monkeypatch):
+    monkeypatch.setattr(starts, "minimise", where_it_starts)
     start = Plant(rig=Rotor(), values=TRUE | {"gain": 7.0})
     assert calibrate(start, turned.section(0, 200), starts=1).status is FitStatus.UNSETTLED
 
@@ -179,15 +181,9 @@ def test_what_a_range_does_not_allow_is_no_slope_that_was_left(turned, monkeypat
         def write(self, build: Builder) -> Any:
             return super().write(build) + 1e-6 * build.parameter("faint") * ca.cos(3.0 * build.command)
 
-    def stays(problem, **options):
-        residuals, jacobian = problem.evaluate(problem.start())
-        return Minimum(
-            coordinates=problem.start(), residuals=residuals, jacobian=jacobian, status=FitStatus.SETTLED, evaluations=1
-        )
-
     best = calibrate(Plant(rig=Rotor(), values=TRUE), turned, starts=1, tolerance=1e-9).plant.parameters
     values = {name: best[name].value for name in TRUE}
-    monkeypatch.setattr(starts, "minimise", stays)
+    monkeypatch.setattr(starts, "minimise", where_it_starts)
     found = calibrate(Plant(rig=Faint(), values=values), turned, starts=1)
     assert found.status is FitStatus.SETTLED
     assert calibrate(Plant(rig=Faint(), values=values | {"gain": 8.2}), turned, starts=1).status is FitStatus.UNSETTLED

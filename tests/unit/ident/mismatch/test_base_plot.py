@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import matplotlib as mpl
 import pytest
 from made_fits import leaving
 from matplotlib import pyplot as plt
@@ -11,19 +10,10 @@ from deatwin.ident.mismatch import Base, Candidate
 from deatwin.ident.mismatch.model_error import differences
 from deatwin.plant import Diaphragm, ReadingTime, Rig
 
-mpl.use("Agg")
-
 NOISE, MODEL_ERROR = 3e-6, 4e-6
 NOMINAL = Diaphragm(model_error=MODEL_ERROR)
 EARLY = replace(NOMINAL, reading=ReadingTime.START_OF_HOLD)
 BONDED = replace(NOMINAL, ball="bonded")
-
-
-@pytest.fixture(autouse=True)
-def closed():
-    """No figure outlives its test."""
-    yield
-    plt.close("all")
 
 
 def form(rig: Rig, fitted: float, unseen: float) -> Candidate:

@@ -141,18 +141,6 @@ def test_roots_of_a_stack_are_those_of_its_members():
         np.testing.assert_allclose(new, jacobian @ one @ jacobian.T, rtol=0, atol=100 * EPS * np.abs(stack).max())
 
 
-@pytest.mark.parametrize(("n_samples", "penalty"), [(40, 1e-18), (40, 0.1), (3, 0.1)])
-def test_ridge_tells_the_covariance_of_its_prior(n_samples, penalty):
-    """Of fewer samples than terms some directions are not seen; beside a wide prior nothing is lost of those seen."""
-    rng = np.random.default_rng(2)
-    rows, target = rng.standard_normal((5, n_samples)), rng.standard_normal(n_samples)
-    found = Ridge(penalty=penalty)(rows, target)
-    precision = rows @ rows.T / n_samples + penalty * np.diag(np.mean(rows**2, axis=1))
-    expected = found.noise_variance / n_samples * np.linalg.inv(precision)
-    np.testing.assert_allclose(found.theta_cov, expected, rtol=0, atol=1e3 * EPS * np.trace(expected))
-    model_of(found.theta_cov)
-
-
 def test_ridge_that_leaves_nothing_for_the_noise_is_refused():
     rng = np.random.default_rng(2)
     with pytest.raises(ModelError, match="3 samples leave no freedom for noise at penalty = 1e-18"):

@@ -28,17 +28,6 @@ def regression(n=60, k=4, seed=0, noise=0.3, constant=False):
     return rows, theta @ rows + noise * rng.normal(size=n), theta
 
 
-def test_least_squares_against_the_normal_equations():
-    rows, target, _ = regression()
-    found = least_squares(rows, target)
-    gram = rows @ rows.T
-    np.testing.assert_allclose(found.theta, np.linalg.solve(gram, rows @ target), rtol=1e-9)
-    variance = np.sum((target - found.theta @ rows) ** 2) / (60 - 4)
-    assert found.noise_variance == pytest.approx(variance, rel=1e-12)
-    np.testing.assert_allclose(found.theta_cov, variance * np.linalg.inv(gram), rtol=1e-8)
-    assert found.dof == math.inf
-
-
 def test_least_squares_on_longley_data():
     """The Longley data of NIST's Statistical Reference Datasets, condition number 5e9 unscaled: certified values."""
     data = np.array(LONGLEY)
@@ -65,6 +54,7 @@ def test_least_squares_on_longley_data():
     np.testing.assert_allclose(found.theta, certified, rtol=1e-10)
     np.testing.assert_allclose(np.sqrt(np.diag(found.theta_cov)), deviations, rtol=1e-9)
     assert found.noise_variance == pytest.approx(304.854073561965**2, rel=1e-9)
+    assert found.dof == math.inf
 
 
 @pytest.mark.parametrize("estimate", [least_squares, TotalLeastSquares()])
@@ -158,18 +148,6 @@ def test_ridge_bears_dependent_regressors_and_noise_free_data():
         assert Ridge(penalty=choice)(row[None], 2 * row).theta == pytest.approx([2.0], rel=1e-6)
 
 
-def test_ridge_beats_least_squares_where_regressors_are_nearly_dependent():
-    """Hoerl and Kennard's point, over 100 draws: a smaller mean squared error of the parameters."""
-    rng, squares = np.random.default_rng(5), {"ridge": 0.0, "least squares": 0.0}
-    for _ in range(100):
-        base = rng.normal(size=50)
-        rows = base + 0.05 * rng.normal(size=(4, 50))
-        target = np.ones(4) @ rows + rng.normal(size=50)
-        squares["ridge"] += np.sum((Ridge()(rows, target).theta - 1) ** 2)
-        squares["least squares"] += np.sum((least_squares(rows, target).theta - 1) ** 2)
-    assert squares["ridge"] < 0.2 * squares["least squares"]
-
-
 def test_total_least_squares_of_a_line_is_orthogonal_regression():
     """One regressor and a constant: the slope of Deming (1943) for equal errors, in closed form."""
     rng = np.random.default_rng(7)
@@ -238,14 +216,6 @@ def test_bayesian_regression_takes_the_precision_of_largest_evidence():
     others = [Bayesian(precision=found.precision * factor)(rows, target).log_evidence for factor in (0.8, 1.25)]
     assert found.log_evidence > max(others)
     assert 1e-6 < found.precision < 1e5
-
-
-def test_evidence_prefers_the_right_regressors():
-    rng = np.random.default_rng(11)
-    rows = rng.normal(size=(5, 200))
-    target = np.array([1.0, -1.0]) @ rows[:2] + 0.5 * rng.normal(size=200)
-    evidence = [Bayesian()(rows[:k], target).log_evidence for k in range(1, 6)]
-    assert int(np.argmax(evidence)) == 1
 
 
 @pytest.mark.parametrize(

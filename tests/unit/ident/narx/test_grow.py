@@ -211,21 +211,6 @@ def test_its_intervals_hold_the_truth_under_correlated_noise(pole):
     assert pole == 0.0 or plain.mean() / 200 < 0.85
 
 
-def test_intervals_hold_where_the_terms_are_the_true_ones():
-    # 40 sets, 4 parameters each, whose errors in a set are correlated: 0.95 of them with a deviation of at most 0.034,
-    # if all four of a set were one. |u| is a function among the terms.
-    values = {"y(k-1)": 0.7, "y(k-2)": -0.2, "u(k-1)": 0.5, "|u(k-1)|": 0.4}
-    plant, rng = NarxModel.from_terms(values, sample_time=1.0), np.random.default_rng(12)
-    held = []
-    for _ in range(40):
-        u = np.convolve(rng.normal(size=1001), [0.7, 0.5], "valid")
-        clean = plant.simulate(Recording.from_arrays(u, 0 * u, 1.0)).outputs[0]
-        found = refine(plant, Recording.from_arrays(u, clean + 0.05 * rng.normal(size=u.size), 1.0))
-        off = np.abs(found.theta - plant.theta) / np.sqrt(np.diag(found.theta_cov))
-        held.append(np.mean(off < 1.96))
-    assert 0.88 <= np.mean(held) <= 0.995
-
-
 @pytest.mark.parametrize("sets", [4, pytest.param(200, marks=pytest.mark.study)])
 def test_bands_hold_what_they_say_with_the_terms_that_were_found(sets):
     # Intervals take the terms as given: of the sets with exactly the true terms, they hold the true values.

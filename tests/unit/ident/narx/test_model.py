@@ -153,12 +153,8 @@ def test_arrays_are_read_only_and_the_model_prints():
 
 
 def test_plot_has_units():
-    from matplotlib import pyplot
-
-    pyplot.switch_backend("Agg")
     axes = full_model().simulate(make_recording()).plot()
     assert axes.get_xlabel() == "time (s)" and "(m)" in axes.get_ylabel()
-    pyplot.close("all")
 
 
 PLAIN = {"y(k-1)": 0.5, "u(k-1)": 1.0}

@@ -82,8 +82,6 @@ def test_a_level_lies_between_0_and_1(level):
 
 
 def test_the_picture_shows_truth_and_interval():
-    from matplotlib import pyplot
-
     posterior = ThetaPosterior(model=model())
     truth = np.array([0.61, 0.3, -0.9])
     panels = posterior.plot(truth=truth)
@@ -95,7 +93,6 @@ def test_the_picture_shows_truth_and_interval():
         shaded = panel.collections[0].get_paths()[0].vertices[:, 0]
         step = np.diff(density.get_xdata())[0]
         assert shaded.min() - low < step and high - shaded.max() < step
-    pyplot.close("all")
 
 
 @pytest.mark.extras

@@ -140,8 +140,6 @@ def test_senseless_arguments_are_refused(model, arguments):
 
 
 def test_the_picture_shows_the_band(model):
-    from matplotlib import pyplot
-
     band = one_step_band(model, recording(50, seed=7))
     axes = band.plot()
     middle, measured = axes.get_lines()
@@ -149,7 +147,6 @@ def test_the_picture_shows_the_band(model):
     np.testing.assert_array_equal(measured.get_ydata(), band.measured[0])
     shaded = axes.collections[0].get_paths()[0].vertices[:, 1]
     assert shaded.min() == band.lower.min() and shaded.max() == band.upper.max()
-    pyplot.close("all")
 
 
 def test_with_noise_on_the_readings_the_band_holds_new_readings():

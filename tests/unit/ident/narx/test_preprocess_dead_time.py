@@ -282,15 +282,11 @@ def test_too_few_samples_and_wrong_arguments():
 
 
 def test_the_sentence_and_the_figure():
-    from matplotlib import pyplot
-
-    pyplot.switch_backend("Agg")
     u = signal("held", np.random.default_rng(6))
     (found,) = estimate_dead_time(recorded(u, first_order(u, 7)), probability=0.9)
     assert str(found).startswith("u1 begins to act on y after 7 samples (0.7 s), 90 % interval ")
     axes = found.plot()
     assert axes.get_xlabel() == "lag (samples)" and len(axes.get_legend().get_texts()) == 3
-    pyplot.close("all")
 
 
 def test_orders_begin_at_the_dead_time():

@@ -169,10 +169,6 @@ def test_errors_are_clear():
 
 
 def test_plot_shows_both_functions():
-    from matplotlib import pyplot
-
-    pyplot.switch_backend("Agg")
     axes = choose_sampling(of(np.sin(np.arange(4000) / 30))).plot()
     assert axes.get_xlabel() == "lag (s)" and len(axes.get_legend().get_texts()) == 2
     assert "decimate by" in axes.get_title()
-    pyplot.close("all")

@@ -141,13 +141,9 @@ def test_errors_are_clear():
 
 
 def test_plot_has_a_line_for_each_degree():
-    from matplotlib import pyplot
-
-    pyplot.switch_backend("Agg")
     recording = bilinear(seed=12)
     choice = choose_orders(Frols(max_terms=4), recording, recording, output_lags=(1, 2, 3), degrees=(1, 2))
     axes = choice.plot()
     labels = [text.get_text() for text in axes.get_legend().get_texts()]
     assert labels[:2] == ["linear", "degree 2"] and "chosen" in labels
     assert "(m)" in axes.get_ylabel()
-    pyplot.close("all")

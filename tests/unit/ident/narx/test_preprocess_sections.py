@@ -147,10 +147,6 @@ def test_errors_are_clear():
 
 
 def test_plot_marks_both_sections():
-    from matplotlib import pyplot
-
-    pyplot.switch_backend("Agg")
     axes = choose_sections(record(np.random.default_rng(11))).plot()
     assert axes.get_xlabel() == "time (s)" and "(m)" in axes.get_ylabel()
     assert {text.get_text() for text in axes.get_legend().get_texts()} == {"training", "validation"}
-    pyplot.close("all")

@@ -32,20 +32,6 @@ def moving_average(u, e):
     return y
 
 
-def test_the_equations_run_together():
-    rng = np.random.default_rng(0)
-    u = rng.uniform(-1, 1, 300)
-    y = coupled(u, np.zeros((2, 300)))
-    model = NarxModel.from_terms(COUPLED, sample_time=1.0)
-    run = model.simulate(Recording.from_arrays(u, y, 1.0))
-    np.testing.assert_allclose(run.outputs, y, rtol=1e-12, atol=1e-14)
-    noise = 0.1 * rng.normal(size=(2, 300))
-    noise[:, :2] = 0
-    noisy = coupled(u, noise)
-    residuals = model.predict(Recording.from_arrays(u, noisy, 1.0)).residuals
-    np.testing.assert_allclose(residuals, noise[:, 2:], atol=1e-13)
-
-
 def test_prediction_runs_the_noise_along_and_the_free_run_does_without():
     rng = np.random.default_rng(1)
     u, e = rng.uniform(-1, 1, 400), 0.2 * rng.normal(size=400)

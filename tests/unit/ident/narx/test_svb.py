@@ -191,8 +191,6 @@ def test_several_recordings_count_each_with_its_own_lags():
 
 
 def test_pictures_mark_the_choice():
-    from matplotlib import pyplot
-
     from deatwin.ident.narx.pruning import draw_relevance_paths
 
     svb = SvbNarx(clean_up="none").fit(bilinear())
@@ -205,4 +203,3 @@ def test_pictures_mark_the_choice():
     assert set(kept.get_xdata()) | set(pruned.get_xdata()) == set(range(15))
     labels = [line.get_label() for line in draw_relevance_paths(svb.path_).get_lines()]
     assert {str(term) for term in svb.terms_} <= set(labels)
-    pyplot.close("all")

@@ -32,12 +32,6 @@ MACHINES = ("backlash", "coulomb_friction", "dead_zone", "relaxation")
 pytestmark = pytest.mark.usefixtures("uncompiled")
 
 
-@pytest.fixture(autouse=True)
-def without_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
-    """So small a plant runs faster than it compiles."""
-    monkeypatch.setenv("DEATWIN_COMPILER", "")
-
-
 def simulation(effect: Effect | None, commands: np.ndarray = COMMANDS, **rig: float) -> Any:
     record = Recording.from_arrays(commands, np.zeros(len(commands)), STEP)
     plant = Plant(rig=Pushed(**rig), effects=() if effect is None else (effect,))
@@ -65,14 +59,6 @@ def test_a_film_is_not_offered_it(rig: Rig) -> None:
     offered = {e.name: e for e in rig.effects()}
     assert not set(offered) & {"backlash", "dead_zone", "relaxation"}
     assert not isinstance(offered["coulomb_friction"], DryFriction)
-
-
-@pytest.mark.parametrize("name", MACHINES)
-def test_an_effect_that_is_off_is_not_there(name: str) -> None:
-    effect = next(e for e in Pushed().effects() if e.name == name)
-    off = replace(effect, **{effect.strength: 0.0})
-    np.testing.assert_allclose(readings(off), readings(None), rtol=0, atol=1e-12)
-    assert np.abs(readings(effect) - readings(None)).max() > 1e-6
 
 
 @pytest.mark.parametrize(

@@ -162,13 +162,6 @@ def test_a_header_repeated_without_times_is_refused(tmp_path: Path) -> None:
         read_recording(tmp_path / "r.csv", dt=0.02)
 
 
-def test_commands_written_only_when_they_change_are_refused(tmp_path: Path) -> None:
-    rows = [row if k % 4 == 0 else f"{T[k]:.2f},,{Y[k]}" for k, row in enumerate(ROWS)]
-    (tmp_path / "r.csv").write_text("\n".join([HEAD, *rows]), encoding="utf-8")
-    with pytest.raises(DataError, match=r'row 3, column "command_V": there is no value; fill it with the command'):
-        read_recordings(tmp_path / "r.csv", allow_gaps=True)
-
-
 def test_times_too_coarse_to_tell_the_sample_time_are_read_with_it(tmp_path: Path) -> None:
     rows = with_times([f"12:00:0{int(3.7 + t)}" for t in T])  # the second changes once
     (tmp_path / "r.csv").write_text("\n".join(["time" + HEAD[6:], *rows]), encoding="utf-8")
@@ -183,12 +176,6 @@ def test_a_unit_of_time_is_offered_only_where_no_more_than_capitals_differ(tmp_p
         with pytest.raises(DataError) as error:
             read_recording(tmp_path / "r.csv")
         assert error.value.offers.time_column == offered
-
-
-def test_names_on_two_lines_are_named_as_the_fault(tmp_path: Path) -> None:
-    (tmp_path / "r.csv").write_text("\n".join(['time_s,"command', '(V)","x', '(mm)"', *ROWS]), encoding="utf-8")
-    with pytest.raises(DataError, match=r"row 4: .* a quoted name has a line break in it: write the names on one line"):
-        read_recording(tmp_path / "r.csv")
 
 
 def test_a_remark_behind_the_unit_belongs_to_the_name_and_a_factor_leaves_the_unit_unknown() -> None:

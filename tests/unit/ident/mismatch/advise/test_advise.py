@@ -2,14 +2,13 @@
 
 import importlib
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any, ClassVar
+from typing import ClassVar
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from made_rigs import Bare
+from made_rigs import Wire
 from scipy.stats import binom, norm
 
 from deatwin.ident.greybox.fit import calibrate
@@ -32,7 +31,6 @@ from deatwin.plant import (
     DielectricAbsorption,
     ElectrodeRC,
     Experiment,
-    Parameter,
     PermittivityStretch,
     Plant,
     Recording,
@@ -40,8 +38,7 @@ from deatwin.plant import (
     SensorLag,
     actuation_curve,
 )
-from deatwin.plant.builder import Builder
-from deatwin.plant.effects.base import Effect, Place
+from deatwin.plant.effects.base import Effect
 from deatwin.plant.files import read_commands
 from deatwin.plant.integrator.compiled import compiler
 
@@ -49,29 +46,6 @@ STEP = 0.02
 NOMINAL = Plant(rig=Diaphragm())
 WRONG = {"shear_modulus": 29e3, "stretch_limit": 140.0, "permittivity": 4.3, "damping": 0.06}
 compiled = pytest.mark.skipif(compiler() is None, reason="many fits: without a C compiler they take ten times as long")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Wire(Bare):
-    """A capacitor behind an amplifier, and a sensor that reads its voltage."""
-
-    noise: float = 2e-6
-
-    kind: ClassVar[str] = "wire"
-    follows_at_once: ClassVar[bool] = True
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="gain", value=1e-4, unit="m/V", lower=1e-6, upper=1e-2),
-            Parameter(name="zero", value=0.0, unit="m", lower=-1e-3, upper=1e-3),
-        )
-
-    def write(self, build: Builder) -> Any:
-        command = build.place(Place.DRIVE, "command", build.command)
-        build.watch("capacitance", 1e-9 + 0 * command)
-        voltage = build.watch("film_voltage", build.place(Place.DRIVE, "film_voltage", command))
-        return build.place(Place.SENSOR, "reading", build.parameter("gain") * voltage + build.parameter("zero"))
 
 
 class CrudeWire(Wire):
@@ -109,6 +83,29 @@ def alternatives_on(problem: DiagnosisProblem, *effects: Effect) -> list[Candida
     fits = [finish(search(problem.nominal.with_effects(effect), problem.fitted), problem.fitted) for effect in effects]
     found = [judge(problem, fit, noise) for fit in fits]
     return [candidate for candidate in found if candidate is not None]
+
+
+Bench = tuple[DiagnosisProblem, dict[str, Candidate]]
+
+
+def fitted_to(truth: Effect, frequency: float, noise: float, *effects: Effect) -> Bench:
+    """A bench with 8 s of a wire, and the explanations of the record by their effects."""
+    nominal = Plant(rig=Wire(noise=noise))
+    experiment = nominal.with_effects(truth).record(blank(sine(8.0, frequency)), np.random.default_rng(0))
+    problem = bench_of(nominal, experiment)
+    return problem, {found.effects[0]: found for found in alternatives_on(problem, *effects)}
+
+
+@pytest.fixture(scope="module")
+def late() -> Bench:
+    others = ElectrodeRC(time=0.08), Delay(time=0.05), SensorCurvature(), SensorLag(time=0.08)
+    return fitted_to(ElectrodeRC(time=0.1), 0.5, 2e-6, *others)
+
+
+@pytest.fixture(scope="module")
+def slow() -> Bench:
+    """To a slow sine all three are late."""
+    return fitted_to(Delay(time=0.01), 0.2, 4e-5, Delay(time=0.01), ElectrodeRC(time=0.01), SensorLag(time=0.01))
 
 
 @pytest.mark.parametrize("name", REPERTOIRE)
@@ -192,13 +189,10 @@ def test_safe_limits_stay_below_the_static_limits_of_the_film():
 
 
 @compiled
-def test_where_the_reading_cannot_tell_another_signal_is_advised(tmp_path):
-    nominal = Plant(rig=Wire())
-    experiment = nominal.with_effects(ElectrodeRC(time=0.1)).record(blank(sine(8.0, 0.5)), np.random.default_rng(0))
-    problem = bench_of(nominal, experiment)
+def test_where_the_reading_cannot_tell_another_signal_is_advised(late, tmp_path):
+    problem, explained = late
     # the capacitor's lag and the sensor's are the same reading of one linear chain
-    alternatives = alternatives_on(problem, ElectrodeRC(time=0.08), SensorLag(time=0.08))
-    found = advise(problem, alternatives, np.random.default_rng(0))
+    found = advise(problem, [explained["electrode_rc"], explained["sensor_lag"]], np.random.default_rng(0))
     assert found is not None
     assert found.recording is None
     assert found.measure in ("the current", "the voltage on the film")  # which only the one of them makes late
@@ -213,15 +207,13 @@ def test_where_the_reading_cannot_tell_another_signal_is_advised(tmp_path):
     assert found.undecided == found.alternatives
     axes = found.plot()
     assert axes.get_xlabel()
-    plt.close(axes.figure)
 
 
 @compiled
-def test_a_refit_that_brought_rivals_nearer_tells_the_confusion_before():
-    nominal = Plant(rig=Wire(noise=4e-5))
-    experiment = nominal.with_effects(Delay(time=0.01)).record(blank(sine(8.0, 0.2)), np.random.default_rng(0))
-    problem = bench_of(nominal, experiment)
-    alternatives = alternatives_on(problem, Delay(time=0.03), SensorLag(time=0.03))
+def test_a_refit_that_brought_rivals_nearer_tells_the_confusion_before(slow, monkeypatch):
+    problem, explained = slow
+    alternatives = [explained["delay"], explained["sensor_lag"]]
+    monkeypatch.setattr(sys.modules[advise.__module__], "_search", lambda *_: None)  # what is advised does not matter
 
     def before(*squared: float) -> float:
         known = [Distance(effects=("delay", "sensor_lag"), d2=d2) for d2 in squared]
@@ -255,15 +247,10 @@ def test_a_diagnosis_tells_the_confusion_by_the_distances_that_it_lists(monkeypa
 
 
 @compiled
-def test_of_many_explanations_the_nearest_pairs_are_simulated(monkeypatch):
-    nominal = Plant(rig=Wire())
-    experiment = nominal.with_effects(ElectrodeRC(time=0.1)).record(blank(sine(8.0, 0.5)), np.random.default_rng(0))
-    problem = bench_of(nominal, experiment)
-    alternatives = alternatives_on(
-        problem, ElectrodeRC(time=0.08), Delay(time=0.05), SensorCurvature(), SensorLag(time=0.08)
-    )
-    of = [alternative.calibration for alternative in alternatives]
-    asked = question.Question.of(problem, of, nominal.rig.noise, np.random.default_rng(1))
+def test_of_many_explanations_the_nearest_pairs_are_simulated(late, monkeypatch):
+    problem, explained = late
+    of = [alternative.calibration for alternative in explained.values()]
+    asked = question.Question.of(problem, of, problem.nominal.rig.noise, np.random.default_rng(1))
     commands = asked.commands("steps with long holds", 1000)
     assert commands is not None
     assert len(asked.pairs) == 12
@@ -283,14 +270,10 @@ def test_of_many_explanations_the_nearest_pairs_are_simulated(monkeypatch):
 
 
 @compiled
-def test_an_input_is_simulated_once_with_each_fitted_explanation(monkeypatch):
-    nominal = Plant(rig=Wire())
-    experiment = nominal.with_effects(ElectrodeRC(time=0.1)).record(blank(sine(8.0, 0.5)), np.random.default_rng(0))
-    problem = bench_of(nominal, experiment)
-    of = [
-        r.calibration for r in alternatives_on(problem, ElectrodeRC(time=0.08), Delay(time=0.05), SensorLag(time=0.08))
-    ]
-    asked = question.Question.of(problem, of, nominal.rig.noise, np.random.default_rng(1))
+def test_an_input_is_simulated_once_with_each_fitted_explanation(late, monkeypatch):
+    problem, explained = late
+    of = [explained[name].calibration for name in ("electrode_rc", "delay", "sensor_lag")]
+    asked = question.Question.of(problem, of, problem.nominal.rig.noise, np.random.default_rng(1))
     commands = asked.commands("steps with long holds", 1000)
     started: list[Plant] = []
     evaluate = Problem.evaluate
@@ -341,12 +324,10 @@ def test_a_length_is_foretold_from_how_the_distance_grows(reached, first, last, 
 
 
 @compiled
-def test_an_input_that_decides_on_some_of_the_explanations_is_advised(monkeypatch):
-    nominal = Plant(rig=Wire(noise=4e-5))
-    experiment = nominal.with_effects(Delay(time=0.01)).record(blank(sine(8.0, 0.2)), np.random.default_rng(0))
-    problem = bench_of(nominal, experiment)
-    # to a slow sine all three are late; a fast input shows the delay, but a lag is itself whatever is said of it
-    alternatives = alternatives_on(problem, Delay(time=0.01), ElectrodeRC(time=0.01), SensorLag(time=0.01))
+def test_an_input_that_decides_on_some_of_the_explanations_is_advised(slow, monkeypatch):
+    problem, explained = slow
+    # a fast input shows the delay, but a lag is itself whatever is said of it
+    alternatives = list(explained.values())
     asked, module = [], sys.modules[advise.__module__]
 
     def to_measure(market, explanations):
@@ -497,7 +478,6 @@ def test_the_advised_input_decides_a_tie(tmp_path):
     assert found.alternatives == ("delay", "electrode_rc")
     axes = found.plot()
     assert "µm" in axes.get_ylabel()
-    plt.close(axes.figure)
 
 
 @pytest.mark.study

@@ -335,8 +335,6 @@ def test_it_goes_into_a_diagnosis_and_a_model_file():
 
 
 def test_the_drawing_says_what_it_is():
-    from matplotlib import pyplot
-
     discovery = found("bumper")
     ax = discovery.plot()
     assert ax.get_xlabel() == "displacement (mm)"
@@ -346,7 +344,6 @@ def test_the_drawing_says_what_it_is():
     latent, x = discovery.latent, discovery.state
     high = latent.counted & (x > 5e-3)
     assert latent.mean[high].mean() == pytest.approx(-40.0 * (x[high] - 3e-3).mean(), rel=0.15)
-    pyplot.close(ax.figure)
 
 
 def test_functions_along_a_run_are_those_of_their_definitions():

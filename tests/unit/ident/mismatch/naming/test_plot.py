@@ -3,7 +3,6 @@
 from dataclasses import replace
 from itertools import pairwise
 
-import matplotlib as mpl
 import pytest
 from made_fits import leaving
 from matplotlib import pyplot as plt
@@ -12,18 +11,9 @@ from deatwin.ident.mismatch import Candidate, Naming
 from deatwin.ident.mismatch.naming.decide import nothing_tried
 from deatwin.plant import Diaphragm, ReadingTime, Rig
 
-mpl.use("Agg")
-
 NOISE = 2e-6
 RIG = Diaphragm()
 BARE, BEST, RIVAL, OTHER = "base plant", "best explanation", "not ruled out", "other"
-
-
-@pytest.fixture(autouse=True)
-def closed():
-    """No figure outlives its test."""
-    yield
-    plt.close("all")
 
 
 def candidate(*effects: str, fitted: float, unseen: float, rig: Rig = RIG) -> Candidate:

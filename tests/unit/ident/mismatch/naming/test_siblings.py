@@ -1,12 +1,11 @@
 """What acts like an effect, on a rig that only passes the command on: all is known in closed form."""
 
-from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pytest
-from made_rigs import Bare
+from made_rigs import Wire
 
 from deatwin.ident.greybox.fit import calibrate
 from deatwin.ident.greybox.parts import Part
@@ -17,7 +16,6 @@ from deatwin.ident.mismatch.naming.siblings import siblings
 from deatwin.plant import (
     Delay,
     Experiment,
-    Parameter,
     Plant,
     Recording,
     SensorCurvature,
@@ -25,32 +23,10 @@ from deatwin.plant import (
     SensorJump,
     SensorLag,
 )
-from deatwin.plant.builder import Builder
-from deatwin.plant.effects.base import Place
 from deatwin.plant.excitation import band_limited_noise
 
 STEP, GAIN, LAG = 0.02, 1e-4, 0.03
-
-
-@dataclass(frozen=True, kw_only=True)
-class Mirror(Bare):
-    """The reading is the command, in metres."""
-
-    noise: float = 1e-8
-
-    kind: ClassVar[str] = "mirror"
-    follows_at_once: ClassVar[bool] = True
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter(name="gain", value=GAIN, unit="m/V", lower=1e-6, upper=1e-2),
-            Parameter(name="zero", value=0.0, unit="m", lower=-1e-3, upper=1e-3),
-        )
-
-    def write(self, build: Builder) -> Any:
-        command = build.place(Place.DRIVE, "command", build.command)
-        return build.place(Place.SENSOR, "reading", build.parameter("gain") * command + build.parameter("zero"))
+MIRROR = Plant(rig=Wire(noise=1e-8))
 
 
 COMMANDS = 2.0 + band_limited_noise(np.random.default_rng(3), 30.0, STEP)
@@ -79,8 +55,8 @@ def measured(readings: np.ndarray) -> Recording:
 
 def explained(lag: float = LAG) -> tuple[Any, Any]:
     part = Part.whole(Experiment(recordings=(measured(GAIN * lagged(COMMANDS, lag)),)))
-    fit = calibrate(Plant(rig=Mirror()).with_effects(SensorLag(time=0.02)), [part], tolerance=1e-10, starts=1)
-    return SimpleNamespace(fitted=(part,), jobs=1, nominal=Plant(rig=Mirror())), fit
+    fit = calibrate(MIRROR.with_effects(SensorLag(time=0.02)), [part], tolerance=1e-10, starts=1)
+    return SimpleNamespace(fitted=(part,), jobs=1, nominal=MIRROR), fit
 
 
 def off(change: np.ndarray) -> np.ndarray:
@@ -126,13 +102,13 @@ def test_what_correlates_by_a_half_at_the_strength_that_the_typical_one_promises
 @pytest.mark.parametrize("curvature", [20.0, -20.0])
 def test_a_sibling_begins_on_its_own_side(curvature):
     """Readings biased the other way are explained by a negative strength, and by no positive one."""
-    biased = Plant(rig=Mirror()).with_effects(SensorCurvature(curvature=curvature))
+    biased = MIRROR.with_effects(SensorCurvature(curvature=curvature))
     blank = Recording.from_arrays(COMMANDS, np.zeros_like(COMMANDS), STEP)
     readings = biased.simulate(Experiment(recordings=(blank,))).require().outputs[0][0]
     part = Part.whole(Experiment(recordings=(measured(readings),)))
-    plant = Plant(rig=Mirror()).with_effects(SensorCurvature(curvature=0.1))
+    plant = MIRROR.with_effects(SensorCurvature(curvature=0.1))
     fit = calibrate(plant, [part], tolerance=1e-10, starts=1)
-    problem = SimpleNamespace(fitted=(part,), jobs=1, nominal=Plant(rig=Mirror()))
+    problem = SimpleNamespace(fitted=(part,), jobs=1, nominal=MIRROR)
     (found,) = siblings(problem, fit, ("sensor_curvature",), [SensorCurvature(curvature=1.0)], {})
     assert np.sign(found.estimate.curvature) == np.sign(curvature)
 
