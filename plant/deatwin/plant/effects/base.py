@@ -28,7 +28,7 @@ class Family(Enum):
 
 
 class Place(Enum):
-    """Place in the plant where an effect acts; other plants may declare an `Enum` of their own."""
+    """Place in the plant where an effect acts; a plant of another kind may declare its own `Enum`."""
 
     DRIVE = "drive"
     FILM = "film"
@@ -38,7 +38,7 @@ class Place(Enum):
 
 
 class Alone(Enum):
-    """Condition under which one reading alone can distinguish a further place of an effect."""
+    """How well a single reading distinguishes an effect at a further place from other places and other effects."""
 
     TOLD = "told"
     """One reading alone may distinguish the place, so it is tried in every diagnosis."""
@@ -50,7 +50,7 @@ class Alone(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Site:
-    """A further place at which an effect may enter a plant, by the same law.
+    """A further place at which an effect may act on a plant, by the same law.
 
     Parameters
     ----------
@@ -69,10 +69,10 @@ class Site:
     order : int
         Number that sorts effects at this place into the order in which they act; see `Effect.order`.
     alone : Alone
-        Ability of a single reading to distinguish this place from others.
+        How well a single reading distinguishes the effect at this place from other places and other effects.
     covered_by : str
-        Name of another effect that does the same at this place: on a plant that accepts it, this effect does not have
-        this place.
+        Name of another effect that acts in the same way at this place. On a plant that accepts that other effect, the
+        present effect cannot act at this place.
     """
 
     place: Enum

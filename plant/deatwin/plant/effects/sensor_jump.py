@@ -22,9 +22,9 @@ class SensorJump(Effect):
 
     .. math:: y \to y + \frac{a}{1 + e^{-(t - t_0)/(h/4)}}
 
-    No state. The step takes about one sample time h, so that the reading has a derivative with respect to
-    :math:`t_0`. Typical: tens of micrometres. Signature: the shift is the same at any voltage; an `electrode_loss`
-    instead removes a share of the motion and leaves the sag at 0 V. Off at a = 0.
+    No state. The step takes about one sample time h, so that the reading has a derivative with respect to :math:`t_0`.
+    Typical: tens of micrometres. Signature: the shift is the same at any voltage; an `electrode_loss` instead removes a
+    share of the motion and does not change the sag at 0 V. Off at a = 0.
 
     Parameters
     ----------

@@ -49,7 +49,7 @@ def second_invariant(stretch_1: Symbol, stretch_2: Symbol) -> Symbol:
 
 
 def neo_hookean(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol) -> Symbol:
-    r"""Neo-Hookean energy :math:`W = \tfrac{\mu}{2}(I_1 - 3)`; :math:`\mu_0 = \mu`.
+    r"""Neo-Hookean energy :math:`W = \tfrac{\mu}{2}(I_1 - 3)`; initial shear modulus :math:`\mu_0 = \mu`.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def neo_hookean(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol) -> 
 
 
 def mooney_rivlin(stretch_1: Symbol, stretch_2: Symbol, first: Symbol, second: Symbol) -> Symbol:
-    r"""Mooney-Rivlin energy :math:`W = C_1(I_1 - 3) + C_2(I_2 - 3)`; :math:`\mu_0 = 2(C_1 + C_2)`.
+    r"""Mooney-Rivlin energy :math:`W = C_1(I_1 - 3) + C_2(I_2 - 3)`; initial shear modulus :math:`2(C_1 + C_2)`.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def mooney_rivlin(stretch_1: Symbol, stretch_2: Symbol, first: Symbol, second: S
 
 
 def yeoh(stretch_1: Symbol, stretch_2: Symbol, first: Symbol, second: Symbol, third: Symbol) -> Symbol:
-    r"""Yeoh energy :math:`W = \sum_{k=1}^{3} C_k(I_1 - 3)^k`; :math:`\mu_0 = 2C_1`.
+    r"""Yeoh energy :math:`W = \sum_{k=1}^{3} C_k(I_1 - 3)^k`; initial shear modulus :math:`2C_1`.
 
     Parameters
     ----------
@@ -117,8 +117,9 @@ def ogden(stretch_1: Symbol, stretch_2: Symbol, *terms: Symbol) -> Symbol:
     .. math:: W = \sum_p \frac{\mu_p}{\alpha_p}\bigl(\lambda_1^{\alpha_p} + \lambda_2^{\alpha_p}
               + \lambda_3^{\alpha_p} - 3\bigr), \qquad \mu_0 = \tfrac12\sum_p\mu_p\alpha_p
 
-    Some programs write :math:`2\mu_p/\alpha_p^2` instead, so that :math:`\mu_0 = \sum_p\mu_p`: multiply their moduli
-    by :math:`2/\alpha_p`.
+    :math:`\mu_0` is the initial shear modulus. Some programs write :math:`2\mu_p/\alpha_p^2` in place of
+    :math:`\mu_p/\alpha_p`, so that :math:`\mu_0 = \sum_p\mu_p`; multiply the moduli of such a program by
+    :math:`2/\alpha_p`.
 
     Parameters
     ----------
@@ -143,7 +144,7 @@ def ogden(stretch_1: Symbol, stretch_2: Symbol, *terms: Symbol) -> Symbol:
 
 
 def gent(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol, stretch_limit: Symbol) -> Symbol:
-    r"""Gent energy :math:`W = -\tfrac{\mu J_m}{2}\ln\bigl(1 - (I_1-3)/J_m\bigr)`; :math:`\mu_0 = \mu`.
+    r"""Gent energy :math:`W = -\tfrac{\mu J_m}{2}\ln\bigl(1 - (I_1-3)/J_m\bigr)`; initial shear modulus :math:`\mu`.
 
     Parameters
     ----------
@@ -176,8 +177,8 @@ def arruda_boyce(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol, lo
               z = \frac{1}{\lambda_L}\sqrt{\frac{I_1}{3}}
 
     The integral is :math:`z^2/2 - \ln(1 - z^2)`. Cohen's form is exact at both ends and at most 4.94 % above the exact
-    inverse, near z = 0.80. Wang et al. (J. Mech. Phys. Solids 95 (2016) 213) identified their parameter sets with it. At small strain
-    :math:`\mu_0 = \mu\,\dfrac{1 - \lambda_L^{-2}/3}{1 - \lambda_L^{-2}}`.
+    inverse, near z = 0.80. Wang et al. (J. Mech. Phys. Solids 95 (2016) 213) used Cohen's form to identify their
+    parameter sets. The initial shear modulus is :math:`\mu_0 = \mu\,\dfrac{1 - \lambda_L^{-2}/3}{1 - \lambda_L^{-2}}`.
 
     Parameters
     ----------

@@ -28,8 +28,8 @@ def stretched(
     .. math:: \varepsilon = \varepsilon_0^r\,\bigl[1 + c\,(\lambda_1 + \lambda_2 - \lambda_{01} - \lambda_{02})\bigr]
 
     For VHB 4910 the literature quotes 4.68 and c = -0.053 from the unstretched state, fitted to values of Wissler &
-    Mazza: 4.68, 3.71, 3.34 and 2.62 at equal stretches of 1, 3, 4 and 5, which the law meets within 5 %. Others found
-    hardly any change, so a fit may start from either slope.
+    Mazza: 4.68, 3.71, 3.34 and 2.62 at equal stretches of 1, 3, 4 and 5, which the law reproduces within 5 %. Others
+    found hardly any change of permittivity, so a fit may start from c = -0.053 or from c = 0.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def random_walk(
     duration : float
         Duration of the track, s; rounded up to whole intervals.
     interval : float
-        Time between two values, s; the track is straight between them.
+        Time between two values, s; between two values the permittivity changes linearly.
     permittivity : float
         Relative permittivity at the start.
     spread : float
@@ -192,10 +192,10 @@ def polarised_energy(
     .. math:: w = -\tfrac12\varepsilon_\infty\varepsilon_0E^2 - PE + \frac{P^2}{2\Delta\varepsilon\,\varepsilon_0},
               \qquad E = \tilde E\lambda_1\lambda_2
 
-    Its derivative with respect to a stretch gives the Maxwell stress -E D instead of :math:`-\varepsilon E^2`; that
-    with respect to P drives `polarisation_rate`, which dissipates :math:`\tau\dot
-    P^2/(\Delta\varepsilon\,\varepsilon_0) \ge 0`. A sudden stretch leaves P per volume unchanged, not the dipoles'
-    lengths; this is a choice.
+    Its derivative with respect to a stretch gives the Maxwell stress -E D instead of :math:`-\varepsilon E^2`, with the
+    true field E and the displacement D; its derivative with respect to P drives `polarisation_rate`, which dissipates
+    :math:`\tau\dot P^2/(\Delta\varepsilon\,\varepsilon_0) \ge 0`. We assume that a sudden stretch does not change P,
+    the polarisation per volume; the alternative would be that it does not change the lengths of the dipoles.
 
     Parameters
     ----------

@@ -60,7 +60,7 @@ class Diaphragm(Rig):
         Ramp and hold of the start procedure, s.
     start_is_known : bool
         False if the history of the film before the first sample is unknown. Then the start procedure is ignored, and
-        the initial value of each memory is fitted, as ``branch_at_start`` and ``creep.at_start``.
+        the initial value of each slow state is fitted, for example as ``branch_at_start`` or ``creep.at_start``.
     zero_is_known : bool
         False if the sensor's zero is arbitrary, instead of near the position without voltage.
     direction : float
@@ -73,10 +73,10 @@ class Diaphragm(Rig):
         True if the experimenter is sure of the prestretch; otherwise 3.5 or 4.5, whichever is farther from it, is an
         alternative.
     resolution : {"reduced", "fine"}
-        Discretisation: a few coordinates, or axisymmetric elements with branches that flow independently at each point,
-        which a film that relaxes needs below a prestretch of 1.5.
+        Discretisation: ``"reduced"`` uses a few coordinates, ``"fine"`` axisymmetric elements whose Maxwell branches
+        relax independently at each point. A film that relaxes needs ``"fine"`` below a prestretch of 1.5.
     elements : int
-        Number of elements of the fine film under the electrode; the annulus has half as many.
+        Number of elements under the electrode with ``"fine"``; the annulus around the electrode has half as many.
     sample_time, noise, reading, model_error, command_range, chain, further, supply
         Drive and sensor; see `Rig`.
     """

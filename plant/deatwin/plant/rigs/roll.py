@@ -22,11 +22,13 @@ class Roll(FilmActuator):
     .. math:: B H\Bigl(\frac{\partial W}{\partial\lambda} - \varepsilon\frac{V^2}{H^2}\lambda\lambda_h^2\Bigr)
               = k\,(\ell_0 - \lambda L) + F
 
-    The layers hold each other around the core: the hoop stretch :math:`\lambda_h` is constant, the film is in pure
-    shear, and all layers have the same axial stretch. The wound film is thin compared with the core, so that its layers
-    also share one hoop stretch. The spring's free length :math:`\ell_0` holds the film of published values at its
-    prestretch without voltage; it stays when a fit changes the material. The roll in W. R. Jacobs' thesis (2.2.3) is
-    assumed to work by elongation.
+    H is the thickness before stretching, W the strain energy density, :math:`\lambda` the axial stretch,
+    :math:`\varepsilon` the permittivity and V the voltage. The layers hold each other around the core: the hoop stretch
+    :math:`\lambda_h` is constant, the film is in pure shear, and all layers have the same axial stretch. The wound film
+    is thin compared with the core, so that all layers also have the same hoop stretch. The spring's free length
+    :math:`\ell_0` holds a film with the published material values at its prestretch without voltage; :math:`\ell_0`
+    does not change when a fit changes the material. The roll in W. R. Jacobs' thesis (2.2.3) is assumed to work by
+    elongation.
 
     Parameters
     ----------
