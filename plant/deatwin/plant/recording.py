@@ -28,17 +28,18 @@ class Recording:
     inputs : (n_inputs, n) array
         Inputs in the units `input_units`; the command of a rig is in V.
     outputs : (n_outputs, n) array
-        Outputs in the units `output_units`; a displacement is in m. It has no rows if only commands are known.
+        Outputs in the units `output_units`; a displacement is in m. The array has no rows if only commands are known.
     sample_time : float
         Time between two samples, s.
     start : float
         Time of the first sample on the clock of the experiment, s.
     input_names, output_names : tuple of str
-        Name of each row.
+        Name of each input and output.
     input_units, output_units : tuple of str
-        SI unit of each row; empty if unknown.
+        SI unit of each input and output; empty if unknown.
     extras : mapping of str to (n,) array
-        Further channels in SI units, for example ``temperature`` in K or ``current`` in A; NaN where a value is missing.
+        Further channels in SI units, for example ``temperature`` in K or ``current`` in A; NaN where a value is
+        missing.
     extra_units : mapping of str to str
         SI unit of each further channel; by default that of its usual name, else empty.
     provenance : mapping of str to str
@@ -144,8 +145,8 @@ class Recording:
         Raises
         ------
         DataError
-            Same as for the class, or if there are more rows than samples, as in a table with a column for each signal, or
-            if `inputs` and `outputs` are columns of data frames with different indexes.
+            Same as for the class, or if there are more rows than samples, as in a table with a column for each signal,
+            or if `inputs` and `outputs` are columns of data frames with different indexes.
 
         Examples
         --------
@@ -304,7 +305,8 @@ class Experiment:
     Raises
     ------
     DataError
-        If there is no recording, something is not a recording, two overlap, or they differ in sample time or signals.
+        If there is no recording, something is not a recording, two recordings overlap, or recordings differ in sample
+        time or signals.
     """
 
     recordings: tuple[Recording, ...]
@@ -387,8 +389,8 @@ def _require_one_index(inputs: Any, outputs: Any) -> None:
     )
     if first is not None and second is not None and not first.equals(second):
         raise DataError(
-            "the indexes of inputs and outputs differ, so their rows do not belong together; align the columns, or pass "
-            ".to_numpy() of each where the order alone counts"
+            "the indexes of inputs and outputs differ, so their rows do not belong together; align the columns, or pass
+            " ".to_numpy() of each where the order alone counts"
         )
 
 

@@ -32,7 +32,7 @@ class FitStatus(Enum):
     Estimators that search for the least error by its gradient (`Grow`, `OutputError`, `Armax`, `BoxJenkins`, `Pnlss`,
     `Cascade`) end ``DONE`` only if the gradient is small: a further Gauss-Newton step would move the parameters by less
     than a twentieth of their standard deviations (relative offset of Bates and Watts, 1981), or the fit is exact. The
-    minimum may be a local one; its error shows how much better it is than a linear model.
+    minimum may be a local one; compare its error with the error of a linear model.
     """
 
     DONE = "done"
@@ -108,8 +108,8 @@ class Identifier:
             raise AttributeError(f"{missing}; its fitted model has: model_.{name}" if held else missing)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Another process may not know the registered functions that arguments mention.
-        return rebuilt, (own_functions(repr(self)), copyreg.__newobj__, (type(self),)), vars(self)  # type: ignore[attr-defined]
+        # Another process may not know the registered functions that arguments mention. return rebuilt,
+        (own_functions(repr(self)), copyreg.__newobj__, (type(self),)), vars(self)  # type: ignore[attr-defined]
 
     def score(self, recordings: Recordings, y: None = None) -> float:
         """Return how well free runs of the fitted model agree with recordings: 1 is perfect, their mean gives 0.
@@ -165,10 +165,10 @@ class NarxIdentifier(Identifier, ABC):
     """Base class of the estimators of NARX models; follows scikit-learn's contract.
 
     Arguments are stored untouched under their names, learned attributes end in ``_``, and ``fit`` returns the
-    estimator. Estimators that choose terms subtract the mean from signals whose mean is larger than their swing,
-    because powers of such signals are nearly identical. All but `Grow` then run a second time with outputs relative to
-    the model's state of rest, so that no constant term is needed. For recordings with several outputs, a clone of the
-    estimator learns each equation, from the lags of all outputs and inputs.
+    estimator. Estimators that choose terms subtract the mean from signals whose mean is larger than their variation,
+    because powers of such signals are nearly collinear. All these estimators except `Grow` then run a second time with
+    outputs relative to the model's state of rest, so that no constant term is needed. For recordings with several
+    outputs, a clone of the estimator learns each equation, from the lags of all outputs and inputs.
 
     Attributes
     ----------
@@ -179,10 +179,11 @@ class NarxIdentifier(Identifier, ABC):
     notes_ : tuple of str
         Remarks on the fit, one sentence each; usually empty. Reasons are: the one-step error on the training data is
         more than 1 % above that of least squares on the same terms, the plant reacts to an input later than the model's
-        largest lag of that input, or products of several noisy outputs may stand for the noise.
+        largest lag of that input, or terms with products of several noisy outputs may describe the noise instead of the
+        plant.
     equations_ : tuple of NarxIdentifier
-        Fitted estimator of each output if there are several, otherwise empty. The other learned attributes of a class
-        then belong to these estimators.
+        Fitted estimator of each output if there are several, otherwise empty. With several outputs, the other learned
+        attributes belong to these estimators.
     """
 
     output_lags: Lags

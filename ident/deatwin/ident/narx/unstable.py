@@ -42,8 +42,8 @@ class Unstable:
         Pole z of largest magnitude of a long ARX model of the recordings, which noise does not bias; None if they are
         too short for one.
     interval : tuple of float, or None
-        95 % interval of the magnitude of `recorded_pole`. It is valid if the controller sees no disturbance before the
-        output shows it.
+        95 % interval of the magnitude of `recorded_pole`. The interval is valid if the controller does not react to a
+        disturbance before the disturbance appears in the output.
     """
 
     pole: complex
@@ -71,13 +71,12 @@ class Unstable:
             for rms, percent, unit in zip(self.ahead.rms, self.ahead.percent, units, strict=True)
         )
         useless = (
-            ", no better than the mean of the output: the pole is biased, or terms are missing; with a model of the noise "
-            "(Armax, Narmax) the pole is not biased"
+            ", no better than the mean of the output: the pole is biased, or terms are missing; with a model of the
+            noise " "(Armax, Narmax) the pole is not biased"
         )
         return [
-            f"the model's unstable pole: {_written(self.pole, self.sample_time)}{self._recorded}",
-            f"{self.steps} steps ahead, the time in which a deviation grows by a factor of e, the error of the prediction "
-            f"is {ahead}"
+            f"the model's unstable pole: {_written(self.pole, self.sample_time)}{self._recorded}", f"{self.steps} steps
+            ahead, the time in which a deviation grows by a factor of e, the error of the prediction " f"is {ahead}"
             f"{useless if np.any(self.ahead.percent <= 0.0) else ''}",
         ]
 
@@ -117,8 +116,8 @@ def unstable_pole_lacked(found: RecordedPole | None, recordings: Sequence[Record
         return ""
     return (
         f"a linear model (ARX) of high order has an unstable pole, {_sized(found.pole, found.interval)}, "
-        f"{_rate(found.pole, recordings[0].sample_time)}, which this model lacks: the plant is unstable, and "
-        "the recording was made in a closed loop; no fit of the free run can find this pole, but a fit one step ahead can, "
+        f"{_rate(found.pole, recordings[0].sample_time)}, which this model lacks: the plant is unstable, and " "the
+        recording was made in a closed loop; no fit of the free run can find this pole, but a fit one step ahead can, "
         "best with a model of the noise (Armax, Narmax)"
     )
 

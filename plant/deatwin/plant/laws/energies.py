@@ -176,9 +176,10 @@ def arruda_boyce(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol, lo
               \beta = z\,\frac{3 - z^2}{1 - z^2} \approx \mathcal L^{-1}(z), \qquad
               z = \frac{1}{\lambda_L}\sqrt{\frac{I_1}{3}}
 
-    The integral is :math:`z^2/2 - \ln(1 - z^2)`. Cohen's form is exact at both ends and at most 4.94 % above the exact
-    inverse, near z = 0.80. Wang et al. (J. Mech. Phys. Solids 95 (2016) 213) used Cohen's form to identify their
-    parameter sets. The initial shear modulus is :math:`\mu_0 = \mu\,\dfrac{1 - \lambda_L^{-2}/3}{1 - \lambda_L^{-2}}`.
+    :math:`\mathcal L^{-1}` is the inverse Langevin function. The integral is :math:`z^2/2 - \ln(1 - z^2)`. Cohen's form
+    is exact at both ends and at most 4.94 % above the exact inverse, near z = 0.80. Wang et al. (J. Mech. Phys. Solids
+    95 (2016) 213) used Cohen's form to identify their parameter sets. The initial shear modulus is
+    :math:`\mu_0 = \mu\,\dfrac{1 - \lambda_L^{-2}/3}{1 - \lambda_L^{-2}}`.
 
     Parameters
     ----------
