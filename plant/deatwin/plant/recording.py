@@ -38,8 +38,7 @@ class Recording:
     input_units, output_units : tuple of str
         SI unit of each input and output; empty if unknown.
     extras : mapping of str to (n,) array
-        Further channels in SI units, for example ``temperature`` in K or ``current`` in A; NaN where a value is
-        missing.
+        Further channels in SI units, for example ``temperature`` in K or ``current`` in A; NaN where a value is missing.
     extra_units : mapping of str to str
         SI unit of each further channel; by default that of its usual name, else empty.
     provenance : mapping of str to str
@@ -145,8 +144,8 @@ class Recording:
         Raises
         ------
         DataError
-            Same as for the class, or if there are more rows than samples, as in a table with a column for each signal,
-            or if `inputs` and `outputs` are columns of data frames with different indexes.
+            Same as for the class, or if there are more rows than samples, as in a table with a column for each signal, or
+            if `inputs` and `outputs` are columns of data frames with different indexes.
 
         Examples
         --------
@@ -389,8 +388,8 @@ def _require_one_index(inputs: Any, outputs: Any) -> None:
     )
     if first is not None and second is not None and not first.equals(second):
         raise DataError(
-            "the indexes of inputs and outputs differ, so their rows do not belong together; align the columns, or pass
-            " ".to_numpy() of each where the order alone counts"
+            "the indexes of inputs and outputs differ, so their rows do not belong together; align the columns, or pass "
+            ".to_numpy() of each where the order alone counts"
         )
 
 

@@ -108,8 +108,8 @@ class Identifier:
             raise AttributeError(f"{missing}; its fitted model has: model_.{name}" if held else missing)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Another process may not know the registered functions that arguments mention. return rebuilt,
-        (own_functions(repr(self)), copyreg.__newobj__, (type(self),)), vars(self)  # type: ignore[attr-defined]
+        # Another process may not know the registered functions that arguments mention.
+        return rebuilt, (own_functions(repr(self)), copyreg.__newobj__, (type(self),)), vars(self)  # type: ignore[attr-defined]
 
     def score(self, recordings: Recordings, y: None = None) -> float:
         """Return how well free runs of the fitted model agree with recordings: 1 is perfect, their mean gives 0.

@@ -110,14 +110,15 @@ def register_function(name: str, function: Function, slope: Function | None = No
     name : str
         Name in terms: a word that is not the name of a built-in function. Your own name may be registered again.
     function : callable
-        Function of an array of any shape that returns one of the same shape, in float64; it gets the signal in its
-        unit.
+        Function of an array of any shape that returns one of the same shape, in float64; it gets the signal in its unit.
     slope : callable, optional
         Derivative of `function`, a function of the same kind; computed by central differences if omitted.
 
-    Notes ----- Worker processes and pickles receive the registered functions that an estimator or a model contains. Any
-    function can be sent to worker processes (``GridSearchCV(n_jobs=2)``). A pickle requires a function that is defined
-    at the top level of a module, so a lambda cannot be pickled.
+    Notes
+    -----
+    Worker processes and pickles receive the registered functions that an estimator or a model contains. Any function
+    can be sent to worker processes (``GridSearchCV(n_jobs=2)``). A pickle requires a function that is defined at the top
+    level of a module, so a lambda cannot be pickled.
 
     Raises
     ------
@@ -134,8 +135,7 @@ def register_function(name: str, function: Function, slope: Function | None = No
     """
     if not (isinstance(name, str) and name.isidentifier() and name.isascii()) or name in SOURCES:
         raise ModelError(
-            f"{name!r} cannot name a function of your own, because the name is built in or invalid; built in are {',
-            '.join(SOURCES)}"
+            f"{name!r} cannot name a function of your own, because the name is built in or invalid; built in are {', '.join(SOURCES)}"
         )
     if not callable(function) or not (slope is None or callable(slope)):
         raise ModelError(f"the function {name} and its slope must be callables that take an array")

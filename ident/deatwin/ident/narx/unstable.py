@@ -71,12 +71,13 @@ class Unstable:
             for rms, percent, unit in zip(self.ahead.rms, self.ahead.percent, units, strict=True)
         )
         useless = (
-            ", no better than the mean of the output: the pole is biased, or terms are missing; with a model of the
-            noise " "(Armax, Narmax) the pole is not biased"
+            ", no better than the mean of the output: the pole is biased, or terms are missing; with a model of the noise "
+            "(Armax, Narmax) the pole is not biased"
         )
         return [
-            f"the model's unstable pole: {_written(self.pole, self.sample_time)}{self._recorded}", f"{self.steps} steps
-            ahead, the time in which a deviation grows by a factor of e, the error of the prediction " f"is {ahead}"
+            f"the model's unstable pole: {_written(self.pole, self.sample_time)}{self._recorded}",
+            f"{self.steps} steps ahead, the time in which a deviation grows by a factor of e, the error of the prediction "
+            f"is {ahead}"
             f"{useless if np.any(self.ahead.percent <= 0.0) else ''}",
         ]
 
@@ -116,8 +117,8 @@ def unstable_pole_lacked(found: RecordedPole | None, recordings: Sequence[Record
         return ""
     return (
         f"a linear model (ARX) of high order has an unstable pole, {_sized(found.pole, found.interval)}, "
-        f"{_rate(found.pole, recordings[0].sample_time)}, which this model lacks: the plant is unstable, and " "the
-        recording was made in a closed loop; no fit of the free run can find this pole, but a fit one step ahead can, "
+        f"{_rate(found.pole, recordings[0].sample_time)}, which this model lacks: the plant is unstable, and "
+        "the recording was made in a closed loop; no fit of the free run can find this pole, but a fit one step ahead can, "
         "best with a model of the noise (Armax, Narmax)"
     )
 

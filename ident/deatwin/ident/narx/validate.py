@@ -50,8 +50,8 @@ class ValidationStatus(Enum):
 
     PASSED = "nothing is left to explain: the residual is white and independent of the input"
     NOISE = (
-        "the residual is predictable from its own past but not from the input alone: the terms without noise are
-        adequate, " "but a noise model (terms in e) is missing"
+        "the residual is predictable from its own past but not from the input alone: the terms without noise are adequate, "
+        "but a noise model (terms in e) is missing"
     )
     STRUCTURE = "the residual depends on the input: terms are missing, or the lags or the degree are too small"
     UNSTABLE = (

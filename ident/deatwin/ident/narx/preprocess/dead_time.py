@@ -41,8 +41,8 @@ class DeadTimeStatus(Enum):
 
     FOUND = "the recordings show at which lag the input begins to act"
     AT_ONCE = (
-        "the input acts within the sample, unless the recording was made in a closed loop: a controller that reacts
-        within " "the sample looks the same"
+        "the input acts within the sample, unless the recording was made in a closed loop: a controller that reacts within "
+        "the sample looks the same"
     )
     LOOP = (
         "the past of the output predicts this input, so a closed loop is suspected; but the input may also be a noisy "
@@ -142,8 +142,8 @@ class DeadTime:
 
     def __str__(self) -> str:
         if self.interval is not None and self.samples is None:
-            low, high = self.interval return f"{self.input_name}: {self.status.value} ({100 * self.probability:g} %
-            interval {low} to {high} samples)"
+            low, high = self.interval
+            return f"{self.input_name}: {self.status.value} ({100 * self.probability:g} % interval {low} to {high} samples)"
         if self.samples is None or self.interval is None:
             longest = "1 sample was" if self.searched_to == 1 else f"{self.searched_to} samples were"
             tested = f" ({longest} the longest tested)" if self.searched_to else ""

@@ -200,17 +200,17 @@ def _slow(channel: _Channel, level: float) -> Iterator[Finding]:
     total, duration = slope * y.size / length, channel.record.duration
     if 2.0 * float(stdtr(dof, -abs(t_value))) < level:
         text = (
-            f"a linear trend of {channel.amount(total)} over {duration:.4g} s, which is " f"{abs(total) /
-            float(y.std()):.2g} standard deviations of the signal (significance: t = {t_value:.1f} with " f"{dof}
-            degrees of freedom)"
+            f"a linear trend of {channel.amount(total)} over {duration:.4g} s, which is "
+            f"{abs(total) / float(y.std()):.2g} standard deviations of the signal (significance: t = {t_value:.1f} with "
+            f"{dof} degrees of freedom)"
         )
         yield channel.finding(FindingKind.TREND, np.arange(y.size), total, text)
     if float(fdtrc(dof, 2 * _SEGMENTS, spread / chance)) < level:
         worst = int(np.argmax(np.abs(left)))
         where = np.arange(worst * length, (worst + 1) * length)
         text = (
-            f"a slow drift: means over {duration / _SEGMENTS:.3g} s vary by {channel.amount(np.sqrt(spread))} rms, where
-            " f"chance alone gives {channel.amount(np.sqrt(chance))} rms; the largest deviation is "
+            f"a slow drift: means over {duration / _SEGMENTS:.3g} s vary by {channel.amount(np.sqrt(spread))} rms, where "
+            f"chance alone gives {channel.amount(np.sqrt(chance))} rms; the largest deviation is "
             f"{channel.amount(left[worst])}, from {channel.record.timepts[where[0]]:.4g} s on"
         )
         yield channel.finding(FindingKind.DRIFT, where, left[worst], text)
@@ -254,8 +254,7 @@ def _outliers(channel: _Channel, level: float) -> Iterator[Finding]:
         times = ", ".join(f"{channel.record.timepts[k]:.6g}" for k in far[:5]) + (", ..." if far.size > 5 else "")
         text = (
             f"{far.size} outlying reading{'s' if far.size > 1 else ''}, at {times} s; the largest differs from its "
-            f"neighbours by {channel.amount(deviation[worst])}, {size[worst] / usual[worst]:.3g} times the usual
-            difference"
+            f"neighbours by {channel.amount(deviation[worst])}, {size[worst] / usual[worst]:.3g} times the usual difference"
         )
         yield channel.finding(FindingKind.OUTLIERS, far, deviation[worst], text)
 
@@ -300,9 +299,12 @@ def _clipping(channel: _Channel) -> Iterator[Finding]:
         where = np.concatenate(rows)
         level = y[where[0]]
         yield channel.finding(
-            FindingKind.CLIPPING, where, level, f"{where.size} readings between {channel.record.timepts[where[0]]:.6g}
-            and " f"{channel.record.timepts[where[-1]]:.6g} s are clipped: in {len(rows)} stretch{'es' if len(rows) > 1
-            else ''} " f"they stay at the {word} value, {channel.amount(level)}",
+            FindingKind.CLIPPING,
+            where,
+            level,
+            f"{where.size} readings between {channel.record.timepts[where[0]]:.6g} and "
+            f"{channel.record.timepts[where[-1]]:.6g} s are clipped: in {len(rows)} stretch{'es' if len(rows) > 1 else ''} "
+            f"they stay at the {word} value, {channel.amount(level)}",
         )
 
 
