@@ -30,7 +30,7 @@ _PATH_STEPS = 32  # steps from the centre of the training data to the operating 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Equilibrium(Frozen):
-    """Equilibria of a model under a constant input, and the one near the data.
+    """Equilibria of a model under a constant input; the chosen equilibrium is the one near the training data.
 
     Parameters
     ----------
@@ -215,8 +215,8 @@ def remove_dc(model: NarxModel, operating_input: ArrayLike | None = None) -> Nar
     Raises
     ------
     ModelError
-        If the model has no equilibrium there, it integrates, two equilibria coincide, the coefficients overflow, or no
-        term remains.
+        If the model has no equilibrium at this input, the model integrates, two equilibria coincide, the coefficients
+        overflow, or no term remains.
     """
     return deviations(model, operating_input).model
 

@@ -55,8 +55,8 @@ def gfrf(
         Name of the input that carries each tone, as ``["u1", "u2"]`` or by the model's own names; required if the model
         has several inputs.
     operating_input : float, or array_like of shape (n_inputs,), optional
-        Constant input about which the model is expanded, in its unit; the centre of the training data by default (0 if
-        there is none, as after `remove_dc`).
+        Constant input about which the model is expanded, in its unit; the centre of the training data by default (0
+        after `remove_dc`, and without training data).
     form : str
         "symmetric" for the response that does not depend on the order of the frequencies; "recursive" for the result of
         the recursion of Peyton Jones and Billings, which has the same mean over all permutations.

@@ -70,7 +70,8 @@ class Frols(CandidateSearch):
     Attributes
     ----------
     model_ : NarxModel
-        The identified model, in physical units; ``theta_cov`` is ``sigma^2 (P'P)^-1`` with least squares.
+        The identified model, in physical units; with least squares, ``theta_cov`` is ``sigma^2 (P'P)^-1`` with the
+        residual variance sigma^2 and the regressors P.
     terms_ : tuple of Term
         Terms of the model, in the order in which they were chosen.
     err_ : ndarray, shape (n_terms,)

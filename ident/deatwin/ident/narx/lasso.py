@@ -95,7 +95,8 @@ class Lasso(CandidateSearch):
     Attributes
     ----------
     model_ : NarxModel
-        The identified model, in physical units; ``theta_cov`` is ``sigma^2 (P'P)^-1``.
+        The identified model, in physical units; ``theta_cov`` is ``sigma^2 (P'P)^-1`` with the residual variance
+        sigma^2 and the regressors P.
     terms_ : tuple of Term
         Terms of the model.
     path_ : LassoPath
