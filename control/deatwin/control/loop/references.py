@@ -77,7 +77,7 @@ def sine_reference(centre: float, amplitude: float, frequency_Hz: float, sample_
     Raises
     ------
     ControlError
-        If an argument has the wrong type or is not finite, or one that must be positive is not.
+        If an argument has the wrong type or is not finite, or an argument that must be positive is not.
     """
     count = round(periods / (frequency_Hz * sample_time))
     return np.asarray(centre + amplitude * np.sin(2 * np.pi * frequency_Hz * sample_time * np.arange(count)))
@@ -122,7 +122,7 @@ def tone_reference(
     Raises
     ------
     ControlError
-        If an argument has the wrong type or is not finite, or one that must be positive is not.
+        If an argument has the wrong type or is not finite, or an argument that must be positive is not.
     """
     frequencies = np.atleast_1d(np.asarray(frequencies_Hz, dtype=np.float64))
     timepts = sample_time * np.arange(count)

@@ -51,7 +51,7 @@ POINTS = 400
 
 
 def detect(base: Candidate, problem: DiagnosisProblem, rng: np.random.Generator) -> Detection:
-    """Test whether a calibrated plant lacks anything.
+    """Test whether a calibrated plant lacks any physics.
 
     Parameters
     ----------

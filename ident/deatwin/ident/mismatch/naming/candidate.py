@@ -44,7 +44,7 @@ class Candidate:
     measured : ndarray, shape (m + n,)
         Fitted and held-out readings, SI; empty if no test depends on them.
     level : ndarray, shape (m + n,)
-        Relative noise level by which these residuals were divided; empty if it is constant.
+        Relative noise level by which the residuals were divided; empty if the level is constant.
     log_share : float
         Logarithm of the prior share of the places at which the effects act.
     log_size : float
@@ -195,8 +195,8 @@ class Distance:
     effects : tuple of str
         Names of the two explanations; the effects of a set are joined by ``+``.
     d2 : float
-        Squared distance after one is refitted to the other; to first order if the recordings have already distinguished
-        them.
+        Squared distance after one explanation is refitted to the readings of the other; a first-order value if the
+        recordings have already distinguished the two explanations.
     """
 
     effects: tuple[str, str]
