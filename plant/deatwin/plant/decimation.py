@@ -20,10 +20,10 @@ def decimate(recording: Recording, factor: int, *, reading: ReadingTime = Readin
 
     If inputs and outputs pass the same filter, a linear model of them stays valid; a nonlinear model does only if the
     filter removes little power (see `removed_share`). Each new sample covers ``factor`` old samples. The new input is
-    the filtered command in the middle of that time; the new reading is taken at its end (or its start), as in the old
-    recording. A model of the new samples thus has the phase of the system with a held input, and the gain of that
-    system to within ``(omega T)^2 / 24``, where T is the new sampling time. About nine new samples at each end are
-    dropped, where the filter would reach beyond the record. Times stay as they were.
+    the filtered command in the middle of that time; the new reading is taken at the end (or the start) of that time, as
+    in the old recording. A model of the new samples thus has the phase of the system with a held input, and the gain of
+    that system to within ``(omega T)^2 / 24``, where T is the new sampling time. About nine new samples at each end are
+    dropped, because the filter would reach beyond the record. The times of the remaining samples do not change.
 
     Parameters
     ----------

@@ -62,7 +62,8 @@ class PredictedLoop(Described):
     input_unit, output_unit : str
         Units of input and output.
     trained : (float, float) or None
-        Least and largest output of the training data, in the output's unit; None if the model does not record them.
+        Least and largest output of the training data, in the output's unit; None if the model does not state this
+        range.
     """
 
     timepts: Array = field(metadata=coordinate("time", name="time", unit="s"))

@@ -40,8 +40,8 @@ def gfrf(
 
     In response to the input A_1 e^(jw_1 t) + ... + A_n e^(jw_n t) about the operating input, the output contains n!
     H_n(w_1..w_n) A_1 ... A_n e^(j(w_1+...+w_n)t), where H_n is symmetric. With several inputs, `inputs` names the input
-    that carries each tone; if they differ (u1, u2), H_n is a cross kernel, which is unchanged if frequencies are
-    exchanged together with their inputs.
+    that carries each tone; if these inputs differ (u1, u2), H_n is a cross kernel, which is unchanged if frequencies
+    are exchanged together with their inputs.
 
     Parameters
     ----------

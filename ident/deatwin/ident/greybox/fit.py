@@ -255,8 +255,8 @@ def calibrate(
     one fit. Two errors agree if a single 95 % interval could contain both; if the parameters nevertheless disagree, the
     result contains both solutions.
 
-    Ctrl-C ends the search: the best parameters so far are kept, and `status` says so. Before the first simulation has
-    ended KeyboardInterrupt is raised.
+    Ctrl-C ends the search: the best parameters so far are kept, and `status` says so. If the first simulation has not
+    ended yet, KeyboardInterrupt is raised.
 
     Parameters
     ----------
@@ -266,7 +266,7 @@ def calibrate(
         Data to fit. All samples of experiments and recordings are used, for every reading of the rig that they contain.
         Each experiment or recording starts from rest.
     names : sequence of str, optional
-        Names of the parameters to fit; all free ones by default.
+        Names of the parameters to fit; all free parameters by default.
     starts : int
         Largest number of starting points; 1 for a single descent from the plant's values.
     evaluations : int

@@ -43,12 +43,12 @@ class Profile(Described):
     parameter : Parameter
         Parameter with its calibrated value.
     values : ndarray, shape (n,)
-        Values at which the others were fitted, in increasing order, SI.
+        Values at which the other parameters were fitted, in increasing order, SI.
     deviances : ndarray, shape (n,)
         Twice the loss of log likelihood at each value, scaled to the calibration's covariance.
     low, high : float
-        Ends of the 95 % interval, SI. If the likelihood does not fall far enough, the end of the physical range, or the
-        last value at which the plant could be fitted.
+        Ends of the 95 % interval, SI. If the likelihood does not fall far enough, an end is the end of the physical
+        range, or the last value at which the plant could be fitted.
     bounded : tuple of bool
         Two values: True if the recordings bound the parameter from below, and True if they bound it from above.
     """

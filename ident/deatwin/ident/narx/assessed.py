@@ -61,7 +61,7 @@ def assessed(
 
     The assessment has the frequency bands that the input excited, the rms and correlation time of the free-run
     residual, and the results of the residual tests and of the free-run gain on held-out data. The commands `frequency`
-    and `check` read it.
+    and `check` read this assessment.
 
     Parameters
     ----------

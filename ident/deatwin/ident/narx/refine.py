@@ -48,7 +48,7 @@ def refine(
     model : NarxModel
         Model with one output and no noise terms, whose free run does not diverge on the recordings.
     recordings : Recording, Experiment, or several
-        Training data; each run starts with the measured first lags of its recording.
+        Training data; each free run starts from the first measured samples of its recording.
     tolerance : float
         Relative decrease of the sum of squares in one step below which the search ends.
     max_steps : int
@@ -100,7 +100,7 @@ def extend(
     Parameters
     ----------
     model : NarxModel
-        Model to start from, as for `refine`; a linear one is sufficient.
+        Model to start from, as for `refine`; a linear model is sufficient.
     recordings : Recording, Experiment, or several
         Training data.
     candidates : iterable of Term

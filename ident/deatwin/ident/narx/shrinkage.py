@@ -91,7 +91,7 @@ class Bayesian:
     precision : float or None
         Precision alpha, dimensionless; None chooses it by the largest marginal likelihood.
     priors : Priors
-        Priors of the noise, of which a0 and b0 are used.
+        Priors; only a0 and b0, those of the noise precision, are used.
 
     References
     ----------

@@ -52,7 +52,7 @@ class Cascade(StateSpaceIdentifier):
         Terms of the static functions, besides the signal v (scaled to an rms value of about one) and a constant: powers
         ``"v^2"``, or functions such as ``"|v|"``, ``"sat(v,1)"`` and, for splines, ``"hinge(v,0.5)"``.
     feedthrough : bool
-        True if the linear block that ends the path acts within the sample.
+        True if the last linear block has direct feedthrough, so that it acts within the sample.
     held_out : float
         Share of each recording, at its end, that is held out: the search stops when the error on this part no longer
         falls. With 0, all samples are fitted.
@@ -72,8 +72,10 @@ class Cascade(StateSpaceIdentifier):
     first_states_ : ndarray, shape (n_recordings, n_states)
         State of the model at the first sample of each recording, as `NonlinearStateSpace.simulate` takes it.
 
-    References ---------- Schoukens, Tiels, "Identification of block-oriented nonlinear systems starting from linear
-    approximations: a survey", Automatica 85 (2017) 272-292, doi:10.1016/j.automatica.2017.06.044.
+    References
+    ----------
+    Schoukens, Tiels, "Identification of block-oriented nonlinear systems starting from linear approximations: a
+    survey", Automatica 85 (2017) 272-292, doi:10.1016/j.automatica.2017.06.044.
     """
 
     structure: str = "LN"

@@ -28,8 +28,9 @@ class AmplifierSlew(Effect):
     typical ones, whose action is shorter than a sample. Typical: 1 to 50 kV/s; r < 1 if the source cannot sink current,
     so that its voltage falls slowly. Signature: only fast (or only falling) changes are late, and more so at larger
     amplitude and frequency; `electrode_rc` delays small signals as much as large ones. Upwards means towards positive
-    voltage, so with r other than 1 the response is not even in the voltage. Off at s = 0, where :math:`V = V_a`. To
-    first order in s, the effect is only the lag :math:`sw_0`: a limit that is never reached has no other effect.
+    voltage, so with r other than 1 the response is not even in the voltage. The effect is off at s = 0, where
+    :math:`V = V_a`. To first order in s, the effect is only the lag :math:`sw_0`: a limit that is never reached has no
+    other effect.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ class Backlash(Effect):
     rate-independent loop whose parallel sides are 2w apart along the command, whatever the size of the motion; commands
     that vary by less than 2w have no effect. `coulomb_friction` acts on the force, so the inertia of the moved part can
     carry that part across the loop; if the command sets a position, backlash and Coulomb friction look alike. A
-    `dead_zone` has no loop. Off at w = 0.
+    `dead_zone` has no loop. The effect is off at w = 0.
 
     Parameters
     ----------

@@ -90,8 +90,8 @@ class Site:
 class Effect(ABC):
     """Physics that rewrites one signal of a plant and vanishes exactly at a strength of zero.
 
-    The fields of a subclass are its physical parameters in SI units. Its class variables give its name, the place and
-    signal on which it acts, and the parameter that is its strength.
+    The fields of a subclass are its physical parameters in SI units. The class variables give the name of the effect,
+    the place and signal on which the effect acts, and the parameter that is the strength of the effect.
     """
 
     name: ClassVar[str]

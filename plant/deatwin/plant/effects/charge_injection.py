@@ -23,7 +23,7 @@ class ChargeInjection(Effect):
     value, whereas `dielectric_absorption` and `creep` make the motion grow; when V returns to 0, the remaining charge
     still causes a force proportional to :math:`(bV)^2`; after a reversal of polarity, the force starts at
     :math:`(1+b)^2` of the ideal force. The response is therefore not even in the present voltage, but it is unchanged
-    if the sign of the whole history is reversed. Off at b = 0.
+    if the sign of the whole history is reversed. The effect is off at b = 0.
 
     Parameters
     ----------

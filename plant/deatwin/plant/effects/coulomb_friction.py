@@ -31,7 +31,7 @@ class CoulombFriction(Effect):
     much faster than :math:`v_s`: a plateau after each reversal, until the driving force has changed by :math:`2F_c`; a
     loop of width :math:`2F_c/k`, at any rate and at any amplitude above that width. In slower motion the friction acts
     as a damper of :math:`F_c/v_s`, without plateaus. `hysteresis` instead resists motions smaller than its `distance`
-    elastically, with hardly a loop. Off at :math:`F_c = 0`.
+    elastically, with hardly a loop. The effect is off at :math:`F_c = 0`.
 
     Parameters
     ----------

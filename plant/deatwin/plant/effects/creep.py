@@ -26,7 +26,7 @@ class Creep(Effect):
     10 to 60 kPa, 6 to 500 s; the gain is 15 to 20 % higher for a constant voltage than at 1 Hz. Signature: after each
     change of the mean voltage the motion continues slowly, nearly in proportion to the change of the squared voltage,
     and it recovers when the voltage returns. `dielectric_absorption` continues in this way even if the film cannot
-    move; `permittivity_drift` does not recover. Off at :math:`\mu_c = 0`.
+    move; `permittivity_drift` does not recover. The effect is off at :math:`\mu_c = 0`.
 
     Parameters
     ----------

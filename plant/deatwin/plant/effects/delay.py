@@ -35,14 +35,14 @@ class Delay(Effect):
     .. math:: u \to u_{-k-1} \ \text{during the first fraction} \ \sigma \ \text{of a sample}, \quad
               u_{-k} \ \text{during the rest}
 
-    No state: the earlier commands, :math:`u_{-k}` from k samples ago, are inputs. A sample is divided at the time at
-    which the command jumps, and each part is solved in its own step, so that the jump does not reduce the accuracy. If
-    the reading follows the command instantaneously (`Rig.follows_at_once`), the reading does not show when within a
-    sample the command jumped. On such a rig the command becomes :math:`u_{-k} + \sigma\,(u_{-k-1} - u_{-k})`, as if it
-    were interpolated and not held, so that a fit can move from one whole sample to the next. Typical: 0 to 40 ms.
-    Signature: a phase lag proportional to frequency, 7.2° per 20 ms at 1 Hz, without a change of gain. Below 1 Hz, an
-    `electrode_rc` or `sensor_lag` with a short time constant looks like a delay; above 5 Hz, both of them reduce the
-    gain. Off at :math:`\tau_d = 0`.
+    The effect has no state: the earlier commands, :math:`u_{-k}` from k samples ago, are inputs. A sample is divided at
+    the time at which the command jumps, and each part is solved in its own step, so that the jump does not reduce the
+    accuracy. If the reading follows the command instantaneously (`Rig.follows_at_once`), the reading does not show when
+    within a sample the command jumped. On such a rig the command becomes :math:`u_{-k} + \sigma\,(u_{-k-1} - u_{-k})`,
+    as if it were interpolated and not held, so that a fit can move from one whole sample to the next. Typical: 0 to 40
+    ms. Signature: a phase lag proportional to frequency, 7.2° per 20 ms at 1 Hz, without a change of gain. Below 1 Hz,
+    an `electrode_rc` or `sensor_lag` with a short time constant looks like a delay; above 5 Hz, both of them reduce the
+    gain. The effect is off at :math:`\tau_d = 0`.
 
     Further place: the ``reading``, for example of a camera. The whole reading is then delayed, except for its noise.
     Within a sample, the delayed reading is computed from the polynomial through the values of the reading y at the n

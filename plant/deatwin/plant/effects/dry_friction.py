@@ -28,7 +28,7 @@ class DryFriction(CoulombFriction):
     the slip of a sticking part, and a larger one looks like viscous damping; a from -0.3 to 0.3. Signature of s: in
     small motion the part sticks, breaks loose with a jump and may oscillate (stick-slip). Signature of a: a shift of
     the force by :math:`aF_c` while the part moves, whereas the shift by an `amplifier_offset` is also present at rest.
-    Off at :math:`F_c = 0`.
+    The effect is off at :math:`F_c = 0`.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ class Hysteresis(Effect):
     therefore falls along a straight line, and with :math:`\beta` = 1 it falls from :math:`F_h` at first twice as fast
     as it rises from rest. Typical: a force of 1 to 5 % of the ball's weight, a distance of 10 to 100 µm. Signature: the
     loop keeps its width as the frequency falls to zero, whereas the loop of `creep` shrinks; motions much smaller than
-    the distance have no loop, whereas `coulomb_friction` holds the ball still. Off at :math:`F_h = 0`.
+    the distance have no loop, whereas `coulomb_friction` holds the ball still. The effect is off at :math:`F_h = 0`.
 
     Parameters
     ----------

@@ -35,7 +35,7 @@ class Leakage(Effect):
     `amplifier_saturation` with a wide corner does, but depends on the field, and so on the film's stretch. A reading of
     the current shows leakage directly. If the series resistance is known to be :math:`R_s`, the film conducts
     :math:`R/R_s` times as much as the published law says, and the leakage current is the voltage drop divided by
-    :math:`R_s`. Off at R = 0.
+    :math:`R_s`. The effect is off at R = 0.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ class Mullins(Effect):
     Typical for VHB: 2 to 10 % in the first cycles. The film of a diaphragm stores 2.5 kJ/m³ more at 2 kV than at rest,
     12 kJ/m³ more at 2.6 kV, and 40 kJ/m³ more at 3 kV; a strip at a stretch of 2 stores 25 kJ/m³. Signature: the film
     softens only when it is stretched further than ever before; repeated cycles agree from the second on, and rest does
-    not restore the stiffness, which distinguishes it from `creep`. Off at s = 0.
+    not restore the stiffness, which distinguishes it from `creep`. The effect is off at s = 0.
 
     Parameters
     ----------

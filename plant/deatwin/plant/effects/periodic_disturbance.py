@@ -44,10 +44,10 @@ class PeriodicDisturbance(Effect):
     disturbance at one of these places is filtered by the plant, so that its size in the reading changes with the
     voltage.
 
-    No state. A tone above half the sampling rate is recorded at its alias: the mains at about 50 Hz, sampled at 50 Hz,
-    appears with a period of 10 to 100 s and looks like a drift. Typical: 1 to 20 µm. Signature: one line in the
-    spectrum, even at a frequency absent from the drive, as large at 0 V as at 3 kV; a `resonance` needs excitation. Off
-    at a = 0.
+    The effect has no state. A tone above half the sampling rate is recorded at its alias: the mains at about 50 Hz,
+    sampled at 50 Hz, appears with a period of 10 to 100 s and looks like a drift. Typical: 1 to 20 µm. Signature: one
+    line in the spectrum, even at a frequency absent from the drive, as large at 0 V as at 3 kV; a `resonance` needs
+    excitation. The effect is off at a = 0.
 
     Parameters
     ----------

@@ -33,8 +33,8 @@ class Relaxation(Effect):
     longer than the motion. Signature: after each step the motion continues slowly, in proportion to the step, and later
     recovers; the gain is higher for slow than for fast commands; the loop is widest at a period of :math:`2\pi\tau_r`,
     whereas the loop of `hysteresis` keeps its width. A `sensor_drift` does not follow the command. If :math:`\tau_r` is
-    far below the period of the motion, the branch acts as a damper of :math:`k_r\tau_r`. For films, see `creep`. Off at
-    :math:`k_r = 0`.
+    far below the period of the motion, the branch acts as a damper of :math:`k_r\tau_r`. For films, see `creep`. The
+    effect is off at :math:`k_r = 0`.
 
     Parameters
     ----------

@@ -28,7 +28,7 @@ class Resonance(Effect):
     0.1. Signature: a narrow peak next to a dip in the frequency response. Both stay at their frequencies when the
     voltage lowers the ball's natural frequency, which is 16 Hz at 0 V. Unlike a `periodic_disturbance`, the peak needs
     excitation. Far below f, the effect is that of an added mass. Modes above half the sampling rate do not appear at
-    their own frequency: with 50 samples a second the range of f ends at 24 Hz. Off at :math:`m_2 = 0`.
+    their own frequency: with 50 samples a second the range of f ends at 24 Hz. The effect is off at :math:`m_2 = 0`.
 
     Parameters
     ----------

@@ -68,9 +68,9 @@ def maxwell_stress(permittivity: Symbol, field: Symbol) -> Symbol:
     Parameters
     ----------
     permittivity : symbol or float
-        Relative permittivity.
+        :math:`\varepsilon_r`, relative permittivity.
     field : symbol or float
-        True field, voltage divided by the present thickness, V/m.
+        E, true field, voltage divided by the present thickness, V/m.
 
     Returns
     -------
@@ -121,9 +121,9 @@ def electrostrictive_strain(permittivity: Symbol, field: Symbol, coefficient: Sy
     Parameters
     ----------
     permittivity : symbol or float
-        Relative permittivity.
+        :math:`\varepsilon_r`, relative permittivity.
     field : symbol or float
-        True field, V/m.
+        E, true field, V/m.
     coefficient : symbol or float
         Q in m⁴/C²; negative if the film becomes thinner.
 
@@ -146,7 +146,7 @@ def effective_permittivity(permittivity: Symbol, coefficient: Symbol, elastic_mo
     Parameters
     ----------
     permittivity : symbol or float
-        Relative permittivity.
+        :math:`\varepsilon_r`, relative permittivity.
     coefficient : symbol or float
         Q in m⁴/C², as in `electrostrictive_strain`.
     elastic_modulus : symbol or float
@@ -178,7 +178,7 @@ def electrostriction_factors(
     permittivity : callable
         Function ``permittivity(stretch_1, stretch_2, *parameters)``.
     stretch_1, stretch_2 : symbol or float
-        Principal in-plane stretches.
+        :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
     *parameters : symbol or float
         Further arguments of `permittivity`.
 
@@ -208,11 +208,11 @@ def capacitance(
     Parameters
     ----------
     permittivities : sequence of symbol or float
-        Relative permittivity at each point between the electrodes.
+        :math:`\varepsilon_k/\varepsilon_0`, relative permittivity at each point k between the electrodes.
     stretches : sequence of pairs of symbol or float
-        Principal in-plane stretches at each point.
+        :math:`\lambda_1, \lambda_2`, principal in-plane stretches at each point.
     areas : sequence of symbol or float
-        Reference area that each point represents, m².
+        :math:`A_k`, reference area that each point represents, m².
     thickness : symbol or float
         Undeformed thickness H, m.
 
@@ -233,7 +233,7 @@ def conduction_density(field: Symbol, conductivity: Symbol = 3.23e-14, field_sca
     Parameters
     ----------
     field : symbol or float
-        True field, V/m.
+        E, true field, V/m.
     conductivity : symbol or float
         :math:`\sigma_0` at low field, S/m. The default is quoted from later literature and is unconfirmed.
     field_scale : symbol or float

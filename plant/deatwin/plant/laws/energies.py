@@ -22,7 +22,7 @@ def first_invariant(stretch_1: Symbol, stretch_2: Symbol) -> Symbol:
     Parameters
     ----------
     stretch_1, stretch_2 : symbol or float
-        Principal in-plane stretches.
+        :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
 
     Returns
     -------
@@ -38,7 +38,7 @@ def second_invariant(stretch_1: Symbol, stretch_2: Symbol) -> Symbol:
     Parameters
     ----------
     stretch_1, stretch_2 : symbol or float
-        Principal in-plane stretches.
+        :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
 
     Returns
     -------
@@ -54,7 +54,7 @@ def neo_hookean(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol) -> 
     Parameters
     ----------
     stretch_1, stretch_2 : symbol or float
-        Principal in-plane stretches.
+        :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
     shear_modulus : symbol or float
         :math:`\mu` in Pa.
 
@@ -72,7 +72,7 @@ def mooney_rivlin(stretch_1: Symbol, stretch_2: Symbol, first: Symbol, second: S
     Parameters
     ----------
     stretch_1, stretch_2 : symbol or float
-        Principal in-plane stretches.
+        :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
     first, second : symbol or float
         :math:`C_1, C_2` in Pa.
 
@@ -94,7 +94,7 @@ def yeoh(stretch_1: Symbol, stretch_2: Symbol, first: Symbol, second: Symbol, th
     Parameters
     ----------
     stretch_1, stretch_2 : symbol or float
-        Principal in-plane stretches.
+        :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
     first, second, third : symbol or float
         :math:`C_1, C_2, C_3` in Pa; published sets call them :math:`C_{10}, C_{20}, C_{30}`.
 
@@ -124,7 +124,7 @@ def ogden(stretch_1: Symbol, stretch_2: Symbol, *terms: Symbol) -> Symbol:
     Parameters
     ----------
     stretch_1, stretch_2 : symbol or float
-        Principal in-plane stretches.
+        :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
     *terms : symbol or float
         Moduli in Pa and exponents in turn: :math:`\mu_1, \alpha_1, \mu_2, \alpha_2, \dots`.
 
@@ -149,7 +149,7 @@ def gent(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol, stretch_li
     Parameters
     ----------
     stretch_1, stretch_2 : symbol or float
-        Principal in-plane stretches.
+        :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
     shear_modulus : symbol or float
         :math:`\mu` in Pa.
     stretch_limit : symbol or float
@@ -184,7 +184,7 @@ def arruda_boyce(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol, lo
     Parameters
     ----------
     stretch_1, stretch_2 : symbol or float
-        Principal in-plane stretches.
+        :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
     shear_modulus : symbol or float
         :math:`\mu` in Pa.
     locking_stretch : symbol or float
@@ -214,7 +214,8 @@ def maxwell_branch(elastic_1: Symbol, elastic_2: Symbol) -> Symbol:
     Parameters
     ----------
     elastic_1, elastic_2 : symbol or float
-        Elastic stretches :math:`\lambda_i^e = \lambda_i/\xi_i` of the spring in the branch.
+        Elastic stretches :math:`\lambda_i^e = \lambda_i/\xi_i` of the spring in the branch, with the viscous stretches
+        :math:`\xi_i`; :math:`I_1^e` is the first invariant of the elastic stretches.
 
     Returns
     -------

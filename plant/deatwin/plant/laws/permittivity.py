@@ -34,14 +34,14 @@ def stretched(
     Parameters
     ----------
     stretch_1, stretch_2 : symbol or float
-        Principal in-plane stretches.
+        :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
     permittivity : symbol or float
-        Relative permittivity at the stretches `from_1` and `from_2`.
+        :math:`\varepsilon_0^r`, relative permittivity at the stretches `from_1` and `from_2`.
     slope : symbol or float
         c, relative change per unit of stretch; zero or negative.
     from_1, from_2 : symbol or float
-        Stretches at which `permittivity` holds: 1 for the unstretched tape, the prestretch for a value measured on a
-        film in its frame.
+        :math:`\lambda_{01}, \lambda_{02}`, stretches at which `permittivity` holds: 1 for the unstretched tape, the
+        prestretch for a value measured on a film in its frame.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def relaxing(time: Symbol, permittivity: Symbol, relative_change: Symbol, time_c
     Parameters
     ----------
     time : symbol or float
-        Time since the relaxation began, s; before it, the permittivity has its first value.
+        t, time since the relaxation began, s; before the relaxation, the permittivity has its first value.
     permittivity : symbol or float
         First relative permittivity.
     relative_change : symbol or float
@@ -137,7 +137,7 @@ def displacement(field: Symbol, permittivity: Symbol, polarisation: Symbol) -> S
     Parameters
     ----------
     field : symbol or float
-        True field, V/m.
+        E, true field, V/m.
     permittivity : symbol or float
         :math:`\varepsilon_\infty`, instantaneous relative permittivity.
     polarisation : symbol or float
@@ -159,7 +159,7 @@ def polarisation_rate(field: Symbol, polarisation: Symbol, step: Symbol, time_co
     Parameters
     ----------
     field : symbol or float
-        True field, V/m.
+        E, true field, V/m.
     polarisation : symbol or float
         P in C/m².
     step : symbol or float
@@ -200,11 +200,11 @@ def polarised_energy(
     Parameters
     ----------
     stretch_1, stretch_2 : symbol or float
-        Principal in-plane stretches.
+        :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
     permittivity : symbol or float
         :math:`\varepsilon_\infty`, instantaneous relative permittivity.
     nominal_field : symbol or float
-        Voltage divided by the undeformed thickness, V/m.
+        :math:`\tilde E`, voltage divided by the undeformed thickness, V/m.
     polarisation : symbol or float
         P in C/m².
     step : symbol or float

@@ -41,7 +41,8 @@ class Disc(FilmActuator):
               s &= \frac{\rho - A}{B_0 - A}.
 
     For a small voltage, the shape of w alone is exact. With the radii a of the electrode and B of the ring on the
-    mounted film, the field E and the stress :math:`\sigma`,
+    mounted film, the permittivity :math:`\varepsilon`, the field E, the film's stress :math:`\sigma` without voltage,
+    and the stress :math:`\sigma_1` and stretch :math:`\lambda_1` in one direction,
 
     .. math:: \frac wa = \frac{p}{A_{11}\,\dfrac{2q}{q-1} - 2p}, \qquad p = \varepsilon E^2, \quad
               q = (B/a)^2, \quad A_{11} = \frac{\partial\sigma_1}{\partial\ln\lambda_1} - \sigma .

@@ -58,7 +58,7 @@ class Difference:
     adjusted : float
         The p-value of the test, corrected for the number of tests.
     size : float
-        Magnitude of the difference of the means over the band, relative to the root mean square gain of both.
+        Magnitude of the difference of the means over the band, relative to the root mean square gain of both responses.
     agreement : Agreement
         Conclusion from the test.
     """

@@ -58,8 +58,8 @@ class Advice(Described):
     measure : str or None
         Another signal that would decide, if no input distinguishes all explanations.
     confusion_before, confusion_after : float
-        Probability of preferring the nearest wrong explanation, averaged over which explanation is true, before and
-        after the advised experiment; equal if no experiment is advised. `confusion_before` is the larger of two
+        Probability of preferring the nearest wrong explanation, averaged over the explanations that may be true, before
+        and after the advised experiment; equal if no experiment is advised. `confusion_before` is the larger of two
         estimates: first-order, and from refits to all recordings.
     undecided : tuple of str
         Entries of `alternatives` that the experiment would not distinguish from another entry (squared distance d²

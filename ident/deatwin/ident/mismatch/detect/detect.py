@@ -58,7 +58,7 @@ def detect(base: Candidate, problem: DiagnosisProblem, rng: np.random.Generator)
     base : Candidate
         The calibrated plant.
     problem : DiagnosisProblem
-        Recordings.
+        Diagnosis problem with the recordings.
     rng : numpy.random.Generator
         Random generator for the draws of the bootstrap.
 

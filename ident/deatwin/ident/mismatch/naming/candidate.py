@@ -38,9 +38,9 @@ class Candidate:
     noise : float
         Standard deviation of the sensor noise by which the candidate is judged, SI.
     contribution : ndarray, shape (m,)
-        Change of the fitted readings by the effects alone, SI; may be empty if there are none.
+        Change of the fitted readings by the effects alone, SI; may be empty without effects.
     sizes : tuple of (int, int)
-        Numbers of fitted and of held-out samples of each experiment; empty if there is only one.
+        Numbers of fitted and of held-out samples of each experiment; empty if there is only one experiment.
     measured : ndarray, shape (m + n,)
         Fitted and held-out readings, SI; empty if no test depends on them.
     level : ndarray, shape (m + n,)

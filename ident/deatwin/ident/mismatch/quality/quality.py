@@ -87,8 +87,8 @@ class DataQuality(Described):
     settled : tuple of tuple of ndarray of bool
         Samples after the time in which an unknown start has decayed. Earlier samples are reported and left out.
     unknown : tuple of tuple of ndarray of bool
-        Samples of all readings that depend on when the command changed in a gap; empty if there are none. These samples
-        are reported and left out.
+        Samples of all readings that depend on the unknown time at which the command changed within a gap; empty if
+        there are none. These samples are reported and left out.
     """
 
     experiments: tuple[Experiment, ...]
