@@ -73,9 +73,9 @@ def linearise_plant(
     -----
     Poles, gain and responses are computed from the state-space matrices of one sample. The polynomial coefficients are
     less accurate if the plant has slow modes: above 1 mHz, a response computed from the coefficients has ten correct
-    digits with one or two slow effects, about three with three, and none with more than three. `LinearModel.detail`
-    says so if fewer than six digits are correct. If the static gain differs by more than 0.1 % from the slope of the
-    curve of rest positions over the command, the status is not OK.
+    digits with one or two slow effects, about three digits with three slow effects, and none with more.
+    `LinearModel.detail` says so if fewer than six digits are correct. If the static gain differs by more than 0.1 %
+    from the slope of the curve of rest positions over the command, the status is not OK.
     """
     return _models(plant, [operating_input], values, time)[0]
 

@@ -53,7 +53,7 @@ class ClosedLoop(Described):
     Parameters
     ----------
     status : RunStatus
-        Outcome of the run; its text is the advice. After a failure only the valid samples are kept.
+        Outcome of the run, with a text that advises the user. After a failure only the valid samples are kept.
     timepts : ndarray, shape (n,)
         Time since the loop was closed, ascending, s.
     reference : ndarray, shape (n,)

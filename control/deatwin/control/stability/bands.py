@@ -76,8 +76,8 @@ class MarginBand(Described):
     modulus : float
         Least distance of the model's locus from -1, dimensionless.
     modulus_low : float
-        Least distance of the simultaneous band from -1; 0 if -1 lies inside the band. If it is not 0, every loop of the
-        band encircles -1 as often as the model's own and is stable, to first order.
+        Least distance of the simultaneous band from -1; 0 if -1 lies inside the band. If `modulus_low` is not 0, every
+        loop of the band encircles -1 as often as the model's own and is stable, to first order.
     response : FrequencyResponse
         Loop L over frequency with the covariance of real and imaginary part, dimensionless.
     level : float

@@ -196,9 +196,9 @@ def remove_dc(model: NarxModel, operating_input: ArrayLike | None = None) -> Nar
     """Return the model of the deviations v = y - ybar and w = u - ubar from an equilibrium.
 
     The polynomial is expanded about the equilibrium: parameters change, terms of lower degree appear, and the constant
-    vanishes. (Deleting the constant instead is wrong if the model has nonlinear terms.) The free run of the result
-    equals that of the original. The covariance is propagated to first order, including the shift of the equilibrium
-    with the parameters.
+    vanishes. (Deleting the constant instead is wrong if the model has nonlinear terms.) The free run of the resulting
+    model equals the free run of the original model. The covariance is propagated to first order, including the shift of
+    the equilibrium with the parameters.
 
     Parameters
     ----------
@@ -210,7 +210,7 @@ def remove_dc(model: NarxModel, operating_input: ArrayLike | None = None) -> Nar
     Returns
     -------
     NarxModel
-        Model without a constant; its ``operating`` range is that of the deviations, centred at 0.
+        Model without a constant; its ``operating`` range is the range of the deviations, centred at 0.
 
     Raises
     ------

@@ -32,8 +32,8 @@ class Part:
         Factor by which the reading and its residuals are multiplied, so that in `measured` the noise of a further
         reading is as large as that of the first reading.
     levels : tuple of ndarray of float, optional
-        Level of the noise at each sample of each recording, relative to its usual one; the same everywhere by default.
-        Residuals are divided by this level, so that their noise is the same everywhere.
+        Level of the noise at each sample of each recording, relative to the usual level; the same everywhere by
+        default. Residuals are divided by this level, so that their noise is the same everywhere.
     """
 
     experiment: Experiment

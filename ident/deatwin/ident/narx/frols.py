@@ -48,7 +48,7 @@ class Frols(CandidateSearch):
         Functions of lagged signals that candidates may contain besides the lagged signals, as
         ``["|u(k-1)|", "sat(y(k-1),0.5)"]``; see `register_function`. A candidate contains each of them at most once.
     rule : callable, optional
-        Function of a `Term` that returns True if it is a candidate; see `deatwin.ident.narx.rules`.
+        Function of a `Term` that returns True if the term is a candidate; see `deatwin.ident.narx.rules`.
     max_terms : int
         Largest number of terms.
     criterion : str

@@ -71,11 +71,11 @@ class SvbNarx(CandidateSearch):
     candidates; see `deatwin.ident.narx.evidence`. With or without clean-up, the posterior of the parameters is the
     variational one.
 
-    Because the priors have a fixed scale, the choice of terms would depend on the units of the signals. Output and
-    regressors are therefore divided by their root mean squares. A signal that is far from zero is shifted to an origin:
-    zero if the data nearly reach it, otherwise their mean; if any signal is shifted, the outputs are taken relative to
-    the model's equilibrium. Units and offsets of the signals then do not change the choice. Bounds and relevances refer
-    to this scaling; the model is in physical units, about these origins.
+    Because the priors have a fixed scale, the choice of terms would depend on the units of the signals if these were
+    not scaled. Output and regressors are therefore divided by their root mean squares. A signal that is far from zero
+    is shifted to an origin: zero if the data nearly reach zero, otherwise the mean of the data; if any signal is
+    shifted, the outputs are taken relative to the model's equilibrium. Units and offsets of the signals then do not
+    change the choice. Bounds and relevances refer to this scaling; the model is in physical units, about these origins.
 
     Parameters
     ----------

@@ -136,7 +136,7 @@ def generate_terms(
         Functions of lagged signals that candidates may contain besides the lagged signals; a candidate contains each of
         them at most once.
     rule : callable, optional
-        Function of a `Term` that returns True if it is a candidate; see `deatwin.ident.narx.rules`.
+        Function of a `Term` that returns True if the term is a candidate; see `deatwin.ident.narx.rules`.
 
     Returns
     -------

@@ -209,7 +209,7 @@ def read_experiment(
     ----------
     paths : iterable of (str or Path)
         Files, in any order. Files with dates as times, and TDMS waveforms with a start time (``wf_start_time``), are
-        placed on the clock of the earliest.
+        placed on the clock of the earliest file.
     allow_gaps : bool, default False
         If True, split records at their gaps and keep the clock; otherwise a gap is an error.
     **options

@@ -154,7 +154,9 @@ def displacement(field: Symbol, permittivity: Symbol, polarisation: Symbol) -> S
 def polarisation_rate(field: Symbol, polarisation: Symbol, step: Symbol, time_constant: Symbol) -> Symbol:
     r"""Rate of a Debye relaxation, :math:`\dot P = (\Delta\varepsilon\,\varepsilon_0E - P)/\tau`.
 
-    Under a harmonic field :math:`D/(\varepsilon_0E) = \varepsilon_\infty + \Delta\varepsilon/(1 + i\omega\tau)`.
+    Under a harmonic field of the angular frequency :math:`\omega`, the displacement D satisfies
+    :math:`D/(\varepsilon_0E) = \varepsilon_\infty + \Delta\varepsilon/(1 + i\omega\tau)` with the instantaneous
+    relative permittivity :math:`\varepsilon_\infty`.
 
     Parameters
     ----------
@@ -194,8 +196,9 @@ def polarised_energy(
 
     Its derivative with respect to a stretch gives the Maxwell stress -E D instead of :math:`-\varepsilon E^2`, with the
     true field E and the displacement D; its derivative with respect to P drives `polarisation_rate`, which dissipates
-    :math:`\tau\dot P^2/(\Delta\varepsilon\,\varepsilon_0) \ge 0`. We assume that a sudden stretch does not change P,
-    the polarisation per volume; the alternative would be that it does not change the lengths of the dipoles.
+    :math:`\tau\dot P^2/(\Delta\varepsilon\,\varepsilon_0) \ge 0`. The model assumes that a sudden stretch does not
+    change P, the polarisation per volume; another choice would be that a sudden stretch does not change the lengths of
+    the dipoles.
 
     Parameters
     ----------

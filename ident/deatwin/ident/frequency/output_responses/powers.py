@@ -40,8 +40,9 @@ class InputSpectrum(Described, Frozen):
 
     The nonlinear output frequency response G_n = Y_n / U_n at the line k, where Y_n is the n-th order of the output, is
     a mean of the generalised frequency response H_n over all combinations of lines k_1, ..., k_n that add up to k, with
-    the weights U(k_1) ... U(k_n) / U_n(k). The weights sum to one but are complex: if contributions to U_n cancel, the
-    weights are large, and G_n can lie far outside the values that it averages.
+    the weights U(k_1) ... U(k_n) / U_n(k), where U is the spectrum of the input. The weights sum to one but are
+    complex: if contributions to U_n cancel, the weights are large, and G_n can lie far outside the values that it
+    averages.
 
     Parameters
     ----------

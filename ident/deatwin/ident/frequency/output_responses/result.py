@@ -32,7 +32,7 @@ _SHOWN = 0.01  # truncation errors below this share of the gain are not drawn
 
 
 class NofrfWarning(UserWarning):
-    """Warning that a nonlinear output frequency response is not reliable; the text is the advice of the response's status."""
+    """Warning that a nonlinear output frequency response is not reliable; the text advises what to do."""
 
 
 class NofrfStatus(Enum):

@@ -36,17 +36,17 @@ def name_causes(
     """Search for the smallest set of effects that explains the recordings.
 
     First, each promising effect is added alone to the base plant, then to the other interpretations of the base plant,
-    because another interpretation of the rig file costs less evidence than a further effect. If one effect is adequate,
-    or no effect removes most of the mismatch, only interpretations that fit clearly better without effects are tried,
-    so that no effect hides a wrong interpretation.
+    because another interpretation of the rig file is a smaller change of the model than a further effect. If one effect
+    is adequate, or no effect removes most of the mismatch, only interpretations that fit clearly better without effects
+    are tried, so that no effect hides a wrong interpretation.
 
     If no single effect is adequate, further effects are added to the best effect (or to the next best, if no effect
     improves the best), and the most promising pairs are tried, up to three effects. If one effect is adequate, a second
-    effect is added only if it explains a part of the mismatch that the first does not explain. After each step, the
-    earlier effects are replaced in turn, because the best single effect may merely imitate two others. If the search in
-    another interpretation of the rig file fails, the search is repeated in the nominal interpretation. Finally, an
-    effect of a set is removed if another interpretation makes it unnecessary; if nothing explains the mismatch, the
-    best pair is tried in the other interpretations, too.
+    effect is added only if it explains a part of the mismatch that the first does not explain. After each step, each
+    earlier effect is replaced in turn by other effects, because the best single effect may merely imitate two others.
+    If the search in another interpretation of the rig file fails, the search is repeated in the nominal interpretation.
+    Finally, an effect of a set is removed if another interpretation makes it unnecessary; if nothing explains the
+    mismatch, the best pair is tried in the other interpretations, too.
 
     Parameters
     ----------

@@ -44,7 +44,7 @@ class Foreseen:
     smallest_change : float or None
         Rms change of the readings by the smallest strength, in the plan's unit.
     alike : tuple of str
-        Effects that could not be distinguished from this one at its typical strength, the most similar first.
+        Effects that could not be distinguished from this effect at its typical strength, the most similar first.
     """
 
     effect: str

@@ -1,4 +1,4 @@
-"""Estimate the dead time of each input: the first lag at which it acts on an output."""
+"""Estimate the dead time of each input: the first lag at which the input acts on an output."""
 
 from __future__ import annotations
 
@@ -185,7 +185,7 @@ class DeadTime:
 def estimate_dead_time(
     recordings: Recordings, *, output: int = 0, max_dead_time: int = 100, probability: float = 0.95
 ) -> tuple[DeadTime, ...]:
-    """Estimate the dead time of each input: the first lag at which it acts on an output.
+    """Estimate the dead time of each input: the first lag at which the input acts on an output.
 
     The dead time is 0 samples if the output y(k) depends on the input u(k) of the same sample. For a plant without
     transport delay the dead time is 1 if each reading is taken when the input of the same sample is applied, the usual
@@ -260,7 +260,7 @@ def lags_after(dead_times: Sequence[DeadTime], count: int) -> tuple[int, ...]:
     ----------
     dead_times : sequence of DeadTime
         Dead time of each input. An input without an estimate, or with several equally good estimates, counts as having
-        no dead time. If feedback is suspected, the lags for no dead time are included too.
+        no dead time. If feedback is suspected, the lags of a model without dead time are included too.
     count : int
         Number of lags from the end of a dead-time interval on, this end included.
 

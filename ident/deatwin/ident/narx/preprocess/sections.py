@@ -218,7 +218,7 @@ class Sections(Described):
 def stationarity_tests(recording: Recording, *, n_segments: int = 20) -> tuple[StationarityTest, ...]:
     """Test whether mean, variance and fast variance of each signal stay the same over a recording.
 
-    The fast variance is that of the steps from sample to sample. Constant signals are not tested.
+    The fast variance is the variance of the steps from sample to sample. Constant signals are not tested.
 
     Parameters
     ----------
