@@ -110,7 +110,8 @@ def check(
         Least and largest command, in its unit; the range of the training data by default.
     recording : Recording, optional
         Recording from which the model was identified. It gives the excited band and the size of the free-run residual.
-        Without it, both come from the model's provenance if recorded there; what is unknown is not judged.
+        Without the recording, both come from the model's provenance, if it holds them; a quantity that is unknown is
+        not judged.
     specification : Specification, optional
         Requirements on the closed loop; the margins recommended by textbooks by default.
     others : mapping of str to Plant or CalibratedPlant, optional

@@ -70,6 +70,9 @@ def _coefficients(model: LinearModel) -> list[str]:
 class LinearModel(Described):
     """Linear model about an operating point, ``G(z) = (b_0 + b_1 z^-1 + ...) / (1 + a_1 z^-1 + ...)``.
 
+    The transfer function G relates the deviation of the output from its value at rest to the deviation of the input
+    from the operating input.
+
     Parameters
     ----------
     numerator : ndarray, shape (n_b,)

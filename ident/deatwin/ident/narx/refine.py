@@ -61,7 +61,7 @@ def refine(
     NarxModel
         Refined model. ``theta_cov`` is ``sigma^2 (S'S)^-1``, with the sensitivities S and the variance sigma^2 of the
         free-run error, which is valid if that error is white; ``noise_variance`` is the variance of the one-step error,
-        as in every model. The model's provenance states if the search ended before the gradient was small.
+        as in every model. If the search ended before the gradient was small, the model's provenance says so.
 
     Raises
     ------

@@ -57,15 +57,15 @@ class Site:
     place : Enum
         Place in the plant, as `Effect.place`.
     signal : str
-        Signal that the effect rewrites there.
+        Signal that the effect rewrites at this place.
     wording : str
         Sentence about the effect at this place; see `Effect.wording`.
     title : str
         Name of the effect at this place within a sentence, such as "drift of the amplifier's gain".
     strength : Parameter, or None
-        Strength with its typical value, unit and range there; None if they are those of the first place.
+        Strength with its typical value, unit and range at this place; None if they are the same as at the first place.
     family : Enum, or None
-        Family there; None if it is that of the first place.
+        Family of the effect at this place; None if it is the same as at the first place.
     order : int
         Number that sorts effects at this place into the order in which they act; see `Effect.order`.
     alone : Alone

@@ -29,9 +29,9 @@ class ElectrodeRC(Effect):
     One state :math:`\chi` (V), the charge divided by :math:`C_0 + C_p`. A part of the electrode that loses contact
     (`electrode_loss`) takes along its share of C(q) and of the charge, so that the voltage does not jump. Fresh carbon
     grease gives 0.1 ms or less; dried grease or a bad contact (10 to 100 MΩ, 1 to 3 nF) 10 to 300 ms. Signature: the
-    lag acts before the film squares the voltage; the gain falls and the phase lag grows with frequency and, since C(q)
-    grows threefold up to 3 kV, with the voltage. A `delay` does neither. The effect is off at :math:`\tau = 0`, where
-    :math:`V = V_a`.
+    lag acts before the film squares the voltage, so harmonics are attenuated; the phase lag grows with frequency and,
+    since C(q) grows threefold up to 3 kV, with the voltage. A `delay` attenuates no harmonics and does not depend on
+    the voltage. The effect is off at :math:`\tau = 0`, where :math:`V = V_a`.
 
     Parameters
     ----------

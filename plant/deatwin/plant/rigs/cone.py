@@ -61,10 +61,10 @@ class Cone(FilmActuator):
     snap_force, snap_middle, snap_reach : float
         :math:`F_s` in N, 0 for none, and c and d in m, of a bistable spring.
     material, thickness, damping, gain, start_ramp, start_hold, start_is_known, zero_is_known, direction
-        Film and start, as in every film actuator: material, undeformed thickness in m, damping in N s/m, film volts per
-        command volt, ramp and hold in s. `start_is_known` is False if the film's history before the first sample is
-        unknown, `zero_is_known` is False if the sensor's zero is arbitrary, and `direction` is -1 if the reading falls
-        as the displacement grows.
+        Film and start procedure, as in every film actuator: material, undeformed thickness in m, damping in N s/m, film
+        volts per command volt, ramp and hold in s. `start_is_known` is False if the film's history before the first
+        sample is unknown, `zero_is_known` is False if the sensor's zero is arbitrary, and `direction` is -1 if the
+        reading falls as the displacement grows.
     sample_time, noise, reading, model_error, command_range, chain, further, supply
         Drive and sensor; see `Rig`.
 

@@ -50,10 +50,10 @@ class Pressure(FilmActuator):
     mass : float
         Mass on the apex besides the film, kg; its weight is not counted.
     material, thickness, damping, gain, start_ramp, start_hold, start_is_known, zero_is_known, direction
-        Film and start, as in every film actuator: material, undeformed thickness in m, damping of the apex in N s/m,
-        film volts per command volt, ramp and hold in s. `start_is_known` is False if the film's history before the
-        first sample is unknown, `zero_is_known` is False if the sensor's zero is arbitrary, and `direction` is -1 if
-        the reading falls as the displacement grows.
+        Film and start procedure, as in every film actuator: material, undeformed thickness in m, damping of the apex in
+        N s/m, film volts per command volt, ramp and hold in s. `start_is_known` is False if the film's history before
+        the first sample is unknown, `zero_is_known` is False if the sensor's zero is arbitrary, and `direction` is -1
+        if the reading falls as the displacement grows.
     sample_time, noise, reading, model_error, command_range, chain, further, supply
         Drive and sensor; see `Rig`.
 
