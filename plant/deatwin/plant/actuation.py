@@ -56,7 +56,7 @@ class ActuationCurve(Described):
     Parameters
     ----------
     commands : ndarray, shape (n,)
-        Commands, in the rig's unit. If the film pulls in, the last value is the command at which it does.
+        Commands, in the rig's unit. If the film pulls in, the last value is the command at pull-in.
     readings : ndarray, shape (n,)
         Reading at rest under each command, SI.
     signals : mapping of str to ndarray, each of shape (n,)
@@ -142,15 +142,16 @@ def actuation_curve(plant: Plant, commands: np.ndarray) -> ActuationCurve:
     Parameters
     ----------
     plant : Plant
-        The plant. Its effects act as after an endless hold; their clock stays at 0.
+        The plant. Its effects act as after an infinite hold at each command, except that their clock stays at 0.
     commands : ndarray, shape (n,)
         Commands in the rig's unit, rising from the command at rest.
 
     Returns
     -------
     ActuationCurve
-        The curve, which ends at pull-in if there is one: where the equilibrium turns back or runs away, or the film
-        would snap. Pull-in is located to 1e-12 of the step between commands.
+        The curve, which ends at pull-in if the film pulls in. Pull-in is the command at which the curve of equilibria
+        turns back, the displacement grows without bound, or the film would snap to another equilibrium. It is located
+        to 1e-12 of the step between commands.
 
     Raises
     ------

@@ -21,14 +21,15 @@ from deatwin.plant.written import State, Symbol, Written, is_same
 
 
 class Builder:
-    """Collects the equations that a rig and its effects write.
+    """Collects the equations of a rig and of its effects.
 
     Parameters
     ----------
     parameters : ParameterSet
         Parameters of the rig and its effects.
     effects : sequence of Effect
-        Effects of the plant. Those that act on one signal act in the order of their `order`, then of their names.
+        Effects of the plant. Effects on the same signal act in the order of their attribute `order`, then of their
+        names.
     stages : int
         Number of stages of the implicit step over a sample.
     """

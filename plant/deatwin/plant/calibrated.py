@@ -96,7 +96,7 @@ class CalibratedPlant(
     noise : float
         Standard deviation of the sensor noise, SI.
     model_error : float
-        Rms residual beyond noise on data that were not fitted, SI.
+        Rms of the residual on held-out data that noise does not explain, SI.
     names : tuple of str
         Names of the n fitted parameters.
     covariance : ndarray, shape (n, n)

@@ -75,7 +75,7 @@ class Converter(Part):
     bits : int
         Number of bits of the codes, which run from ``-2**(bits - 1)`` to ``2**(bits - 1) - 1``.
     full_scale : float
-        Largest voltage of the codes, V; they span ``-full_scale`` to ``full_scale``.
+        Largest voltage of the codes, V; the codes span ``-full_scale`` to ``full_scale``.
     limit : float
         Largest rated magnitude of the voltage, V.
     noise : float

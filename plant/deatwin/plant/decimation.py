@@ -18,13 +18,12 @@ _PASSED, _STOPPED, _ATTENUATION_DB = 0.8, 1.2, 60.0  # Edges of the filter, rela
 def decimate(recording: Recording, factor: int, *, reading: ReadingTime = ReadingTime.END_OF_HOLD) -> Recording:
     """Apply a zero-phase low-pass filter to all signals, then keep every ``factor``-th sample.
 
-    A linear system still relates inputs and outputs that were filtered alike; a nonlinear one does so only if little
-    power is removed (see `removed_share`). Each new row covers ``factor`` old rows. Its input is the filtered command
-    in the middle of that time; its reading is taken at the end (or the start), as in the old rows. A model of the new
-    rows thus has the phase of the system with a held input, and the gain of that system to within
-    ``(omega T)^2 / 24``, where T is the new sampling time.
-    About nine new samples at each end are dropped, where the filter would reach beyond the record. Times stay as they
-    were.
+    If inputs and outputs pass the same filter, a linear model of them stays valid; a nonlinear model does only if the
+    filter removes little power (see `removed_share`). Each new sample covers ``factor`` old samples. The new input is
+    the filtered command in the middle of that time; the new reading is taken at the end (or the start) of that time, as
+    in the old recording. A model of the new samples thus has the phase of the system with a held input, and the gain of
+    that system to within ``(omega T)^2 / 24``, where T is the new sampling time. About nine new samples at each end are
+    dropped, because the filter would reach beyond the record. The times of the remaining samples do not change.
 
     Parameters
     ----------
@@ -33,8 +32,9 @@ def decimate(recording: Recording, factor: int, *, reading: ReadingTime = Readin
     factor : int
         Number of old samples per new sample, at least 1.
     reading : ReadingTime
-        Time within a row at which the reading is taken. If rows are means, the new rows are means of ``factor`` rows in
-        all signals: this is exact, needs no filter, and drops only the rows that do not fill a new one.
+        Time within a sample at which the reading is taken. If the old samples are means, each new sample is the mean of
+        ``factor`` old ones in all signals. This is exact, needs no filter, and drops only the old samples at the end
+        that are too few for a new one.
 
     Returns
     -------

@@ -40,7 +40,7 @@ class Tolerance:
     share : float
         Largest relative deviation to either side.
     reason : str
-        Reason for its size.
+        Reason for the size of the tolerance.
     """
 
     share: float

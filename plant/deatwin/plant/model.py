@@ -44,14 +44,15 @@ class Plant:
     values : mapping of str to float
         Parameter values, SI, that replace those of rig and effects, for example after a calibration.
     stages : int
-        Number s of stages of the implicit step over a sample, at least 1; the order of the step is 2 s - 1. Five follow
-        the ringing of a mode at a third of the sampling rate to 0.001 % of its amplitude. Not part of `to_dict`.
+        Number s of stages of the implicit step over a sample, at least 1; the order of the step is 2 s - 1. With five
+        stages, the step reproduces the ringing of a mode at a third of the sampling rate to 0.001 % of its amplitude.
+        Not part of `to_dict`.
 
     Raises
     ------
     RigError
-        If the rig is not a `Rig`, or one with an unusable sample time, reading, noise or range of commands; if an effect
-        is not an `Effect` or occurs twice, a value has an unknown name or is out of range, or there is no stage.
+        If the rig is not a `Rig`, or its sample time, reading, noise or range of commands is unusable; if an effect is
+        not an `Effect` or occurs twice; if a value has an unknown name or is out of range; or if `stages` is less than 1.
 
     Examples
     --------

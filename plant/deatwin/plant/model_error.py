@@ -45,7 +45,7 @@ class Refinable(Protocol):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Discrepancy:
-    """Error that remains after a plant is calibrated to a finer one on an excitation.
+    """Error that remains after a plant is calibrated to the simulated readings of a finer plant.
 
     Parameters
     ----------

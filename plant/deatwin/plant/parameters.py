@@ -15,7 +15,7 @@ BEYOND = 1.01  # Ratio of a value just beyond the end of a range to that end
 
 
 class Scale(Enum):
-    """Coordinate in which a fit changes a parameter, chosen so that the plant is nearly linear in it."""
+    """Coordinate that a fit uses for a parameter, chosen so that the response is nearly linear in this coordinate."""
 
     LINEAR = "value"
     LOGARITHMIC = "ln(value)"

@@ -34,10 +34,10 @@ class Reading:
         Rms error of the rig's equations in this reading, in `unit`.
     series_resistance : float
         Known resistance between the drive and the film, ohm. Only the reading ``current`` of a plant with `Leakage`
-        depends on it: the leakage current is the voltage drop divided by it.
+        depends on it: the leakage current is the voltage drop divided by this resistance.
     column : str
         Column of a file that holds the reading, with or without a unit as in ``"I_mon=nA"``; by default the column with
-        the name of the reading, if the file has it.
+        the name of the reading, if the file has such a column.
 
     Raises
     ------

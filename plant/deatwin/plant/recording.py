@@ -28,15 +28,15 @@ class Recording:
     inputs : (n_inputs, n) array
         Inputs in the units `input_units`; the command of a rig is in V.
     outputs : (n_outputs, n) array
-        Outputs in the units `output_units`; a displacement is in m. It has no rows if only commands are known.
+        Outputs in the units `output_units`; a displacement is in m. The array has no rows if only commands are known.
     sample_time : float
         Time between two samples, s.
     start : float
         Time of the first sample on the clock of the experiment, s.
     input_names, output_names : tuple of str
-        Name of each row.
+        Name of each input and output.
     input_units, output_units : tuple of str
-        SI unit of each row; empty if unknown.
+        SI unit of each input and output; empty if unknown.
     extras : mapping of str to (n,) array
         Further channels in SI units, for example ``temperature`` in K or ``current`` in A; NaN where a value is missing.
     extra_units : mapping of str to str
@@ -308,7 +308,8 @@ class Experiment:
     Raises
     ------
     DataError
-        If there is no recording, something is not a recording, two overlap, or they differ in sample time or signals.
+        If there is no recording, something is not a recording, two recordings overlap, or recordings differ in sample
+        time or signals.
     """
 
     recordings: tuple[Recording, ...]

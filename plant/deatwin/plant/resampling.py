@@ -202,24 +202,24 @@ def resample(
     Parameters
     ----------
     recording : Recording
-        Recording with the rows to resample.
+        Recording to resample.
     sample_time : float
         New sample time, s.
     timepts : (n,) array_like, optional
-        True times of the rows, s; by default, the times on the recording's clock.
+        True times of the samples, s; by default, the times on the recording's clock.
     reading : ReadingTime
-        Time within a row at which the reading is taken; relevant if the new sample time is longer.
+        Time within a sample at which the reading is taken; relevant if the new sample time is longer.
 
     Returns
     -------
     Recording
-        Recording that starts at the first row's time; its provenance states how it was resampled.
+        Recording that starts at the time of the first sample; its provenance states how it was resampled.
 
     Raises
     ------
     DataError
-        If there is not one time per row, the times do not increase or leave a gap of more than five usual steps, or the
-        record is too short.
+        If there is not one time per sample, the times do not increase, a gap between them is longer than five usual
+        steps, or the record is too short.
 
     Examples
     --------

@@ -37,9 +37,9 @@ def load_plant(source: str | os.PathLike[str] | RigFile | ModelFile) -> Calibrat
     Parameters
     ----------
     source : str, path, RigFile or ModelFile
-        Rig file or file that names a model written elsewhere (``.toml``), as a path or already read; the FMU
-        (``.fmu``) next to such a file; a ``model.json``; or ``module:function``, a function that returns a
-        Plant. Modules are also looked for in the working folder.
+        A rig file or a model file (``.toml``), as a path or already read; the FMU (``.fmu``) that a model file in the
+        same folder describes; a ``model.json``; or ``module:function``, a function that returns a Plant, whose module
+        is also searched for in the working folder.
 
     Returns
     -------

@@ -47,8 +47,8 @@ class Material:
         Name in a rig file.
     energy : callable
         Function ``energy(stretch_1, stretch_2, *elastic_parameters)``, J/m³: one of `deatwin.plant.laws`, a
-        `deatwin.plant.laws.Formula`, or a function of your own in CasADi. A file names a function of your own, so
-        whoever reads the file must have imported its module.
+        `deatwin.plant.laws.Formula`, or a function of your own in CasADi. A saved file holds only the name of your own
+        function, so a program must import the function's module before it reads the file.
     elastic : tuple of Parameter
         Parameters of `energy`, in the order of its arguments.
     branches : tuple of Branch

@@ -32,8 +32,9 @@ class Supply:
     .. math:: \frac{d}{dt}\bigl[(C(q) + C_p)V\bigr] = I(V_a - V) - \frac{V}{R_b}, \qquad
               I(x) = \frac{x}{R}\Bigl(1 + \Bigl|\frac{x}{R\,I_\pm}\Bigr|^8\Bigr)^{-1/8}
 
-    The source acts through a resistance R. Its current stays below :math:`I_+` towards the commanded polarity, into the
-    film, and below :math:`I_-` away from it.
+    C(q) is the film's capacitance in the shape q, V the film's voltage and :math:`V_a` the voltage of the source
+    without load. The source acts through a resistance R. The current that charges the film in the commanded polarity
+    stays below :math:`I_+`, and the current that discharges it stays below :math:`I_-`.
 
     Parameters
     ----------

@@ -95,22 +95,23 @@ def check(
     rng : numpy.random.Generator
         Random generator for the draws of the model and for the sensor noise.
     design : callable, optional
-        Function that designs a controller from the model, as the controller sees it, and ``command_limits``;
-        `lambda_tuning` by default.
+        Function that designs a controller from the linear model, as the controller sees it (`LinearModel.in_loop`), and
+        from ``command_limits``; `lambda_tuning` by default.
     controller : Controller, optional
         Existing controller to judge instead of designing one; the loop is then closed at its operating input.
     operating_input : float, optional
         Constant input about which the loop is closed, in its unit; the centre of the training data by default.
     operating_inputs : array_like, shape (n,), optional
-        Further operating points at which margins are judged, in the input's unit; by default five that cover the commands
-        needed by the check's references. The controller's own operating point is always included.
+        Further operating points at which margins are judged, in the input's unit; by default five that cover the
+        commands needed by the check's references. The controller's own operating point is always included.
     closed_loop_time : float, optional
         Desired time constant lambda of the closed loop for the default design, s; see `lambda_tuning`.
     command_limits : (float, float), optional
         Least and largest command, in its unit; the range of the training data by default.
     recording : Recording, optional
         Recording from which the model was identified. It gives the excited band and the size of the free-run residual.
-        Without it, both come from the model's provenance if recorded there; what is unknown is not judged.
+        Without the recording, both come from the model's provenance, if it holds them; a quantity that is unknown is
+        not judged.
     specification : Specification, optional
         Requirements on the closed loop; the margins recommended by textbooks by default.
     others : mapping of str to Plant or CalibratedPlant, optional
@@ -132,11 +133,13 @@ def check(
     Raises
     ------
     ModelError
-        If model and plants do not belong together, or the operating input lies outside the training data.
+        If model and plants do not have the same signals and sampling time, or the operating input lies outside the
+        training data.
     ControlError
         If an argument has the wrong type, the command limits make no sense, the controller is invalid, has another
-        sampling time or such a long closed-loop time that its runs never end, or the design or the controller's `local`
-        raises an exception that is not deatwin's (chained) or returns something else.
+        sampling time or so long a closed-loop time that the runs would never end, or if the design or the controller's
+        `local` returns something else than a controller or raises an exception that is not one of deatwin's (which is
+        chained).
     """
     if controller is not None:
         require_controller(controller, model)

@@ -124,7 +124,8 @@ class Check(Described, Saved, schema=SCHEMA, document=to_document, fields=from_d
     operating : OperatingPoint
         Operating point at which the model was linearised.
     controller : Controller or None
-        Controller that was judged; None if none could be designed. In that case the fields below are empty too.
+        Controller that was judged; None if no controller could be designed. In that case the fields below are empty
+        too.
     margins : MarginRow or None
         Margins on the model at the controller's operating point.
     table : tuple of MarginRow

@@ -26,7 +26,7 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Limit:
-    """Requirement on a number: it passes if at least as good as `good`, is marginal down to `poor`, and else fails.
+    """Requirement on a number: it passes if it reaches `good`, is marginal if it reaches `poor`, and otherwise fails.
 
     Parameters
     ----------
@@ -121,19 +121,19 @@ class Specification:
     phase_deg : Limit
         Phase margin, degrees.
     delay_samples : Limit
-        Delay margin, samples: a command that comes one sample late must not upset the loop.
+        Delay margin, samples: a command that comes one sample late must not make the loop unstable.
     disk : Limit
-        Symmetric disk margin. Values of 2/3 and 0.4 correspond to gain margins of 2 and 1.5, but also allow simultaneous
-        changes of the phase.
+        Symmetric disk margin. Values of 2/3 and 0.4 correspond to gain margins of 2 and 1.5, but also allow
+        simultaneous changes of the phase.
     stable_share : Limit
         Share of the posterior's draws with a stable closed loop.
     overshoot : Limit
-        Overshoot of a step, as a share of the step. The defaults are about what phase margins of 45 and 30 degrees give
-        in a second-order loop (Åström & Murray, sections 6.3 and 9.3).
+        Overshoot of a step, as a share of the step. The defaults are approximately the overshoots at phase margins of
+        45 and 30 degrees in a second-order loop (Åström & Murray, sections 6.3 and 9.3).
     steady_error : Limit
         Mean error at the end of a step, as a share of the step; integral action brings it to zero.
     ripple : Limit
-        Rms motion at the end of a step, as a share of the step; a larger one is ringing or a limit cycle.
+        Rms motion at the end of a step, as a share of the step; larger values mean ringing or a limit cycle.
     saturated : Limit
         Share of samples whose command is at a limit.
     tracking : Limit

@@ -33,7 +33,7 @@ class Finding:
     text : str
         Finding as one plain sentence.
     room : float or None
-        How far the value is inside its limit, from `Limit.room`; None if it was not judged by a limit.
+        How far the value is inside its limit, from `Limit.room`; None if the quantity was not judged by a limit.
     """
 
     subject: str

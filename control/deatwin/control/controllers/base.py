@@ -31,7 +31,7 @@ class Controller(ABC):
     name : str
         Name for users, such as ``PI``.
     sample_time : float
-        Sampling time, s; that of the model on which the controller was designed.
+        Sampling time of the model on which the controller was designed, s.
     operating_input : float
         Command about which the loop is closed, in its unit.
     operating_output : float

@@ -35,7 +35,8 @@ _STEPS = 60  # Largest number of steps: bisection reaches rounding in 60, Newton
 class StaticCurve(Described):
     """Strictly monotone curve of the output at rest over a constant input, with its inverse.
 
-    A monotone cubic interpolant (Fritsch and Carlson) passes through the points; beyond them the end values are held.
+    A monotone cubic interpolant (Fritsch and Carlson) passes through the points; beyond the first and last point the
+    curve is constant.
 
     Parameters
     ----------
@@ -211,8 +212,8 @@ class InverseController(Controller):
     name, sample_time, operating_input, operating_output, command_min, command_max, closed_loop_time
         See `Controller`.
     feedback : LinearController
-        Controller from reference and reading to the wanted output. Its command has the output's unit, and it passes the
-        reference on with a gain of one (`Law.feedforward`).
+        Controller from reference and reading to the wanted output. Its command has the output's unit, and its gain from
+        reference to command is one (`Law.feedforward`).
     curve : StaticCurve
         Static curve of the actuator.
     """

@@ -26,6 +26,8 @@ REFERENCE, READING = 0, 1
 class Law:
     """Linear control law ``x(k+1) = A x(k) + B w(k)``, ``u(k) = C x(k) + D w(k)`` with w = (reference, reading).
 
+    x is the state of the controller and u its command.
+
     Parameters
     ----------
     a : ndarray, shape (n, n)
@@ -40,7 +42,7 @@ class Law:
     Raises
     ------
     ControlError
-        If the shapes do not fit or a value is not finite.
+        If the shapes do not match or a value is not finite.
     """
 
     a: Array

@@ -21,8 +21,8 @@ Array = NDArray[np.float64]
 class LinearController(Controller):
     """Linear controller ``v = u_0 + C x + D w``, ``u = v`` within the limits, ``x(k+1) = A x + B w + L (u - v)``.
 
-    w holds the deviations of reference and reading from the operating output. At a limit the states follow the applied
-    command instead of the wanted one (back-calculation).
+    w holds the deviations of reference and reading from the operating output, x is the state, v the wanted command, u
+    the applied command, and u_0 the operating input. At a limit the states follow u instead of v (back-calculation).
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class LinearController(Controller):
     Raises
     ------
     ControlError
-        If the shapes do not fit, or the states would drift away while the command is at a limit.
+        If the shapes do not match, or the states would drift away while the command is at a limit.
 
     References
     ----------

@@ -24,8 +24,9 @@ _ROUNDING = 1e-9  # Rounding error of the equations of rest, in units of the sta
 class ScheduledController(Controller):
     """Gain-scheduled controller: laws at several operating inputs, interpolated at the smoothed command.
 
-    The smoothed command follows the command with the closed-loop time T, ``s(k+1) = s(k) + (h/T) (u(k) - s(k))``. If
-    the previous command were used unsmoothed, a schedule with very different gains could jump from limit to limit.
+    The smoothed command s follows the command u with the closed-loop time T and the sampling time h,
+    ``s(k+1) = s(k) + (h/T) (u(k) - s(k))``. If the previous command were used without smoothing, a schedule with very
+    different gains could jump from limit to limit.
 
     All laws share their state of rest: if reading and reference are equal and constant, the same states give the same
     command in each law. So switching the law changes the command only through the present error, and near rest the

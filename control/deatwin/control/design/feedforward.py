@@ -91,14 +91,17 @@ class InverseFilter:
 def inverse_filter(linear: LinearModel, band_Hz: float) -> InverseFilter:
     """Fit a causal filter to the inverse of a model's dynamics on a band.
 
-    The filter combines the present reference, the previous one and three first-order lags. Their weights minimise ``F G/G(1) - 1`` in the least-squares sense, from a hundredth of the band to its end. The filter is stable wherever the model's zeros lie.
+    The filter combines the present reference, the previous one and three first-order lags. Their weights minimise
+    ``F G/G(1) - 1`` in the least-squares sense, from a hundredth of the band to its end, where F is the filter, G the
+    model and G(1) the static gain of the model. The filter is stable even if the model has zeros outside the unit
+    circle.
 
     Parameters
     ----------
     linear : LinearModel
         Model of the actuator as the controller sees it (`LinearModel.in_loop`).
     band_Hz : float
-        Upper end of the band in which references move, Hz; below half the sampling rate.
+        Upper end of the frequency band of the references, Hz; below half the sampling rate.
 
     Returns
     -------
@@ -136,12 +139,12 @@ def inverse_filter(linear: LinearModel, band_Hz: float) -> InverseFilter:
 
 @taking(controller=instance(InverseController), filter=instance(InverseFilter))
 def with_dynamics(controller: InverseController, filter: InverseFilter) -> InverseController:
-    """Feed the filtered reference forward instead of the bare one.
+    """Feed the filtered reference forward instead of the reference itself.
 
     Parameters
     ----------
     controller : InverseController
-        Controller that feeds the bare reference forward.
+        Controller that feeds the reference itself forward.
     filter : InverseFilter
         Inverse filter of the model on which the controller was designed.
 

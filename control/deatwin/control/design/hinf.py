@@ -98,12 +98,12 @@ def hinf(
         Least and largest command, in its unit.
     bandwidth_Hz : float
         Frequency up to which the sensitivity stays below one, Hz. The model is not reliable beyond the band that its
-        recording excited: choose the bandwidth well inside.
+        recording excited: choose the bandwidth well inside this band.
     max_sensitivity : float
         Upper bound on the sensitivity.
     effort : float
-        Upper bound on the command that a reference causes, relative to the command that holds it at rest; beyond twice
-        the bandwidth the command has to fall.
+        Upper bound on the command that a reference causes, relative to the command that holds the output at the
+        reference; beyond twice the bandwidth this bound falls with frequency.
 
     Returns
     -------
@@ -118,7 +118,8 @@ def hinf(
     MissingPackageError
         If slycot is not installed.
     ControlError
-        If a bound makes no sense, or the bounds cannot be met (the text gives the largest bandwidth at which they can).
+        If a bound makes no sense, or the bounds cannot be met (the text gives the largest bandwidth at which they can
+        be met).
 
     References
     ----------

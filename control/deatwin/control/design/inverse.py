@@ -56,7 +56,7 @@ def static_curve(system: Any, command_range: Limits, *, count: int = 33) -> Stat
     ------
     ControlError
         If the range is empty, the system is neither a model nor a plant or does not come to rest at one of the
-        commands, or the curve cannot be inverted; the text says where.
+        commands, or the curve cannot be inverted; the text names the command.
     """
     raise ControlError(f"a static curve needs a NarxModel or a Plant, not a {type(system).__name__}")
 
@@ -125,9 +125,9 @@ def _curve(
 def with_inverse(
     linear: LinearModel, curve: StaticCurve, design: Design, *, command_limits: Limits
 ) -> InverseController:
-    """Design feedback behind the inverse of a static curve, with the reference fed forward.
+    """Design a feedback controller in series with the inverse of a static curve, with the reference fed forward.
 
-    The feedback uses only the error; the curve alone turns the reference into a command.
+    The feedback uses only the error; the inverse curve alone turns the reference into a command.
 
     Parameters
     ----------

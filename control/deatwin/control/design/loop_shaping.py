@@ -66,10 +66,10 @@ def loop_shaping(
     phase_margin_deg: float = 60.0,
     max_sensitivity: float = 1.4,
 ) -> LinearController:
-    """Design a sampled PI controller with the largest integral gain that bounds on the loop allow.
+    """Design a sampled PI controller with the largest integral gain that satisfies the bounds on the loop.
 
-    The integral gain rejects slow disturbances. The bounds hold for the sampled loop and for all lower loop gains. If a
-    crossover is given, the loop gain is one there and below one at all higher frequencies.
+    The integral gain rejects slow disturbances. The bounds hold for the sampled loop L and for all lower loop gains. If
+    a crossover is given, the loop gain is one at the crossover and below one at all higher frequencies.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def loop_shaping(
         Least and largest command, in its unit.
     crossover_Hz : float, optional
         Frequency at which the loop gain is one, Hz; by default chosen within the bounds. The model is not reliable
-        beyond the band that its recording excited: choose the crossover well inside.
+        beyond the band that its recording excited: choose the crossover well inside this band.
     phase_margin_deg : float
         Least phase margin, degrees.
     max_sensitivity : float
@@ -96,7 +96,7 @@ def loop_shaping(
         If no controller can be designed on the model.
     ControlError
         If a bound makes no sense, or the bounds cannot be met at the crossover; the text gives the largest crossover at
-        which they can.
+        which the bounds can be met.
 
     References
     ----------
@@ -120,11 +120,11 @@ def loop_shaping_pid(
     phase_margin_deg: float = 60.0,
     max_sensitivity: float = 1.4,
 ) -> LinearController:
-    """Design a sampled PID controller with the largest integral gain that bounds on the loop allow.
+    """Design a sampled PID controller with the largest integral gain that satisfies the bounds on the loop.
 
-    The method is that of `loop_shaping`, with two equal zeros: the derivative time is a quarter of the integral time.
-    If both were free, the integral gain would be largest at complex zeros, where the loop is very sensitive to the
-    gains.
+    The method is that of `loop_shaping`. The derivative time is fixed at a quarter of the integral time, which gives
+    the controller two equal zeros. If both times were free, the largest integral gain would be reached with complex
+    zeros, and the loop would be very sensitive to the controller's gains.
 
     Parameters
     ----------

@@ -66,11 +66,12 @@ def lqg(
 ) -> LinearController:
     r"""Design a sampled LQG controller with integral action.
 
-    The regulator minimises :math:`\sum (y - r)^2 + \rho \, (\Delta u)^2`, with :math:`\rho` chosen so that, one
-    closed-loop time after the delay, the reading has completed 63 % of a reference step. The observer is the stationary
-    Kalman filter of the model with white noise on the reading, a random walk of the output, and white noise on the
-    command whose static effect has the variance of one step of the walk. Because the observer estimates the drift, the
-    loop has no error at rest.
+    The regulator minimises :math:`\sum (y - r)^2 + \rho \, (\Delta u)^2` for the reading y, the reference r and the
+    change :math:`\Delta u` of the command from sample to sample, with :math:`\rho` chosen so that, one closed-loop time
+    after the delay, the reading has completed 63 % of a reference step. The observer is the stationary Kalman filter of
+    the model with white noise on the reading, a random walk of the output, and white noise on the command whose static
+    effect has the variance of one step of the walk. Because the observer estimates the drift, the loop has no error at
+    rest.
 
     Parameters
     ----------
@@ -100,8 +101,8 @@ def lqg(
     ModelError
         If no controller can be designed on the model.
     ControlError
-        If the closed-loop time cannot be reached (the text says which can), a noise or drift level is not positive, or
-        the limits do not enclose the operating input.
+        If the closed-loop time cannot be reached (the text gives one that can), a noise or drift level is not positive,
+        or the limits do not enclose the operating input.
 
     References
     ----------

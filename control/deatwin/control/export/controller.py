@@ -25,7 +25,7 @@ _COMMON = ("operating_input", "operating_output", "command_min", "command_max", 
 def controller_source(
     controller: Controller, *, name: str = "controller", input_unit: str = "", output_unit: str = ""
 ) -> SampledSource:
-    """Generate the C source of a controller, with one call per sample from reference and reading to command.
+    """Generate the C source of a controller, which computes the command from reference and reading at each sample.
 
     Parameters
     ----------

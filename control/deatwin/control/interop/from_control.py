@@ -44,8 +44,8 @@ def from_control(
     LinearModel
         Linear model with the system's signal names and zero covariance. Its status says whether it is stable and has a
         static gain; modes of a state-space system that the input does not excite are considered too. The poles, gain
-        and responses of a state-space system are those of its matrices, because coefficients lose slow modes
-        (`LinearModel.detail` then says so).
+        and responses of a state-space system are those of its matrices, because the coefficients represent slow modes
+        inaccurately (`LinearModel.detail` then says so).
 
     Raises
     ------

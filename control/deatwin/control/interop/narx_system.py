@@ -123,7 +123,7 @@ class NarxSystem:
 
 @taking(model=instance(NarxModel), inputs=numbers, outputs=numbers)
 def past_state(model: NarxModel, inputs: ArrayLike, outputs: ArrayLike) -> Array:
-    """Return the state that the system `to_nlsys(model)` has after the given rows of a recording.
+    """Return the state that the system `to_nlsys(model)` has after the given samples of a recording.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ def past_state(model: NarxModel, inputs: ArrayLike, outputs: ArrayLike) -> Array
     Raises
     ------
     ModelError
-        If there are too few rows, or the number of signals is not that of the model.
+        If there are too few samples, or the number of signals differs from that of the model.
     """
     system = NarxSystem(model=model.deterministic)
     given = [np.atleast_2d(np.asarray(values, dtype=np.float64)) for values in (inputs, outputs)]

@@ -36,7 +36,8 @@ class Frd(Described):
     ----------
     system : control.FrequencyResponseData
         Response of one input and one output, for ``control.bode_plot`` and similar functions. It has no timebase
-        (``dt`` is None): with one, ``control.nyquist_plot`` would evaluate it in the z plane and fail.
+        (``dt`` is None), because with a timebase ``control.nyquist_plot`` would evaluate the response in the z plane
+        and fail.
     covariance : ndarray, shape (n, 2, 2)
         First-order covariance of real and imaginary part at each frequency, in the square of the response's unit.
     unit : str
@@ -108,7 +109,7 @@ class Frd(Described):
 def to_frd(
     response: FrequencyResponse, *, input_name: str = "input", output_name: str = "output", name: str = "response"
 ) -> Frd:
-    """Convert a linear frequency response of an identified model to one of python-control.
+    """Convert a linear frequency response of an identified model to a frequency response of python-control.
 
     Parameters
     ----------
@@ -137,7 +138,7 @@ def to_frd(
 
 @taking(linear=linear_model, omega=numbers, name=instance(str))
 def linear_frd(linear: LinearModel, omega: ArrayLike, *, name: str = "response") -> Frd:
-    """Convert the frequency response of a linear model to one of python-control.
+    """Convert the frequency response of a linear model to a frequency response of python-control.
 
     Parameters
     ----------

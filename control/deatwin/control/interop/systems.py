@@ -28,11 +28,11 @@ def to_nlsys(source: object, name: str | None = None) -> NonlinearIOSystem:
     """Convert a model or a plant to a discrete nonlinear system of python-control, with its sampling time as ``dt``.
 
     The states of a `NarxModel` are the past outputs and inputs in its terms, in their units; an input of lag 0 feeds
-    through, and the noise is zero. For a `Plant` a sample is one implicit step, ``t`` is the experiment's clock, and
-    the states are deviations from the rest at which experiments start, divided by their typical sizes
-    (``plant.equations.scale``), followed by the past commands that the plant remembers, if any. The rows are those of a
-    recording: if the rig reads at the end of a row's hold, the row's command feeds through to its reading, and a
-    controller is connected to `in_loop` of the system.
+    through, and the noise is zero. For a `Plant` a sample is one implicit step, and ``t`` is the experiment's clock.
+    Its states are the plant's states, as deviations from the rest at which experiments start, divided by their typical
+    sizes (``plant.equations.scale``), followed by past commands if the plant has a delay. The samples are those of a
+    recording: if the rig takes the reading at the end of the hold, the command of a sample feeds through to the reading
+    of the same sample. In this case, connect a controller to `in_loop` of the system.
 
     Parameters
     ----------
@@ -46,8 +46,8 @@ def to_nlsys(source: object, name: str | None = None) -> NonlinearIOSystem:
     -------
     control.NonlinearIOSystem
         System whose inputs, outputs and states carry the source's names. Inputs and outputs are in the source's units
-        (a plant's reading is in SI), which python-control does not record. While it runs, a model that diverges and a
-        plant that pulls in raise `SimulationError`.
+        (a plant's reading is in SI), which python-control does not record. During a simulation, a model that diverges
+        or a plant that pulls in raises `SimulationError`.
 
     Raises
     ------
@@ -77,8 +77,8 @@ def _(source: Plant, name: str | None = None) -> NonlinearIOSystem:
 def rest_state_of(source: object, operating_input: ArrayLike) -> Array:
     """Return the state of rest, under a constant input, of the system that `to_nlsys` makes.
 
-    A plant is moved from its start to the command and comes to rest there; quantities held since the start keep their
-    values. The rest at which experiments start is the zero state.
+    The command of a plant moves from its value at the start to the operating input, at which the plant comes to rest;
+    quantities that are fixed since the start keep their values. The zero state is the rest at which experiments start.
 
     Parameters
     ----------
@@ -97,9 +97,10 @@ def rest_state_of(source: object, operating_input: ArrayLike) -> Array:
     ControlError
         If the source is neither a model nor a plant, or a plant's command is not one finite number.
     ModelError
-        If a model has several outputs or no equilibrium there, or the number of finite inputs is not the model's.
+        If a model has several outputs or no equilibrium at these inputs, or the number of finite inputs is not the
+        model's.
     SimulationError
-        If a plant has no reachable rest there, for example beyond pull-in.
+        If a plant cannot come to rest at the command, for example beyond pull-in.
     """
     raise _unknown(source)
 
@@ -122,8 +123,8 @@ def _(source: Plant, operating_input: ArrayLike) -> Array:
 def in_loop(system: NonlinearIOSystem, name: str | None = None) -> NonlinearIOSystem:
     """Delay the outputs of a system by one sample, as a controller sees them.
 
-    If a reading is taken at the end of its row's hold, the next row's command is the first that can react to it.
-    `LinearModel.in_loop` does the same for a linear model.
+    If a reading is taken at the end of the hold, the command of the next sample is the first that can react to this
+    reading. `LinearModel.in_loop` does the same for a linear model.
 
     Parameters
     ----------

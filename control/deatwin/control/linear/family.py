@@ -54,8 +54,8 @@ class LinearFamily:
     input_name, output_name, input_unit, output_unit : str
         Names and units of the signals.
     realisations : tuple of tuple of (Realisation or None)
-        Matrices of each sample at each operating point, from which gain, poles and margins are computed; None if there
-        is no equilibrium. Empty for models given by coefficients alone.
+        State-space matrices of each sample at each operating point, from which gain, poles and margins are computed;
+        None if there is no equilibrium. Empty for models given by coefficients alone.
 
     Raises
     ------
@@ -273,12 +273,12 @@ def linearise_many(model: NarxModel, operating_inputs: ArrayLike, thetas: ArrayL
     """Linearise a single-input, single-output model at many operating points and for many parameter samples at once.
 
     The equilibrium of each sample is found by following the model's own equilibrium in small steps of the parameters;
-    if that branch ends, the sample has none.
+    if this branch of equilibria ends, the sample has no equilibrium.
 
     Parameters
     ----------
     model : NarxModel
-        Identified model, in the rows of its recording as for `linearise`.
+        Identified model, whose lags count samples of its recording, as for `linearise`.
     operating_inputs : array_like, shape (n_points,)
         Constant inputs, in their unit.
     thetas : array_like, shape (n_samples, n_terms), optional

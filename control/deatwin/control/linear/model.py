@@ -70,6 +70,9 @@ def _coefficients(model: LinearModel) -> list[str]:
 class LinearModel(Described):
     """Linear model about an operating point, ``G(z) = (b_0 + b_1 z^-1 + ...) / (1 + a_1 z^-1 + ...)``.
 
+    The transfer function G relates the deviation of the output from its value at rest to the deviation of the input
+    from the operating input.
+
     Parameters
     ----------
     numerator : ndarray, shape (n_b,)
@@ -88,12 +91,12 @@ class LinearModel(Described):
     status : LinearStatus
         Status that says whether a controller can be designed on the model.
     detail : str
-        Explanation if the status is not OK or digits were lost, otherwise empty.
+        Explanation if the status is not OK or the coefficients are inaccurate, otherwise empty.
     input_name, output_name, input_unit, output_unit : str
         Names and units of the signals.
     realisation : Realisation, optional
-        State-space matrices. If given, the coefficients are its rounded transfer function, and poles, gain and
-        responses are computed from the matrices. It has no covariance.
+        State-space matrices. If they are given, poles, gain and responses are computed from them, and the coefficients
+        are their transfer function with rounding errors. The matrices have no covariance.
 
     Raises
     ------

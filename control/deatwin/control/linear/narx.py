@@ -33,7 +33,7 @@ def linearise(model: NarxModel, operating_input: float | None = None) -> LinearM
     Returns
     -------
     LinearModel
-        Linear model. Its status says whether there is an equilibrium and a controller can be designed there.
+        Linear model. Its status says whether there is an equilibrium at which a controller can be designed.
 
     Raises
     ------

@@ -40,11 +40,11 @@ def linearise_plant(
 ) -> LinearModel:
     """Linearise a plant exactly about its state of rest under a constant command.
 
-    The command is moved from the rig's rest to the operating input, where the plant comes to rest. The model maps the
-    command held over one sample to the noise-free reading of that sample; quantities that drift with the clock are
-    frozen. It holds for motions much smaller than the distances over which friction and hysteresis develop; these then
-    act as springs (stiffness = force / distance). For much larger motions linearise `plant.without_effects(...)`
-    instead.
+    The command moves from the rig's rest command to the operating input, at which the plant comes to rest. The linear
+    model maps the command held over one sample to the noise-free reading of that sample; quantities that drift with the
+    clock are frozen. The model is valid for motions much smaller than the distances over which the forces of friction
+    and hysteresis build up; in such motions, friction and hysteresis act as springs (stiffness = force / distance). For
+    much larger motions, linearise `plant.without_effects(...)` instead.
 
     Parameters
     ----------
@@ -60,9 +60,9 @@ def linearise_plant(
     Returns
     -------
     LinearModel
-        Linear model, SI per unit of the command, without covariance. If the rig reads at the end of the hold, its
-        numerator begins with lag 0; if at the start, b_0 = 0. Its status says whether there is an equilibrium and a
-        controller can be designed there.
+        Linear model, SI per unit of the command, without covariance. If the rig takes the reading at the end of the
+        hold, the model's numerator begins with lag 0; if at the start of the hold, the coefficient b_0 is 0. The
+        model's status says whether there is an equilibrium at which a controller can be designed.
 
     Raises
     ------
@@ -71,10 +71,11 @@ def linearise_plant(
 
     Notes
     -----
-    Poles, gain and responses are computed from the matrices of the step. The polynomial coefficients lose digits with
-    slow modes: above 1 mHz the response keeps ten digits with one or two slow effects, about three digits with three,
-    and none with more than three. `LinearModel.detail` says so if fewer than six remain. The static gain is compared with the
-    slope of the equations of rest; if they differ by more than 0.1 %, the status is not OK.
+    Poles, gain and responses are computed from the state-space matrices of one sample. The polynomial coefficients are
+    less accurate if the plant has slow modes: above 1 mHz, a response computed from the coefficients has ten correct
+    digits with one or two slow effects, about three digits with three slow effects, and none with more.
+    `LinearModel.detail` says so if fewer than six digits are correct. If the static gain differs by more than 0.1 %
+    from the slope of the curve of rest positions over the command, the status is not OK.
     """
     return _models(plant, [operating_input], values, time)[0]
 

@@ -32,7 +32,7 @@ class VaryingLinear(FamilyBands):
     ----------
     family : LinearFamily
         Linear models whose points are the times. The first sample is the model itself; the others are drawn from the
-        covariance at each time, with the same standard draws at all times.
+        covariance at each time, with the same standard normal draws at all times.
     timepts : ndarray, shape (n_times,)
         Increasing times on the experiment's clock, s.
     """
@@ -62,8 +62,8 @@ def linearise_along(
     """Linearise a model whose parameters change with time, along its trajectory.
 
     At each time the parameters are frozen, and the model is linearised about the equilibrium of that time, which is
-    followed from one time to the next. `deatwin.ident.frequency.hold_equilibrium` fixes the equilibrium, so that only
-    the change of the dynamics remains.
+    followed from one time to the next. To see the change of the dynamics alone, first fix the equilibrium with
+    `deatwin.ident.frequency.hold_equilibrium`.
 
     Parameters
     ----------

@@ -53,7 +53,7 @@ class ClosedLoop(Described):
     Parameters
     ----------
     status : RunStatus
-        Outcome of the run; its text is the advice. After a failure only the valid samples are kept.
+        Outcome of the run, with a text that advises the user. After a failure only the valid samples are kept.
     timepts : ndarray, shape (n,)
         Time since the loop was closed, ascending, s.
     reference : ndarray, shape (n,)
@@ -283,7 +283,7 @@ def closed_loop(
     ------
     ControlError
         If an argument has the wrong type, controller and plant have different sampling times, or the reference is not a
-        row of finite numbers.
+        one-dimensional array of finite numbers.
     """
     rig, wanted = plant.rig, np.asarray(reference, dtype=np.float64)
     if abs(controller.sample_time / rig.sample_time - 1.0) > 1e-6:

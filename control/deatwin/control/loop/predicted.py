@@ -62,7 +62,8 @@ class PredictedLoop(Described):
     input_unit, output_unit : str
         Units of input and output.
     trained : (float, float) or None
-        Least and largest output of the training data, in the output's unit; None if the model does not record them.
+        Least and largest output of the training data, in the output's unit; None if the model does not state this
+        range.
     """
 
     timepts: Array = field(metadata=coordinate("time", name="time", unit="s"))
@@ -207,8 +208,8 @@ def predict_loop(
 ) -> PredictedLoop:
     """Run a controller in closed loop with draws of an identified model.
 
-    Each draw takes its parameters from the model's posterior, adds a residual with the size and correlation time of the
-    model's free-run residual, and adds sensor noise to the reading.
+    For each draw, the parameters are drawn from the model's posterior, a random process with the rms and correlation
+    time of the model's free-run residual is added to the output, and sensor noise is added to the reading.
 
     Parameters
     ----------
@@ -219,9 +220,9 @@ def predict_loop(
     reference : array_like, shape (n,)
         Desired output, in its unit.
     reading : ReadingTime
-        Instant within a row at which its reading is taken.
+        Instant within a sample at which the reading is taken.
     residual : Residual
-        Size and memory of the model's free-run residual.
+        Rms and correlation time of the model's free-run residual.
     noise : float
         Standard deviation of the sensor noise, in the output's unit.
     rng : numpy.random.Generator
@@ -238,10 +239,10 @@ def predict_loop(
     Raises
     ------
     ControlError
-        If an argument has the wrong type, or the reference is not a row of finite numbers.
+        If an argument has the wrong type, or the reference is not a one-dimensional array of finite numbers.
     ModelError
-        If the model has no equilibrium there, or a reading at the start of the hold depends on the command that follows
-        it.
+        If the model has no equilibrium at the controller's operating input, or if readings are taken at the start of
+        the hold and the model's output depends on the command of the same sample.
     """
     wanted = np.asarray(reference, dtype=np.float64)
     rest = equilibrium(model, controller.operating_input).output

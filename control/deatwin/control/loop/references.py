@@ -77,7 +77,7 @@ def sine_reference(centre: float, amplitude: float, frequency_Hz: float, sample_
     Raises
     ------
     ControlError
-        If an argument has the wrong type or is not finite, one that must be positive is not, or the frequency is not
+        If an argument has the wrong type or is not finite, an argument that must be positive is not, or the frequency is not
         below half the sampling rate.
     """
     _below_nyquist(frequency_Hz, sample_time)
@@ -132,7 +132,7 @@ def tone_reference(
     Raises
     ------
     ControlError
-        If an argument has the wrong type or is not finite, one that must be positive is not, or a frequency is not
+        If an argument has the wrong type or is not finite, an argument that must be positive is not, or a frequency is not
         below half the sampling rate.
     """
     frequencies = np.atleast_1d(np.asarray(frequencies_Hz, dtype=np.float64))

@@ -34,7 +34,7 @@ _PIECE = 20_000  # Number of samples held in memory at a time
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SineResponse:
-    """Response ``G(A, w)``: fundamental of the reading divided by that of the command.
+    """Response ``G(A, w)`` at amplitude A and frequency w: fundamental of the reading divided by that of the command.
 
     Parameters
     ----------
@@ -43,7 +43,8 @@ class SineResponse:
     omega : ndarray, shape (m,)
         Angular frequencies, rad/s.
     values : ndarray of complex, shape (n, m)
-        Response from a command to the reading before the next one, output unit per input unit; NaN if the plant failed.
+        Response from a command to the reading just before the next command, output unit per input unit; NaN if the
+        simulation failed.
 
     Raises
     ------
@@ -114,7 +115,7 @@ def sine_response(
     plant : Plant
         Plant, with its effects.
     operating_input : float
-        Constant input about which the sines move, in its unit.
+        Constant input about which the sines oscillate, in its unit.
     amplitudes : array_like, shape (n,)
         Amplitudes of the sines, increasing and positive, in the input's unit.
     omega : array_like, shape (m,)
@@ -125,7 +126,7 @@ def sine_response(
     Returns
     -------
     SineResponse or None
-        Response at the amplitudes that the plant survived; None if it survived fewer than two.
+        Response at the amplitudes at which the simulation did not fail; None if these are fewer than two.
 
     Raises
     ------
@@ -134,7 +135,8 @@ def sine_response(
 
     Notes
     -----
-    Each run stores only a triangle of 6 by 6 numbers, so the slowest sine needs no more memory than the fastest.
+    Each run stores only a triangular matrix of 6 by 6 numbers, so the slowest sine needs no more memory than the
+    fastest.
     """
     sizes, rates = (np.array(v, dtype=np.float64) for v in (amplitudes, omega))
     h = plant.rig.sample_time

@@ -52,9 +52,9 @@ class UncertainMargin:
         First-order standard deviation: of the logarithm for gain and disk margin, in the margin's unit for phase and
         delay; 0 if nothing bounds the margin.
     low : float
-        Lower limit: at a level of 95 %, the margin exceeds it with a probability of 97.5 %. The smallest limit over the
-        crossings, each to first order (of the loop gain for the gain margin). It is at least the value at the edge of
-        stability (1 for the gain, 0 for the others).
+        Lower limit, which the margin exceeds with a probability of 97.5 % at a level of 95 %. The limit is the smallest
+        of the first-order limits at all crossings (for the gain margin, first-order limits of the loop gain), but at
+        least the margin's value at the edge of stability: 1 for the gain margin, 0 for the others.
     """
 
     value: float = field(metadata=variable(about="margin of the model itself"))
@@ -76,8 +76,8 @@ class MarginBand(Described):
     modulus : float
         Least distance of the model's locus from -1, dimensionless.
     modulus_low : float
-        Least distance of the simultaneous band from -1; 0 if -1 lies inside the band. If it is not 0, every loop of the
-        band encircles -1 as often as the model's own and is stable, to first order.
+        Least distance of the simultaneous band from -1; 0 if -1 lies inside the band. If `modulus_low` is not 0, every
+        loop of the band encircles -1 as often as the model's own and is stable, to first order.
     response : FrequencyResponse
         Loop L over frequency with the covariance of real and imaginary part, dimensionless.
     level : float
@@ -192,9 +192,11 @@ def band_margins(
 ) -> MarginBand:
     """Propagate the covariance of a linear model to the margins and the locus of its loop.
 
-    At a phase crossing ln|L| changes by Re(dL/L) and the crossing moves by -Im(dL/L)/Im(L'/L); at a gain crossing the
-    phase changes by Im(dL/L) and the crossing moves by -Re(dL/L)/Re(L'/L); the disk margin changes like the distance at
-    the frequency where that is least, and its limit is the lowest of all approaches to -1.
+    A change of the coefficients changes the loop L by dL; L' is the derivative of L with respect to frequency. At a
+    phase crossing, ln|L| changes by Re(dL/L) and the frequency of the crossing by -Im(dL/L)/Im(L'/L). At a gain
+    crossing, the phase changes by Im(dL/L) and the frequency of the crossing by -Re(dL/L)/Re(L'/L). The disk margin is
+    the minimum of the distance 2 |1 + L|/|1 - L| from -1 over frequency, and its change is the change of this distance
+    at the minimum; the limit of the disk margin is the lowest limit over all local minima.
 
     Parameters
     ----------
@@ -214,8 +216,8 @@ def band_margins(
     ModelError
         If no controller can be designed on the model.
     ControlError
-        If the loop of the model itself is unstable, the model's coefficients have lost the digits of its matrices, or
-        the level is not between 0 and 1.
+        If the loop of the model itself is unstable, the model's coefficients do not represent its matrices accurately,
+        or the level is not between 0 and 1.
     """
     if not 0.0 < level < 1.0:
         raise ControlError(f"the level is {level}: it must lie between 0 and 1")

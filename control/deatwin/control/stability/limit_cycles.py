@@ -39,8 +39,8 @@ class LimitCycle:
     frequency_Hz : float
         Frequency, Hz.
     stable : bool
-        True if the loop returns to the cycle after a disturbance (Loeb's criterion). A loop leaves an unstable one,
-        inwards to rest or outwards.
+        True if the loop returns to the cycle after a disturbance (Loeb's criterion). A loop leaves an unstable limit
+        cycle, inwards to rest or outwards.
     """
 
     amplitude: float = field(metadata=variable(about="of the sine at the input of the nonlinearity"))
@@ -155,8 +155,9 @@ def limit_cycles(
 ) -> LimitCycles:
     """Predict limit cycles by solving ``1 + N(A, w) L(e^{jwh}) = 0``, the loop under negative feedback.
 
-    In each cell of the grid of amplitudes and frequencies over which -NL passes 1 in both gain and phase, Newton's
-    method on its logarithm refines the solution.
+    N(A, w) is the describing function of the nonlinearity at the amplitude A and the angular frequency w, L is the
+    linear part of the loop, and h is the sampling time. In each cell of the grid of amplitudes and frequencies in which
+    -NL passes 1 in both gain and phase, Newton's method on the logarithm of -NL refines the solution.
 
     Parameters
     ----------
@@ -175,8 +176,8 @@ def limit_cycles(
     Returns
     -------
     LimitCycles
-        Predicted cycles. They are only as reliable as the loop is good at filtering harmonics, because the method
-        neglects all but the first.
+        Predicted cycles. The prediction is reliable only if the loop attenuates higher harmonics strongly, because the
+        method neglects all harmonics but the first.
 
     Raises
     ------

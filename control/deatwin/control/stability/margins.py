@@ -30,14 +30,15 @@ class Margins:
     phase_deg : ndarray, shape (...)
         Least change of phase, in degrees, that brings a gain crossing to -180°; infinite without a crossing.
     delay : ndarray, shape (...)
-        Least additional delay that does so, s; infinite without a crossing.
+        Least additional delay that brings a gain crossing to -180°, s; infinite without a crossing.
     crossover : ndarray, shape (...)
         Highest frequency at which the loop gain is one, rad/s; 0 without such a frequency.
     disk : ndarray, shape (...)
-        Symmetric disk margin alpha = 2/max|S - T|, dimensionless: the loop stays stable for every complex factor
-        (1 + d/2)/(1 - d/2) in it with |d| < alpha. Infinite for L = 1 only.
+        Symmetric disk margin alpha = 2/max|S - T|, dimensionless, with the sensitivity S and the complementary
+        sensitivity T. The loop stays stable if L is multiplied by any complex factor (1 + d/2)/(1 - d/2) with |d| <
+        alpha. Infinite for L = 1 only.
     modulus : ndarray, shape (...)
-        1/max|S|, least distance of the locus of L from -1, dimensionless.
+        1/max|S|, least distance of the locus of the loop L from -1, dimensionless.
     stable : ndarray of bool, shape (...)
         True if all closed-loop poles lie inside the unit circle.
     """

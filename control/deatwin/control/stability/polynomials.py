@@ -34,7 +34,7 @@ def in_series(first: ArrayLike, second: ArrayLike) -> Array:
     Raises
     ------
     ControlError
-        If the coefficients are not real numbers, or their leading axes do not fit together.
+        If the coefficients are not real numbers, or their leading axes cannot be broadcast.
     """
     left, right = (np.atleast_1d(np.asarray(c, dtype=np.float64)) for c in (first, second))
     lead = _lead(left, right)

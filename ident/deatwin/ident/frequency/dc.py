@@ -30,7 +30,7 @@ _PATH_STEPS = 32  # steps from the centre of the training data to the operating 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Equilibrium(Frozen):
-    """Equilibria of a model under a constant input, and the one near the data.
+    """Equilibria of a model under a constant input; the chosen equilibrium is the one near the training data.
 
     Parameters
     ----------
@@ -196,9 +196,9 @@ def remove_dc(model: NarxModel, operating_input: ArrayLike | None = None) -> Nar
     """Return the model of the deviations v = y - ybar and w = u - ubar from an equilibrium.
 
     The polynomial is expanded about the equilibrium: parameters change, terms of lower degree appear, and the constant
-    vanishes. (Deleting the constant instead is wrong if the model has nonlinear terms.) The free run of the result
-    equals that of the original. The covariance is propagated to first order, including the shift of the equilibrium
-    with the parameters.
+    vanishes. (Deleting the constant instead is wrong if the model has nonlinear terms.) The free run of the resulting
+    model equals the free run of the original model. The covariance is propagated to first order, including the shift of
+    the equilibrium with the parameters.
 
     Parameters
     ----------
@@ -210,13 +210,13 @@ def remove_dc(model: NarxModel, operating_input: ArrayLike | None = None) -> Nar
     Returns
     -------
     NarxModel
-        Model without a constant; its ``operating`` range is that of the deviations, centred at 0.
+        Model without a constant; its ``operating`` range is the range of the deviations, centred at 0.
 
     Raises
     ------
     ModelError
-        If the model has no equilibrium there, it integrates, two equilibria coincide, the coefficients overflow, or no
-        term remains.
+        If the model has no equilibrium at this input, the model integrates, two equilibria coincide, the coefficients
+        overflow, or no term remains.
     """
     return deviations(model, operating_input).model
 

@@ -23,7 +23,7 @@ Complex = NDArray[np.complex128]
 
 
 def frf(model: LinearModel, omega: ArrayLike, *, channel: int = 0) -> FrequencyResponse:
-    """Compute the frequency response B/(A F) of a linear model, with its covariance.
+    """Compute the frequency response B/(A F) of a `LinearModel`, with its covariance.
 
     Parameters
     ----------
@@ -42,8 +42,8 @@ def frf(model: LinearModel, omega: ArrayLike, *, channel: int = 0) -> FrequencyR
     Raises
     ------
     ModelError
-        If the model has no such input, the frequencies are not real numbers in that range, or one of them is that of a
-        pole on the unit circle.
+        If the model has no such input, the frequencies are not real numbers in that range, or one of the frequencies is
+        that of a pole on the unit circle.
     """
     if not isinstance(model, LinearModel):
         raise ModelError(f"a {type(model).__name__} is not a LinearModel; gfrf computes the responses of a NarxModel")

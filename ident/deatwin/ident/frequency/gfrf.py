@@ -40,8 +40,8 @@ def gfrf(
 
     In response to the input A_1 e^(jw_1 t) + ... + A_n e^(jw_n t) about the operating input, the output contains n!
     H_n(w_1..w_n) A_1 ... A_n e^(j(w_1+...+w_n)t), where H_n is symmetric. With several inputs, `inputs` names the input
-    that carries each tone; if they differ (u1, u2), H_n is a cross kernel, which is unchanged if frequencies are
-    exchanged together with their inputs.
+    that carries each tone; if these inputs differ (u1, u2), H_n is a cross kernel, which is unchanged if frequencies
+    are exchanged together with their inputs.
 
     Parameters
     ----------
@@ -55,8 +55,8 @@ def gfrf(
         Name of the input that carries each tone, as ``["u1", "u2"]`` or by the model's own names; required if the model
         has several inputs.
     operating_input : float, or array_like of shape (n_inputs,), optional
-        Constant input about which the model is expanded, in its unit; the centre of the training data by default (0 if
-        there is none, as after `remove_dc`).
+        Constant input about which the model is expanded, in its unit; the centre of the training data by default (0
+        after `remove_dc`, and without training data).
     form : str
         "symmetric" for the response that does not depend on the order of the frequencies; "recursive" for the result of
         the recursion of Peyton Jones and Billings, which has the same mean over all permutations.

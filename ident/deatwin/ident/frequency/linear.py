@@ -92,7 +92,7 @@ def linear_part(model: NarxModel, operating_input: ArrayLike, output: float) -> 
     ------
     ModelError
         If the model integrates or two equilibria coincide there, so that the equilibrium has no derivative; if a
-        function in a term has none at the equilibrium, as |u| at zero; or if the coefficients overflow.
+        function in a term has no derivative at the equilibrium, as |u| at zero; or if the coefficients overflow.
     """
     inputs = operating_input_of(model, operating_input)
     arguments = levels(model, inputs, output)

@@ -93,7 +93,7 @@ def plot_slices(
     Raises
     ------
     ModelError
-        If no frequency can be held, a slice is not a grid, or the number of axes is not that of the slices.
+        If no frequency can be held, a slice is not a grid, or the number of axes differs from the number of slices.
     """
     _require_more_than_two(response)
     wanted = _spread(response) if held_Hz is None else list(held_Hz)

@@ -72,7 +72,7 @@ class Band(Frozen):
     low, high : ndarray, shape (n,)
         Limits, in the response's unit.
     linear_law : ndarray of bool, shape (n,)
-        True if the gain is far enough from zero for the linear law to hold.
+        True if the gain is far enough from zero for the first-order (linear) propagation to hold.
     """
 
     level: float
@@ -99,7 +99,7 @@ class Pointwise(Frozen):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FrequencyResponse(Described, Frozen):
-    """Complex quantity over frequency at an operating point: H_n, G_n or Y_n.
+    """Complex quantity over frequency at an operating point: response H_n or G_n, or output spectrum Y_n, of order n.
 
     Parameters
     ----------
@@ -120,16 +120,16 @@ class FrequencyResponse(Described, Frozen):
     theta_cov : ndarray, shape (n_terms, n_terms)
         Covariance of the model's parameters.
     differentiate : callable
-        Function that returns the derivative with respect to these parameters, complex, shape (n, n_terms), including
-        the shift of the equilibrium; a `Pointwise` is evaluated only at the points that are needed.
+        Function that returns the derivative of the values with respect to these parameters, complex, shape (n,
+        n_terms), including the shift of the equilibrium; a `Pointwise` is evaluated only at the points that are needed.
     evaluate : callable, optional
-        Function from parameters of shape (n_draws, n_terms) to the response at all of them, an ``Evaluated``; or a
-        `Pointwise`.
+        Function of parameters of shape (n_draws, n_terms) that returns the response for each draw, as an ``Evaluated``;
+        or a `Pointwise`.
     theta_dof : float
         Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
     inputs : tuple of str
-        Names of the inputs that carry the frequencies of H_n, or to whose powers G_n and Y_n are proportional; empty for
-        a model of one input.
+        Names of the inputs that carry the frequencies of H_n, or to whose powers G_n and Y_n are proportional; empty
+        for a model of one input.
     """
 
     symbol: str = field(metadata=attribute())

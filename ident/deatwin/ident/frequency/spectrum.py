@@ -49,14 +49,15 @@ def output_spectrum(
     -------
     FrequencyResponse
         Fourier coefficients Y = (1/n_samples) sum_k v(k) e^(-jwkT), in the output's unit, at all lines of the period
-        from 0 to half the sampling rate; v is the output's deviation from the equilibrium.
+        from 0 to half the sampling rate. v is the output's deviation from the equilibrium, w the angular frequency and
+        T the sampling time.
 
     Raises
     ------
     ModelError
         If the order is not an integer, the model has several outputs or no equilibrium, the excitation is not a finite
-        period of each input at the model's sampling time or is so large that an order overflows, or one of its lines coincides with a
-        pole on the unit circle.
+        period of each input at the model's sampling time or is so large that an order overflows, or a line of the
+        excitation coincides with a pole on the unit circle.
     """
     highest = whole_order(order)
     return _steady(model, excitation, operating_input, highest).response(range(1, highest + 1), 0)

@@ -56,8 +56,8 @@ class Calibration(Described):
     covariance : ndarray, shape (n, n)
         Covariance of the fitted coordinates, each in its parameter's `Scale`.
     residuals : ndarray, shape (m,)
-        Measured minus simulated readings at the samples used, SI. Those of further readings follow those of the first
-        one, scaled so that their noise is equally large.
+        Measured minus simulated readings at the samples used, SI. The residuals of further readings follow those of the
+        first reading; they are scaled to the noise level of the first reading.
     jacobian : ndarray, shape (m, n)
         Derivative of the simulated readings with respect to the fitted coordinates, SI.
     status : FitStatus
@@ -73,8 +73,8 @@ class Calibration(Described):
     equals : tuple of tuple of float
         Other values of the fitted parameters, in the order of `names`, SI, at which fits ended with the same error.
     reach : tuple of tuple of float
-        Smallest and largest values, SI, of the fitted parameters at which the error is hardly larger, if the error does
-        not rise as the covariance predicts; empty if it does.
+        Smallest and largest values, SI, of the fitted parameters at which the error is hardly larger, given if the
+        error rises less than the covariance predicts; otherwise empty.
     fault : str
         Reason why the plant cannot be simulated at its starting values; empty if it can.
     """
@@ -257,14 +257,14 @@ def calibrate(
     their values, because only a sample or two depend on them; they still count as fitted parameters, with their
     variance.
 
-    A descent ends in the nearest minimum. So further fits follow on growing initial parts of the record: first from the
-    same values, then from a low-discrepancy sequence of points in the parameters' ranges, which is the same in every
-    run. The search ends when two starts agree on the least error, at about three times the cost of one fit. Two errors
-    agree if a single 95 % interval could contain both; if the parameters nevertheless disagree, the result contains
-    both solutions.
+    Because a descent ends in the nearest minimum, further fits follow, each on growing initial parts of the record: the
+    first from the same values, the others from a low-discrepancy sequence of points in the parameters' ranges, which is
+    the same in every run. The search ends when two starts agree on the least error, at about three times the cost of
+    one fit. Two errors agree if a single 95 % interval could contain both; if the parameters nevertheless disagree, the
+    result contains both solutions.
 
-    Ctrl-C ends the search: the best parameters so far are kept, and `status` says so. Before the first simulation has
-    ended KeyboardInterrupt is raised.
+    Ctrl-C ends the search: the best parameters so far are kept, and `status` says so. If the first simulation has not
+    ended yet, KeyboardInterrupt is raised.
 
     Parameters
     ----------
@@ -274,7 +274,7 @@ def calibrate(
         Data to fit. All samples of experiments and recordings are used, for every reading of the rig that they contain.
         Each experiment or recording starts from rest.
     names : sequence of str, optional
-        Names of the parameters to fit; all free ones by default.
+        Names of the parameters to fit; all free parameters by default.
     starts : int
         Largest number of starting points; 1 for a single descent from the plant's values.
     evaluations : int

@@ -36,21 +36,21 @@ MOST_POINTS = 6  # Most refits on each side
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Profile(Described):
-    """Likelihood profile of one parameter: all others are fitted again at each of its values.
+    """Likelihood profile of one parameter: for each of its values, all other parameters are fitted again.
 
     Parameters
     ----------
     parameter : Parameter
         Parameter with its calibrated value.
     values : ndarray, shape (n,)
-        Values at which the others were fitted, in increasing order, SI.
+        Values at which the other parameters were fitted, in increasing order, SI.
     deviances : ndarray, shape (n,)
         Twice the loss of log likelihood at each value, scaled to the calibration's covariance.
     low, high : float
-        Ends of the 95 % interval, SI. If the likelihood does not fall far enough, the end of the physical range, or the
-        last value at which the plant could be fitted.
+        Ends of the 95 % interval, SI. If the likelihood does not fall far enough, an end is the end of the physical
+        range, or the last value at which the plant could be fitted.
     bounded : tuple of bool
-        True if the recordings bound the parameter from below, and from above.
+        Two values: True if the recordings bound the parameter from below, and True if they bound it from above.
     """
 
     parameter: Parameter
@@ -103,8 +103,9 @@ class Profile(Described):
 def profile(calibration: Calibration, parts: Sequence[Part], name: str) -> Profile:
     """Find the 95 % likelihood interval of a parameter by profiling.
 
-    The residuals of a plant are correlated in time, so the likelihood of white noise would be too narrow. The deviance
-    is therefore scaled so that its curvature matches the calibration's covariance, which accounts for the correlation.
+    The residuals of a plant are correlated in time, so the likelihood for white noise would give too narrow an
+    interval. The deviance is therefore scaled so that its curvature matches the calibration's covariance, which
+    accounts for the correlation.
 
     Parameters
     ----------

@@ -24,10 +24,11 @@ Lines = NDArray[np.bool_]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BestLinearApproximation(Frozen):
-    """Linear system nearest to a recorded one, with the part of the output that it does not explain.
+    """Best linear approximation of a recorded system, with the part of the output that it does not explain.
 
-    Amplitudes are the magnitudes of Fourier coefficients, (1/n) sum_k y(k) e^(-jwkT); the rms of a part is the root of
-    twice the sum of their squares.
+    Amplitudes are the magnitudes of Fourier coefficients, (1/n) sum_k y(k) e^(-jwkT), of a signal y with n samples, at
+    the angular frequency w and the sample time T. The rms of a part of the output is the root of twice the sum of the
+    squared amplitudes.
 
     Parameters
     ----------
@@ -36,7 +37,7 @@ class BestLinearApproximation(Frozen):
     response : ndarray of complex, shape (n_lines,)
         Best linear approximation, output unit per input unit.
     variance : ndarray, shape (n_lines,)
-        Variance of `response`, E|G - E G|^2, due to noise and distortion.
+        Variance of `response` G, E|G - E G|^2, due to noise and distortion.
     noise_variance : ndarray, shape (n_lines,)
         Part of `variance` that is due to noise; more periods would reduce it.
     dof : float
@@ -58,9 +59,9 @@ class BestLinearApproximation(Frozen):
         Lower 95 % bounds of the rms over time of the even, the odd and all distortion, output unit; 0 where noise alone
         explains it, NaN where it cannot be determined.
     realisations : int
-        Number of different inputs.
+        Number of realisations of the input, which differ in their random phases.
     periods : int
-        Number of periods that were used, of all realisations.
+        Number of periods that were used, summed over the realisations.
     left_out : int
         Number of periods before the steady state, which were not used.
     input_unit, output_unit : str

@@ -48,9 +48,10 @@ def best_linear_approximation(
 ) -> BestLinearApproximation:
     """Estimate the best linear approximation of a system from periodic recordings, with noise and distortions.
 
-    Differences between periods are noise. Nonlinear distortion is what differs between realisations of the input's phases
-    (robust method), or appears on lines that are not excited (fast method: one realisation of an odd random-phase
-    multisine with detection lines). Recordings of the same signal count as further periods.
+    Differences between periods are attributed to noise. Nonlinear distortion is estimated from the differences between
+    realisations of the input's phases (robust method), or from the output on lines that are not excited (fast method:
+    one realisation of an odd random-phase multisine with detection lines). Recordings of the same signal count as
+    further periods.
 
     Parameters
     ----------
@@ -60,10 +61,10 @@ def best_linear_approximation(
     period : float, optional
         Period of the input, s; found in the first recording if omitted.
     channel, output : int
-        Rows of the input and the output, from 0. No other input may move.
+        Indices of the input and the output, from 0. No other input may change.
     skip : int, optional
-        Number of periods at the start of each recording to leave out; by default those in which the output still
-        settles, which needs three periods or more.
+        Number of periods at the start of each recording to leave out; by default the periods in which the output still
+        settles; this default needs three periods or more.
 
     Returns
     -------
@@ -73,9 +74,10 @@ def best_linear_approximation(
     ------
     DataError
         If a recording is not periodic, has too few periods, or a period is not a whole number of samples; if another
-        input moves, the inputs differ in size, or no line is excited in all.
+        input changes, the inputs differ in rms, or no line is excited in all recordings.
     ModelError
-        If the recordings do not fit together, the period is not a number, or `skip` is not a whole number of at least 0.
+        If the recordings do not fit together, the period is not a number, or `skip` is not a whole number of at least
+        0.
 
     References
     ----------

@@ -83,8 +83,8 @@ class Look:
     sampling : SamplingChoice or None
         Advice on the sample time for a NARX model; None if the record is too short.
     best_linear : BestLinearApproximation or None
-        Best linear approximation from the first input to the first output, with noise and distortions; None unless that
-        input alone moves, and repeats itself three times or more.
+        Best linear approximation from the first input to the first output, with noise and distortions; None unless only
+        this input changes and it has at least three periods.
     """
 
     recordings: tuple[Recording, ...]
@@ -225,8 +225,8 @@ class Look:
 def look_at(recordings: Recordings) -> Look:
     """Inspect a recording before identifying a model.
 
-    The recording is not altered, and only the regression that finds dead times is fitted. Recordings of any length are
-    accepted; results that need a longer one are omitted.
+    The recording is not altered, and no model is fitted except the regression that estimates dead times. Recordings of
+    any length are accepted; results that need a longer recording are omitted.
 
     Parameters
     ----------

@@ -44,9 +44,10 @@ def calibrate_material(tests: Sequence[MaterialTest], about: Mapping[str, Any] |
     """Fit one material to several tests.
 
     The equilibrium network is one of the energies of `deatwin.plant.laws`; Schwarz' criterion, an approximation of the
-    evidence, chooses it and the number of Maxwell branches. If the odds of several energies differ by less than a
-    factor of 20, the one with the fewest parameters is chosen. Samples are weighted by their errors. These have an absolute and a relative part, a common factor for each specimen,
-    and may be correlated; all of this is estimated.
+    evidence, chooses the energy and the number of Maxwell branches. If the odds of several energies differ by less than
+    a factor of 20, the energy with the fewest parameters is chosen. Samples are weighted by their errors. The errors
+    have an absolute and a relative part and a common factor for each specimen, and may be correlated; the fit estimates
+    all of these.
 
     Parameters
     ----------
@@ -54,8 +55,8 @@ def calibrate_material(tests: Sequence[MaterialTest], about: Mapping[str, Any] |
         Tests of one material, on one or more specimens.
     about : mapping, optional
         Properties that tests cannot determine, in the form of the section ``[material]`` of a rig file: ``name``,
-        ``permittivity``, ``breakdown``, ``density_kg_m3``. If it contains an ``energy``, no other is tried; for a
-        formula of your own, ``parameters`` gives start values and ranges.
+        ``permittivity``, ``breakdown``, ``density_kg_m3``. If it contains an ``energy``, no other energy is tried; for
+        a formula of your own, ``parameters`` gives start values and ranges.
 
     Returns
     -------

@@ -38,21 +38,24 @@ class Choice:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CalibratedMaterial:
-    """A material with intervals, calibrated by `calibrate_material`.
+    """Material calibrated by `calibrate_material`, with the intervals of its parameters.
 
     Parameters
     ----------
     section : mapping
         The section ``[material]`` of a rig file; the range of each parameter is its 95 % interval.
     quantities : tuple of Quantity
-        Parameters of the energy, then modulus and time of each branch from the fastest on: ``name``, ``value``, ``low``,
-        ``high``, ``unit``.
+        Parameters of the energy, then modulus and time of each branch from the fastest on: ``name``, ``value``,
+        ``low``, ``high``, ``unit``.
     covariance : ndarray, shape (k, k)
-        Covariance of the fit's coordinates: those of the energy, logarithms of all moduli, logarithms of all times.
+        Covariance of the fit's coordinates: those of the energy's parameters, the logarithms of all moduli, and the
+        logarithms of all times.
     noise : Noise
-        Errors of the tests: ``absolute`` in Pa and ``relative``, of stresses and of moduli, and the ``scatter`` of specimens.
+        Errors of the tests: ``absolute`` in Pa and ``relative``, of stresses and of moduli, and the ``scatter`` of
+        specimens.
     choices : tuple of Choice
-        Energies and numbers of branches that were tried: ``energy``, ``branches``, and ``behind``, the log odds of the most probable one over this one.
+        Energies and numbers of branches that were tried: ``energy``, ``branches``, and ``behind``, the log odds of the
+        most probable choice over this choice.
     notes : tuple of str
         Remarks on what the tests cannot determine.
     tests : tuple of MaterialTest

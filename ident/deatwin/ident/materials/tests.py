@@ -27,26 +27,29 @@ class MaterialTest:
     name : str
         Name in reports, such as the name of the file.
     kind : str
-        ``"tension"``, ``"relaxation"`` or ``"cycles"`` of a strip with free sides, ``"equibiaxial"``, ``"pure shear"`` (a wide
-        strip, which keeps its width), or ``"dma"``.
+        ``"tension"``, ``"relaxation"`` or ``"cycles"`` of a strip with free sides, ``"equibiaxial"``, ``"pure shear"``
+        (a wide strip, which keeps its width), or ``"dma"``.
     specimen : str
-        Name of the specimen; tests of one specimen share its deviation from the others. By default the test's name.
+        Name of the specimen; tests of one specimen share its deviation from other specimens. By default the test's
+        name.
     times : array_like, shape (n,), optional
-        Times, s. The stretch is 1 at time 0, and moves evenly to that of the first sample; a first sample at time 0 was
-        reached at once. Without times the test counts as so slow that all branches are relaxed.
+        Times, s. The stretch is 1 at time 0, and changes linearly to the stretch of the first sample; the stretch of a
+        first sample at time 0 was reached instantaneously. A test without times is treated as so slow that all branches
+        are relaxed.
     stretch : array_like, shape (n,)
-        Stretch along the pull; of a dma test a number, at which the specimen is relaxed, 1 by default.
+        Stretch along the pull; for a dma test a number, the mean stretch at which the specimen is relaxed, 1 by
+        default.
     stress : array_like, shape (n,)
-        Force per area of the unstretched specimen, Pa; of an equibiaxial test along one direction. Not in a dma test.
+        Force per area of the unstretched specimen, Pa; in an equibiaxial test along one direction. A dma test has none.
     frequencies, storage, loss : array_like, shape (n,)
         Data of a dma test: frequencies in Hz, moduli in Pa, referred to the unstretched specimen.
     shear : bool
-        True if a dma test measured shear moduli; False for those of tension.
+        True if a dma test measured shear moduli; False if it measured tensile moduli.
 
     Raises
     ------
     DataError
-        If the arrays do not fit each other or the kind of test, times do not increase, or a value is impossible.
+        If the arrays do not match each other or the kind of test, times do not increase, or a value is impossible.
     """
 
     name: str

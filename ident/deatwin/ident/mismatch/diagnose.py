@@ -60,7 +60,7 @@ def diagnose(
     plant : Plant
         Nominal plant; it is calibrated first.
     experiments : Experiment or Recording, or a sequence of such
-        Experiments and single recordings, each from rest. Recordings on one clock belong into one experiment.
+        Experiments and single recordings, each from rest. Put recordings on the same clock into one experiment.
     effects : sequence of Effect, optional
         Effects that may be missing; by default the whole catalogue, at the sizes of the rig if it states any
         (`Rig.sizes`). Effects that the rig does not accept are skipped.
@@ -83,7 +83,7 @@ def diagnose(
     DataError, ModelError
         If the recordings cannot be used at all.
     SimulationError
-        If the plant cannot be simulated on them.
+        If the plant cannot be simulated on the recordings.
     """
     tell = progress or (lambda share, text: None)
 

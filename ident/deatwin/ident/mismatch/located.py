@@ -111,13 +111,13 @@ class Unexplained:
     fitted, unseen : float
         Rms residual beyond the noise with the causes, on fitted and on held-out data.
     time : Window or None
-        Stretch of time that contains most of it; None if it is evenly spread.
+        Stretch of time that contains most of the remaining mismatch; None if the remaining mismatch is evenly spread.
     frequency : Band or None
-        Frequency band that contains most of it.
+        Frequency band that contains most of the remaining mismatch.
     region : Region or None
-        Range of an operating signal in which its mean is largest.
+        Range of an operating signal in which the mean of the remaining mismatch is largest.
     place : str or None
-        Part of the plant whose signals predict it best.
+        Part of the plant whose signals predict the remaining mismatch best.
     """
 
     rms: float
@@ -161,7 +161,7 @@ class LocationSummary:
     time : tuple of Window
         Times with a mismatch.
     period_s : float or None
-        Period with which the mismatch repeats, s; None if it does not.
+        Period with which the mismatch repeats, s; None if the mismatch does not repeat.
     frequency : tuple of Band
         Frequencies with a mismatch.
     lines : LinesSummary or None
@@ -173,7 +173,8 @@ class LocationSummary:
     response : tuple of ResponseDifference, or None
         Orders and bands of the frequency response that differ; None if they could not be tested.
     readings : tuple of ReadingLocation or None
-        Location in each further reading; None if there is only one. All other fields are about the first reading.
+        Location in each further reading; None if there is only one reading. All other fields describe the first
+        reading.
     """
 
     time: tuple[Window, ...]

@@ -31,7 +31,7 @@ def prepare(
 ) -> tuple[DiagnosisProblem, Base]:
     """Prepare the diagnosis problem from plant, effects and recordings, and calibrate the plant.
 
-    If only the held-out data have a mismatch, some of them are fitted, too.
+    If only the held-out data have a mismatch, some of the held-out data are fitted too.
 
     Parameters
     ----------
@@ -40,8 +40,8 @@ def prepare(
     checked : DataQuality
         Recordings as `check_quality` returned them.
     effects : sequence of Effect, optional
-        Effects that may be missing; by default all that the rig offers, at the sizes of the rig. Effects that it does
-        not accept are skipped.
+        Effects that may be missing; by default all that the rig offers, at the sizes of the rig. Effects that the rig
+        does not accept are skipped.
     jobs : int
         Number of worker processes; -1 takes all cores.
 
@@ -49,9 +49,9 @@ def prepare(
     -------
     DiagnosisProblem
         Diagnosis problem; its plant is judged by the model error expected for these recordings, and simulated with
-        fewer stages if the readings do not show that.
+        fewer stages if this does not change the readings visibly.
     Base
-        Calibrated plant, judged and simulated likewise.
+        Calibrated plant, judged and simulated in the same way.
 
     Raises
     ------

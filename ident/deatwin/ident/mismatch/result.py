@@ -34,19 +34,19 @@ LEAST_TOLD = 0.01
 
 @dataclass(frozen=True, kw_only=True)
 class ReadingSummary:
-    """Residuals of one of several readings, and the probabilities with and without it; SI.
+    """Residuals of one of several readings, and the explanations' probabilities with and without this reading; SI.
 
     Parameters
     ----------
     reading, unit : str
         Name of the signal, and its SI unit.
     noise : float
-        Standard deviation of its noise.
+        Standard deviation of the reading's noise.
     fitted, unseen : Errors
         Rms residuals on fitted and on held-out data, of the calibrated and of the amended plant.
     with_it, without_it : mapping of str to float, or None
-        Probabilities of the explanations by all readings, and by all but this one; None if there are fewer than two
-        explanations.
+        Probabilities of the explanations from all readings, and from all readings except this one; None if there are
+        fewer than two explanations.
     """
 
     reading: str
@@ -241,9 +241,9 @@ class VerificationSummary:
         True if the error certainly decreases over all data and, on held-out data, decreases by more than the model
         error.
     ablation : tuple of Ablation
-        Results without each effect, the rest refitted.
+        For each effect, the results when this effect is removed and the rest is refitted.
     shams : tuple of PlaceboSummary
-        Results with placebo effects, of each kind for each effect.
+        Results with placebo effects, one for each kind of placebo and each effect.
     transfer : tuple of TransferSummary
         Results for each record, if there are several, and for each third of the amplitudes.
     constancy : tuple of ConstancySummary or None
@@ -282,10 +282,10 @@ class AdviceSummary:
     measure : str or None
         Signal that would distinguish the explanations that the input cannot.
     undecided : tuple of str or None
-        Explanations that the input cannot distinguish from another one.
+        Explanations that the input cannot distinguish from another explanation.
     log_odds : float or None
-        Natural logarithm of the expected odds of the true explanation over the nearest other one, after the best
-        waveform alone.
+        Natural logarithm of the expected odds of the true explanation over the nearest other explanation, after the
+        best waveform alone.
     readings : tuple of PricedReading
         How well each further reading would distinguish the explanations, the best first.
     """
@@ -329,13 +329,13 @@ class FreeFormSummary:
     Parameters
     ----------
     place : str
-        Place at which it enters the plant.
+        Place at which the free form enters the plant.
     signal : str or None
-        Signal to which it is added.
+        Signal to which the free form is added.
     terms : tuple of TermSummary
         Terms, the one with the largest contribution first; SI.
     before, after : float
-        Rms error on held-out data, without and with it.
+        Rms error on held-out data, without and with the free form.
     gain_low : float or None
         Lower 95 % bound of the decrease of this rms error on held-out data.
     """
@@ -364,7 +364,7 @@ class FitSummary:
     fitted : Errors
         Rms residuals on fitted data.
     unseen : UnseenErrors
-        Rms residuals on held-out data; the bound of their decrease is over all readings.
+        Rms residuals on held-out data; the lower bound of their decrease is computed from all readings.
     """
 
     fitted: Errors

@@ -57,7 +57,7 @@ def say(diagnosis: Diagnosis) -> str:
     Parameters
     ----------
     diagnosis : Diagnosis
-        Diagnosis to describe; its own sentence is ignored.
+        Diagnosis to describe; its field `sentence` is ignored.
 
     Returns
     -------

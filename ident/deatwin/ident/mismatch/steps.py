@@ -82,7 +82,7 @@ class _Found(Protocol[_Summary]):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Step:
-    """Finished step of a diagnosis. It is not a verdict: later steps may overrule it.
+    """Finished step of a diagnosis. Its result is not a verdict: later steps may overrule it.
 
     Parameters
     ----------

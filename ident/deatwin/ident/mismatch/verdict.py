@@ -124,16 +124,17 @@ class Cause:
     effect, family : str
         Canonical names of the effect and of its family.
     probability : float
-        Probability that this effect is part of the truth, among the explanations compared, less a margin for causes
-        that were not tried.
+        Probability, among the explanations compared, that this effect is present, less a margin for causes that were
+        not tried.
     share_explained : float
         Share of the mismatch's energy that the effect explains, from 0 to 1.
     parameters : mapping of str to Interval
         Parameters of the effect.
     place : str or None
-        Place at which it enters the plant; None if it has only one place, or the recordings cannot decide.
+        Place at which the effect acts; None if the effect has only one place, or the recordings cannot decide.
     places : tuple of str or None
-        Places at which it may enter, if the recordings cannot decide; the first is that of the amended plant.
+        Places at which the effect may act, if the recordings cannot decide; the first is the place in the amended
+        plant.
     """
 
     effect: str
@@ -152,9 +153,9 @@ class Explanation:
     Parameters
     ----------
     effects : tuple of str
-        Canonical names of its effects; empty for the plant without any.
+        Canonical names of its effects; empty for the plant without effects.
     probability : float
-        Probability that these effects, and no others, are the truth, among the explanations compared, less a margin for
+        Probability, among the explanations compared, that these effects and no others are present, less a margin for
         causes that were not tried.
     """
 

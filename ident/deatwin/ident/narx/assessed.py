@@ -57,11 +57,11 @@ def hold_out(recordings: Recordings, share: float = HELD_OUT) -> tuple[tuple[Rec
 def assessed(
     model: NarxModel, recordings: Recordings, held_out: Recordings, *, reliance: Reliance | None = None
 ) -> NarxModel:
-    """Return the model with an assessment on its recordings in its provenance, as `deatwin identify` saves it.
+    """Return a copy of the model whose provenance holds an assessment, as `deatwin identify` saves it.
 
     The assessment has the frequency bands that the input excited, the rms and correlation time of the free-run
     residual, and the results of the residual tests and of the free-run gain on held-out data. The commands `frequency`
-    and `check` read it.
+    and `check` read this assessment.
 
     Parameters
     ----------

@@ -77,8 +77,8 @@ def narx_source(
 ) -> SampledSource:
     """Write a model as C source that computes one sample of `NarxModel.simulate` per call.
 
-    The C function ``narx_step`` takes u(k) and returns y(k). To start from a measured past, write it into ``state.y``
-    and ``state.u`` after ``narx_init``.
+    The C function ``narx_step`` takes u(k) and returns y(k). To start from measured past values, write them into
+    ``state.y`` and ``state.u`` after ``narx_init``.
 
     Parameters
     ----------

@@ -20,11 +20,11 @@ class Fixed(NarxIdentifier):
     Parameters
     ----------
     terms : NarxModel, sequence of Term or str, or mapping of str to such sequences
-        Terms to fit: a model such as ``other.model_``, whose terms are about its origins, or a list such as
-        ``["y(k-1)", "u(k-1)^2"]`` in the signals themselves. For several outputs, give the list of each equation, as
-        ``{"y1": ["y1(k-1)"], "y2": ["y2(k-1)", "u(k-1)"]}``. Signals are named as in the recordings, for example
-        ``"voltage(k-1)*temperature(k-2)"``, or by position as y, u (y1, y2, u1, u2, ... if there are several); a name
-        in the recordings takes precedence.
+        Terms to fit: a model such as ``other.model_``, whose terms contain the signals minus the model's origins, or a
+        list such as ``["y(k-1)", "u(k-1)^2"]``, whose terms contain the signals themselves. For several outputs, give
+        the list of each equation, as ``{"y1": ["y1(k-1)"], "y2": ["y2(k-1)", "u(k-1)"]}``. Signals are named as in the
+        recordings, for example ``"voltage(k-1)*temperature(k-2)"``, or by position as y, u (y1, y2, u1, u2, ... if
+        there are several); a name in the recordings takes precedence.
     estimator : callable
         Estimator of the parameters; see `deatwin.ident.narx.estimation`.
 

@@ -29,11 +29,12 @@ _KNOWN = (*CRITERIA, "free_run", "none")
 
 @dataclass(kw_only=True, eq=False, repr=False)
 class Frols(CandidateSearch):
-    """Choose terms one by one: always the one that explains most of the unexplained output.
+    """Choose terms one by one, each time the term that explains most of the unexplained output (FROLS).
 
-    The error reduction ratio of a candidate p, orthogonalised against the chosen terms to w, is ``(w'y)^2 / (w'w
-    y'y)``. Terms are added up to ``max_terms``; a criterion chooses how many of them are kept, and their parameters are
-    then estimated, by least squares (QR) unless another estimator is given.
+    The error reduction ratio of a candidate is ``(w'y)^2 / (w'w y'y)``, where y is the output and w is the candidate's
+    regressor, orthogonalised against the regressors of the chosen terms. Terms are added up to ``max_terms``; a
+    criterion chooses how many of them are kept, and their parameters are then estimated, by least squares (QR) unless
+    another estimator is given.
 
     Parameters
     ----------
@@ -44,23 +45,23 @@ class Frols(CandidateSearch):
     degree : int
         Largest degree of a candidate.
     functions : sequence of str
-        Functions of lagged signals that join the lagged signals, as ``["|u(k-1)|", "sat(y(k-1),0.5)"]``; see
-        `register_function`. A candidate contains each of them at most once.
+        Functions of lagged signals that candidates may contain besides the lagged signals, as
+        ``["|u(k-1)|", "sat(y(k-1),0.5)"]``; see `register_function`. A candidate contains each of them at most once.
     rule : callable, optional
-        Function of a `Term` that returns True if it is a candidate; see `deatwin.ident.narx.rules`.
+        Function of a `Term` that returns True if the term is a candidate; see `deatwin.ident.narx.rules`.
     max_terms : int
         Largest number of terms.
     criterion : str
         Criterion that chooses the number of terms. With n samples, k terms, p candidates and mean squared residual s:
 
-        - "ebic", ``n ln s + k ln n + 2 ln C(p, k)``: the Bayesian criterion extended by the number of models of k
-          terms, which guards against the best of many false candidates;
+        - "ebic", ``n ln s + k ln n + 2 ln C(p, k)`` with the number C(p, k) of models of k terms: the extended Bayesian
+          criterion, which avoids false terms even among many candidates;
         - "bic" and "aic", ``n ln s + k ln n`` and ``n ln s + 2 k``, and "aicc", aic corrected for few samples: these
-          ignore how many candidates competed, and keep false terms among hundreds of them;
+          ignore the number of candidates, and keep false terms if there are hundreds of candidates;
         - "press": ``n ln`` of the mean squared leave-one-out error; it ignores the number of candidates too;
         - "free_run": mean squared free-run error over the held-out samples; terms are chosen on the other samples,
           parameters estimated on all;
-        - "none": ``max_terms`` are kept.
+        - "none": ``max_terms`` terms are kept.
     held_out : float
         Share of each recording, at its end, that is held out; used by "free_run" only.
     estimator : callable
@@ -69,7 +70,8 @@ class Frols(CandidateSearch):
     Attributes
     ----------
     model_ : NarxModel
-        The identified model, in physical units; ``theta_cov`` is ``sigma^2 (P'P)^-1`` with least squares.
+        The identified model, in physical units; with least squares, ``theta_cov`` is ``sigma^2 (P'P)^-1`` with the
+        residual variance sigma^2 and the regressors P.
     terms_ : tuple of Term
         Terms of the model, in the order in which they were chosen.
     err_ : ndarray, shape (n_terms,)

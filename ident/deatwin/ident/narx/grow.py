@@ -40,18 +40,18 @@ class Grow(CandidateSearch):
 
     The start is the linear model of second order by least squares. The candidate that lowers the free-run error most,
     to first order, is added, and all parameters are refined to the least free-run error (`extend`), until the model has
-    half as many terms again as allowed. Terms are then removed one by one, always the one that raises the error least
+    1.5 times as many terms as allowed. Terms are then removed one by one, always the one that raises the error least
     (`prune`). Among all these models with at most ``max_terms`` terms, the one with the smallest free-run error on
     held-out samples is kept and refined on all samples.
 
-    Parameters are those of an output-error model: they are unbiased if the noise is on the readings, where least
-    squares of the one-step error is biased. If the noise acts on the plant itself, the one-step methods (`Frols`,
+    The parameters are those of an output-error model: they are unbiased if the noise is on the readings; least squares
+    on the one-step error is biased in this case. If the noise acts on the plant itself, the one-step methods (`Frols`,
     `SvbNarx`) are more efficient.
 
-    Intervals of the parameters take the terms as given. For two made-up systems, one with ``|u|`` and one with a
-    saturation, the 95 % intervals contained 163 of 170 true values (96 %) in the 48 of 100 sets whose terms were found
-    exactly, and 164 of 190 (86 %) in the others, in which a further term that is nearly collinear with true ones takes
-    over a part of their contribution.
+    The confidence intervals of the parameters do not include the uncertainty of the choice of terms. For two simulated
+    systems, one with ``|u|`` and one with a saturation, the 95 % intervals contained 163 of 170 true values (96 %) in
+    the 48 of 100 sets whose terms were found exactly, and 164 of 190 (86 %) in the other sets, in which a further term
+    that is nearly collinear with true terms takes over a part of their contribution.
 
     Parameters
     ----------
@@ -63,16 +63,16 @@ class Grow(CandidateSearch):
         Share of each recording, at its end, that chooses the number of terms.
     parts : int
         Number of parts into which each recording is cut. A structure is grown on each part and refined on all
-        recordings; the one with the smallest free-run error there is kept. Several structures thus cost no more time
-        than one.
+        recordings; the structure with the smallest free-run error on all recordings is kept. Several structures thus
+        take no more time than one.
 
     Attributes
     ----------
     model_ : NarxModel
         The identified model, in physical units. ``theta_cov`` is that of an output-error estimate whose free-run error
         may be correlated in time: ``(S'S)^-1 S'RS (S'S)^-1`` with the sensitivities S of the free run and the
-        covariance R of its error, from an autoregressive model. The choice of the terms is not in it; after an
-        interrupt it is that of `refine`.
+        covariance R of its error, from an autoregressive model. It does not include the uncertainty of the choice of
+        terms. After an interrupt, ``theta_cov`` is that of `refine`.
     terms_ : tuple of Term
         Terms of the model.
     status_ : FitStatus

@@ -32,7 +32,7 @@ class FitStatus(Enum):
     Estimators that search for the least error by its gradient (`Grow`, `OutputError`, `Armax`, `BoxJenkins`, `Pnlss`,
     `Cascade`) end ``DONE`` only if the gradient is small: a further Gauss-Newton step would move the parameters by less
     than a twentieth of their standard deviations (relative offset of Bates and Watts, 1981), or the fit is exact. The
-    minimum may be a local one; its error shows how much better it is than a linear model.
+    minimum may be a local one; compare its error with the error of a linear model.
     """
 
     DONE = "done"
@@ -164,10 +164,10 @@ class NarxIdentifier(Identifier, ABC):
     """Base class of the estimators of NARX models; follows scikit-learn's contract.
 
     Arguments are stored untouched under their names, learned attributes end in ``_``, and ``fit`` returns the
-    estimator. Estimators that choose terms subtract the mean from signals whose mean is larger than their swing,
-    because powers of such signals are nearly identical. All but `Grow` then run a second time with outputs relative to
-    the model's state of rest, so that no constant term is needed. For recordings with several outputs, a clone of the
-    estimator learns each equation, from the lags of all outputs and inputs.
+    estimator. Estimators that choose terms subtract the mean from signals whose mean is larger than their variation,
+    because powers of such signals are nearly collinear. All these estimators except `Grow` then run a second time with
+    outputs relative to the model's state of rest, so that no constant term is needed. For recordings with several
+    outputs, a clone of the estimator learns each equation, from the lags of all outputs and inputs.
 
     Attributes
     ----------
@@ -178,10 +178,11 @@ class NarxIdentifier(Identifier, ABC):
     notes_ : tuple of str
         Remarks on the fit, one sentence each; usually empty. Reasons are: the one-step error on the training data is
         more than 1 % above that of least squares on the same terms, the plant reacts to an input later than the model's
-        largest lag of that input, or products of several noisy outputs may stand for the noise.
+        largest lag of that input, or terms with products of several noisy outputs may describe the noise instead of the
+        plant.
     equations_ : tuple of NarxIdentifier
-        Fitted estimator of each output if there are several, otherwise empty. The other learned attributes of a class
-        then belong to these estimators.
+        Fitted estimator of each output if there are several, otherwise empty. With several outputs, the other learned
+        attributes belong to these estimators.
     """
 
     output_lags: Lags

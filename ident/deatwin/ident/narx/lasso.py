@@ -80,8 +80,8 @@ class Lasso(CandidateSearch):
     constant, is refitted by least squares, which removes the bias of the penalty. The model is the structure with the
     smallest mean squared free-run error over the ends; its parameters are then estimated on all samples.
 
-    If regressors are correlated, false terms enter the path before all true ones are in, so the exact structure may not
-    be on it.
+    If regressors are correlated, false terms may enter the path before all true terms have entered it, so that the true
+    structure is not on the path.
 
     Parameters
     ----------
@@ -95,7 +95,8 @@ class Lasso(CandidateSearch):
     Attributes
     ----------
     model_ : NarxModel
-        The identified model, in physical units; ``theta_cov`` is ``sigma^2 (P'P)^-1``.
+        The identified model, in physical units; ``theta_cov`` is ``sigma^2 (P'P)^-1`` with the residual variance
+        sigma^2 and the regressors P.
     terms_ : tuple of Term
         Terms of the model.
     path_ : LassoPath

@@ -39,9 +39,9 @@ def _variance_unit(model: NarxModel) -> str:
 class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fields_of):
     """Polynomial NARX model, y(k) = sum_m theta_m term_m(k) + e(k), with one or several outputs.
 
-    In the terms, y and u are the signals minus their origins. Powers of a signal that is far from zero compared with
-    its swing are nearly identical, and their parameters would lose all digits; an origin within the data avoids this.
-    Inputs and outputs of all methods are the signals themselves, in their units and without the shift.
+    In the terms, y and u are the signals minus their origins. Without origins, powers of a signal whose mean is large
+    compared with its variation would be nearly collinear, and their parameters inaccurate. The inputs and outputs of
+    all methods are the signals themselves, without the subtraction of the origins.
 
     Terms may contain the noise e(k-l) of earlier samples (NARMAX). With several outputs each term belongs to the
     equation of one output, and the equations are simulated together.
@@ -63,7 +63,7 @@ class NarxModel(Described, Saved, schema=SCHEMA, document=to_document, fields=fi
     sample_time : float
         Sampling interval in s.
     equations : tuple of int
-        Row of the output whose equation contains the term, for each term; needed with several outputs only.
+        For each term, the index of the output whose equation contains the term; needed with several outputs only.
     input_names, output_names, input_units, output_units : tuple of str
         Names and units of the signals.
     input_origin, output_origin : ndarray, shapes (n_inputs,) and (n_outputs,)

@@ -31,10 +31,10 @@ class Narmax(NarxIdentifier):
     """Add a noise model to a process model: y(k) = f(y, u) + g(y, u, e) + e(k).
 
     Another identifier chooses the process terms. The noise terms, which contain e(k-l), are given, or chosen by their
-    error reduction ratio in addition to the process terms; e is then estimated as the residual of a model with many
-    more lags. All terms are then estimated together by the smallest sum of squared prediction errors, and the choice is
-    repeated once with the resulting e. With coloured noise this removes the bias of the process parameters and corrects
-    their intervals.
+    error reduction ratio in addition to the process terms. For this choice, e is estimated as the residual of a model
+    with many more lags. All terms are then estimated together by the smallest sum of squared prediction errors, and the
+    choice is repeated once with the resulting e. With coloured noise this removes the bias of the process parameters
+    and corrects their intervals.
 
     White noise on the readings of a plant ``A(q) y = f(u)`` gives a noise model with the coefficients of A: choose
     e(k-1) .. e(k-n) for outputs up to y(k-n).
@@ -47,8 +47,8 @@ class Narmax(NarxIdentifier):
         Identifier that chooses the process terms, as ``Frols(output_lags=4)`` or ``Fixed(terms=["y(k-1)", "u(k-1)"])``;
         a fit does not change it.
     noise_terms : sequence of Term or str, or mapping of str to such sequences, optional
-        Noise terms, as ``["e(k-1)", "e(k-2)"]``; for several outputs those of each equation, as ``{"y1": ["e1(k-1)"],
-        "y2": []}``. If omitted, they are chosen as the following arguments specify.
+        Noise terms, as ``["e(k-1)", "e(k-2)"]``; for several outputs the noise terms of each equation, as
+        ``{"y1": ["e1(k-1)"], "y2": []}``. If omitted, they are chosen as the following arguments specify.
     noise_lags : int or sequence of int
         Lags of e in samples: a number n for 1..n, or a list of lags.
     noise_degree : int
@@ -60,7 +60,8 @@ class Narmax(NarxIdentifier):
         Criterion for the number of noise terms, which may be 0: "ebic", "bic" or "aic"; "none" keeps
         ``max_noise_terms``.
     tolerance : float
-        Relative change of e, root mean square, by an undamped Gauss-Newton step below which e has settled.
+        Convergence limit: e has settled if an undamped Gauss-Newton step changes e by less than this share of its root
+        mean square.
     max_iterations : int
         Largest number of iterations of an estimation.
 

@@ -37,9 +37,9 @@ class ThetaDraws:
 class ThetaPosterior:
     """Posterior of a model's parameters: Student-t, or normal if the model's degrees of freedom are infinite.
 
-    It is the marginal distribution of ``theta | tau ~ N(mean, V/tau)``, ``tau ~ Gam(a, b)``, with 2a degrees of
-    freedom. A model stores ``V b/(a - 1)`` as covariance and ``b/(a - 1)`` as noise variance. Each equation has its own
-    tau.
+    The posterior is the marginal distribution of the parameters theta for ``theta | tau ~ N(mean, V/tau)`` and the
+    noise precision ``tau ~ Gam(a, b)``; it has 2a degrees of freedom. A model stores ``V b/(a - 1)`` as covariance and
+    ``b/(a - 1)`` as noise variance. Each equation has its own tau.
 
     Parameters
     ----------

@@ -51,12 +51,12 @@ class PredictiveBand(Described):
     Parameters
     ----------
     outputs : ndarray, shape (n_outputs, n)
-        Centre of the band in the recording's units: the mean one step ahead, the median in free run. The samples before
-        ``first`` are the measured ones.
+        Centre of the band, in the recording's units: the mean of the one-step prediction, or the median of the free
+        runs. Samples before ``first`` are measured outputs.
     lower, upper : ndarray, shape (n_outputs, n)
         Lower and upper end of the band, in the recording's units.
     level : float
-        Probability that a new measurement lies in the band, for each sample separately.
+        Probability with which the interval of a single sample contains a new measurement.
     measured : ndarray, shape (n_outputs, n)
         Measured outputs, in the recording's units.
     timepts : ndarray, shape (n,)
@@ -66,7 +66,8 @@ class PredictiveBand(Described):
     units : tuple of str
         Unit of each output.
     draws, diverged : int
-        Number of free runs with drawn parameters, and number of them that diverged; 0 one step ahead.
+        Number of free runs with parameters drawn from the posterior, and number of these runs that diverged; both are 0
+        for a one-step prediction.
     """
 
     outputs: Array = field(metadata=variable("output", "time", name="middle", unit=one_unit))
@@ -131,9 +132,10 @@ class PredictiveBand(Described):
 def one_step_band(model: NarxModel, recording: Recording, *, level: float = 0.95) -> PredictiveBand:
     """Return the predictive band of the next measurement, given the measured past.
 
-    The band is exact for terms without noise: the next output has a Student-t distribution about phi'theta with the
-    squared scale b/a (1 + phi'V phi) and 2a degrees of freedom. For terms with noise, the innovations of the model with
-    mean parameters are used.
+    For a model without noise terms, the band is exact. With the regressors phi of the next sample and the posterior
+    ``theta | tau ~ N(mean, V/tau)``, ``tau ~ Gam(a, b)`` of parameters and noise precision, the next output has a
+    Student-t distribution with the mean phi'mean, the squared scale b/a (1 + phi'V phi) and 2a degrees of freedom. For
+    a model with noise terms, the noise in phi is estimated by the one-step errors of the model with mean parameters.
 
     Parameters
     ----------
@@ -176,12 +178,12 @@ def free_run_band(
     level: float = 0.95,
     output_noise: ArrayLike | None = None,
 ) -> PredictiveBand:
-    """Return the predictive band of new measurements for a free run from the first lags.
+    """Return the predictive band of new measurements in a free run that starts from the first measured samples.
 
-    Parameters and noise variance are drawn from the posterior once for each run, and noise is drawn at each sample. The
-    noise enters the model's equation and so propagates through the past outputs; for a model of least free-run error
-    (`Grow`, `refine`) it is on the readings instead; then give it as `output_noise`. The ends of the band are quantiles
-    of the runs.
+    Parameters and noise variance are drawn from the posterior once for each run, and noise is drawn at each sample. By
+    default the noise enters the model's equation and so propagates through past outputs. In a model that was fitted to
+    the smallest free-run error (`Grow`, `refine`), the noise is on the readings instead; then give its standard
+    deviation as `output_noise`. The ends of the band are quantiles of the runs.
 
     Parameters
     ----------

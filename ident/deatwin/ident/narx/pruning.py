@@ -33,11 +33,12 @@ class PruningStep(Described):
     indices : ndarray of int, shape (n_terms,)
         Positions of these terms among the candidates.
     relevance : ndarray, shape (n_terms,)
-        1 / E[alpha] of each term, for regressors with a root mean square of about 1.
+        Relevance 1 / E[alpha] of each term, where alpha is the prior precision of its parameter, for regressors with a
+        root mean square of about 1.
     threshold : float
-        Terms whose relevance does not exceed it are pruned next.
+        Terms whose relevance does not exceed this threshold are pruned next.
     bounds : tuple of float
-        Lower bound after each update.
+        Variational lower bound after each update.
     """
 
     terms: tuple[Term, ...]

@@ -30,9 +30,10 @@ _USUAL_STEPS = 40  # usual number of evaluations of a search, for its progress
 class ThetaSmoother(VaryingParameters):
     """Kalman filter and fixed-interval smoother of parameters that follow random walks.
 
-    The model is theta(k+1) = theta(k) + w(k), y(k) = phi(k)'theta(k) + e(k); the variances of w and e are estimated
-    unless given. The filter starts at the least squares estimate with a covariance so wide that it has the weight of
-    1e-4 of one sample. The random walk continues over a gap between recordings.
+    The model is theta(k+1) = theta(k) + w(k), y(k) = phi(k)'theta(k) + e(k), with the parameters theta, the regressors
+    phi and the output y. The variances of the white noises w and e are estimated unless given. The filter starts at the
+    least squares estimate, with so large a covariance that the start has only the weight of 1e-4 samples. The random
+    walk continues over a gap between recordings.
 
     Parameters
     ----------
@@ -44,10 +45,10 @@ class ThetaSmoother(VaryingParameters):
         term contributes to the output.
     variances : str
         Estimator of the variances. "likelihood" maximises the likelihood; a weak drift is then often estimated as zero,
-        and the bands, which treat the variances as known, are too narrow (three walks over 600 samples, one strong and
-        two weak: 88 % coverage at 95 %). "posterior" multiplies the likelihood by the standard deviation of each walk
-        [2]_, which gives the mode of the posterior of the logarithms under a flat prior on the standard deviations: no
-        estimate is zero, and the bands have 95 % coverage (more for constant parameters).
+        and the bands, which treat the variances as known, are too narrow (with one strong and two weak walks over 600
+        samples, bands for 95 % had a coverage of 88 %). "posterior" multiplies the likelihood by the standard deviation
+        of each walk [2]_, which gives the mode of the posterior of the logarithms under a flat prior on the standard
+        deviations: no estimate is zero, and the bands have 95 % coverage (more for constant parameters).
     noise_variance : float, optional
         Variance of e in the squared unit of the output; estimated if omitted.
     drift_variance : array_like, shape (n_terms,), optional

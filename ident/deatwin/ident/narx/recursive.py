@@ -79,10 +79,11 @@ class VaryingParameters(NarxIdentifier):
 class Rls(VaryingParameters):
     """Recursive least squares with exponential forgetting.
 
-    At each sample k, theta minimises the sum over i of ``forgetting**(k - i) * (y(i) - phi(i)'theta)**2``. The
-    recursion starts from the least squares solution of the shortest beginning with independent regressors, and is
-    therefore exact: without forgetting it ends at the least squares estimate of the whole record. Nothing is forgotten
-    over a gap between recordings.
+    At each sample k, the parameters theta minimise the sum over i of
+    ``forgetting**(k - i) * (y(i) - phi(i)'theta)**2``, with the output y and the regressors phi. The recursion starts
+    from the least squares solution of the shortest initial part of the record in which the regressors are linearly
+    independent, and is therefore exact: without forgetting it ends at the least squares estimate of the whole record.
+    Nothing is forgotten over a gap between recordings.
 
     Parameters
     ----------
@@ -95,9 +96,9 @@ class Rls(VaryingParameters):
     Attributes
     ----------
     trajectory_ : ThetaTrajectory
-        Estimates theta(t) after that beginning, with the covariance ``noise_variance`` times the inverse of the
-        weighted sum of phi phi'. With forgetting, this covariance reflects the samples in memory and assumes no model
-        of the drift.
+        Estimates theta(t) from the end of that initial part on, with the covariance ``noise_variance`` times the
+        inverse of the weighted sum of phi phi'. With forgetting, this covariance reflects the samples in memory and
+        assumes no model of the drift.
     model_ : NarxModel
         Model at the last sample.
 

@@ -41,14 +41,14 @@ def refine(
 
     If the noise is on the readings and not in the dynamics, least squares on the one-step error is biased, and least
     squares on the free-run error is the maximum-likelihood estimate (output error). The search starts from the model's
-    parameters and never ends at worse ones; on Ctrl-C it keeps the best so far.
+    parameters and never ends at worse parameters; on Ctrl-C it keeps the best parameters so far.
 
     Parameters
     ----------
     model : NarxModel
         Model with one output and no noise terms, whose free run does not diverge on the recordings.
     recordings : Recording, Experiment, or several
-        Training data; each run starts with the measured first lags of its recording.
+        Training data; each free run starts from the first measured samples of its recording.
     tolerance : float
         Relative decrease of the sum of squares in one step below which the search ends.
     max_steps : int
@@ -61,7 +61,7 @@ def refine(
     NarxModel
         Refined model. ``theta_cov`` is ``sigma^2 (S'S)^-1``, with the sensitivities S and the variance sigma^2 of the
         free-run error, which is valid if that error is white; ``noise_variance`` is the variance of the one-step error,
-        as in every model. Its provenance says so if the search was stopped before its gradient was small.
+        as in every model. If the search ended before the gradient was small, the model's provenance says so.
 
     Raises
     ------
@@ -92,15 +92,15 @@ def extend(
 ) -> tuple[NarxModel, ...]:
     """Add terms one by one, always the one that lowers the free-run error most, and refine after each.
 
-    The reduction by a candidate is computed to first order: its response to a small coefficient, orthogonalised against
-    the sensitivities of the parameters, is projected on the free-run error. In contrast, simulation-error minimisation
-    (`Semp`) estimates parameters from the one-step error and simulates every enlarged model. On Ctrl-C the path so far
-    is returned.
+    The reduction by a candidate is computed to first order: the response of the free run to a small coefficient of the
+    candidate, orthogonalised against the sensitivities of the parameters, is projected on the free-run error. In
+    contrast, simulation-error minimisation (`Semp`) estimates parameters from the one-step error and simulates every
+    enlarged model. On Ctrl-C the path so far is returned.
 
     Parameters
     ----------
     model : NarxModel
-        Model to start from, as for `refine`; a linear one is sufficient.
+        Model to start from, as for `refine`; a linear model is sufficient.
     recordings : Recording, Experiment, or several
         Training data.
     candidates : iterable of Term or str

@@ -40,7 +40,8 @@ class Reliance:
         Training samples for each effective parameter of the model; None if unknown. Terms chosen among many candidates
         count for more than one parameter each.
     fit : float or None
-        Fit of the free run to the held-out data in percent: 100 is perfect, their mean gives 0; None if unknown.
+        Fit of the free run to the held-out data in percent: 100 is perfect, and a constant at the mean of the data
+        gives 0; None if unknown.
     """
 
     status: ValidationStatus | None

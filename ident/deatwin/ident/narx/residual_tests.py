@@ -57,7 +57,7 @@ class CorrelationTest:
     output : int
         Row index of the output whose residual e is tested.
     other : int or None
-        Row index of the input u or of the other output; None for tests without one.
+        Row index of the input u or of the other output; None for tests of the residual e alone.
     lags : ndarray of int, shape (n_lags,)
         Tested lags tau in samples.
     values : ndarray, shape (n_lags,)

@@ -61,7 +61,7 @@ class NarxResponse(Described):
     status : ResponseStatus
         Outcome of the run.
     failed_at_s : float or None
-        Time in s at which a free run, or the first prediction several steps ahead, diverged; None if none did.
+        Time in s at which a free run, or the first prediction several steps ahead, diverged; None without divergence.
     units : tuple of str
         Unit of each output.
     """

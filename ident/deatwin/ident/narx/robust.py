@@ -130,9 +130,10 @@ def pseudovalues(
 def robust(model: NarxModel, recordings: Recordings, *, n_blocks: int = BLOCKS) -> NarxModel:
     """Return the model with a covariance that assumes nothing about the residuals of least squares (block jackknife).
 
-    The estimate is valid even if the terms cannot describe the plant: it is then the scatter, over records of similar
-    excitation, about the parameters that fit an endless record best. The missing terms do not average out, so
-    parameters from differently excited records differ for that reason alone.
+    The covariance is valid even if the terms cannot describe the plant. In this case it describes the scatter, over
+    records of similar excitation, about the parameters that would fit an infinitely long record best. The error due to
+    missing terms does not average out, so parameters from records of different excitation differ by more than this
+    scatter.
 
     Parameters
     ----------

@@ -35,32 +35,35 @@ class Semp(CandidateSearch):
     """Choose terms by simulation-error minimisation with pruning (SEMP).
 
     In every step each candidate x is added to the model M on trial, the parameters are estimated by least squares, and
-    the model is run free. The candidate with the largest simulation error reduction ratio, ``SRR = (MSSE(M) - MSSE(M +
-    x)) / mean(y^2)`` with the mean squared simulation error MSSE, is added. Terms are then pruned as long as the model
-    without one simulates better than the model before the addition.
+    the free run of the enlarged model is simulated. The candidate with the largest simulation error reduction ratio,
+    ``SRR = (MSSE(M) - MSSE(M + x)) / mean(y^2)`` with the mean squared simulation error MSSE, is added. Terms are then
+    pruned as long as the pruned model has a smaller simulation error than the model before the addition.
 
-    The simulation error of one noisy record is a single number: among many candidates, a false term often lowers it
-    more than the true one. Two tests are therefore added to the published rules; ``level=0.5, significance=None``
+    If the record is noisy, a false term among many candidates often lowers the simulation error more than the true
+    term. Two tests are therefore added to the published rules; ``level=0.5, significance=None``
     switches them off:
 
     - Simulation errors are compared by a paired t test on the sums over about twenty sections of the records. Only a
-      difference significant at ``level`` counts; of the candidates that simulate as well as the best, the one that
-      lowers the one-step error most is added, provided that it does not worsen the free run.
+      difference significant at ``level`` counts. Of the candidates that are not significantly worse than the best, the
+      one that lowers the one-step error most is added, provided that it does not worsen the free run.
     - A term is a candidate only if it lowers the one-step error significantly (F test at ``significance`` divided by
-      the number of candidates); it is pruned when it no longer does and the free run is no worse without it.
+      the number of candidates); a term is pruned when it no longer lowers this error significantly and the free run
+      without it is no worse.
 
     Additions end when no candidate is left, at ``max_terms``, or when the SRR is below ``threshold``. Two further steps
     follow, which are not part of the published method either; ``max_exchanges=0`` switches them off. A term is
-    exchanged for a candidate that improves the free run, or that lowers the one-step error with a free run no worse.
-    Once, the search also continues from the model of the forward regression that simulates best, if it simulates better
-    than the present one, because adding single terms cannot always find a resonance, for example. The result is the
-    last step, or, if its free run is far off in a few sections only, which a test over sections cannot see, the last
-    step whose mean squared error is at most twice the smallest.
+    exchanged for a candidate that improves the free run, or that lowers the one-step error without worsening the free
+    run. The search also continues once from another model, because adding single terms cannot always find a resonance,
+    for example: from the model of a forward regression (`Frols`) with the smallest simulation error, if that error is
+    below the error of the present model. The result is the model of the last step. But if its free run is far off in
+    only a few sections, which a test over sections cannot detect, the result is the last model whose mean squared error
+    is at most twice the smallest.
 
     Least squares and the F test are valid for white one-step errors. If these are not white, for example because of
     noise on the readings, the model is extended (single output only, and not with ``max_exchanges=0``): its parameters
-    are refined to the smallest free-run error, and terms are added by that error up to ``max_terms`` (`extend`). The
-    first model of this path is chosen from which on no model is significantly worse on held-out sections than the best.
+    are refined to the smallest free-run error, and terms are added by that error up to ``max_terms`` (`extend`). Of the
+    models on this path, the first one is chosen for which neither it nor any later model is significantly worse than
+    the best on held-out sections.
 
     Parameters
     ----------
@@ -73,15 +76,15 @@ class Semp(CandidateSearch):
     level : float
         One-sided level of the test between simulation errors, above 0; at 0.5 every difference counts.
     significance : float, optional
-        Probability that any false candidate of a step enters a true model; None switches the test off.
+        Probability, per step, that some false candidate is added to a true model; None switches the test off.
     max_exchanges : int
         Largest number of exchanges when no addition is left; 0 gives the published search alone.
 
     Attributes
     ----------
     model_ : NarxModel
-        The identified model, in physical units; ``theta_cov`` is ``sigma^2 (P'P)^-1``; if it was extended, that of
-        `refine`.
+        The identified model, in physical units; ``theta_cov`` is ``sigma^2 (P'P)^-1`` with the residual variance
+        sigma^2 and the regressors P or, if the model was extended, that of `refine`.
     terms_ : tuple of Term
         Terms of the model.
     path_ : tuple of SempStep

@@ -27,13 +27,13 @@ _STEPS = 4  # most steps, times max_terms: a search that still changes terms the
 
 @dataclass(frozen=True, kw_only=True)
 class SempStep:
-    """One step of the search: a term is added or exchanged, and other terms may be pruned after it.
+    """One step of the search: a term is added or exchanged, and other terms may be pruned afterwards.
 
     Parameters
     ----------
     added : tuple of Term
-        Added term; all new terms if the search continued from the model of the forward regression, none if the
-        parameters were refined.
+        Added term; all new terms if the search continued from the model of the forward regression; empty if the step
+        refined the parameters.
     pruned : tuple of Term
         Terms removed by the exchange and by pruning.
     terms : tuple of Term

@@ -108,17 +108,16 @@ def register_function(name: str, function: Function, slope: Function | None = No
     Parameters
     ----------
     name : str
-        Name in terms: a word that names no other function. A name may be registered again.
+        Name in terms: a word that is not the name of a built-in function. Your own name may be registered again.
     function : callable
-        Function of an array of any shape that returns one of the same shape, in float64; it gets the signal in its unit.
+        Function of an array of any shape that returns one of the same shape, in float64; its argument is the signal in
+        the signal's unit.
     slope : callable, optional
-        Its derivative, of the same kind; by central differences if omitted.
+        Derivative of `function`, a function of the same kind; computed by central differences if omitted.
 
-    Notes
-    -----
-    Worker processes and pickles receive the registered functions that an estimator or a model contains. Any function
-    can be sent to worker processes (``GridSearchCV(n_jobs=2)``). A pickle requires a function that is defined at the top
-    level of a module, so a lambda cannot be pickled.
+    Notes ----- Worker processes and pickles receive the registered functions that an estimator or a model contains. Any
+    function can be sent to worker processes (``GridSearchCV(n_jobs=2)``). A pickle requires a function that is defined
+    at the top level of a module, so a lambda cannot be pickled.
 
     Raises
     ------

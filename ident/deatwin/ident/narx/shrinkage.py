@@ -28,9 +28,10 @@ class BayesianEstimate(Estimate):
 class Ridge:
     """Ridge regression, which minimises ``mean((y - Z theta)^2) + penalty |theta|^2``.
 
-    The columns of Z are the regressors divided by their root mean squares; a constant regressor is not penalised (the
-    others are then centred). ``theta_cov`` is the posterior covariance ``s^2 (Z'Z + n penalty)^-1`` under the Bayesian
-    interpretation of the penalty, which allows for the bias on average; s^2 is the residual sum of squares divided by n
+    y is the output, and the columns of Z are the regressors divided by their root mean squares. A constant regressor
+    is not penalised; the other regressors are then centred. ``theta_cov`` is the posterior covariance
+    ``s^2 (Z'Z + n penalty)^-1`` under the Bayesian interpretation of the penalty, which includes the bias on average.
+    n is the number of samples, and s^2 is the residual sum of squares divided by n
     minus the effective number of parameters.
 
     Parameters
@@ -81,15 +82,16 @@ class Ridge:
 class Bayesian:
     """Bayesian linear regression with the closed-form normal-gamma posterior and its marginal likelihood.
 
-    The priors are ``theta | tau ~ N(0, 1/(tau alpha))`` and ``tau ~ Gam(a0, b0)``, with one precision alpha for all
-    regressors, each divided by the power of two nearest to its root mean square.
+    The priors are ``theta | tau ~ N(0, 1/(tau alpha))`` and ``tau ~ Gam(a0, b0)``, where theta are the parameters and
+    tau is the noise precision. One precision alpha holds for all regressors; each regressor is divided by the power of
+    two nearest to its root mean square.
 
     Parameters
     ----------
     precision : float or None
         Precision alpha, dimensionless; None chooses it by the largest marginal likelihood.
     priors : Priors
-        Priors of the noise, of which a0 and b0 are used.
+        Priors; only a0 and b0, those of the noise precision, are used.
 
     References
     ----------

@@ -41,7 +41,7 @@ class CleanUpMove:
     terms : tuple of Term
         Terms after the move.
     log_odds : float
-        Difference of ln p(structure | y) after the move from that of the structure without terms, in nats.
+        ln p(structure | y) after the move, minus ln p(structure | y) of the structure without terms, in nats.
     """
 
     removed: Term | None
@@ -54,26 +54,28 @@ class CleanUpMove:
 class SvbNarx(CandidateSearch):
     """Choose terms by sparse variational Bayes: relevance determination, pruning, and the largest lower bound.
 
-    With ``y | theta, tau ~ N(Phi theta, 1/tau)``, ``theta | tau, alpha ~ N(0, 1/(tau alpha))`` and gamma priors, the
-    variational posterior of all candidates is iterated to convergence; the terms with relevance ``1/E[alpha]`` up to
-    ``min + (max - min)/resolution`` on a logarithmic scale are pruned, and this is repeated down to one term. Each step
-    starts again from the prior mean of the relevances, so that a term regains its weight once terms that substituted
-    for it are gone. The step with the largest lower bound is the model (all models are equally probable a priori).
-    Candidates that are zero throughout are ignored.
+    With ``y | theta, tau ~ N(Phi theta, 1/tau)`` and ``theta | tau, alpha ~ N(0, 1/(tau alpha))``, where y is the
+    output, Phi the regressors, theta the parameters, and where the noise precision tau and the precision alpha of each
+    term have gamma priors, the variational posterior of all candidates is iterated to convergence. The terms with
+    relevance ``1/E[alpha]`` up to ``min + (max - min)/resolution`` on a logarithmic scale are pruned, and this is
+    repeated down to one term. Each step starts again from the prior mean of the relevances, so that a term can regain
+    its weight once other terms that described the same dynamics are removed. The step with the largest lower bound is
+    the model (all models are equally probable a priori). Candidates that are zero throughout are ignored.
 
-    The bound ignores how many candidates compete: among hundreds, a false term sometimes raises it by chance. The
-    clean-up (``clean_up="evidence"``), which is not part of the published algorithm, therefore continues. It starts
-    from the most probable step among the one with the largest bound and those after it, and removes, adds or exchanges
-    one term at a time, always moving to the most probable structure, until no move helps. It repeats this from the very
-    last step and keeps the more probable result. Structures are compared by their exact evidence under a
-    unit-information prior and by a prior that counts the candidates; see `deatwin.ident.narx.evidence`. The posterior
-    of the parameters is the variational one in either case.
+    The bound ignores the number of candidates: if there are hundreds, a false term sometimes raises the bound by
+    chance. A clean-up (``clean_up="evidence"``), which is not part of the published algorithm, therefore continues the
+    search. The clean-up starts from the most probable structure among the step with the largest bound and all later
+    steps. It removes, adds or exchanges one term at a time, always moving to the most probable structure, until no move
+    increases the probability. The clean-up is repeated from the very last step, and the more probable result is kept.
+    Structures are compared by their exact evidence under a unit-information prior and by a prior that counts the
+    candidates; see `deatwin.ident.narx.evidence`. With or without clean-up, the posterior of the parameters is the
+    variational one.
 
-    The priors have a fixed scale, so without scaling the choice would depend on units. Output and regressors are
-    therefore divided by their root mean squares. A signal that is far from zero is shifted to an origin: zero if the
-    data nearly reach it, otherwise their mean; if any signal is shifted, the outputs are taken relative to the model's
-    equilibrium. Units and offsets of the signals then do not change the choice. Bounds and relevances refer to this
-    scaling; the model is in physical units, about these origins.
+    Because the priors have a fixed scale, the choice of terms would depend on the units of the signals if these were
+    not scaled. Output and regressors are therefore divided by their root mean squares. A signal that is far from zero
+    is shifted to an origin: zero if the data nearly reach zero, otherwise the mean of the data; if any signal is
+    shifted, the outputs are taken relative to the model's equilibrium. Units and offsets of the signals then do not
+    change the choice. Bounds and relevances refer to this scaling; the model is in physical units, about these origins.
 
     Parameters
     ----------
@@ -95,7 +97,8 @@ class SvbNarx(CandidateSearch):
     ----------
     model_ : NarxModel
         Chosen model, in physical units. The posterior of theta is Student-t with ``theta_dof = 2 a_N`` degrees of
-        freedom; ``theta_cov`` is its covariance, ``theta_cov (theta_dof - 2)/theta_dof`` its squared scale.
+        freedom, where a_N is the posterior shape of tau; ``theta_cov`` is its covariance,
+        ``theta_cov (theta_dof - 2)/theta_dof`` its squared scale.
     terms_ : tuple of Term
         Terms of the model.
     settled_ : bool

@@ -133,9 +133,10 @@ def generate_terms(
     n_inputs, n_outputs : int
         Number of channels; a single channel is written without a number.
     functions : sequence of Variable
-        Functions of lagged signals that join the lagged signals; a candidate contains each of them at most once.
+        Functions of lagged signals that candidates may contain besides the lagged signals; a candidate contains each of
+        them at most once.
     rule : callable, optional
-        Function of a `Term` that returns True if it is a candidate; see `deatwin.ident.narx.rules`.
+        Function of a `Term` that returns True if the term is a candidate; see `deatwin.ident.narx.rules`.
 
     Returns
     -------

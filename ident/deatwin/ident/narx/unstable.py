@@ -39,11 +39,11 @@ class Unstable:
     ahead : Fit
         Fit of the predictions ``steps`` samples ahead.
     recorded_pole : complex or None
-        Pole z of largest magnitude of a long ARX model of the recordings, which noise does not bias; None if they are
-        too short for one.
+        Pole z of largest magnitude of a long ARX model of the recordings, which noise does not bias; None if the
+        recordings are too short for such a model.
     interval : tuple of float, or None
-        95 % interval of the magnitude of `recorded_pole`. It is valid if the controller sees no disturbance before the
-        output shows it.
+        95 % interval of the magnitude of `recorded_pole`. The interval is valid if the controller does not react to a
+        disturbance before the disturbance appears in the output.
     """
 
     pole: complex

@@ -105,9 +105,11 @@ class Validation(
     Parameters
     ----------
     one_step : Fit
-        Fit of the prediction one step ahead from the measured past; its ``mean_square`` is the MSPE.
+        Fit of the prediction one step ahead from the measured past; its ``mean_square`` is the mean squared prediction
+        error (MSPE).
     free_run : Fit
-        Fit of the simulation from the first measured lags and the inputs; its ``mean_square`` is the MSSE.
+        Fit of the simulation from the first measured samples and the inputs; its ``mean_square`` is the mean squared
+        simulation error (MSSE).
     diverged : tuple of (int, float)
         Index of each recording whose free run diverged, and the time on its clock in s.
     tests : tuple of CorrelationTest
@@ -126,8 +128,9 @@ class Validation(
         Unstable pole, and the fit of predictions over a horizon equal to the pole's growth time; None if the model is
         stable.
     gain_error, gain_error_half_width : float or None
-        Relative error of the free run's gain, positive if the recorded output swings more, and half of its 95 %
-        interval; None if the free run is constant or diverges, or if there are several outputs.
+        Relative error of the free run's gain, positive if the recorded output varies more than the simulated one, and
+        half the width of the 95 % interval of this error; None if the free run is constant or diverges, or if there are
+        several outputs.
     notes : tuple of str
         Further remarks on the model, one sentence each; usually empty. Reasons are: the plant
         reacts to an input later than the model's largest lag of that input, or the plant has an unstable pole that the
@@ -309,7 +312,8 @@ def validate(model: NarxModel, recordings: Recordings, *, max_lag: int = 25, lev
 
     The tests use the residuals one step ahead. They are most informative on recordings that were not used for training;
     on training data the residual is a little smaller and whiter than the noise. Correlations never reach across two
-    recordings. Long recordings show faults of no practical size: look at ``CorrelationTest.largest`` too.
+    recordings. In long recordings the tests detect faults that are too small to matter: look at
+    ``CorrelationTest.largest`` too.
 
     Parameters
     ----------

@@ -24,7 +24,7 @@ MOST_CHANNELS, MOST_LAG, MOST_POWER = 1000, 100_000, 100
 @total_ordering
 @dataclass(frozen=True, slots=True)
 class Variable:
-    """Lagged signal, as y(k-1), or a function of one, as |u(k-1)|.
+    """Lagged signal, such as y(k-1), or a function of a lagged signal, such as |u(k-1)|.
 
     Parameters
     ----------

@@ -39,8 +39,8 @@ class Cascade(StateSpaceIdentifier):
     """Identify a cascade of linear dynamics and static functions, with one input and one output, by its free-run error.
 
     The linear dynamics start from the best linear approximation, to which they are proportional if the input is
-    Gaussian and the cascade has one linear block (Bussgang). For ``"LNL"`` all divisions of its poles and zeros between
-    the two blocks are tried, and the best is fitted.
+    Gaussian and the cascade has one linear block (Bussgang). For ``"LNL"`` all divisions of the poles and zeros of this
+    approximation between the two blocks are tried, and the best division is fitted.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class Cascade(StateSpaceIdentifier):
         Terms of the static functions, besides the signal v (scaled to an rms value of about one) and a constant: powers
         ``"v^2"``, or functions such as ``"|v|"``, ``"sat(v,1)"`` and, for splines, ``"hinge(v,0.5)"``.
     feedthrough : bool
-        True if the linear block that ends the path acts within the sample.
+        True if the last linear block has direct feedthrough, so that it acts within the sample.
     held_out : float
         Share of each recording, at its end, that is held out: the search stops when the error on this part no longer
         falls. With 0, all samples are fitted.
@@ -64,8 +64,9 @@ class Cascade(StateSpaceIdentifier):
     model_ : NonlinearStateSpace
         The identified model, whose directions are the signals between the blocks.
     status_ : FitStatus
-        Outcome of the search: ``DONE`` if the gradient over all samples is small at its end, ``HELD_OUT`` if the held-out
-        error ended it before, ``NOT_CONVERGED`` if it used up its steps or found no way down.
+        Outcome of the search: ``DONE`` if the gradient over all samples is small at its end, ``HELD_OUT`` if the
+        held-out error ended the search earlier, ``NOT_CONVERGED`` if the search reached `max_steps` or could not lower
+        the error further.
     linear_error_, error_, held_out_error_ : ndarray, shape (1,)
         Errors, defined as in `Pnlss`.
     first_states_ : ndarray, shape (n_recordings, n_states)
@@ -73,8 +74,8 @@ class Cascade(StateSpaceIdentifier):
 
     References
     ----------
-    Schoukens, Tiels, "Identification of block-oriented nonlinear systems starting from linear approximations: a survey",
-    Automatica 85 (2017) 272-292, doi:10.1016/j.automatica.2017.06.044.
+    Schoukens, Tiels, "Identification of block-oriented nonlinear systems starting from linear approximations: a
+    survey", Automatica 85 (2017) 272-292, doi:10.1016/j.automatica.2017.06.044.
     """
 
     structure: str = "LN"

@@ -36,11 +36,12 @@ class StateSpaceIdentifier(Identifier):
     model_ : NonlinearStateSpace
         The identified model. ``theta_cov`` is valid if the noise is white and on the readings.
     status_ : FitStatus
-        Outcome of the search: ``DONE`` if the gradient over all samples is small at its end, ``HELD_OUT`` if the held-out
-        error ended it before, ``NOT_CONVERGED`` if it used up its steps or found no way down.
+        Outcome of the search: ``DONE`` if the gradient over all samples is small at its end, ``HELD_OUT`` if the
+        held-out error ended the search earlier, ``NOT_CONVERGED`` if the search reached its largest number of steps or
+        could not lower the error further.
     linear_error_, error_, held_out_error_ : ndarray, shape (n_outputs,)
-        Root mean square of the free-run error of the linear start and of the model on all samples, and of the model at
-        the end of the search on the held-out ones (NaN if there are none), in the outputs' units.
+        Root mean square of the free-run error, in the outputs' units: of the linear start and of the final model on all
+        samples, and of the model at the end of the search on the held-out samples (NaN without held-out samples).
     first_states_ : ndarray, shape (n_recordings, n_states)
         State of the model at the first sample of each recording, as `NonlinearStateSpace.simulate` takes it.
     """

@@ -38,10 +38,11 @@ root of their number."""
 class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fields_of):
     """Nonlinear state space x(k+1) = W phi(k), y(k) = V phi(k) + e(k).
 
-    phi holds 1, the states, the inputs, and terms: products of powers and functions of states x1, x2, ..., inputs u (or
-    u1, u2, ...) and directions s1, s2, ..., which are weighted sums s = P phi. A direction may use the constant, states,
-    inputs, terms and earlier directions, not later ones. Inputs and outputs are scaled: a signal minus its origin,
-    divided by its scale. On the training data, the states have an rms value of about one.
+    x are the states, y the outputs, e the noise of the readings. phi contains 1, the states, the inputs, and terms:
+    products of powers and functions of states x1, x2, ..., inputs u (or u1, u2, ...) and directions s1, s2, ..., which
+    are weighted sums s = P phi. A direction may use the constant, states, inputs, terms and earlier directions, but no
+    later directions. Inputs and outputs are scaled: a signal minus its origin, divided by its scale. On the training
+    data, the states have an rms value of about one.
 
     Parameters
     ----------

@@ -19,12 +19,13 @@ from deatwin.plant.recording import Recording
 class Pnlss(StateSpaceIdentifier):
     """Polynomial nonlinear state space, with functions as terms, fitted by its free-run error.
 
-    The search starts from a linear state space. Subspace identification gives it from the best linear approximation if
-    the input is periodic, else from the samples; it is then refined on the free run. Its state is transformed into the
-    first output, its change, and so on, each with an rms value of about one and uncorrelated with the ones before, so
-    that x1 is roughly the output and x2 its rate. Then all weights are fitted by Levenberg's and Marquardt's method
-    with exact sensitivities. The end of each recording is not fitted at first, and its free-run error ends the search.
-    Then all samples are fitted, and if that error had risen, with the same number of steps.
+    The search starts from a linear state space. Subspace identification gives this start from the best linear
+    approximation if the input is periodic, otherwise from the samples; the start is then refined by its free-run error.
+    Its states x1, x2, ... are transformed into the first output, the change of this output, and so on. Each state has
+    an rms value of about one and is uncorrelated with the earlier states, so that x1 is roughly the output and x2 its
+    rate. Then all weights are fitted by Levenberg's and Marquardt's method with exact sensitivities. At first the end
+    of each recording is held out, and the search ends when the free-run error on the held-out samples no longer falls.
+    Then all samples are fitted; if the held-out error had risen, this fit has the same number of steps.
 
     Parameters
     ----------
@@ -40,9 +41,10 @@ class Pnlss(StateSpaceIdentifier):
         Further terms of the equations of the state and of the output, as ``"|x2|"``, ``"tanh(s1,1) u"`` or one with a
         function of `register_function`. Functions that are built in are those of NARX terms.
     directions : int
-        Number of weighted sums s1, s2, ... of 1, states and inputs that terms may hold; their weights are learned too.
+        Number of weighted sums s1, s2, ... of 1, states and inputs that terms may contain; the weights of these sums
+        are learned too.
     starts : int
-        Number of random starts of the directions; the one with the smallest held-out error is kept.
+        Number of random starts of the directions; the start with the smallest held-out error is kept.
     feedthrough : bool
         True if inputs act on the output within the sample.
     held_out : float
@@ -58,11 +60,12 @@ class Pnlss(StateSpaceIdentifier):
     model_ : NonlinearStateSpace
         The identified model. ``theta_cov`` is valid if the noise is white and on the readings.
     status_ : FitStatus
-        Outcome of the search: ``DONE`` if the gradient over all samples is small at its end, ``HELD_OUT`` if the held-out
-        error ended it before, ``NOT_CONVERGED`` if it used up its steps or found no way down.
+        Outcome of the search: ``DONE`` if the gradient over all samples is small at its end, ``HELD_OUT`` if the
+        held-out error ended the search earlier, ``NOT_CONVERGED`` if the search reached `max_steps` or could not lower
+        the error further.
     linear_error_, error_, held_out_error_ : ndarray, shape (n_outputs,)
-        Root mean square of the free-run error of the linear start and of the model on all samples, and of the model at
-        the end of the search on the held-out ones (NaN if there are none), in the outputs' units.
+        Root mean square of the free-run error, in the outputs' units: of the linear start and of the final model on all
+        samples, and of the model at the end of the search on the held-out samples (NaN without held-out samples).
     first_states_ : ndarray, shape (n_recordings, n_states)
         State of the model at the first sample of each recording, as `NonlinearStateSpace.simulate` takes it.
 

@@ -14,13 +14,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class AmplifierOffset(Effect):
-    r"""The amplifier adds an offset to its command, at rest too.
+    r"""The amplifier adds a constant offset to the command, also at rest.
 
     .. math:: u \to u + u_0
 
-    No state. Typical: 2 to 10 V at the film, 2.5 to 12.5 mV at the command of a gain of 800. Signature: a shift
-    along the voltage axis, so :math:`y(-u; u_0) = y(u; -u_0)` and evenness is lost: the two branches differ by
-    about :math:`4u_0u` relative to :math:`2u^2`. With one polarity it looks nearly like a gain error. Off at
+    The effect has no state. Typical: 2 to 10 V at the film, that is 2.5 to 12.5 mV of the command u at a gain of 800.
+    Signature: a shift of the response y along the voltage axis, :math:`y(-u; u_0) = y(u; -u_0)`, so y is no longer even
+    in u: with y proportional to :math:`u^2` at zero offset, y(u) and y(-u) differ by :math:`4u_0u`, and their sum is
+    about :math:`2u^2`. Under commands of one polarity the offset looks nearly like a gain error. The effect is off at
     :math:`u_0 = 0`.
 
     Parameters

@@ -21,14 +21,16 @@ class AmplifierSlew(Effect):
     .. math:: s\,\dot V\,\sqrt{w^2 + (x/\rho)^2} = x, \qquad x = V_a - V, \qquad
               \rho = \begin{cases} 1 & x > 0 \\ r & x < 0 \end{cases}
 
-    One state V (V) and its rate (V/s). Far from the command the rate is 1/s up and -r/s down; near it the amplifier
-    is a lag of sw, which w keeps near :math:`T_0` = 2 ms: :math:`w^{-2} = (s/T_0)^2 + w_0^{-2}`, where
-    :math:`w_0 = 400(1 + 1/r)` V matters only for limits far above typical, which no sample resolves. Typical: 1 to
-    50 kV/s; a source that cannot sink current falls slowly, r < 1. Signature: only fast (or only falling) parts are
-    late, by a share that grows with amplitude and frequency; `electrode_rc` delays small signals as much as large
-    ones. "Up" is towards positive voltage, so r other than 1 breaks evenness y(V) = y(-V). Off at s = 0, where
-    :math:`V = V_a`. To first order in s only the lag :math:`sw_0` remains: a limit that is never reached cannot be
-    seen.
+    The state V (V) is the amplifier's voltage, with the rate :math:`\dot V` (V/s), and :math:`V_a` is the commanded
+    voltage. Far from :math:`V_a` the rate is 1/s upwards and -r/s downwards. Near :math:`V_a` the amplifier is a
+    first-order lag with the time constant sw. The width w keeps this time constant near :math:`T_0` = 2 ms:
+    :math:`w^{-2} = (s/T_0)^2 + w_0^{-2}`, where :math:`w_0 = 400(1 + 1/r)` V matters only for limits far above the
+    typical ones, whose action is shorter than a sample. Typical: 1 to 50 kV/s; r < 1 if the source cannot sink current,
+    so that its voltage falls slowly. Signature: only fast (or only falling) changes are late, and more so at larger
+    amplitude and frequency; `electrode_rc` delays small signals as much as large ones. Upwards means towards positive
+    voltage, so with r other than 1 the response is not even in the voltage. The effect is off at s = 0, where
+    :math:`V = V_a`. To first order in s, the effect is only the lag :math:`sw_0`: a limit that is never reached has no
+    other effect.
 
     Parameters
     ----------
@@ -40,8 +42,8 @@ class AmplifierSlew(Effect):
     Notes
     -----
     The equation is the usual :math:`s\dot V = g(x)` with a bounded g, multiplied by x/g(x), so that Newton's method
-    converges from a distant command and s = 0 is exact. If the voltage catches up within a sample, the step's
-    polynomial rounds the corner and overshoots by up to 3 % of the jump until the next sample.
+    converges from a distant command and s = 0 is exact. If the voltage reaches the command within a sample, the
+    polynomial of the integration step rounds the corner and overshoots by up to 3 % of the jump until the next sample.
 
     References
     ----------

@@ -15,18 +15,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Backlash(Effect):
-    r"""The command drives the plant through a clearance: after each reversal the plant rests until it is crossed.
+    r"""The command drives the plant through a clearance, which the command must cross after each reversal.
 
     .. math:: u \to e = u - C_w(u - m), \qquad (t_e - t + \delta)\,\dot m = e - m
 
-    :math:`C_w` limits its argument to -w and w, with corners rounded by :math:`10^{-6}w`. One state m (V), the
-    transmitted command of the previous sample; it moves linearly to the new one, e, by the end of the sample,
-    :math:`t_e`, within :math:`\delta = 10^{-4}` of a sample. For commands held constant within each sample, e is
-    exactly the play operator. The state starts in the middle of the clearance. Typical: gears, linkages and the stems
-    of valves, 1 to 10 % of the stroke. Signature: a rate-independent loop whose parallel sides are 2w apart along the
-    command, whatever the size of the motion; motions smaller than 2w are lost. The loop of `coulomb_friction` acts on
-    the force, and the inertia of the moved part can carry it across; if the command sets a position, the two look
-    alike. A `dead_zone` has no loop. Off at w = 0.
+    :math:`C_w` limits its argument to -w and w, with corners rounded by :math:`10^{-6}w`. The transmitted command is e.
+    One state m (V), the transmitted command of the previous sample; during a sample m moves linearly and reaches e at
+    the end of the sample, at the time :math:`t_e`, with :math:`\delta = 10^{-4}` of a sample to avoid a division by
+    zero. For commands held constant within each sample, e is exactly the play operator. The state starts in the middle
+    of the clearance. Typical: gears, linkages and the stems of valves, 1 to 10 % of the stroke. Signature: a
+    rate-independent loop whose parallel sides are 2w apart along the command, whatever the size of the motion; commands
+    that vary by less than 2w have no effect. `coulomb_friction` acts on the force, so the inertia of the moved part can
+    carry that part across the loop; if the command sets a position, backlash and Coulomb friction look alike. A
+    `dead_zone` has no loop. The effect is off at w = 0.
 
     Parameters
     ----------

@@ -28,7 +28,7 @@ class Family(Enum):
 
 
 class Place(Enum):
-    """Place in the plant where an effect acts; other plants may declare an `Enum` of their own."""
+    """Place in the plant where an effect acts; a plant of another kind may declare its own `Enum`."""
 
     DRIVE = "drive"
     FILM = "film"
@@ -38,7 +38,7 @@ class Place(Enum):
 
 
 class Alone(Enum):
-    """Condition under which one reading alone can distinguish a further place of an effect."""
+    """How well a single reading distinguishes an effect at a further place from other places and other effects."""
 
     TOLD = "told"
     """One reading alone may distinguish the place, so it is tried in every diagnosis."""
@@ -50,29 +50,29 @@ class Alone(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Site:
-    """A further place at which an effect may enter a plant, by the same law.
+    """A further place at which an effect may act on a plant, by the same law.
 
     Parameters
     ----------
     place : Enum
         Place in the plant, as `Effect.place`.
     signal : str
-        Signal that the effect rewrites there.
+        Signal that the effect rewrites at this place.
     wording : str
         Sentence about the effect at this place; see `Effect.wording`.
     title : str
         Name of the effect at this place within a sentence, such as "drift of the amplifier's gain".
     strength : Parameter, or None
-        Strength with its typical value, unit and range there; None if they are those of the first place.
+        Strength with its typical value, unit and range at this place; None if they are the same as at the first place.
     family : Enum, or None
-        Family there; None if it is that of the first place.
+        Family of the effect at this place; None if it is the same as at the first place.
     order : int
         Number that sorts effects at this place into the order in which they act; see `Effect.order`.
     alone : Alone
-        Ability of a single reading to distinguish this place from others.
+        How well a single reading distinguishes the effect at this place from other places and other effects.
     covered_by : str
-        Name of another effect that does the same at this place: on a plant that accepts it, this effect does not have
-        this place.
+        Name of another effect that acts in the same way at this place. On a plant that accepts that other effect, the
+        present effect cannot act at this place.
     """
 
     place: Enum
@@ -90,8 +90,8 @@ class Site:
 class Effect(ABC):
     """Physics that rewrites one signal of a plant and vanishes exactly at a strength of zero.
 
-    The fields of a subclass are its physical parameters in SI units. Its class variables give its name, the place and
-    signal on which it acts, and the parameter that is its strength.
+    The fields of a subclass are its physical parameters in SI units. The class variables give the name of the effect,
+    the place and signal on which the effect acts, and the parameter that is the strength of the effect.
     """
 
     name: ClassVar[str]

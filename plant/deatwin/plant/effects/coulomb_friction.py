@@ -15,21 +15,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class CoulombFriction(Effect):
-    r"""Coulomb friction on the ball, which sticks or, instead, slips slowly.
+    r"""Coulomb friction on the ball, which sticks, or slips slowly, until the force exceeds the friction force.
 
     .. math:: F = -F_c\,\zeta, \qquad \zeta = P\Bigl(\frac{v_r\zeta + v}{v_r + v_s}\Bigr), \qquad
               P(x) = \tfrac12\Bigl[\sqrt{(x + 1)^2 + w^2} - \sqrt{(x - 1)^2 + w^2}\Bigr]
 
-    One coordinate :math:`\zeta` (1) between -1 and 1. P cuts off at -1 and 1, with corners rounded by w = 0.0001.
-    For any :math:`v_r` this means :math:`v = v_s\zeta` while the ball sticks, and :math:`\zeta = \pm1` in the
-    direction of v while it slides. A sticking ball creeps at no more than :math:`v_s`: 50 nm/s holds it; a greased
-    guide allows a millimetre per second. With :math:`v_r = v_s + bF_c`, b of the order of sample time over mass,
-    Newton's method converges within a sample, which it does not for a steep function of v. Typical: 1 to 5 % of the
-    ball's weight, 0.3 to 1.5 mN, that is 10 to 50 µm on the film's stiffness k; a slip of 0.1 mm/s, from which a fit
-    can reach either extreme. Signature, if the motion is much faster than :math:`v_s`: plateaus at each reversal until
-    the drive has changed by :math:`2F_c`; a loop :math:`2F_c/k` wide at any rate and any larger amplitude. Slower
-    motion sees a damper of :math:`F_c/v_s` and no plateaus. With `hysteresis` instead, a motion smaller than its
-    distance is held only elastically and has hardly a loop. Off at :math:`F_c = 0`.
+    One coordinate :math:`\zeta` (1) between -1 and 1. P limits its argument to the range from -1 to 1, with corners
+    rounded by w = 0.0001; v is the ball's velocity. For any :math:`v_r` the equations mean that :math:`v = v_s\zeta`
+    while the ball sticks, and :math:`\zeta = \pm1` in the direction of v while the ball slides. A sticking ball creeps
+    at no more than :math:`v_s`: with 50 nm/s it practically stands still; in a greased guide :math:`v_s` may be a
+    millimetre per second. The numerical constant :math:`v_r = v_s + bF_c`, with b of the order of sample time divided
+    by mass, lets Newton's method converge within a sample, which it does not if the force is a steep function of v.
+    Typical: 1 to 5 % of the ball's weight, 0.3 to 1.5 mN, which displaces the film of stiffness k by 10 to 50 µm;
+    :math:`v_s` = 0.1 mm/s, from which a fit can reach firm sticking as well as fast slip. Signature, if the motion is
+    much faster than :math:`v_s`: a plateau after each reversal, until the driving force has changed by :math:`2F_c`; a
+    loop of width :math:`2F_c/k`, at any rate and at any amplitude above that width. In slower motion the friction acts
+    as a damper of :math:`F_c/v_s`, without plateaus. `hysteresis` instead resists motions smaller than its `distance`
+    elastically, with hardly a loop. The effect is off at :math:`F_c = 0`.
 
     Parameters
     ----------

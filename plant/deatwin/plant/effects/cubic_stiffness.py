@@ -18,10 +18,11 @@ class CubicStiffness(Effect):
 
     .. math:: F = -k_3\,y^3
 
-    No state. Typical: a tenth of the film's own 30 N/m at 0.5 mm, that is :math:`1.2\cdot10^7` N/m³.
-    Signature: static and even in the voltage; the loss of stroke grows with the cube of the stroke, and the ball's
-    frequency shifts with the amplitude a, by :math:`\tfrac38 k_3a^2/k` relatively. It acts on the ball and leaves the
-    sag of the film alone, which `strain_stiffening` lifts. Off at :math:`k_3 = 0`.
+    The effect has no state. y is the ball's displacement from rest. Typical: :math:`1.2\cdot10^7` N/m³, so that at y =
+    0.5 mm the force is a tenth of the force of a film with the stiffness k = 30 N/m. Signature: static and even in the
+    voltage; the loss of stroke grows with the cube of the stroke, and the ball's natural frequency rises with the
+    amplitude a, by the share :math:`\tfrac38 k_3a^2/k`. The position of rest at 0 V does not change, whereas
+    `strain_stiffening` reduces the sag of the film. The effect is off at :math:`k_3 = 0`.
 
     Parameters
     ----------

@@ -14,18 +14,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class DielectricAbsorption(Effect):
-    r"""Part of the polarisation lags the field: the stress is E D with a lagging D, not :math:`\varepsilon E^2`.
+    r"""Part of the polarisation lags the field E, and so does the displacement D in the Maxwell stress E D.
 
     .. math:: V^2 \to V^2 - a\,V\,(V - p), \qquad \tau\dot p = V - p
 
-    One state p (V), the voltage to which the slow dipoles have adapted. The permittivity is the relaxed one; (1 - a) of
-    it acts instantly. One p represents the whole film, and the dipoles stretch with the film; a polarisation per volume
-    that stays constant when the film is stretched would be another choice. Typical for VHB: a = 0.01 to 0.05, 1 to
-    1000 s. Stress and the reading of the current follow D, the reading of the capacitance what acts instantly; the
-    charge that `electrode_rc` delays is that of the relaxed permittivity. Signature: memory of
-    the voltage and not of the motion, so it appears in a blocked film and scales with V times its own past. The motion
-    grows after a step as with `creep`, but nothing remains at 0 V (E D vanishes at once), and after a reversal of
-    polarity the force starts at :math:`(1 - 2a)` of the ideal one and recovers. Off at a = 0.
+    V is the film voltage. One state p (V), the voltage to which the slow dipoles have adapted. The rig's permittivity
+    is its value after relaxation; the share (1 - a) of this value acts instantly. One p represents the whole film, and
+    the dipoles stretch with the film; a polarisation per volume that stays constant when the film is stretched would be
+    another choice. Typical for VHB: a = 0.01 to 0.05, 1 to 1000 s. The stress and the reading ``current`` follow D; the
+    reading ``capacitance`` follows the instantaneous permittivity; the charge in `electrode_rc` follows the
+    permittivity after relaxation. Signature: the film remembers the voltage, not the motion, so the effect appears in a
+    blocked film too, and is proportional to the product of present and past voltage. The motion grows after a step as
+    with `creep`, but nothing remains at 0 V (E D vanishes at once), and after a reversal of polarity the force starts
+    at :math:`(1 - 2a)` of the ideal force and recovers. The effect is off at a = 0.
 
     Parameters
     ----------

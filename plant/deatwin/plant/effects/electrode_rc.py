@@ -19,17 +19,19 @@ class ElectrodeRC(Effect):
 
     .. math:: R\,\frac{d}{dt}\bigl[(C(q) + C_p)V\bigr] = V_a - V
 
-    :math:`C_p` is the capacitance in parallel with the film behind the resistance: cable, probe, output filter of a
-    converter. In units of the capacitance at rest, :math:`C_0 + C_p`,
+    C(q) is the film's capacitance in the shape q, :math:`C_0` its value at rest, :math:`V_a` the amplifier's voltage, V
+    the film's voltage. :math:`C_p` is the capacitance in parallel with the film behind the resistance R: cable, probe,
+    output filter of a converter. Divided by the capacitance at rest, :math:`C_0 + C_p`, the equation is
 
     .. math:: \tau\dot\chi = V_a - V, \qquad V = \chi/c, \qquad c = 1 + s\,\Bigl(\frac{C(q)}{C_0} - 1\Bigr), \qquad
               s = \frac{C_0}{C_0 + C_p}
 
     One state :math:`\chi` (V), the charge divided by :math:`C_0 + C_p`. A part of the electrode that loses contact
-    (`electrode_loss`) takes along its share of C(q) and of the charge, so that the voltage does not jump. Fresh carbon grease gives 0.1 ms
-    or less; dried grease or a bad contact (10 to 100 MΩ, 1 to 3 nF) 10 to 300 ms. Signature: it acts before the square,
-    so harmonics roll off; the phase lag grows with frequency and, since C(q) grows threefold up to 3 kV, with the
-    voltage. A `delay` does neither. Off at :math:`\tau = 0`, where :math:`V = V_a`.
+    (`electrode_loss`) takes along its share of C(q) and of the charge, so that the voltage does not jump. Fresh carbon
+    grease gives 0.1 ms or less; dried grease or a bad contact (10 to 100 MΩ, 1 to 3 nF) 10 to 300 ms. Signature: the
+    lag acts before the film squares the voltage, so harmonics are attenuated; the phase lag grows with frequency and,
+    since C(q) grows threefold up to 3 kV, with the voltage. A `delay` attenuates no harmonics and does not depend on
+    the voltage. The effect is off at :math:`\tau = 0`, where :math:`V = V_a`.
 
     Parameters
     ----------

@@ -20,15 +20,15 @@ class EndStop(Effect):
     .. math:: F = -k\,d\,\Bigl(1 + \frac{\lambda v}{\sqrt{1 + \lambda^2 v^2}}\Bigr), \qquad
               d = w\ln\bigl(1 + e^{(y - y_s)/w}\bigr)
 
-    No state. y is the displacement from rest, downwards; d is the depth of contact, with the first touch rounded over w
-    = 5 µm. The force is k d in slow contact, and at any speed if λ = 0, when no energy is lost. Otherwise the force is
-    larger on the way in and smaller on the way out. At speeds far above 1/λ it is 2kd on the way in and zero on the way
-    out. The stop never pulls. A slow impact at :math:`v_0` loses :math:`4/3\,\lambda v_0` of the energy. Typical: 100
-    N/m for foam, and 20 s/m, a fifth of the energy at 10 mm/s. 3 kN/m is 100 times the film's stiffness :math:`k_f` and
-    as good as a wall; ringing on anything harder cannot be followed with 50 samples a second. Signature: nothing below
-    :math:`y_s`; above it the stroke grows by only :math:`k_f/(k_f + k)` of its growth without a stop, at any voltage
-    and frequency, and the ball's ringing is cut on one side. An `amplifier_saturation` cuts the drive, so the ball
-    still swings through. Off at k = 0.
+    The effect has no state. y is the displacement from rest, downwards; d is the depth of contact, with the first touch
+    rounded over w = 5 µm. v is the ball's velocity. In slow contact the force is kd. With λ = 0 it is kd at any speed,
+    and no energy is lost. Otherwise the force is larger on the way in and smaller on the way out. At speeds far above
+    1/λ it is 2kd on the way in and zero on the way out. The stop never pulls. A slow impact at :math:`v_0` loses
+    :math:`4/3\,\lambda v_0` of the energy. Typical: 100 N/m for foam, and 20 s/m, a fifth of the energy at 10 mm/s. 3
+    kN/m is 100 times the film's stiffness :math:`k_f` and practically rigid; ringing on a harder stop cannot be
+    resolved with 50 samples a second. Signature: no effect below :math:`y_s`; above :math:`y_s` the stroke grows by
+    only :math:`k_f/(k_f + k)` of its growth without a stop, at any voltage and frequency, and the ball's ringing is cut
+    on one side. An `amplifier_saturation` limits the drive, so the ball still overshoots. The effect is off at k = 0.
 
     Parameters
     ----------

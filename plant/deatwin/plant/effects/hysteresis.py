@@ -21,28 +21,30 @@ class Hysteresis(Effect):
 
     .. math:: F = -F_h\,\zeta, \qquad x_h\,\dot\zeta = v - \beta\,|v|\,\zeta - (1 - \beta)\,v\,|\zeta|
 
-    (:math:`A = 1, \gamma = 1 - \beta`). One state :math:`\zeta` (1), between -1 and 1 if the ball moves faster than
-    about 10 nm/s. Magnitudes are smoothed so that the force has a derivative: :math:`|v| \approx \sqrt{v^2 + v_0^2} -
-    v_0` with :math:`v_0` = 10 nm/s, and likewise :math:`|\zeta|` with 1e-4. A slower ball is held by up to
-    :math:`2v_0/v` times the force. At a reversal the force falls at :math:`1 + (2\beta - 1)\zeta` times the rate at
-    which it rises from rest: along a straight line for :math:`\beta` = 0.5, at twice that rate from :math:`F_h` for
-    :math:`\beta` = 1. Typical: force 1 to 5 % of the ball's weight, distance 10 to 100 µm. Signature: the loop keeps
-    its width as the frequency falls to zero, whereas that of `creep` shrinks; motions much smaller than the distance
-    have no loop, whereas `coulomb_friction` holds the ball still. Off at :math:`F_h = 0`.
+    In the usual notation of the Bouc-Wen model, :math:`A = 1` and :math:`\gamma = 1 - \beta`. v is the ball's velocity.
+    One state :math:`\zeta` (1), which stays between -1 and 1 if the ball moves faster than about 10 nm/s. The absolute
+    values are smoothed so that the force is differentiable: :math:`|v| \approx \sqrt{v^2 + v_0^2} - v_0` with
+    :math:`v_0` = 10 nm/s, and likewise :math:`|\zeta|` with 1e-4. On a slower ball the force reaches up to
+    :math:`2v_0/v` times :math:`F_h`. After a reversal, the force changes with displacement
+    :math:`1 + (2\beta - 1)\zeta` times as fast as it does when it rises from rest. With :math:`\beta` = 0.5 the force
+    therefore falls along a straight line, and with :math:`\beta` = 1 it falls from :math:`F_h` at first twice as fast
+    as it rises from rest. Typical: a force of 1 to 5 % of the ball's weight, a distance of 10 to 100 µm. Signature: the
+    loop keeps its width as the frequency falls to zero, whereas the loop of `creep` shrinks; motions much smaller than
+    the distance have no loop, whereas `coulomb_friction` holds the ball still. The effect is off at :math:`F_h = 0`.
 
     Parameters
     ----------
     force : float
-        :math:`F_h` in N.
+        :math:`F_h`, the largest force, N.
     distance : float
-        :math:`x_h` in m.
+        :math:`x_h` in m, the displacement over which the force builds up.
     beta : float
         Shape :math:`\beta` of the loop.
 
     References
     ----------
-    Ismail, Ikhouane & Rodellar, Arch. Comput. Methods Eng. 16 (2009) 161, doi:10.1007/s11831-009-9031-8 (survey
-    of the model of Bouc and Wen); with beta = 1 it is the solid friction of Dahl, AIAA J. 14 (1976) 1675,
+    Ismail, Ikhouane & Rodellar, Arch. Comput. Methods Eng. 16 (2009) 161, doi:10.1007/s11831-009-9031-8 (survey of the
+    model of Bouc and Wen); with beta = 1 the model is the solid friction of Dahl, AIAA J. 14 (1976) 1675,
     doi:10.2514/3.61511.
     """
 

@@ -23,17 +23,17 @@ class Mullins(Effect):
               \eta = 1 - s\,\mathrm{erf}\,\frac{p(\hat w - w)}{m}, \qquad
               T\,\dot{\hat w} = p(w - \hat w), \qquad w = \frac{E}{V_0}
 
-    E is the energy of the equilibrium network of the whole film and :math:`V_0` its volume. The state
-    :math:`\hat w` (J/m³) starts at its value at rest and follows the largest w within T = 2 ms. The factor
-    :math:`\eta` (1) is a separate coordinate, so that it multiplies the stresses without being differentiated.
-    Since it depends on the film's coordinates through E alone, the force is conservative below the maximum, and a
-    loop dissipates energy only when it raises the maximum. :math:`p(x) = x^2/(x + m/100)` above 0, else 0, rounds the
-    corner: at the maximum there is exactly no softening.
+    E is the energy of the equilibrium network of the whole film, q are the film's coordinates, and :math:`V_0` is its
+    volume. The state :math:`\hat w` (J/m³) starts at its value at rest and follows the largest w within T = 2 ms. The
+    factor :math:`\eta` (1) is a separate coordinate, so that it multiplies the stresses without being differentiated.
+    Since :math:`\eta` depends on the film's coordinates through E alone, the force is conservative below the maximum,
+    and a loop dissipates energy only when the loop raises the maximum. :math:`p(x) = x^2/(x + m/100)` above 0, else 0,
+    rounds the corner: at the maximum there is exactly no softening.
 
-    Typical for VHB: 2 to 10 % in the first cycles. A film in its ring stores 2.5 kJ/m³ more at 2 kV than at rest,
-    12 at 2.6 kV, 40 at 3 kV; a strip at a stretch of 2 stores 25 kJ/m³. Signature: the film softens only when it is
-    stretched further than ever before; repeated cycles agree from the second on, and rest does not restore the
-    stiffness, which distinguishes it from `creep`. Off at s = 0.
+    Typical for VHB: 2 to 10 % in the first cycles. The film of a diaphragm stores 2.5 kJ/m³ more at 2 kV than at rest,
+    12 kJ/m³ more at 2.6 kV, and 40 kJ/m³ more at 3 kV; a strip at a stretch of 2 stores 25 kJ/m³. Signature: the film
+    softens only when it is stretched further than ever before; repeated cycles agree from the second on, and rest does
+    not restore the stiffness, which distinguishes it from `creep`. The effect is off at s = 0.
 
     Parameters
     ----------

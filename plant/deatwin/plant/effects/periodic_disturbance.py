@@ -36,16 +36,18 @@ def _added(to: str, unit: str, amplitude: float, upper: float, place: Place) -> 
 
 @dataclass(frozen=True, kw_only=True)
 class PeriodicDisturbance(Effect):
-    r"""A sinusoidal disturbance is added to a signal, first of all the reading: the mains, a fan, a shaking table.
+    r"""A sinusoidal disturbance is added to the reading, for example from the mains, a fan or a shaking table.
 
     .. math:: y \to y + a\cos(2\pi ft + \varphi)
 
-    Further places: the ``command``, the ``force`` on the body that moves, and a ``pressure``, if the rig has them.
-    There the plant filters the tone, and its answer changes with the voltage.
+    Further places: the ``command``, the ``force`` on the moving body, and a ``pressure``, if the rig has them. A
+    disturbance at one of these places is filtered by the plant, so that its size in the reading changes with the
+    voltage.
 
-    No state. A tone above half the sampling rate is recorded at its alias: mains of 50 Hz, sampled at 50 Hz, beats
-    within 10 to 100 s and looks like a drift. Typical: 1 to 20 µm. Signature: one line in the spectrum, even at a
-    frequency absent from the drive, as large at 0 V as at 3 kV; a `resonance` needs excitation. Off at a = 0.
+    The effect has no state. A tone above half the sampling rate is recorded at its alias: the mains at about 50 Hz,
+    sampled at 50 Hz, appears with a period of 10 to 100 s and looks like a drift. Typical: 1 to 20 µm. Signature: one
+    line in the spectrum, even at a frequency absent from the drive, as large at 0 V as at 3 kV; a `resonance` needs
+    excitation. The effect is off at a = 0.
 
     Parameters
     ----------

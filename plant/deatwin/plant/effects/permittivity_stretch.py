@@ -20,12 +20,14 @@ class PermittivityStretch(Effect):
 
     .. math:: \varepsilon(\lambda) = \varepsilon\,\bigl[1 + c(\lambda_1 + \lambda_2 - \lambda_{p1} - \lambda_{p2})\bigr]
 
-    No state. :math:`\varepsilon` remains the permittivity at the prestretch :math:`\lambda_{p1}, \lambda_{p2}`. The energy of the
-    field is differentiated including this law, which multiplies the Maxwell stress :math:`\varepsilon E^2` in
-    direction i by :math:`1 + \frac12\,d\ln\varepsilon/d\ln\lambda_i`. Typical for VHB: c = -0.08 to 0 from the
-    prestretch; the Maxwell stress at 3.5 is then up to 14 % smaller. Signature: static and even in the voltage;
-    nearly a change of the permittivity, except that the additional stretch bends the curve of stroke over voltage,
-    most above 2.5 kV. It leaves the sag alone, which `strain_stiffening` changes. Off at c = 0.
+    The effect has no state. :math:`\lambda_1, \lambda_2` are the stretches, and :math:`\varepsilon` is the permittivity
+    at the prestretch :math:`\lambda_{p1}, \lambda_{p2}`. The stress is the derivative of the field energy including
+    this law, which multiplies the Maxwell stress :math:`\varepsilon E^2` of the field E in direction i by
+    :math:`1 + \frac12\,d\ln\varepsilon/d\ln\lambda_i`. Typical for VHB: c = -0.08 to 0 from the prestretch; the Maxwell
+    stress at a stretch of 3.5 is then up to 14 % smaller. Signature: static and even in the voltage; the effect is
+    nearly that of a smaller permittivity, except that the additional stretch bends the curve of stroke over voltage,
+    most above 2.5 kV. The sag at 0 V does not change, whereas `strain_stiffening` changes it. The effect is off at c =
+    0.
 
     Parameters
     ----------

@@ -21,10 +21,11 @@ class PrestretchRelaxation(Effect):
 
     .. math:: W \to W\,\bigl[1 - a(1 - e^{-t/\tau})\bigr]
 
-    No state: the decay depends only on the time, and begins at time 0. Typical for VHB that had too little time to rest:
-    2 to 15 % in 1000 to 100,000 s. Signature: needs no voltage; sag and gain grow together, 1 % of tension gives 1 %
-    of sag, but 2.4 % of stroke at 1.9 kV and 5 % at 3 kV. A `permittivity_drift` leaves the sag alone; `creep` follows
-    the drive and recovers. Off at a = 0.
+    W is the strain energy density of the film's equilibrium network. The effect has no state: the decay depends only on
+    the time, and begins at time 0. Typical for VHB that had too little time to rest: 2 to 15 % in 1000 to 100,000 s.
+    Signature: visible without voltage too; sag and gain grow together: a loss of 1 % of the tension increases the sag
+    by 1 %, and the stroke by 2.4 % at 1.9 kV and by 5 % at 3 kV. A `permittivity_drift` does not change the sag;
+    `creep` follows the drive and recovers. The effect is off at a = 0.
 
     Parameters
     ----------
@@ -35,8 +36,8 @@ class PrestretchRelaxation(Effect):
 
     References
     ----------
-    The form is a Maxwell branch that was loaded when the film was mounted and is far too slow for the drive. VHB keeps
-    relaxing after minutes: Wang et al., J. Mech. Phys. Solids 95 (2016) 213.
+    The equation is that of a Maxwell branch that was loaded when the film was mounted and relaxes far more slowly than
+    the drive changes. VHB keeps relaxing after minutes: Wang et al., J. Mech. Phys. Solids 95 (2016) 213.
     """
 
     relative_loss: float = 0.05

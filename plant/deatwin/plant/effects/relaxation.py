@@ -21,18 +21,20 @@ one from the nearest."""
 
 @dataclass(frozen=True, kw_only=True)
 class Relaxation(Effect):
-    r"""A spring in series with a damper acts in parallel to the plant, whose force then relaxes.
+    r"""A spring in series with a damper acts in parallel to the plant, so that the total force relaxes.
 
     .. math:: F \to F - k_r\,(y - \xi), \qquad \tau_r\,\dot\xi = y - \xi
 
-    One state :math:`\xi` (m), the displacement of the damper; at rest :math:`\xi = y`. In a plant with a spring k this
-    is the standard linear solid: its stiffness is k for slow and :math:`k + k_r` for fast motion. In other plants y is
-    the quantity that corresponds to a displacement, and the branch is a store that fills and empties through a
-    resistance: furniture in a room, slow diffusion in a battery. Typical: :math:`k_r` of 10 to 50 % of k for rubbers and silicones,
-    over times far longer than the motion. Signature: a tail after each step, linear in it, that recovers; the gain is
-    higher for slow than for fast commands, with a loop that is widest at a period of :math:`2\pi\tau_r`, whereas that
-    of `hysteresis` keeps its width. A `sensor_drift` does not follow the command; a :math:`\tau_r` far below the period
-    of the motion is a damper of :math:`k_r\tau_r`. For films see `creep`. Off at :math:`k_r = 0`.
+    F is the force on the moving body and y its displacement. One state :math:`\xi` (m), the displacement of the damper;
+    at rest :math:`\xi = y`. A plant with a spring k then is the standard linear solid, whose stiffness is k for slow
+    and :math:`k + k_r` for fast motion. In other plants y is the quantity that corresponds to a displacement, and the
+    branch is a store that fills and empties through a resistance, such as the heat capacity of furniture in a room, or
+    slow diffusion in a battery. Typical: :math:`k_r` of 10 to 50 % of k for rubbers and silicones, over times far
+    longer than the motion. Signature: after each step the motion continues slowly, in proportion to the step, and later
+    recovers; the gain is higher for slow than for fast commands; the loop is widest at a period of :math:`2\pi\tau_r`,
+    whereas the loop of `hysteresis` keeps its width. A `sensor_drift` does not follow the command. If :math:`\tau_r` is
+    far below the period of the motion, the branch acts as a damper of :math:`k_r\tau_r`. For films, see `creep`. The
+    effect is off at :math:`k_r = 0`.
 
     Parameters
     ----------

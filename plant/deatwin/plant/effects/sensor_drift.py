@@ -41,13 +41,13 @@ class SensorDrift(Effect):
 
     .. math:: y \to y + a\,(1 - e^{-t/\tau}), \qquad t \ge 0
 
-    Further places: the offset of the amplifier's ``command``, and the gains of amplifier and sensor, ``command_gain`` and
-    ``reading_gain``, where :math:`s \to s\,[1 + a\,(1 - e^{-t/\tau})]`. A single reading cannot distinguish
-    drift of the amplifier's gain from `permittivity_drift`.
+    Further places: the offset of the amplifier's ``command``, and the gains of amplifier and sensor, ``command_gain``
+    and ``reading_gain``, where the command or reading s becomes :math:`s\,[1 + a\,(1 - e^{-t/\tau})]`. A single reading
+    cannot distinguish drift of the amplifier's gain from `permittivity_drift`.
 
-    No state. Typical: micrometres to a tenth of a millimetre per hour, while the sensor head warms
-    up or its mount settles. Signature: the baseline moves without a change of gain, equally at 0 V and under drive;
-    `permittivity_drift` instead scales the motion and leaves the sag at 0 V. Off at a = 0.
+    The effect has no state. Typical: micrometres to a tenth of a millimetre per hour, while the sensor head warms up or
+    its mount settles. Signature: the baseline moves without a change of gain, equally at 0 V and under drive;
+    `permittivity_drift` instead scales the motion and does not change the sag at 0 V. The effect is off at a = 0.
 
     Parameters
     ----------

@@ -22,16 +22,16 @@ class SensorJump(Effect):
 
     .. math:: y \to y + \frac{a}{1 + e^{-(t - t_0)/(h/4)}}
 
-    No state. The step takes about one sample time h, so that the reading has a derivative with respect to
-    :math:`t_0`. Typical: tens of micrometres. Signature: the shift is the same at any voltage; an `electrode_loss`
-    instead removes a share of the motion and leaves the sag at 0 V. Off at a = 0.
+    The effect has no state. The step takes about one sample time h, so that the reading has a derivative with respect
+    to :math:`t_0`. Typical: tens of micrometres. Signature: the shift is the same at any voltage; an `electrode_loss`
+    instead removes a share of the motion and does not change the sag at 0 V. The effect is off at a = 0.
 
     Parameters
     ----------
     change : float
         a in m.
     at : float
-        :math:`t_0` on the clock, s.
+        :math:`t_0`, the time of the jump on the experiment's clock, s.
     """
 
     change: float = 20e-6

@@ -39,7 +39,7 @@ class Sizes:
     """Typical sizes of a plant's quantities, in the plant's own units.
 
     The effects of the catalogue state typical values, ranges and rounded corners for the diaphragm. On a plant of other
-    units and scales, such as a circuit that oscillates at 70 Hz in volts, an effect follows the same law with values
+    units and scales, such as a circuit whose voltage oscillates at 70 Hz, an effect follows the same law with values
     scaled by powers of these sizes.
 
     Parameters
@@ -53,8 +53,8 @@ class Sizes:
     command : float
         Typical command, in its unit.
     voltage : float, optional
-        Typical amplifier voltage, V, if a gain lies between command and amplifier; otherwise the amplifier has the size
-        and unit of the command.
+        Typical amplifier voltage, V, if the amplifier multiplies the command by a gain; otherwise its output has the
+        size and unit of the command.
     reading : float, optional
         Typical reading; `motion` by default.
     motion_unit, force_unit, command_unit, reading_unit : str

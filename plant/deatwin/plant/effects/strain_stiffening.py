@@ -16,15 +16,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class StrainStiffening(Effect):
-    r"""The film stiffens towards a limit of stretch, beyond a neo-Hookean network of the same modulus.
+    r"""The film stiffens towards a limit of stretch, more than a neo-Hookean network of the same modulus does.
 
     .. math:: W \to W - \frac{\mu_s J}{2}\ln\Bigl(1 - \frac{I_1 - 3}{J}\Bigr) - \frac{\mu_s}{2}(I_1 - 3)
 
-    No state. Nothing is added at small stretch. Typical for VHB: its whole modulus, 15 to 30 kPa, with J = 90 to
-    120; at a prestretch of 3.5, :math:`I_1 - 3` = 21.5. Signature: static and even in the voltage; the curve of the
-    stroke bends down above about 2.5 kV, and the ball's frequency falls less with the voltage. An
-    `amplifier_saturation` has a corner and leaves the frequency alone; `permittivity_stretch` does not change the sag.
-    In a material that already has a limit, such as Gent's, this only shifts that limit. Off at :math:`\mu_s = 0`.
+    The effect has no state. W is the film's strain energy density and :math:`I_1` the first invariant of its
+    deformation. At small stretch the effect adds nothing. Typical for VHB: :math:`\mu_s` equal to the whole modulus of
+    the film, 15 to 30 kPa, with J = 90 to 120; at a prestretch of 3.5, :math:`I_1 - 3` = 21.5. Signature: static and
+    even in the voltage; the curve of the stroke bends down above about 2.5 kV, and the ball's frequency falls less with
+    the voltage. An `amplifier_saturation` has a corner and does not change the frequency; `permittivity_stretch` does
+    not change the sag. In a material that already has a limit of stretch, such as Gent's, the effect only shifts that
+    limit. The effect is off at :math:`\mu_s = 0`.
 
     Parameters
     ----------

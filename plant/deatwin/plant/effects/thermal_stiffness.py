@@ -26,16 +26,15 @@ class ThermalStiffness(Effect):
     .. math:: W \to W\,(1 + k_T\,\Delta T), \qquad \Delta T = T - T_0 \quad\text{or}\quad
               \Delta T = (1\,\text{K})\,\Bigl[\cos\Bigl(\frac{2\pi t}{P} + \varphi\Bigr) - \cos\varphi\Bigr]
 
-    No state. If the recording has a channel ``temperature`` (K), :math:`\Delta T` is its deviation from
-    :math:`T_0` = 293.15 K, and period and phase have no influence. Without this channel, the
-    temperature of the room is assumed to vary sinusoidally by ±1 K with period P, as under a thermostat; the modulus of
-    the rig then holds at time 0, from which the change is counted. A further reading may show the ``room_temperature``
-    :math:`T_0 + \Delta T`.
-    Typical: a few percent per kelvin; periods from minutes to a day. In measurements the elastic part of VHB alone
-    stiffened with temperature (entropy predicts +0.34 % per kelvin), whereas the tape as a whole softened. Signature:
-    sag and gain swing together, in a ratio of 1 : 2.4 at 1.9 kV, also at 0 V, with a period that is absent from the
-    drive; a `permittivity_drift` changes in one direction only and leaves the sag at 0 V unchanged. Off at
-    :math:`k_T = 0`.
+    The effect has no state. W is the strain energy density of the equilibrium network. If the recording has a channel
+    ``temperature`` (K), :math:`\Delta T` is its deviation from :math:`T_0` = 293.15 K, and period and phase have no
+    influence. Without this channel, the temperature of the room is assumed to vary sinusoidally by ±1 K with period P,
+    as under a thermostat; the rig's modulus is then the modulus at time 0. A further reading may show the
+    ``room_temperature`` :math:`T_0 + \Delta T`. Typical: a few percent per kelvin; periods from minutes to a day. In
+    measurements the elastic part of VHB alone stiffened with temperature (entropic elasticity predicts +0.34 % per
+    kelvin), whereas the tape as a whole softened. Signature: sag and gain vary together, in a ratio of 1 : 2.4 at 1.9
+    kV, with a period that is absent from the drive; the sag varies at 0 V too; a `permittivity_drift` changes in one
+    direction only and leaves the sag at 0 V unchanged. The effect is off at :math:`k_T = 0`.
 
     Parameters
     ----------

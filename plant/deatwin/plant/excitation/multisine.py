@@ -49,7 +49,7 @@ def random_odd_harmonics(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return odd harmonics with one omitted at random from each group of neighbours.
 
-    The omitted lines are detection lines: the plant's response there shows its odd nonlinearity.
+    The omitted lines are detection lines: the response at these lines shows the plant's odd nonlinearity.
 
     Parameters
     ----------
@@ -135,9 +135,9 @@ def random_phase_multisine(
     Raises
     ------
     DataError
-        If the harmonics are not distinct whole numbers from 1 to below half the sample rate, the amplitudes do not fit
-        them or are negative or all zero, `periods` is less than 1, or no phases satisfy the limits; the text then
-        states the rms that would.
+        If the harmonics are not distinct whole numbers from 1 to below half the sample rate, the amplitudes differ in
+        number from the harmonics or are negative or all zero, `periods` is less than 1, or no phases satisfy the
+        limits; in the last case the text states the rms for which phases would.
 
     References
     ----------

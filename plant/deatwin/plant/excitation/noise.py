@@ -85,9 +85,9 @@ def two_level_noise(
 ) -> NDArray[np.float64]:
     """Return band-limited noise whose mean, variance or both alternate between levels.
 
-    One noise of unit variance runs through all segments; each segment scales and shifts it, and the limits come last.
-    The variance of a single segment therefore scatters about the given one. The change between segments is a jump,
-    which has power above the band.
+    One noise signal of unit variance covers all segments. It is scaled and shifted in each segment, and finally clipped
+    to the limits. The variance within a single segment therefore differs randomly from the given variance. The change
+    between segments is a jump, which has power above the band.
 
     Parameters
     ----------
@@ -133,11 +133,11 @@ def two_level_noise(
 
 
 def share_above_band(commands: ArrayLike, sample_time: float, band: float) -> float:
-    """Return the share of a signal's power above a frequency; power at 0 Hz does not count.
+    """Return the share of a signal's power above a frequency, with the power at 0 Hz left out of the total.
 
-    The signal is treated as one period of a periodic signal, as `band_limited_noise` is; the share above the band of
-    that noise comes from its limits alone. If a signal does not end where it began, the jump between its ends counts
-    too.
+    The signal is treated as one period of a periodic signal. `band_limited_noise` is periodic, so it has power above
+    its band only because of its limits. If the last value of a signal differs from the first, the jump between them
+    adds power above the band.
 
     Parameters
     ----------
@@ -156,7 +156,8 @@ def share_above_band(commands: ArrayLike, sample_time: float, band: float) -> fl
     Raises
     ------
     DataError
-        If the commands are constant or not a row of finite numbers, or sample time or band is not positive.
+        If the commands are constant or not a one-dimensional array of finite numbers, or sample time or band is not
+        positive.
 
     Examples
     --------

@@ -11,7 +11,7 @@ def with_rests(
 ) -> NDArray[np.float64]:
     """Return a signal with rests inserted between its pieces.
 
-    At rest the film shows the remains of creep, drift and charge, and the shift of the sensor's zero.
+    The reading during a rest shows what remains of creep, drift and charge, and a shift of the sensor's zero.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def with_rests(
     Raises
     ------
     DataError
-        If the commands are not a row of finite numbers, or a time is shorter than a sample.
+        If the commands are not a one-dimensional array of finite numbers, or a time is shorter than a sample.
 
     Examples
     --------
@@ -50,7 +50,7 @@ def with_rests(
 def with_alternating_polarity(commands: ArrayLike, sample_time: float, segment: float) -> NDArray[np.float64]:
     """Return a signal with the sign of every second segment reversed.
 
-    Maxwell stress is proportional to the square of the voltage. A response that changes with the sign therefore
+    The Maxwell stress is proportional to the square of the voltage. A response that changes with the sign therefore
     reveals charge in the film, an amplifier offset, or an amplifier of one polarity.
 
     Parameters
@@ -70,7 +70,7 @@ def with_alternating_polarity(commands: ArrayLike, sample_time: float, segment: 
     Raises
     ------
     DataError
-        If the commands are not a row of finite numbers, or the segment is shorter than a sample.
+        If the commands are not a one-dimensional array of finite numbers, or the segment is shorter than a sample.
 
     Examples
     --------

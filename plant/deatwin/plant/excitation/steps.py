@@ -65,8 +65,8 @@ def staircase(
 ) -> NDArray[np.float64]:
     """Return a staircase of equal steps up and down again, with each level held.
 
-    Each level but the highest is held on the way up and on the way down, so that the two can be compared: creep
-    continues in the same direction, hysteresis does not.
+    Each level except the highest is held twice, on the way up and on the way down. During a hold, creep continues the
+    motion in the direction of the last step; hysteresis does not, but it makes the readings of the two holds differ.
 
     Parameters
     ----------
@@ -105,7 +105,8 @@ def triangles(
 ) -> NDArray[np.float64]:
     """Return triangle waves at several rates, one after the other.
 
-    A loop that stays open at any low rate is hysteresis; the loop of a lag closes.
+    If the loop of reading over command stays open at low rates, the plant has hysteresis; the loop of a linear lag
+    closes.
 
     Parameters
     ----------

@@ -19,8 +19,9 @@ def linear_chirp(
 ) -> NDArray[np.float64]:
     """Return a sine on a bias whose frequency changes linearly with time.
 
-    It starts at the bias and rises first. By default the sweep ends near the resonance of the ball-loaded diaphragm at
-    2.4 V; that frequency, sqrt(g/z)/2π, gives the sag z without knowing the sensor's zero.
+    The signal starts at the bias and rises first. By default the sweep ends near the resonance of the ball-loaded
+    diaphragm at 2.4 V. The frequency of this resonance, sqrt(g/z)/2π with the gravity g, gives the sag z even if the
+    sensor's zero is unknown.
 
     Parameters
     ----------
@@ -60,8 +61,8 @@ def logarithmic_chirp(
 ) -> NDArray[np.float64]:
     """Return a sine on a bias whose frequency changes exponentially with time.
 
-    It starts at the bias and rises first. Each octave takes the same time, so that slow and fast dynamics get equal shares of
-    the experiment.
+    The signal starts at the bias and rises first. Each octave takes the same time, so that slow and fast dynamics get
+    equal shares of the experiment.
 
     Parameters
     ----------

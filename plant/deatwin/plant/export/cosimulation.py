@@ -39,8 +39,9 @@ _BUILD = """<?xml version="1.0" encoding="UTF-8"?>
 def export_cosimulation(source: SampledSource, path: str | Path) -> Path:
     """Export a sampled system as an FMU for co-simulation, with its source and a binary for this computer.
 
-    One sample is one step, over which the inputs are held; the outputs are those after the sample. A longer
-    communication step covers several samples; the FMU answers a step that ends between two samples with ``fmi3Error``.
+    One step is one sample, during which the inputs are held constant; the outputs are their values after the sample. A
+    longer communication step covers several samples; the FMU answers a step that ends between two samples with
+    ``fmi3Error``.
 
     Parameters
     ----------

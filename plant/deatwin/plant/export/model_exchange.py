@@ -44,7 +44,7 @@ def export_model_exchange(plant: Plant, path: str | Path, *, name: str = "plant"
 
     The command is a discrete input, which the importing tool holds constant between events. The outputs are the
     readings and further signals, such as ``signal.film_voltage``. A reading that is a mean over a sample, such as a
-    current, is no output. The independent variable is the time on the experiment's clock.
+    current, is not among the outputs. The independent variable is the time on the experiment's clock.
 
     Parameters
     ----------

@@ -107,7 +107,7 @@ def read_recordings(
         New sample time, s, of an even clock; see `deatwin.plant.resample`. Use it for uneven times, and for files that
         were sampled faster than needed.
     reading : ReadingTime
-        Time within a row at which the reading is taken; it also holds for rows that `resample` makes.
+        Time within a sample at which the reading is taken; it also applies to samples that `resample` makes.
     input_unit, output_unit : str, optional
         Unit of input and output in the recording, SI by default. A column with exactly this unit is used unchanged, a
         column with another known unit of the same kind is converted; "1" means numbers without a unit. If `output_unit`
@@ -155,7 +155,7 @@ def read_commands(
     input_unit: str | None = None,
     rig: RigFile | None = None,
 ) -> Recording:
-    """Read only the commands of a file; it needs no output column.
+    """Read only the commands of a file, which needs no output column.
 
     Parameters
     ----------
@@ -209,7 +209,7 @@ def read_experiment(
     ----------
     paths : iterable of (str or Path)
         Files, in any order. Files with dates as times, and TDMS waveforms with a start time (``wf_start_time``), are
-        placed on the clock of the earliest.
+        placed on the clock of the earliest file.
     allow_gaps : bool, default False
         If True, split records at their gaps and keep the clock; otherwise a gap is an error.
     **options
@@ -234,11 +234,11 @@ def write_recording(path: str | Path, recording: Recording) -> None:
     Parameters
     ----------
     path : str or Path
-        File to write, ``.csv``, ``.mat``, ``.tdms`` or ``.nc``; it appears complete or not at all.
+        File to write, ``.csv``, ``.mat``, ``.tdms`` or ``.nc``; it is written completely or not at all.
     recording : Recording
-        Recording to write. In CSV, usual signals get their usual columns, and others their name and SI unit; a line
-        ``# deatwin/recording/1`` above the header holds names, provenance or a sample time that the columns cannot
-        hold. The other formats use SI units and hold the same description.
+        Recording to write. In CSV, the header of a column is deatwin's default header for the signal, or else the
+        signal's name and SI unit; a line ``# deatwin/recording/1`` above the header holds names, provenance or a sample
+        time that the columns cannot hold. The other formats use SI units and hold the same description.
 
     Raises
     ------
@@ -256,14 +256,14 @@ def write_csv(path: str | Path, columns: Mapping[str, ArrayLike]) -> None:
     Parameters
     ----------
     path : str or Path
-        File to write; it appears complete or not at all.
+        File to write; it is written completely or not at all.
     columns : mapping of str to (n,) array_like
         Values by header; the last part of a header is the unit of its values.
 
     Raises
     ------
     DataError
-        If the columns differ in length, or a header cannot stand in a CSV file.
+        If the columns differ in length, or a header cannot be written in a CSV file.
     """
     values = {name: np.asarray(column, dtype=np.float64) for name, column in columns.items()}
     shapes = {column.shape for column in values.values()}

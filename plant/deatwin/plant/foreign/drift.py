@@ -19,8 +19,9 @@ class ParameterDrift(Effect):
 
     .. math:: p(t) = p\,\bigl[1 + a(1 - e^{-t/\tau})\bigr]
 
-    No state: the drift depends only on the time, and begins at time 0. Signature: the motion changes slowly, as it does
-    when that parameter is changed. Off at a = 0.
+    The effect has no state: the drift depends only on the time, and begins at time 0. p is the plant's parameter.
+    Signature: the motion changes slowly, in the way in which it changes when this parameter changes. The effect is off
+    at a = 0.
 
     Parameters
     ----------
@@ -29,7 +30,8 @@ class ParameterDrift(Effect):
     time : float
         :math:`\tau` in s.
     parameter : str
-        Name of the plant's parameter that drifts. The effect is named after it, as in ``drift_of_stiffness``.
+        Name of the plant's parameter that drifts. The effect's name contains the parameter's name, as in
+        ``drift_of_stiffness``.
 
     References
     ----------

@@ -40,16 +40,16 @@ belongs to the sample that ends."""
 
 @dataclass(frozen=True, kw_only=True)
 class FmuModel:
-    """An FMU as ``model(parameters, inputs, time) -> readings``, instantiated afresh for each call.
+    """An FMU as ``model(parameters, inputs, time) -> readings``; each call creates a new instance of the FMU.
 
-    Inputs and readings are in SI units, parameters in those that the FMU declares.
+    Inputs and readings are in SI units, parameters in the units that the FMU declares.
 
     Parameters
     ----------
     path : str
         The FMU.
     digest : str
-        SHA-256 of the file, which identifies the content to which results belong.
+        SHA-256 of the file, which identifies the version of the FMU that gave a result.
     inputs : tuple of str
         Variables that are inputs.
     output : str
@@ -57,7 +57,7 @@ class FmuModel:
     kind : str
         ``"co-simulation"`` or ``"model exchange"``.
     reading : ReadingTime
-        Time within a row at which the reading is taken.
+        Time within a sample at which the reading is taken.
     units : tuple of tuple of str
         Units of inputs and output in the FMU: pairs of a name and a unit.
     """
@@ -94,7 +94,7 @@ class FmuModel:
         kind : str, optional
             ``"co-simulation"`` or ``"model exchange"``; the first of them that the FMU offers by default.
         reading : ReadingTime
-            Time within a row at which the reading is taken.
+            Time within a sample at which the reading is taken.
         units : mapping of str to str, optional
             Units of inputs and output that the FMU does not declare.
 

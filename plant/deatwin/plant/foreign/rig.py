@@ -28,15 +28,16 @@ if TYPE_CHECKING:
 class ForeignRig(Rig):
     """A rig whose readings are computed by a Python callable.
 
-    The callable is ``model(parameters, inputs, time) -> readings``: `parameters` maps names to values, `inputs` the
-    names of the command and of the channels to arrays of shape (n,), `time` has shape (n,), s. The readings, shape
-    (n,), or a mapping of names to such arrays, belong to the rows of a recording that has these commands and times. The
-    model must be deterministic: the same arguments give the same readings. The times are uniform, from the first row of
-    an experiment to its last; the model knows in which state it begins.
+    The callable is ``model(parameters, inputs, time) -> readings``: `parameters` maps names to values, `inputs` maps
+    the names of the command and of the channels to arrays of shape (n,), and `time`, s, has shape (n,). The callable
+    returns the readings at these times, as an array of shape (n,) or a mapping of names to such arrays. The model must
+    be deterministic: the same arguments give the same readings. The times are uniform, from the first sample of an
+    experiment to the last; the model itself sets its initial state.
 
-    Effects act on the command before the callable gets it (its mean over each sample), on the readings that come back,
-    and on the parameters in `varying`. Derivatives are central differences, which worker processes compute side by side
-    if the callable can be pickled. An error or a crash of the callable ends only the simulation in which it occurs.
+    Effects act on the command before the callable gets it (as the mean over each sample), on the readings that it
+    returns, and on the parameters in `varying`. Derivatives are central differences, which worker processes compute
+    side by side if the callable can be pickled. An error or a crash of the callable ends only the simulation in which
+    it occurs.
 
     Parameters
     ----------
@@ -53,14 +54,13 @@ class ForeignRig(Rig):
     channels : tuple of tuple of str and float
         Further measured inputs: pairs of a name and the value that applies if a recording lacks it.
     rest_command : float
-        Command before the first row.
+        Command before the first sample.
     varying : tuple of str
         Parameters that may drift: with a `ParameterDrift` the model gets an array of shape (n,) in place of the number.
     step : float
-        Step of the differences as a share of a parameter's value (of a tenth of its range, if that is larger and the
-        parameter moves linearly). Its cube should not be below the relative rounding error of the readings, that of an
-        adaptive solver included.
-
+        Step of the central differences as a share of a parameter's value, or of a tenth of its range if that is larger
+        and the scale of the parameter is linear. The cube of the step should not be below the relative numerical error
+        of the readings, including the error of an adaptive solver.
     longest : float
         Time after which a run of the model in a worker process is ended, as if it had crashed, s; infinite by default.
     sample_time, noise, reading, model_error, command_range, chain, supply

@@ -11,7 +11,9 @@ Symbol = Any  # a CasADi SX, MX, DM, a float or an array
 
 @dataclass(frozen=True, kw_only=True)
 class BreakdownLaw:
-    r"""Power law of breakdown, :math:`E_B = E_1\,(h/h_1)^p\,\lambda^q`, measured on films of equal-biaxial stretch.
+    r"""Power law of the breakdown field, :math:`E_B = E_1\,(h/h_1)^p\,\lambda^q`, from films of equal-biaxial stretch.
+
+    h is the present thickness of the film and :math:`\lambda` its stretch.
 
     Parameters
     ----------

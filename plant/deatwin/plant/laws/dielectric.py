@@ -37,17 +37,18 @@ def electric_energy(stretch_1: Any, stretch_2: Any, permittivity: Any, nominal_f
 
     .. math:: w_e = -\tfrac{\varepsilon_r\varepsilon_0}{2}\tilde E^2(\lambda_1\lambda_2)^2
 
-    Its derivative with respect to a stretch gives the Maxwell stress :math:`\varepsilon E^2` of an ideal dielectric
-    elastomer.
+    :math:`\varepsilon_0` is the permittivity of vacuum. The derivative of the co-energy with respect to a stretch gives
+    the Maxwell stress :math:`\varepsilon E^2` of an ideal dielectric elastomer, with the true field E and
+    :math:`\varepsilon = \varepsilon_r\varepsilon_0`.
 
     Parameters
     ----------
     stretch_1, stretch_2 : symbol or float
-        Principal in-plane stretches.
+        :math:`\lambda_1, \lambda_2`, the principal in-plane stretches.
     permittivity : symbol or float
-        Relative permittivity.
+        :math:`\varepsilon_r`, the relative permittivity.
     nominal_field : symbol or float
-        Voltage divided by the undeformed thickness, V/m.
+        :math:`\tilde E`, the voltage divided by the undeformed thickness, V/m.
 
     Returns
     -------
@@ -67,9 +68,9 @@ def maxwell_stress(permittivity: Symbol, field: Symbol) -> Symbol:
     Parameters
     ----------
     permittivity : symbol or float
-        Relative permittivity.
+        :math:`\varepsilon_r`, relative permittivity.
     field : symbol or float
-        True field, voltage divided by the present thickness, V/m.
+        E, true field, voltage divided by the present thickness, V/m.
 
     Returns
     -------
@@ -86,17 +87,18 @@ def maxwell_stress(permittivity: Symbol, field: Symbol) -> Symbol:
 def maxwell_strain(
     permittivity: Symbol, field: Symbol, elastic_modulus: Symbol, poissons_ratio: Symbol = 0.5
 ) -> Symbol:
-    r"""Small Maxwell strain of a free film across its thickness, :math:`-\tfrac12(1+2\nu)\,\varepsilon E^2/Y`.
+    r"""Small strain of a free film across its thickness, :math:`-\tfrac12(1+2\nu)\,\varepsilon E^2/Y`.
 
-    An incompressible film stretches in its plane by half this amount. A Poisson's ratio of 0 gives the thesis' eq. 2.2,
-    which counts the attraction of the electrodes alone.
+    In its plane, an incompressible film stretches by half the magnitude of this strain. With a Poisson's ratio
+    :math:`\nu` of 0, the equation is eq. 2.2 of the thesis of W. R. Jacobs, which takes only the attraction of the
+    electrodes into account.
 
     Parameters
     ----------
     permittivity : symbol or float
-        Relative permittivity, independent of strain.
+        Relative permittivity :math:`\varepsilon/\varepsilon_0`, independent of strain.
     field : symbol or float
-        True field, V/m.
+        E, the true field, V/m.
     elastic_modulus : symbol or float
         Y in Pa; three times the shear modulus of an incompressible film.
     poissons_ratio : symbol or float
@@ -113,15 +115,15 @@ def maxwell_strain(
 def electrostrictive_strain(permittivity: Symbol, field: Symbol, coefficient: Symbol) -> Symbol:
     r"""Small electrostrictive strain across the film, :math:`Q\varepsilon_0^2(\varepsilon_r - 1)^2E^2`.
 
-    Thesis eq. 2.1: the strain is proportional to the square of the polarisation
+    Eq. 2.1 of the thesis of W. R. Jacobs: the strain is proportional to the square of the polarisation
     :math:`\varepsilon_0(\varepsilon_r - 1)E`.
 
     Parameters
     ----------
     permittivity : symbol or float
-        Relative permittivity.
+        :math:`\varepsilon_r`, relative permittivity.
     field : symbol or float
-        True field, V/m.
+        E, true field, V/m.
     coefficient : symbol or float
         Q in m⁴/C²; negative if the film becomes thinner.
 
@@ -134,18 +136,17 @@ def electrostrictive_strain(permittivity: Symbol, field: Symbol, coefficient: Sy
 
 
 def effective_permittivity(permittivity: Symbol, coefficient: Symbol, elastic_modulus: Symbol) -> Symbol:
-    r"""Relative permittivity for which Maxwell stress alone gives the strain of both effects.
+    r"""Relative permittivity for which Maxwell stress alone gives the strain of Maxwell stress and electrostriction.
 
     .. math:: \varepsilon_\mathrm{eff} = \varepsilon_r - Y Q\,\varepsilon_0(\varepsilon_r - 1)^2
 
-    Both effects, Maxwell stress and electrostriction, cause strains proportional to the square of the field. At small
-    strain electrostriction only scales the permittivity: displacement over voltage does not distinguish them, but a
-    measurement of capacitance does.
+    Both effects cause strains proportional to the square of the field. At small strain electrostriction only scales the
+    permittivity: displacement over voltage does not distinguish them, but a measurement of capacitance does.
 
     Parameters
     ----------
     permittivity : symbol or float
-        Relative permittivity.
+        :math:`\varepsilon_r`, relative permittivity.
     coefficient : symbol or float
         Q in m⁴/C², as in `electrostrictive_strain`.
     elastic_modulus : symbol or float
@@ -167,7 +168,8 @@ def electrostriction_factors(
     .. math:: f_i = 1 + \tfrac12\,\frac{\partial\ln\varepsilon}{\partial\ln\lambda_i}, \qquad
               \sigma_i = -f_i\,\varepsilon E^2
 
-    They follow from the co-energy with :math:`\varepsilon(\lambda_1, \lambda_2)`, so `electric_energy` with such a
+    :math:`\sigma_i` is the Maxwell stress along direction i, E the true field. The factors :math:`f_i` follow from the
+    co-energy with the permittivity :math:`\varepsilon(\lambda_1, \lambda_2)`, so `electric_energy` with such a
     permittivity already contains them. With `deatwin.plant.laws.stretched` the factors vary with the stretch: at small
     strain electrostriction merely scales the permittivity, at large strain it does not.
 
@@ -176,7 +178,7 @@ def electrostriction_factors(
     permittivity : callable
         Function ``permittivity(stretch_1, stretch_2, *parameters)``.
     stretch_1, stretch_2 : symbol or float
-        Principal in-plane stretches.
+        :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
     *parameters : symbol or float
         Further arguments of `permittivity`.
 
@@ -206,11 +208,11 @@ def capacitance(
     Parameters
     ----------
     permittivities : sequence of symbol or float
-        Relative permittivity at each point between the electrodes.
+        :math:`\varepsilon_k/\varepsilon_0`, relative permittivity at each point k between the electrodes.
     stretches : sequence of pairs of symbol or float
-        Principal in-plane stretches at each point.
+        :math:`\lambda_1, \lambda_2`, principal in-plane stretches at each point.
     areas : sequence of symbol or float
-        Reference area that each point represents, m².
+        :math:`A_k`, reference area that each point represents, m².
     thickness : symbol or float
         Undeformed thickness H, m.
 
@@ -231,11 +233,11 @@ def conduction_density(field: Symbol, conductivity: Symbol = 3.23e-14, field_sca
     Parameters
     ----------
     field : symbol or float
-        True field, V/m.
+        E, true field, V/m.
     conductivity : symbol or float
         :math:`\sigma_0` at low field, S/m. The default is quoted from later literature and is unconfirmed.
     field_scale : symbol or float
-        :math:`E_B` in V/m. The default has the same origin.
+        :math:`E_B` in V/m. The default is from the same literature, and is unconfirmed too.
 
     Returns
     -------

@@ -22,7 +22,7 @@ def first_invariant(stretch_1: Symbol, stretch_2: Symbol) -> Symbol:
     Parameters
     ----------
     stretch_1, stretch_2 : symbol or float
-        Principal in-plane stretches.
+        :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
 
     Returns
     -------
@@ -38,7 +38,7 @@ def second_invariant(stretch_1: Symbol, stretch_2: Symbol) -> Symbol:
     Parameters
     ----------
     stretch_1, stretch_2 : symbol or float
-        Principal in-plane stretches.
+        :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
 
     Returns
     -------
@@ -49,12 +49,12 @@ def second_invariant(stretch_1: Symbol, stretch_2: Symbol) -> Symbol:
 
 
 def neo_hookean(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol) -> Symbol:
-    r"""Neo-Hookean energy :math:`W = \tfrac{\mu}{2}(I_1 - 3)`; :math:`\mu_0 = \mu`.
+    r"""Neo-Hookean energy :math:`W = \tfrac{\mu}{2}(I_1 - 3)`; initial shear modulus :math:`\mu_0 = \mu`.
 
     Parameters
     ----------
     stretch_1, stretch_2 : symbol or float
-        Principal in-plane stretches.
+        :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
     shear_modulus : symbol or float
         :math:`\mu` in Pa.
 
@@ -67,12 +67,12 @@ def neo_hookean(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol) -> 
 
 
 def mooney_rivlin(stretch_1: Symbol, stretch_2: Symbol, first: Symbol, second: Symbol) -> Symbol:
-    r"""Mooney-Rivlin energy :math:`W = C_1(I_1 - 3) + C_2(I_2 - 3)`; :math:`\mu_0 = 2(C_1 + C_2)`.
+    r"""Mooney-Rivlin energy :math:`W = C_1(I_1 - 3) + C_2(I_2 - 3)`; initial shear modulus :math:`2(C_1 + C_2)`.
 
     Parameters
     ----------
     stretch_1, stretch_2 : symbol or float
-        Principal in-plane stretches.
+        :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
     first, second : symbol or float
         :math:`C_1, C_2` in Pa.
 
@@ -89,12 +89,12 @@ def mooney_rivlin(stretch_1: Symbol, stretch_2: Symbol, first: Symbol, second: S
 
 
 def yeoh(stretch_1: Symbol, stretch_2: Symbol, first: Symbol, second: Symbol, third: Symbol) -> Symbol:
-    r"""Yeoh energy :math:`W = \sum_{k=1}^{3} C_k(I_1 - 3)^k`; :math:`\mu_0 = 2C_1`.
+    r"""Yeoh energy :math:`W = \sum_{k=1}^{3} C_k(I_1 - 3)^k`; initial shear modulus :math:`2C_1`.
 
     Parameters
     ----------
     stretch_1, stretch_2 : symbol or float
-        Principal in-plane stretches.
+        :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
     first, second, third : symbol or float
         :math:`C_1, C_2, C_3` in Pa; published sets call them :math:`C_{10}, C_{20}, C_{30}`.
 
@@ -117,13 +117,14 @@ def ogden(stretch_1: Symbol, stretch_2: Symbol, *terms: Symbol) -> Symbol:
     .. math:: W = \sum_p \frac{\mu_p}{\alpha_p}\bigl(\lambda_1^{\alpha_p} + \lambda_2^{\alpha_p}
               + \lambda_3^{\alpha_p} - 3\bigr), \qquad \mu_0 = \tfrac12\sum_p\mu_p\alpha_p
 
-    Some programs write :math:`2\mu_p/\alpha_p^2` instead, so that :math:`\mu_0 = \sum_p\mu_p`: multiply their moduli
-    by :math:`2/\alpha_p`.
+    :math:`\mu_0` is the initial shear modulus. Some programs write :math:`2\mu_p/\alpha_p^2` in place of
+    :math:`\mu_p/\alpha_p`, so that :math:`\mu_0 = \sum_p\mu_p`; multiply the moduli of such a program by
+    :math:`2/\alpha_p`.
 
     Parameters
     ----------
     stretch_1, stretch_2 : symbol or float
-        Principal in-plane stretches.
+        :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
     *terms : symbol or float
         Moduli in Pa and exponents in turn: :math:`\mu_1, \alpha_1, \mu_2, \alpha_2, \dots`.
 
@@ -143,12 +144,12 @@ def ogden(stretch_1: Symbol, stretch_2: Symbol, *terms: Symbol) -> Symbol:
 
 
 def gent(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol, stretch_limit: Symbol) -> Symbol:
-    r"""Gent energy :math:`W = -\tfrac{\mu J_m}{2}\ln\bigl(1 - (I_1-3)/J_m\bigr)`; :math:`\mu_0 = \mu`.
+    r"""Gent energy :math:`W = -\tfrac{\mu J_m}{2}\ln\bigl(1 - (I_1-3)/J_m\bigr)`; initial shear modulus :math:`\mu`.
 
     Parameters
     ----------
     stretch_1, stretch_2 : symbol or float
-        Principal in-plane stretches.
+        :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
     shear_modulus : symbol or float
         :math:`\mu` in Pa.
     stretch_limit : symbol or float
@@ -175,14 +176,15 @@ def arruda_boyce(stretch_1: Symbol, stretch_2: Symbol, shear_modulus: Symbol, lo
               \beta = z\,\frac{3 - z^2}{1 - z^2} \approx \mathcal L^{-1}(z), \qquad
               z = \frac{1}{\lambda_L}\sqrt{\frac{I_1}{3}}
 
-    The integral is :math:`z^2/2 - \ln(1 - z^2)`. Cohen's form is exact at both ends and at most 4.94 % above the exact
-    inverse, near z = 0.80. Wang et al. (J. Mech. Phys. Solids 95 (2016) 213) identified their parameter sets with it. At small strain
+    :math:`\mathcal L^{-1}` is the inverse Langevin function. The integral is :math:`z^2/2 - \ln(1 - z^2)`. Cohen's form
+    is exact at both ends and at most 4.94 % above the exact inverse, near z = 0.80. Wang et al. (J. Mech. Phys. Solids
+    95 (2016) 213) used Cohen's form to identify their parameter sets. The initial shear modulus is
     :math:`\mu_0 = \mu\,\dfrac{1 - \lambda_L^{-2}/3}{1 - \lambda_L^{-2}}`.
 
     Parameters
     ----------
     stretch_1, stretch_2 : symbol or float
-        Principal in-plane stretches.
+        :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
     shear_modulus : symbol or float
         :math:`\mu` in Pa.
     locking_stretch : symbol or float
@@ -212,7 +214,8 @@ def maxwell_branch(elastic_1: Symbol, elastic_2: Symbol) -> Symbol:
     Parameters
     ----------
     elastic_1, elastic_2 : symbol or float
-        Elastic stretches :math:`\lambda_i^e = \lambda_i/\xi_i` of the spring in the branch.
+        Elastic stretches :math:`\lambda_i^e = \lambda_i/\xi_i` of the spring in the branch, with the viscous stretches
+        :math:`\xi_i`; :math:`I_1^e` is the first invariant of the elastic stretches.
 
     Returns
     -------

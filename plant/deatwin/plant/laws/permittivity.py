@@ -28,20 +28,20 @@ def stretched(
     .. math:: \varepsilon = \varepsilon_0^r\,\bigl[1 + c\,(\lambda_1 + \lambda_2 - \lambda_{01} - \lambda_{02})\bigr]
 
     For VHB 4910 the literature quotes 4.68 and c = -0.053 from the unstretched state, fitted to values of Wissler &
-    Mazza: 4.68, 3.71, 3.34 and 2.62 at equal stretches of 1, 3, 4 and 5, which the law meets within 5 %. Others found
-    hardly any change, so a fit may start from either slope.
+    Mazza: 4.68, 3.71, 3.34 and 2.62 at equal stretches of 1, 3, 4 and 5, which the law reproduces within 5 %. Others
+    found hardly any change of permittivity, so a fit may start from c = -0.053 or from c = 0.
 
     Parameters
     ----------
     stretch_1, stretch_2 : symbol or float
-        Principal in-plane stretches.
+        :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
     permittivity : symbol or float
-        Relative permittivity at the stretches `from_1` and `from_2`.
+        :math:`\varepsilon_0^r`, relative permittivity at the stretches `from_1` and `from_2`.
     slope : symbol or float
         c, relative change per unit of stretch; zero or negative.
     from_1, from_2 : symbol or float
-        Stretches at which `permittivity` holds: 1 for the unstretched tape, the prestretch for a value measured on a
-        film in its frame.
+        :math:`\lambda_{01}, \lambda_{02}`, stretches at which `permittivity` holds: 1 for the unstretched tape, the
+        prestretch for a value measured on a film in its frame.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def relaxing(time: Symbol, permittivity: Symbol, relative_change: Symbol, time_c
     Parameters
     ----------
     time : symbol or float
-        Time since the relaxation began, s; before it, the permittivity has its first value.
+        t, time since the relaxation began, s; before the relaxation, the permittivity has its first value.
     permittivity : symbol or float
         First relative permittivity.
     relative_change : symbol or float
@@ -97,7 +97,7 @@ def random_walk(
     duration : float
         Duration of the track, s; rounded up to whole intervals.
     interval : float
-        Time between two values, s; the track is straight between them.
+        Time between two values, s; between two values the permittivity changes linearly.
     permittivity : float
         Relative permittivity at the start.
     spread : float
@@ -137,7 +137,7 @@ def displacement(field: Symbol, permittivity: Symbol, polarisation: Symbol) -> S
     Parameters
     ----------
     field : symbol or float
-        True field, V/m.
+        E, true field, V/m.
     permittivity : symbol or float
         :math:`\varepsilon_\infty`, instantaneous relative permittivity.
     polarisation : symbol or float
@@ -154,12 +154,14 @@ def displacement(field: Symbol, permittivity: Symbol, polarisation: Symbol) -> S
 def polarisation_rate(field: Symbol, polarisation: Symbol, step: Symbol, time_constant: Symbol) -> Symbol:
     r"""Rate of a Debye relaxation, :math:`\dot P = (\Delta\varepsilon\,\varepsilon_0E - P)/\tau`.
 
-    Under a harmonic field :math:`D/(\varepsilon_0E) = \varepsilon_\infty + \Delta\varepsilon/(1 + i\omega\tau)`.
+    Under a harmonic field of the angular frequency :math:`\omega`, the displacement D satisfies
+    :math:`D/(\varepsilon_0E) = \varepsilon_\infty + \Delta\varepsilon/(1 + i\omega\tau)` with the instantaneous
+    relative permittivity :math:`\varepsilon_\infty`.
 
     Parameters
     ----------
     field : symbol or float
-        True field, V/m.
+        E, true field, V/m.
     polarisation : symbol or float
         P in C/m².
     step : symbol or float
@@ -192,19 +194,20 @@ def polarised_energy(
     .. math:: w = -\tfrac12\varepsilon_\infty\varepsilon_0E^2 - PE + \frac{P^2}{2\Delta\varepsilon\,\varepsilon_0},
               \qquad E = \tilde E\lambda_1\lambda_2
 
-    Its derivative with respect to a stretch gives the Maxwell stress -E D instead of :math:`-\varepsilon E^2`; that
-    with respect to P drives `polarisation_rate`, which dissipates :math:`\tau\dot
-    P^2/(\Delta\varepsilon\,\varepsilon_0) \ge 0`. A sudden stretch leaves P per volume unchanged, not the dipoles'
-    lengths; this is a choice.
+    Its derivative with respect to a stretch gives the Maxwell stress -E D instead of :math:`-\varepsilon E^2`, with the
+    true field E and the displacement D; its derivative with respect to P drives `polarisation_rate`, which dissipates
+    :math:`\tau\dot P^2/(\Delta\varepsilon\,\varepsilon_0) \ge 0`. The model assumes that a sudden stretch does not
+    change P, the polarisation per volume; another choice would be that a sudden stretch does not change the lengths of
+    the dipoles.
 
     Parameters
     ----------
     stretch_1, stretch_2 : symbol or float
-        Principal in-plane stretches.
+        :math:`\lambda_1, \lambda_2`, principal in-plane stretches.
     permittivity : symbol or float
         :math:`\varepsilon_\infty`, instantaneous relative permittivity.
     nominal_field : symbol or float
-        Voltage divided by the undeformed thickness, V/m.
+        :math:`\tilde E`, voltage divided by the undeformed thickness, V/m.
     polarisation : symbol or float
         P in C/m².
     step : symbol or float

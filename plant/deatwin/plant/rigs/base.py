@@ -34,7 +34,7 @@ SOLVED = 1e-6  # Accuracy of a simulation as a share of the motion; recordings w
 
 
 class ReadingTime(Enum):
-    """Time within a row at which the reading is taken."""
+    """Time within a sample at which the reading is taken."""
 
     END_OF_HOLD = "end of hold"
     """The row's command has acted for a whole sample when the row's reading is taken."""
@@ -58,12 +58,12 @@ class StartProcedure:
     rest_command : float
         Command at which the plant rests before the start, in the command's unit.
     ramp : float
-        Time in which the command moves linearly to the first command, s.
+        Duration of the linear change from the rest command to the first command, s.
     hold : float
-        Time for which the first command is then held, s.
+        Duration for which the first command is then held, s.
     uncounted : float
-        Time from the first sample in which readings are not compared, s, because the motion before it is unknown; at
-        most a tenth of the experiment.
+        Duration after the first sample, s, during which readings are not compared, because the motion before the first
+        sample is unknown; at most a tenth of the experiment.
     """
 
     rest_command: float = 0.0
@@ -88,7 +88,7 @@ class Rig(ABC):
     noise : float
         Standard deviation of the sensor noise, SI.
     reading : ReadingTime
-        Time within a row at which the reading is taken.
+        Time within a sample at which the reading is taken.
     model_error : float
         Rms error of the rig's equations relative to a finer model, after a calibration, SI.
     command_range : tuple of float, or None

@@ -28,18 +28,21 @@ class BowTie(FilmActuator):
               - \varepsilon\frac{V^2}{H^2}\lambda\lambda_s^2\Bigr) = F \quad\text{at all } s, \qquad
               x = L\int_0^1\lambda\,ds, \qquad w = w_0 + (w_1 - w_0)\,s
 
-    from the waist (s = 0) to a bar (s = 1); the other half is its mirror image. The film is a series of strips, each
-    under the whole dead load. Shear between neighbouring strips is neglected, which holds for films that narrow
-    slowly. The sides are ``"clamped"``: stiff fibres across the film hold the side stretch (pure shear), or ``"free"``:
-    each strip contracts freely (uniaxial), which leaves little elongation.
+    from the waist (s = 0) to a bar (s = 1); the other half of the film is its mirror image. H is the thickness before
+    stretching, w the width, W the strain energy density, :math:`\lambda` the stretch along the motion and
+    :math:`\lambda_s` across it, :math:`\varepsilon` the permittivity, V the voltage, F the dead load and x the
+    elongated length. The film is a series of strips, each under the whole dead load. Shear between neighbouring strips
+    is neglected, which holds for films that narrow slowly. The sides are ``"clamped"``: stiff fibres across the film
+    hold the side stretch (pure shear), or ``"free"``: each strip contracts freely (uniaxial), which leaves little
+    elongation.
 
-    The waist is stretched most, is thinnest and has the highest field. Its higher stiffness cancels this gain: far from
-    pull-in all strips lengthen by nearly the same share, and the shape has no advantage over a strip of the mean width.
-    With free sides the waist pulls in first, before that strip would. With clamped sides a waist near its limit of
-    stretch lags behind.
+    The waist is stretched most, is thinnest and has the highest field. The higher stiffness of the stretched waist
+    cancels this gain: far from pull-in all strips lengthen by nearly the same share, and the shape has no advantage
+    over a rectangular film of the mean width. With free sides the waist pulls in at a lower voltage than the
+    rectangular film. With clamped sides a waist near its limit of stretch lengthens less than the rest.
 
     The drawings in W. R. Jacobs' thesis (2.2.3) and of the first bow-tie actuators (Kornbluh, Pelrine and others) were
-    not available: the outline and its free or fibre-held sides are assumptions. Some of these actuators have a frame of
+    not available: the outline and its free or fibre-held sides are assumptions. Some bow-tie actuators have a frame of
     hinged bars that turns sideways expansion into elongation; this rig has none.
 
     Parameters
@@ -49,20 +52,20 @@ class BowTie(FilmActuator):
     waist_width, bar_width : float
         :math:`w_0, w_1`, the widths before stretching, m.
     prestretch : float
-        Stretch along the motion, without voltage, of a strip of the mean width. It fixes the dead load, which stays
-        when a fit changes the material.
+        Stretch along the motion, without voltage, of a strip of the mean width. This stretch determines the dead load,
+        which does not change when a fit changes the material.
     side_prestretch : float, or None
-        Stretch across that strip, which clamped sides hold; None for the same stretch as along it. Free sides take
-        None alone, since a free strip contracts to :math:`\lambda^{-1/2}`.
+        Stretch across the same strip, which clamped sides hold constant; None for the value of `prestretch`. Free sides
+        accept only None, because a free strip contracts to :math:`\lambda^{-1/2}`.
     sides : {"clamped", "free"}
         Support of the sides.
     stations : int
         Number of Gauss points from waist to bar.
     material, thickness, mass, damping, gain, start_ramp, start_hold, start_is_known, zero_is_known, direction
-        Film and start, as in every film actuator: material, undeformed thickness in m, moved mass in kg, damping in N
-        s/m, film volts per command volt, ramp and hold in s. `start_is_known` is False if the film's history before the
-        first sample is unknown, `zero_is_known` is False if the sensor's zero is arbitrary, and `direction` is -1 if
-        the reading falls as the displacement grows.
+        Film and start procedure, as in every film actuator: material, undeformed thickness in m, moved mass in kg,
+        damping in N s/m, film volts per command volt, ramp and hold in s. `start_is_known` is False if the film's
+        history before the first sample is unknown, `zero_is_known` is False if the sensor's zero is arbitrary, and
+        `direction` is -1 if the reading falls as the displacement grows.
     sample_time, noise, reading, model_error, command_range, chain, further, supply
         Drive and sensor; see `Rig`.
     """

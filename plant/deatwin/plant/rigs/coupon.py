@@ -28,11 +28,13 @@ class Coupon(Rig):
 
     .. math:: F = \frac{1}{L}\,\frac{d}{d\lambda}\Bigl[w H L\; W(\lambda, \lambda^{-1/2})\Bigr]
 
-    An isotropic, incompressible strip with free sides contracts by :math:`\lambda^{-1/2}` in both directions, even with
-    relaxing branches, so the stretch alone determines the deformation. Each pull is a separate experiment, from rest at
-    stretch 1. The simulation holds the stretch of each row for one sample, and the force in a row is that at the end of
-    its hold. On average, this staircase leads the ramp of a real pull by half a sample. At 50 Hz, the lead changes the
-    stress of a branch with a relaxation time of 2 s by 0.5 %.
+    F is the force, :math:`\lambda` the stretch, W the strain energy density; w, H and L are the width, thickness and
+    length of the unstretched strip. An isotropic, incompressible strip with free sides contracts by
+    :math:`\lambda^{-1/2}` in both directions, even with relaxing branches, so the stretch alone determines the
+    deformation. Each pull is a separate experiment, from rest at stretch 1. The simulation holds the stretch constant
+    during each sample, and the reading is the force at the end of the sample. On average, this staircase leads the ramp
+    of a real pull by half a sample. At 50 Hz, the lead changes the stress of a branch with a relaxation time of 2 s by
+    0.5 %.
 
     Width and thickness enter only through the area, which multiplies every modulus. If the source does not state them,
     a fit finds relaxation times and ratios of moduli, but not their absolute size.

@@ -60,23 +60,24 @@ class Diaphragm(Rig):
         Ramp and hold of the start procedure, s.
     start_is_known : bool
         False if the history of the film before the first sample is unknown. Then the start procedure is ignored, and
-        the initial value of each memory is fitted, as ``branch_at_start`` and ``creep.at_start``.
+        the initial value of each slow state is fitted, for example as ``branch_at_start`` or ``creep.at_start``.
     zero_is_known : bool
-        False if the sensor's zero is arbitrary, instead of near the position without voltage.
+        False if the sensor's zero is arbitrary; True if the zero is near the position without voltage.
     direction : float
         1 if the reading grows with the displacement, -1 if it falls, as with a sensor on the other side.
     ball : {"bonded", "sliding"}
         Contact between film and ball.
     ball_is_known : bool
-        True if the experimenter stated the contact; otherwise the other contact is a rig variant that a diagnosis also tries.
+        True if the experimenter stated the contact; otherwise the other contact is a rig variant that a diagnosis also
+        tries.
     prestretch_is_known : bool
-        True if the experimenter is sure of the prestretch; otherwise 3.5 or 4.5, whichever is farther from it, is an
-        alternative.
+        True if the experimenter is sure of the prestretch; otherwise 3.5 or 4.5, whichever is farther from
+        `prestretch`, is an alternative.
     resolution : {"reduced", "fine"}
-        Discretisation: a few coordinates, or axisymmetric elements with branches that flow independently at each point,
-        which a film that relaxes needs below a prestretch of 1.5.
+        Discretisation: ``"reduced"`` uses a few coordinates, ``"fine"`` axisymmetric elements whose Maxwell branches
+        relax independently at each point. A film that relaxes needs ``"fine"`` below a prestretch of 1.5.
     elements : int
-        Number of elements of the fine film under the electrode; the annulus has half as many.
+        Number of elements under the electrode with ``"fine"``; the annulus around the electrode has half as many.
     sample_time, noise, reading, model_error, command_range, chain, further, supply
         Drive and sensor; see `Rig`.
     """

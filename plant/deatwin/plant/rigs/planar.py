@@ -31,13 +31,16 @@ class Planar(FilmActuator):
     .. math:: H L_2\Bigl(\frac{\partial W}{\partial\lambda_1}
               - \varepsilon\frac{V^2}{H^2}\lambda_1\lambda_2^2\Bigr) = F_1
 
-    along the motion; if the sides are free, the same equation holds across it with 1 and 2 exchanged. The dead loads
-    :math:`F_1, F_2` hold the film of published values at its prestretch without voltage; they stay when a fit changes
-    the material. The sides may be
+    along the motion, with the thickness H and the width :math:`L_2` before stretching, the strain energy density W, the
+    stretches :math:`\lambda_1, \lambda_2` along and across the motion, the permittivity :math:`\varepsilon` and the
+    voltage V. If the sides are free, the same equation holds across the motion with 1 and 2 exchanged. The dead loads
+    :math:`F_1, F_2` hold a film with the published material values at its prestretch without voltage; they do not
+    change when a fit changes the material. The sides may be
 
-    - ``"equal"``: both directions carry the same nominal stress and move as one. Without prestretch this is the
-      free equal-biaxial film of the closed forms;
-    - ``"free"``: each direction has its own dead load; a `side_prestretch` of :math:`\lambda^{-1/2}` needs none;
+    - ``"equal"``: both directions have the same nominal stress and the same stretch. Without prestretch this is the
+      free equal-biaxial film, for which closed-form solutions exist;
+    - ``"free"``: each direction has its own dead load; with a `side_prestretch` of :math:`\lambda_1^{-1/2}` the load
+      across the motion is 0;
     - ``"clamped"``: rails hold the side stretch (pure shear).
 
     W. R. Jacobs' thesis (2.2.3) mentions a *planar* actuator; it is assumed to use the film's expansion in its plane.
@@ -53,11 +56,11 @@ class Planar(FilmActuator):
     sides : {"equal", "free", "clamped"}
         Support of the sides.
     material, thickness, mass, damping, gain, start_ramp, start_hold, start_is_known, zero_is_known, direction
-        Film and start, as in every film actuator: material, undeformed thickness in m, moved mass in kg, damping in N
-        s/m, film volts per command volt, ramp and hold in s. `start_is_known` is False if the film's history before the
-        first sample is unknown, `zero_is_known` is False if the sensor's zero is arbitrary, and `direction` is -1 if
-        the reading falls as the displacement grows. If both directions move, `mass` and `damping` act on the motion
-        along 1.
+        Film and start procedure, as in every film actuator: material, undeformed thickness in m, moved mass in kg,
+        damping in N s/m, film volts per command volt, ramp and hold in s. `start_is_known` is False if the film's
+        history before the first sample is unknown, `zero_is_known` is False if the sensor's zero is arbitrary, and
+        `direction` is -1 if the reading falls as the displacement grows. If both directions move, `mass` and `damping`
+        act on the motion along direction 1.
     sample_time, noise, reading, model_error, command_range, chain, further, supply
         Drive and sensor; see `Rig`.
 
@@ -136,7 +139,8 @@ class BlockedPlanar(Rig):
     .. math:: F = H L_2\Bigl(\frac{\partial W}{\partial\lambda_1}
               - \varepsilon\frac{V^2}{H^2}\lambda_1\lambda_2^2\Bigr)
 
-    Nothing moves, so the force that voltage removes does not depend on elasticity: it shows drive and dielectric alone.
+    The symbols are those of `Planar`, and F is the pull. Because nothing moves, the force that voltage removes does not
+    depend on elasticity, but only on drive and dielectric.
 
     Parameters
     ----------

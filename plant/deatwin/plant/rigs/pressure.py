@@ -25,15 +25,19 @@ SHAPES, POINTS = 3, 5
 class Pressure(FilmActuator):
     r"""Inflated film in a ring with electrodes all over; the reading is the rise of its apex.
 
-    With :math:`t = \rho^2/B_0^2` from the apex (0) to the ring (1) and the height z of the apex,
+    A point of the film has the radius :math:`\rho` before stretching, up to :math:`B_0` at the ring. With
+    :math:`t = \rho^2/B_0^2` from the apex (0) to the ring (1), the height z of the apex, the prestretch :math:`\Lambda`
+    and the unknowns :math:`g_k, h_k`, the radius r and the height z(t) of the point are
 
     .. math:: r = \rho\,\Bigl[\Lambda + (1 - t)\sum_k g_k t^k\Bigr], \qquad
               z(t) = (1 - t)\,\Bigl[z + \sum_{k\ge1} h_k t^k\Bigr] .
 
-    The pressure p does the work :math:`p\int\pi r^2\,dz`; it does not change while the film moves, as in a chamber
-    that is much larger than the film's volume, or on a regulator. The film's mass moves with all shapes. A flat film has the first mode of a drum, :math:`f_1 = \frac{2.405}{2\pi B}\sqrt{\sigma/\varrho}`. Against the
-    membrane's differential equations the rise and the voltage of pull-in err by less than 0.5 %, as long as the film is
-    lower than its ring is wide.
+    The pressure p does the work :math:`p\int\pi r^2\,dz`; p does not change while the film moves, as in a chamber that
+    is much larger than the film's volume, or on a regulator. The film's mass moves with all shapes. A flat film has the
+    first mode of a drum, :math:`f_1 = \frac{2.405}{2\pi B}\sqrt{\sigma/\varrho}`, with the ring's radius B, the stress
+    :math:`\sigma` and the density :math:`\varrho`. Compared with the membrane's differential equations, the errors of
+    the rise and of the pull-in voltage are below 0.5 %, as long as the film rises by less than the diameter of its
+    ring.
 
     Parameters
     ----------
@@ -42,14 +46,14 @@ class Pressure(FilmActuator):
     prestretch : float
         Equal-biaxial stretch of the flat film.
     pressure : float
-        Pressure inside above that outside, Pa.
+        Excess of the pressure inside over the pressure outside, Pa.
     mass : float
         Mass on the apex besides the film, kg; its weight is not counted.
     material, thickness, damping, gain, start_ramp, start_hold, start_is_known, zero_is_known, direction
-        Film and start, as in every film actuator: material, undeformed thickness in m, damping of the apex in N s/m,
-        film volts per command volt, ramp and hold in s. `start_is_known` is False if the film's history before the
-        first sample is unknown, `zero_is_known` is False if the sensor's zero is arbitrary, and `direction` is -1 if
-        the reading falls as the displacement grows.
+        Film and start procedure, as in every film actuator: material, undeformed thickness in m, damping of the apex in
+        N s/m, film volts per command volt, ramp and hold in s. `start_is_known` is False if the film's history before
+        the first sample is unknown, `zero_is_known` is False if the sensor's zero is arbitrary, and `direction` is -1
+        if the reading falls as the displacement grows.
     sample_time, noise, reading, model_error, command_range, chain, further, supply
         Drive and sensor; see `Rig`.
 

@@ -22,11 +22,13 @@ class Roll(FilmActuator):
     .. math:: B H\Bigl(\frac{\partial W}{\partial\lambda} - \varepsilon\frac{V^2}{H^2}\lambda\lambda_h^2\Bigr)
               = k\,(\ell_0 - \lambda L) + F
 
-    The layers hold each other around the core: the hoop stretch :math:`\lambda_h` is constant, the film is in pure
-    shear, and all layers have the same axial stretch. The wound film is thin compared with the core, so that its layers
-    also share one hoop stretch. The spring's free length :math:`\ell_0` holds the film of published values at its
-    prestretch without voltage; it stays when a fit changes the material. The roll in W. R. Jacobs' thesis (2.2.3) is
-    assumed to work by elongation.
+    H is the thickness before stretching, W the strain energy density, :math:`\lambda` the axial stretch,
+    :math:`\varepsilon` the permittivity and V the voltage. The layers hold each other around the core: the hoop stretch
+    :math:`\lambda_h` is constant, the film is in pure shear, and all layers have the same axial stretch. The wound film
+    is thin compared with the core, so that all layers also have the same hoop stretch. The spring's free length
+    :math:`\ell_0` holds a film with the published material values at its prestretch without voltage; :math:`\ell_0`
+    does not change when a fit changes the material. The roll in W. R. Jacobs' thesis (2.2.3) is assumed to work by
+    elongation.
 
     Parameters
     ----------
@@ -41,10 +43,10 @@ class Roll(FilmActuator):
     load : float
         F, a dead load that pulls the roll longer, N.
     material, thickness, mass, damping, gain, start_ramp, start_hold, start_is_known, zero_is_known, direction
-        Film and start, as in every film actuator: material, undeformed thickness in m, moved mass in kg, damping in N
-        s/m, film volts per command volt, ramp and hold in s. `start_is_known` is False if the film's history before the
-        first sample is unknown, `zero_is_known` is False if the sensor's zero is arbitrary, and `direction` is -1 if
-        the reading falls as the displacement grows.
+        Film and start procedure, as in every film actuator: material, undeformed thickness in m, moved mass in kg,
+        damping in N s/m, film volts per command volt, ramp and hold in s. `start_is_known` is False if the film's
+        history before the first sample is unknown, `zero_is_known` is False if the sensor's zero is arbitrary, and
+        `direction` is -1 if the reading falls as the displacement grows.
     sample_time, noise, reading, model_error, command_range, chain, further, supply
         Drive and sensor; see `Rig`.
 

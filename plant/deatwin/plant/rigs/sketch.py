@@ -73,7 +73,7 @@ class _Pen:
 
 
 def draw_rig(rig: Rig, ax: Axes | None = None) -> Axes:
-    """Draw a rig with its dimensions: round ones from above and from the side, others from one side.
+    """Draw a rig with its dimensions: a round rig from above and from the side, another rig from one side.
 
     Lengths in the plane of the film are to scale; thickness and deflection are not.
 
@@ -91,7 +91,7 @@ def draw_rig(rig: Rig, ax: Axes | None = None) -> Axes:
     Raises
     ------
     RigError
-        If there is no drawing of this kind.
+        If there is no drawing for rigs of this kind.
     """
     sketch = _SKETCHES.get(rig.kind)
     if sketch is None:

@@ -40,10 +40,10 @@ class Stack(FilmActuator):
     load : float
         F, a dead load on the lower end, N; positive lengthens the stack.
     material, thickness, mass, damping, gain, start_ramp, start_hold, start_is_known, zero_is_known, direction
-        Film and start, as in every film actuator: material, undeformed thickness in m, moved mass in kg, damping in N
-        s/m, film volts per command volt, ramp and hold in s. `start_is_known` is False if the film's history before the
-        first sample is unknown, `zero_is_known` is False if the sensor's zero is arbitrary, and `direction` is -1 if
-        the reading falls as the displacement grows.
+        Film and start procedure, as in every film actuator: material, undeformed thickness in m, moved mass in kg,
+        damping in N s/m, film volts per command volt, ramp and hold in s. `start_is_known` is False if the film's
+        history before the first sample is unknown, `zero_is_known` is False if the sensor's zero is arbitrary, and
+        `direction` is -1 if the reading falls as the displacement grows.
     sample_time, noise, reading, model_error, command_range, chain, further, supply
         Drive and sensor; see `Rig`.
 

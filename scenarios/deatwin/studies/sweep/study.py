@@ -59,9 +59,9 @@ def run_study(
 ) -> Study:
     """Run a function on every case, or resume an earlier run.
 
-    Each result is written to the folder as soon as it is known. If `work` raises an error, that is the result of the
-    case; see `Study.failures`. Cases are identified by their content, so a study can be extended. It is refused if its
-    function, seed or settings, or the version or code of deatwin, have changed since its first case.
+    Each result is written to the folder as soon as it is known. If `work` raises an error, this error is the result of
+    the case; see `Study.failures`. Cases are identified by their content, so a study can be extended. A study is
+    refused if its function, seed or settings, or the version or code of deatwin, have changed since its first case.
 
     Parameters
     ----------
@@ -89,7 +89,8 @@ def run_study(
     Raises
     ------
     DataError
-        If the folder was begun under another seal, or cases or function are not as described.
+        If the folder holds a study with another function, seed, settings, version or code, or cases or function are not
+        as described.
     KeyboardInterrupt
         If the user interrupts; finished cases are kept, and the text says how many there are.
     """

@@ -54,11 +54,11 @@ class Difference:
     from_Hz, to_Hz : float
         Edges of the band of output frequencies, Hz.
     test : Equality
-        Test of the hypothesis that both have the same mean over the band.
+        Test of the hypothesis that both responses have the same mean over the band.
     adjusted : float
         The p-value of the test, corrected for the number of tests.
     size : float
-        Magnitude of the difference of the means over the band, relative to the root mean square gain of both.
+        Magnitude of the difference of the means over the band, relative to the root mean square gain of both responses.
     agreement : Agreement
         Conclusion from the test.
     """
@@ -110,7 +110,8 @@ class Drift:
     adjusted : float
         The p-value of the test, corrected for the number of tests.
     size : float
-        Largest difference between two times, relative to the root mean square gain; part of it is due to chance.
+        Largest difference between the responses at two times, relative to the root mean square gain; part of this
+        difference is due to chance.
     drifts : bool
         True if the drift is significant.
     """
@@ -222,15 +223,16 @@ def compare(
 ) -> Comparison:
     """Test in which orders and bands two independent models differ.
 
-    For each order and band the complex means of H_n over the band are compared; their covariances follow from those of
-    the parameters. Models with different terms may be compared if their covariances are realistic. If the terms leave
-    out physics, only models with the same terms, fitted in the same way to records with similar excitation, should have
-    equal parameters, and only `robust` covariances describe their scatter.
+    For each order n and band, the complex means of the generalised frequency response H_n over the band are compared;
+    the covariances of these means follow from the covariances of the parameters. Models with different terms may be
+    compared if their covariances are realistic. If the terms leave out physics, only models with the same terms, fitted
+    in the same way to records with similar excitation, should have equal parameters, and only `robust` covariances
+    describe their scatter.
 
     The test has two limits. Changes that average out over a band are missed, such as a resonance that moves within the
     band; bands no wider than the resonance reveal such a change. And a response with only two parameters has the same
-    p-value in every band, because each band determines both parameters: then only ``least`` and the sizes distinguish
-    the bands.
+    p-value in every band, because each band determines both parameters; such bands differ only in the sizes of the
+    differences, and in whether these exceed ``least``.
 
     Parameters
     ----------
@@ -259,7 +261,7 @@ def compare(
     Raises
     ------
     ModelError
-        If the models do not fit together or have no covariance, or for the reasons given in `band_means`.
+        If the models cannot be compared or have no covariance, or for the reasons given in `band_means`.
     """
     _require_alike(first, second)
     where = operating_input

@@ -73,10 +73,12 @@ def compare_records(
 ) -> Comparison:
     """Test in which orders and bands records of several actuators differ, and distinguish drift from difference.
 
-    Every record is fitted with the same terms by least squares, and each pair is compared as models are in `compare`,
-    with the scatter estimated from the records themselves. If the means of a pair differ, the actuators differ when no
-    time of one record resembles any time of the other; otherwise a drift may be the cause. Only a record that drifts
-    significantly in some order and band is divided into times: a drift too small to be detected explains nothing.
+    Every record is fitted with the same terms by least squares, and each pair is compared as in `compare`, with the
+    scatter estimated from the records themselves. If the means of a pair differ, the responses at the different times
+    of both records are compared. The actuators differ if the response at no time of one record resembles the response
+    at any time of the other; otherwise drift may be the cause. Only a record that drifts significantly in some order
+    and band has responses at different times, because a drift that is too small to be detected cannot explain a
+    difference.
 
     Parameters
     ----------

@@ -44,9 +44,10 @@ def nofrf(
 ) -> Nofrf:
     """Estimate nonlinear output frequency responses by least squares over levels of an excitation.
 
-    The output's spectrum in the steady state is Y = G_1 U_1 + G_2 U_2 + ..., where U_n is the spectrum of the input's
-    n-th power. The model is simulated at several levels of the excitation, and at each line the orders are separated by
-    how they grow with the level. An order n is fitted only at lines that are sums of n input frequencies.
+    The output's spectrum in the steady state is Y = G_1 U_1 + G_2 U_2 + ..., where G_n is the response of order n and
+    U_n is the spectrum of the input's n-th power. The model is simulated at several levels of the excitation, and at
+    each line the orders are separated by their growth with the level. An order n is fitted only at lines that are sums
+    of n input frequencies.
 
     Parameters
     ----------
@@ -61,8 +62,8 @@ def nofrf(
         Factors of the excitation; by default Chebyshev nodes of both signs, twice as many as orders. The error caused
         by orders that were not fitted can only be estimated with at least two more levels than orders.
     highest : int, optional
-        Number of orders to fit, up to 20. By default the fewest, from ``order`` to four more, whose error at left-out
-        levels is at most twice the smallest.
+        Number of orders to fit, up to 20. By default the smallest number, from ``order`` to ``order`` + 4, whose
+        prediction error at left-out levels is at most twice the smallest of these errors.
     operating_input : float, optional
         Constant input about which the model is analysed, in its unit; the centre of the training data by default.
 
@@ -113,8 +114,8 @@ def nofrf_exact(
     """Compute a nonlinear output frequency response from the model's equations, without truncation.
 
     The response is G_n = Y_n / U_n, where `output_orders` gives the n-th order Y_n of the output. For several inputs,
-    Y_n is the part of the output that is proportional to the given power of each, and U_n the spectrum of the product
-    of these powers.
+    Y_n is the part of the output that is proportional to the given power of each input, and U_n is the spectrum of the
+    product of these powers.
 
     Parameters
     ----------
@@ -124,8 +125,8 @@ def nofrf_exact(
         One period of the input as deviations from the operating input, at the model's sampling time, in the input's
         unit.
     order : int, or mapping of str to int
-        Order n, at least 1; with several inputs, the power of each by its name, as ``{"u1": 1, "u2": 1}``; an input
-        that is not named has power 0.
+        Order n, at least 1; with several inputs, a mapping of each input's name to its power, as
+        ``{"u1": 1, "u2": 1}``; an input that is not named has power 0.
     operating_input : float, or array_like of shape (n_inputs,), optional
         Constant input about which the model is analysed, in its unit; the centre of the training data by default.
 

@@ -140,7 +140,7 @@ def design_excitation(
     period: float | None = None,
     unit: str = "",
 ) -> TestSignal:
-    """Design a test signal whose powers have smooth spectra: all lines in a band, of equal size and in phase.
+    """Design a test signal whose powers have smooth spectra: all lines in a band, with equal amplitude and phase.
 
     The signal is the periodic form of the pulse (3/2pi) (sin(2 pi b t) - sin(2 pi a t)) / t for the band from a to b.
     Because all contributions to the spectrum of a power are in phase, none cancel, and a nonlinear output frequency

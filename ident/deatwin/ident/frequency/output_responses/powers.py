@@ -38,9 +38,11 @@ _COUNTED = 1e-3  # -60 dB: lines whose contributions are below this share of the
 class InputSpectrum(Described, Frozen):
     """Spectrum U_n of the n-th power of an input.
 
-    The nonlinear output frequency response G_n = Y_n / U_n at a line is a mean of H_n over all combinations of lines
-    that add up to it, with the weights U(k_1) ... U(k_n) / U_n(k). The weights sum to one but are complex: if
-    contributions to U_n cancel, the weights are large, and G_n can lie far outside the values that it averages.
+    The nonlinear output frequency response G_n = Y_n / U_n at the line k, where Y_n is the n-th order of the output, is
+    a mean of the generalised frequency response H_n over all combinations of lines k_1, ..., k_n that add up to k, with
+    the weights U(k_1) ... U(k_n) / U_n(k), where U is the spectrum of the input. The weights sum to one but are
+    complex: if contributions to U_n cancel, the weights are large, and G_n can lie far outside the values that it
+    averages.
 
     Parameters
     ----------

@@ -19,9 +19,9 @@ _ROUNDING = 1e-9  # gap that still counts as contact, relative to half the sampl
 def output_frequencies(band: ArrayLike, order: int, *, sample_time: float | None = None) -> Array:
     """Return the frequencies at which the n-th order of the output can have energy if the input lies in a band.
 
-    The output frequencies are sums w_1 + ... + w_n of n input frequencies, each of either sign. With k negative ones
-    the sums fill the interval from (n-k) low - k high to (n-k) high - k low; a negative sum counts as its magnitude.
-    In sampled signals, sums beyond half the sampling rate fold back below it.
+    The output frequencies are sums w_1 + ... + w_n of n input frequencies, each of either sign. With k negative
+    frequencies the sums fill the interval from (n-k) low - k high to (n-k) high - k low; a negative sum counts as its
+    magnitude. In sampled signals, sums beyond half the sampling rate fold back below it.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def output_frequencies(band: ArrayLike, order: int, *, sample_time: float | None
 
     Returns
     -------
-    ndarray, shape (k, 2)
+    ndarray, shape (n_intervals, 2)
         Lowest and highest angular frequency of each interval, rad/s; the intervals increase and are disjoint.
 
     Raises

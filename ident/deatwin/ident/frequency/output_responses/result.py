@@ -32,7 +32,7 @@ _SHOWN = 0.01  # truncation errors below this share of the gain are not drawn
 
 
 class NofrfWarning(UserWarning):
-    """Warning that a nonlinear output frequency response is not reliable; the text is the advice of its status."""
+    """Warning that a nonlinear output frequency response is not reliable; the text advises what to do."""
 
 
 class NofrfStatus(Enum):
@@ -99,14 +99,14 @@ class Nofrf(Described, Frozen):
         unexplained, relative to the spectrum.
     left_out : ndarray, shape (n,)
         Prediction error at left-out levels, as a share of the spectra, for fits of 1, 2, ... orders; infinite if there
-        are too few levels to leave one out.
+        are too few levels for leaving one level out.
     truncation : tuple of ndarray, length N
-        Change of each G_n when two more orders are fitted, shape (n,) as G_n and in its unit: about the error caused by
-        orders that were not fitted. NaN if there are too few levels to know.
+        Change of each G_n when two more orders are fitted, shape (n,) as G_n and in its unit. This change estimates the
+        error caused by orders that were not fitted. NaN if there are too few levels for the estimate.
     advisable_level : float
-        Factor for the levels that would reduce the truncation error of all orders up to ``order`` to about 1 % (root mean
-        square over their lines, by extrapolation) and avoid levels that diverge; 1 if that is already so, NaN if the
-        truncation error is not known. At the ends of an order's range, where U_n is
+        Factor for the levels that would reduce the truncation error of all orders up to ``order`` to about 1 % (root
+        mean square over their lines, by extrapolation) and at which the model does not diverge; 1 if the present levels
+        already satisfy this, NaN if the truncation error is not known. At the ends of an order's range, where U_n is
         small, the error of G_n may be larger: see ``truncation``.
     status : NofrfStatus
         Most serious problem found, if any.

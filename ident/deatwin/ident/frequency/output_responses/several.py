@@ -29,8 +29,8 @@ def nofrf_of_inputs(
 ) -> tuple[FrequencyResponse, ...]:
     """Estimate nonlinear output frequency responses of a model with several inputs by least squares over levels.
 
-    The model is simulated with each input at levels of its own, in all combinations. At each line, the parts of the
-    output are separated by how they grow with these levels, because each is proportional to a power of each input.
+    The model is simulated with several levels of each input, in all combinations. At each line, the parts of the output
+    are separated by their growth with these levels, because each part is proportional to a power of each input.
     `nofrf_exact` computes the same responses from the equations.
 
     Parameters
@@ -47,8 +47,8 @@ def nofrf_of_inputs(
     Returns
     -------
     tuple of FrequencyResponse
-        Responses of all powers whose sum is at most the order, in the order of this sum; ``inputs`` of each repeats the
-        name of an input as often as its power.
+        Responses of all powers whose sum is at most the order, in the order of this sum; the attribute ``inputs`` of a
+        response repeats the name of each input as often as its power.
 
     Warns
     -----
@@ -59,8 +59,8 @@ def nofrf_of_inputs(
     Raises
     ------
     ModelError
-        If order or excitation are not as described, an input is not excited, the model diverges at a level, or it has
-        no equilibrium.
+        If order or excitation are not as described, an input is not excited, the model diverges at a level, or the
+        model has no equilibrium.
 
     References
     ----------

@@ -92,8 +92,8 @@ class Propagated(Uncertain):
         Degrees of freedom of the parameters' Student-t law; infinite for a normal law.
     nonlinearity : ndarray, shape (n,)
         Departure of the response from its tangent over the uncertainty of the parameters: root mean square of the
-        departure relative to that of the tangent, both as Mahalanobis distances in the ellipse. Dimensionless; see
-        `propagate`.
+        departure relative to the root mean square along the tangent, both as Mahalanobis distances in the covariance
+        ellipse. Dimensionless; see `propagate`.
     lost : float
         Share of the probed parameters without an equilibrium or with different stability.
     """
@@ -218,13 +218,13 @@ class Propagated(Uncertain):
 def propagate(model: Model, quantity: Quantity, *, level: float = 0.95) -> Propagated:
     """Propagate the uncertainty of a model's parameters to a frequency response.
 
-    The covariance of real and imaginary part is J theta_cov J', where J is their exact derivative with respect to the
-    parameters, including the shift of the equilibrium. This law is exact if the response is linear in the parameters.
-    The nonlinearity is probed at 32 pairs of parameters drawn from the posterior and mirrored at its mean: it is the
-    root mean square of the departure of the response from its tangent, in units of the ellipse, relative to that of the
-    tangent. With an index v, the relative error of the covariance is at most about 2v + v², and v² if the departure is
-    of second order (a quadratic form in normal parameters is not correlated with a linear one). The law is accepted up
-    to 0.25.
+    The covariance of real and imaginary part is J theta_cov J', where J is the exact derivative of both parts with
+    respect to the parameters, including the shift of the equilibrium. This covariance is exact if the response is
+    linear in the parameters. The nonlinearity v is the root mean square of the departure of the response from its
+    tangent, relative to the root mean square along the tangent, both in units of the covariance ellipse. It is computed
+    from 32 draws of the parameters from the posterior and their mirror images about the mean. The relative error of the
+    covariance is at most about 2v + v², and v² if the departure is of second order (a quadratic form in normal
+    parameters is not correlated with a linear form). The covariance is accepted up to v = 0.25.
 
     Parameters
     ----------

@@ -39,7 +39,7 @@ Complex = NDArray[np.complex128]
 
 
 class SampleStatus(Enum):
-    """Status of the draws: do all have the model's operating point?
+    """Status of the draws, which tells whether all draws have the model's operating point.
 
     The value of each member is a message for the user.
     """

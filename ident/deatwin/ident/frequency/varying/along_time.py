@@ -46,7 +46,7 @@ def tv_gfrf(
     """Compute the generalised frequency response H_n of a model whose parameters change with time.
 
     At each time the parameters are frozen, and the model is expanded about the equilibrium of that time; a moving
-    equilibrium changes every order.
+    equilibrium changes the responses of all orders.
 
     Parameters
     ----------

@@ -41,8 +41,8 @@ def hold_equilibrium(
 ) -> ThetaTrajectory:
     """Return a trajectory whose constant term is adjusted so that the equilibrium stays constant.
 
-    All other parameters are unchanged, so the difference between its responses and the original ones is the effect of
-    the moving equilibrium.
+    All other parameters are unchanged, so the difference between the responses of the adjusted and of the original
+    trajectory is the effect of the moving equilibrium.
 
     Parameters
     ----------
@@ -56,8 +56,8 @@ def hold_equilibrium(
     Returns
     -------
     ThetaTrajectory
-        Trajectory with a constant term (appended as the last term if there was none) whose operating range is centred
-        at this point.
+        Trajectory with a constant term (appended as the last term if there was none) and an operating range centred at
+        this equilibrium.
 
     Raises
     ------

@@ -55,7 +55,7 @@ _DECADES = 20.0  # ratio of the highest to the lowest frequency above which the 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class VaryingResponse(Described, Frozen):
-    """Response H_n, G_n or Y_n over time, each time with parameters and operating input frozen.
+    """Response H_n, G_n or Y_n over time, computed with the parameters and the operating input frozen at each time.
 
     Parameters
     ----------
@@ -252,7 +252,8 @@ class VaryingResponse(Described, Frozen):
         Raises
         ------
         ModelError
-            If the response has several frequencies and the points of `omega` (one row each) do not lie on a straight line.
+            If the response has several frequencies and the points of `omega` (one row each) do not lie on a straight
+            line.
         """
         return _plot_map(self, ax)
 

@@ -71,8 +71,8 @@ class SlidingStatistics(Described):
     gain, gain_low, gain_high : ndarray, shape (n_windows,)
         Standard deviation of the output divided by that of the input, with its band; NaN if the input is constant.
     p_mean, p_gain : float
-        Probability that non-overlapping windows differ as much as they do if nothing drifts; NaN with fewer than two
-        windows.
+        p-values of the tests for drift of mean and gain: probability of differences at least as large between
+        non-overlapping windows if nothing drifts; NaN with fewer than two windows.
     mean_correlation, gain_correlation : float
         Correlation between neighbouring batches (tenths of a window), used to widen the bands; near 0 if the windows
         are long enough.
@@ -149,8 +149,8 @@ def sliding_mean_and_gain(
     """Compute mean and gain of a record in sliding windows, with confidence bands.
 
     The gain is the standard deviation of the output divided by that of the input: the root mean square of the frequency
-    response over the band of the input. (A regression slope of output on input would shrink as the output lags behind.)
-    Noise and drift within a window increase it.
+    response over the band of the input. (A regression slope of output on input would decrease as the output lags
+    further behind.) Noise and drift within a window increase the gain.
 
     A window is cut into ten batches. Their scatter gives the standard error of the mean for any serial correlation,
     provided that a batch is longer than the correlation time; the correlation r that remains between neighbouring

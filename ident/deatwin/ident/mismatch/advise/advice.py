@@ -58,18 +58,20 @@ class Advice(Described):
     measure : str or None
         Another signal that would decide, if no input distinguishes all explanations.
     confusion_before, confusion_after : float
-        Probability of preferring the nearest wrong explanation, averaged over which explanation is true, before and
-        after the advised experiment; equal if there is none. The first is the larger of two estimates: first-order, and
-        from refits to all recordings.
+        Probability of preferring the nearest wrong explanation, averaged over the explanations that may be true, before
+        and after the advised experiment; equal if no experiment is advised. `confusion_before` is the larger of two
+        estimates: first-order, and from refits to all recordings.
     undecided : tuple of str
-        Entries of `alternatives` that the experiment would not distinguish from another one (d² below 16).
+        Entries of `alternatives` that the experiment would not distinguish from another entry (squared distance d²
+        below 16).
     tried : mapping of str to float
         First-order d² that each waveform would reach, all at the length used for screening.
     predicted : tuple of ndarray, each of shape (n,)
-        Readings that each explanation in `alternatives` predicts for the input, refitted to imitate the first; SI.
+        Readings that each explanation in `alternatives` predicts for the input after a refit that makes it imitate the
+        first explanation; SI.
     log_odds : float
-        Natural logarithm of the expected odds of the true explanation over the nearest other one, after the best
-        waveform alone.
+        Natural logarithm of the expected odds of the true explanation over the nearest other explanation, after the
+        best waveform alone.
     readings : tuple of PricedReading
         Further readings that the rig could have, the most informative first.
     noise : float

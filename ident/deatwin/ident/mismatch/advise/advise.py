@@ -72,10 +72,10 @@ def advise(
     alternatives : sequence of Candidate
         Explanations that the recordings leave, the best first; the first eight are used.
     rng : numpy.random.Generator
-        Random generator for posterior plants and for random waveforms.
+        Random generator for plants drawn from the posterior and for random waveforms.
     distances : sequence of Distance, optional
-        Distances between the explanations, if refits have computed them. They give the confusion before the input,
-        because a refit may bring two explanations nearer than derivatives predict.
+        Distances between the explanations, if refits have computed them. They enter `Advice.confusion_before`, because
+        a refit may bring two explanations nearer to each other than the first-order computation predicts.
     progress : callable, optional
         Called with the completed share and a description of the current work.
 

@@ -36,13 +36,13 @@ class PricedReading(SensorOffer):
     reading, unit : str
         Name of the signal, and its SI unit.
     noise : float
-        Standard deviation of its noise, SI.
+        Standard deviation of the reading's noise, SI.
     noise_source : str
-        Source of this value.
+        Source of the value of `noise`.
     log_odds : float
-        Natural logarithm of the expected odds of the true explanation over the nearest other one, if this reading is
-        added to the recordings at hand. If it is negative, the other one would still be preferred: the reading shows
-        too little of the difference to outweigh the prior.
+        Natural logarithm of the expected odds of the true explanation over the nearest other explanation, if this
+        reading is added to the present recordings. If the value is negative, the other explanation would still be
+        preferred: the reading shows too little of the difference to outweigh the prior.
     resolves : bool
         True if the reading distinguishes all explanations.
     """

@@ -51,14 +51,14 @@ POINTS = 400
 
 
 def detect(base: Candidate, problem: DiagnosisProblem, rng: np.random.Generator) -> Detection:
-    """Test whether a calibrated plant lacks anything.
+    """Test whether a calibrated plant lacks any physics.
 
     Parameters
     ----------
     base : Candidate
         The calibrated plant.
     problem : DiagnosisProblem
-        Recordings.
+        Diagnosis problem with the recordings.
     rng : numpy.random.Generator
         Random generator for the draws of the bootstrap.
 

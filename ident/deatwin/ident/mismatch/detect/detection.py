@@ -63,7 +63,7 @@ def _density(found: Detection) -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Detection(Described):
-    """Result of testing whether a calibrated plant lacks anything, and the smallest effects that would be detected.
+    """Result of the test whether a calibrated plant lacks any physics, and the smallest effects that would be detected.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class Detection(Described):
     certain : bool
         True if the size alone proves a mismatch, regardless of the scatter.
     taken_up : Calibration or None
-        Plant fitted to all data, if it then leaves no mismatch; else None.
+        Plant fitted to all data, if this fit leaves no mismatch; else None.
     sensor : NoiseFloor
         Estimates of the noise from each source.
     repeatability : Repeatability or None
@@ -90,7 +90,7 @@ class Detection(Described):
     moved : float
         Rms change of the readings that the recorded commands cause, SI.
     visible : bool
-        True if any effect could be detected at a physical strength, or if this was not asked.
+        True if any effect could be detected at a physical strength, or if this was not computed.
     seen : callable or None
         Function that computes `smallest` and `visible` from the responses of effects; None if they are computed
         already.

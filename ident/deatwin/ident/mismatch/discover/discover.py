@@ -64,7 +64,7 @@ def discover(
     rng : numpy.random.Generator
         Random generator for all resampling.
     place : Opening, optional
-        Place at which the force enters; by default the moving part if the rig has one, else the reading.
+        Place at which the force acts; by default the moving part if the rig has one, else the reading.
 
     Returns
     -------

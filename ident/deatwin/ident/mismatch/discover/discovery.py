@@ -127,7 +127,7 @@ class Discovery(Described):
     before, after : float
         Rms error of the free run on held-out data, without and with the free form, SI.
     gain_low : float
-        Lower 95 % bound of the decrease of this error, SI.
+        Lower 95 % bound of the decrease of the error from `before` to `after`, SI.
     unseen : ndarray, shape (m,)
         Residuals with the free form on held-out data, SI.
     state : ndarray, shape (n,)
@@ -135,8 +135,8 @@ class Discovery(Described):
     entering : ndarray, shape (n,)
         Contribution of the free form along the fitted data, SI.
     latent : Latent or None
-        Smoothed estimate from the recordings of the signal that enters there, with the other parameters unchanged; None
-        if the filter cannot observe it.
+        Smoothed estimate of the signal that the free form describes, computed from the recordings with the other
+        parameters unchanged; None if the filter cannot observe this signal.
     """
 
     calibration: Calibration

@@ -52,7 +52,8 @@ class Location(Described):
     unit : tuple of str and float
         Reported unit of amplitudes, and its size in SI.
     readings : tuple of ReadingLocation or None
-        Location in each further reading; None if there is only one. All other fields are about the first reading.
+        Location in each further reading; None if there is only one reading. All other fields describe the first
+        reading.
     """
 
     time: Times

@@ -38,13 +38,13 @@ class Candidate:
     noise : float
         Standard deviation of the sensor noise by which the candidate is judged, SI.
     contribution : ndarray, shape (m,)
-        Change of the fitted readings by the effects alone, SI; may be empty if there are none.
+        Change of the fitted readings by the effects alone, SI; may be empty without effects.
     sizes : tuple of (int, int)
-        Numbers of fitted and of held-out samples of each experiment; empty if there is only one.
+        Numbers of fitted and of held-out samples of each experiment; empty if there is only one experiment.
     measured : ndarray, shape (m + n,)
         Fitted and held-out readings, SI; empty if no test depends on them.
     level : ndarray, shape (m + n,)
-        Relative noise level by which these residuals were divided; empty if it is constant.
+        Relative noise level by which the residuals were divided; empty if the level is constant.
     log_share : float
         Logarithm of the prior share of the places at which the effects act.
     log_size : float
@@ -195,8 +195,8 @@ class Distance:
     effects : tuple of str
         Names of the two explanations; the effects of a set are joined by ``+``.
     d2 : float
-        Squared distance after one is refitted to the other; to first order if the recordings have already distinguished
-        them.
+        Squared distance after one explanation is refitted to the readings of the other; a first-order value if the
+        recordings have already distinguished the two explanations.
     """
 
     effects: tuple[str, str]

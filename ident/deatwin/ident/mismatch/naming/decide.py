@@ -47,11 +47,11 @@ class Naming(Described):
         Alternative explanations that these recordings cannot rule out.
     probabilities : mapping of tuple of str to float
         Probability of each candidate with as many effects as the best one, by evidence. An alternative that cannot be
-        compared by evidence has the probability of the best one.
+        compared by evidence has the probability of the best candidate.
     noise : float
         Standard deviation of the sensor noise that the best explanation leaves, SI.
     distances : tuple of Distance
-        Distances from the best to each other explanation.
+        Distances from the best explanation to each other explanation.
     failed : tuple of str
         Effects and sets of effects with which no fit could be simulated; this is not evidence against them.
     """

@@ -35,17 +35,18 @@ def name_causes(
 ) -> Naming:
     """Search for the smallest set of effects that explains the recordings.
 
-    First, each promising effect is added alone to the base plant, then to its other interpretations, because another
-    interpretation of the rig file costs less than a further effect. If one effect is adequate, or none removes most of
-    the mismatch, only interpretations that fit clearly better without effects are tried, so that no effect hides a
-    wrong interpretation.
+    First, each promising effect is added alone to the base plant, then to the other interpretations of the base plant,
+    because another interpretation of the rig file is a smaller change of the model than a further effect. If one effect
+    is adequate, or no effect removes most of the mismatch, only interpretations that fit clearly better without effects
+    are tried, so that no effect hides a wrong interpretation.
 
-    If no single effect is adequate, further effects are added to the best one (or to the next best, if none adds to the
-    best), together with the most promising pairs, up to three effects. If one is adequate, a second one is added only
-    if it explains a part of its own. After each step, the earlier effects are replaced in turn, because the best single
-    effect may merely imitate two others. If this fails in another interpretation, the search is repeated in the rig
-    file's own. Finally, an effect of a set is removed if another interpretation makes it unnecessary; if nothing
-    explains the mismatch, the best pair is tried in the other interpretations, too.
+    If no single effect is adequate, further effects are added to the best effect (or to the next best, if no effect
+    improves the best), and the most promising pairs are tried, up to three effects. If one effect is adequate, a second
+    effect is added only if it explains a part of the mismatch that the first does not explain. After each step, each
+    earlier effect is replaced in turn by other effects, because the best single effect may merely imitate two others.
+    If the search in another interpretation of the rig file fails, the search is repeated in the nominal interpretation.
+    Finally, an effect of a set is removed if another interpretation makes it unnecessary; if nothing explains the
+    mismatch, the best pair is tried in the other interpretations, too.
 
     Parameters
     ----------
@@ -54,14 +55,14 @@ def name_causes(
     base : Candidate
         The calibrated plant without further effects.
     known : sequence of LinearisedResponse
-        Linearised responses of all effects in that plant.
+        Linearised responses of all effects in the base plant.
     alternatives : sequence of Candidate
         Other interpretations of the base plant.
     finished : callable, optional
         Called with the completed share.
     fitted : callable, optional
-        Called with each fit and None once it is finished, and again with its held-out residuals, ndarray of shape (n,),
-        SI, once they are computed.
+        Called twice for each fit: with the fit and None when the fit is finished, and with the fit and its held-out
+        residuals, ndarray of shape (n,), SI, when these are computed.
 
     Returns
     -------

@@ -46,16 +46,17 @@ TINY = 1e-300
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LinearisedResponse:
-    """Linearised response: how an effect of given shape changes the readings of the calibrated base plant.
+    """Linearised change of the readings of the calibrated base plant by an effect of given shape.
 
     Parameters
     ----------
     effect : Effect
-        Effect with its shape, at its typical strength, or at a weaker one if the plant cannot be simulated with that.
+        Effect with its shape, at its typical strength, or at a weaker strength if the plant cannot be simulated at the
+        typical strength.
     change : ndarray, shape (m,)
-        Change of the fitted readings per unit of strength, SI. If the typical strength changes them by more than the
-        mismatch, the change is computed at the strength that equals the mismatch, because the responses of stops and
-        lags are not proportional to their strength.
+        Change of the fitted readings per unit of strength, SI. If the typical strength changes the readings by more
+        than the mismatch, the change is computed at the strength that changes them by as much as the mismatch, because
+        the responses of stops and lags are not proportional to their strength.
     """
 
     effect: Effect
@@ -92,7 +93,8 @@ def linearised_responses(
     effects : sequence of Effect
         Effects to compute.
     fit : Calibration
-        Calibration whose residual is to be explained; effects with an event time or a period take start values from it.
+        Calibration whose residual is to be explained; effects with an event time or a period take start values from
+        this residual.
     finished : callable, optional
         Called with the number of finished effects.
 

@@ -53,9 +53,9 @@ def plan_experiment(
 ) -> ExperimentPlan:
     """Compute which effects an input would reveal, at which strength, and which it could not distinguish.
 
-    The computation is to first order about the nominal plant: its parameters are refitted, and its model error is
-    allowed for. An effect counts as found if its expected evidence makes it 95 % probable, and if the part of it that
-    the parameters cannot absorb is large enough for `diagnose` to count it as missing physics.
+    The computation is to first order about the nominal plant. It includes the refit of the plant's parameters and the
+    plant's model error. An effect counts as found if its expected evidence makes it 95 % probable, and if the part of
+    its response that the parameters cannot absorb is large enough for `diagnose` to count it as missing physics.
 
     Parameters
     ----------
@@ -65,7 +65,8 @@ def plan_experiment(
         The input; its readings are ignored. Without it, several waveforms are tried, and the one with the least
         confusion among the effects is chosen.
     effects : sequence of Effect, optional
-        Effects that may be missing; by default all that the rig offers. Effects that it does not accept are skipped.
+        Effects that may be missing; by default all that the rig offers. Effects that the rig does not accept are
+        skipped.
     seconds : float, optional
         Length of the suggested input, s; by default 3000 samples.
     jobs : int
@@ -83,8 +84,8 @@ def plan_experiment(
     ------
     DataError
         If no input is given and the rig states no range of its command, both an input and a length are given, the
-        length is not 100 to 100,000 samples, the rig accepts none of the effects, or neither noise nor motion is known
-        to judge them by.
+        length is not 100 to 100,000 samples, the rig accepts none of the effects, or the effects cannot be judged
+        because neither the noise nor the motion is known.
     SimulationError
         If the nominal plant cannot follow the input.
     """

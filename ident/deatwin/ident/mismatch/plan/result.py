@@ -39,11 +39,12 @@ class Foreseen:
     change : float
         Rms change of the readings by the typical strength, in the plan's unit.
     smallest : float or None
-        Smallest strength at which the effect would be detected; None if no strength within its range suffices.
+        Smallest strength at which the effect would be detected; None if no strength within the range of the parameter
+        suffices.
     smallest_change : float or None
-        Rms change of the readings by this strength, in the plan's unit.
+        Rms change of the readings by the smallest strength, in the plan's unit.
     alike : tuple of str
-        Effects that could not be distinguished from this one at its typical strength, the most similar first.
+        Effects that could not be distinguished from this effect at its typical strength, the most similar first.
     """
 
     effect: str
@@ -75,16 +76,16 @@ class Foreseen:
 
 @dataclass(frozen=True, kw_only=True)
 class TellingReading(SensorOffer):
-    """A reading that was not recorded, with the pairs of effects that only it would distinguish.
+    """A reading that was not recorded, with the pairs of effects that only this reading would distinguish.
 
     Parameters
     ----------
     reading, unit : str
         Name of the signal, and its SI unit.
     noise : float
-        Standard deviation of its noise, SI.
+        Standard deviation of the reading's noise, SI.
     noise_source : str
-        Source of this value.
+        Source of the value of `noise`.
     tells : tuple of tuple of str
         Pairs of effects, at their typical strengths, that this reading distinguishes.
     left : int

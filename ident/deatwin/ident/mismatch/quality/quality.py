@@ -76,18 +76,19 @@ class DataQuality(Described):
     stuck, outliers : tuple of tuple of ndarray of bool
         Faulty samples, for each experiment and record.
     clipped, jumps : tuple of tuple of ndarray of bool
-        Samples at a limit of the reading, and first samples after the reading jumped while the command did not. They
-        are reported but kept, because effects of the catalogue explain them.
+        Samples at a limit of the reading, and first samples after the reading jumped while the command did not. These
+        samples are reported but kept, because effects of the catalogue explain them.
     bursts : mapping of str to tuple of tuple of ndarray of bool
         Samples at which a reading is much noisier than elsewhere, by the name of the reading, which is empty for the
-        first one. They are reported and left out.
+        first reading. These samples are reported and left out.
     stuck_further : mapping of str to tuple of tuple of ndarray of bool
-        Samples at which a further reading is stuck, by its name. They are reported and left out of this reading.
+        Samples at which a further reading is stuck, by the name of the reading. These samples are reported and left out
+        of this reading.
     settled : tuple of tuple of ndarray of bool
         Samples after the time in which an unknown start has decayed. Earlier samples are reported and left out.
     unknown : tuple of tuple of ndarray of bool
-        Samples of all readings that depend on when the command changed in a gap; empty if there are none. They are
-        reported and left out.
+        Samples of all readings that depend on the unknown time at which the command changed within a gap; empty if
+        there are none. These samples are reported and left out.
     """
 
     experiments: tuple[Experiment, ...]

@@ -145,13 +145,14 @@ def calibrate_base(problem: DiagnosisProblem) -> Base:
     Returns
     -------
     Base
-        The nominal interpretation, or the first alternative that leaves no mismatch if the nominal one does. An
-        alternative that merely fits better does not replace it: a wrong rig must not explain away a missing effect.
+        The nominal interpretation or, if it leaves a mismatch, the first alternative that leaves none. An alternative
+        that merely fits better does not replace the nominal interpretation, because a wrong rig must not explain away a
+        missing effect.
 
     Raises
     ------
     SimulationError
-        If no interpretation of the plant can be simulated on these recordings.
+        If the plant cannot be simulated on these recordings in any interpretation.
     """
     first = _fitted_well(problem, problem.nominal)
     if first is not None and first.adequate:

@@ -45,9 +45,9 @@ class Verification(Described):
         True if the error certainly decreases over all data and, on held-out data, decreases by more than the model
         error and by most of the excess over noise.
     ablations : tuple of Ablation
-        Result without each effect.
+        For each effect, the result when this effect is removed and the rest is refitted.
     shams : tuple of Placebo
-        Results with placebo effects, of each kind for each effect.
+        Results with placebo effects, one for each kind of placebo and each effect.
     transfers : tuple of Transfer
         Results for each record, if there are several, and for each third of the amplitudes.
     constancies : tuple of Constancy

@@ -47,7 +47,8 @@ def verify(
     problem : DiagnosisProblem, optional
         Recordings; without them, transfer and placebo effects are not tested.
     tried : sequence of Candidate
-        Candidates among which an explanation without one of its effects is looked up before it is fitted.
+        Candidates that were already fitted. An explanation without one of its effects is taken from these if possible,
+        and otherwise fitted.
 
     Returns
     -------

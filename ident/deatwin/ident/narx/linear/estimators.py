@@ -129,6 +129,8 @@ class LinearIdentifier(Identifier):
 class Arx(LinearIdentifier):
     """A y(k) = sum_i B_i u_i(k) + e(k) + offset, by least squares (QR).
 
+    The polynomials A and B_i are those of `LinearModel`, and e is white noise.
+
     Parameters
     ----------
     na : int
@@ -143,7 +145,7 @@ class Arx(LinearIdentifier):
     Attributes
     ----------
     model_ : LinearModel
-        Fitted model; ``theta_cov`` is ``sigma^2 (P'P)^-1``.
+        Fitted model; ``theta_cov`` is ``sigma^2 (P'P)^-1`` with the residual variance sigma^2 and the regressors P.
     status_ : FitStatus
         Always `FitStatus.DONE`.
     """
@@ -164,8 +166,9 @@ class Arx(LinearIdentifier):
 class Armax(LinearIdentifier):
     """A y(k) = sum_i B_i u_i(k) + C e(k) + offset, by prediction-error minimisation.
 
-    The search (Gauss-Newton in a trust region, exact gradients) starts from the regression on the errors of
-    a long ARX model and from the ARX model with C = 1; the lower of the two minima is kept.
+    The polynomials A, B_i and C are those of `LinearModel`, and e is white noise. The search (Gauss-Newton in a trust
+    region, exact gradients) is run from two starts: the regression on the errors of a long ARX model, and the ARX model
+    with C = 1. The result with the smaller error is kept.
 
     Parameters
     ----------
@@ -196,9 +199,10 @@ class Armax(LinearIdentifier):
 class OutputError(LinearIdentifier):
     """y(k) = sum_i (B_i/F_i) u_i(k) + e(k) + offset, by prediction-error minimisation.
 
-    The search starts from an ARX model and from a long ARX model reduced by the method of Steiglitz and McBride; the
-    lower of the two minima is kept. The state at the start of each recording is estimated too. If the noise is not
-    white the plant estimate is still unbiased, but its covariance is wrong: see `BoxJenkins`.
+    The polynomials B_i and F_i are those of `LinearModel`, and e is white noise. The search is run from two starts: an
+    ARX model, and a long ARX model reduced by the method of Steiglitz and McBride. The result with the smaller error is
+    kept. The state at the start of each recording is estimated too. If the noise is not white the plant estimate is
+    still unbiased, but its covariance is wrong: see `BoxJenkins`.
 
     Parameters
     ----------
@@ -226,7 +230,8 @@ class OutputError(LinearIdentifier):
 class BoxJenkins(LinearIdentifier):
     """y(k) = sum_i (B_i/F_i) u_i(k) + (C/D) e(k) + offset, by prediction-error minimisation.
 
-    The search starts like that of `OutputError`, with C and D estimated from the residual of that model.
+    The polynomials B_i, F_i, C and D are those of `LinearModel`, and e is white noise. The search has the two starts of
+    `OutputError`, with C and D estimated from the residual of the output-error model.
 
     Parameters
     ----------

@@ -79,14 +79,14 @@ class LinearModel(Described, Saved, schema=SCHEMA, document=_document, fields=fi
     a, c, d : array_like, shape (order + 1,)
         Coefficients of A, C and D; the first is 1.
     b : sequence of array_like
-        Coefficients of B_i for each input, in the output's unit per input unit; leading zeros are delay.
+        Coefficients of B_i for each input, in the output's unit per input unit; leading zeros represent the delay.
     f : sequence of array_like, optional
         Coefficients of F_i for each input, the first being 1; defaults to F_i = 1.
     offset : float
         Constant on the right side, in the output's unit.
     theta_cov : ndarray, shape (n_theta, n_theta), optional
         Covariance of ``theta``; zero if omitted. It is valid if the residuals are white: a model with too simple a
-        noise part is more uncertain than this states.
+        noise part is more uncertain than this covariance states.
     noise_variance : float
         Variance of e(k), square of the output's unit.
     sample_time : float

@@ -1,4 +1,4 @@
-"""Estimate the dead time of each input: the first lag at which it acts on an output."""
+"""Estimate the dead time of each input: the first lag at which the input acts on an output."""
 
 from __future__ import annotations
 
@@ -185,25 +185,27 @@ class DeadTime:
 def estimate_dead_time(
     recordings: Recordings, *, output: int = 0, max_dead_time: int = 100, probability: float = 0.95
 ) -> tuple[DeadTime, ...]:
-    """Estimate the dead time of each input: the first lag at which it acts on an output.
+    """Estimate the dead time of each input: the first lag at which the input acts on an output.
 
-    The dead time is 0 if y(k) depends on u(k) of the same row. A plant without transport delay has 1 if each reading is
-    taken when the input of its row is applied, the usual case, and 0 if it is taken at the end of the row's interval.
+    The dead time is 0 samples if the output y(k) depends on the input u(k) of the same sample. For a plant without
+    transport delay the dead time is 1 if each reading is taken when the input of the same sample is applied, the usual
+    case, and 0 if the reading is taken at the end of the sample.
 
     A long ARX model of all inputs whitens the noise; the first lags at which its coefficients differ significantly from
     zero (robust Wald tests) bound the dead time from above. First- and second-order plants fitted to the whitened
-    signals then give the likelihood of each shorter dead time, and Schwarz's criterion turns it into a probability.
-    Neither held, slow or autocorrelated inputs nor coloured noise bias the estimate: of 240 simulated recordings at 10
-    to 40 dB, with dead times of 0 to 60 samples, all 240 intervals at 95 % contained the true value. If inputs are
-    strongly correlated, the intervals are too narrow by a sample or two. Noise on a measured input makes its effect
-    seem a sample or two earlier. For a plant of higher order the estimate is the dead time of its low-order
-    approximation, within the bound of the tests.
+    signals then give the likelihood of each shorter dead time, and Schwarz's criterion turns the likelihoods into
+    probabilities. Neither held, slow or autocorrelated inputs nor coloured noise bias the estimate: of 240 simulated
+    recordings at 10 to 40 dB, with dead times of 0 to 60 samples, all 240 intervals at 95 % contained the true value.
+    If inputs are strongly correlated, the intervals are too narrow by a sample or two. Noise on a measured input makes
+    the dead time seem a sample or two shorter. For a plant of higher order the estimate is the dead time of its
+    low-order approximation, within the bound of the tests.
 
-    If the input repeats itself, as a triangle does, several dead times far apart may fit equally well (`ALIKE`); the
-    interval then covers all of them. An input of a few sines may not determine the dead time at all (`POOR`).
+    If the input repeats itself, as a triangle does, several dead times far apart may fit equally well (status `ALIKE`);
+    the interval then covers all of them. An input of a few sines may not determine the dead time at all (status
+    `POOR`).
 
     A periodic input is tested for feedback by the differences between its periods: nonlinear distortion is the same in
-    all periods and is not a sign of a loop, and a loop without noise cannot be detected.
+    all periods and is not mistaken for feedback; feedback without noise cannot be detected.
 
     At most 20 000 samples are used, from the beginning of each recording. Decimated recordings are not tested for
     feedback: after a zero-phase filter each sample depends on later ones.
@@ -257,10 +259,10 @@ def lags_after(dead_times: Sequence[DeadTime], count: int) -> tuple[int, ...]:
     Parameters
     ----------
     dead_times : sequence of DeadTime
-        Dead time of each input; inputs without an estimate, or with several that fit as well, count as having
-        none. Where a loop is suspected the lags without a dead time are covered too.
+        Dead time of each input. An input without an estimate, or with several equally good estimates, counts as having
+        no dead time. If feedback is suspected, the lags of a model without dead time are included too.
     count : int
-        Number of lags from the end of an interval on, its end included.
+        Number of lags from the end of a dead-time interval on, this end included.
 
     Returns
     -------

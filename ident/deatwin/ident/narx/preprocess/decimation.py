@@ -71,8 +71,8 @@ class SamplingChoice(Described):
         Frequency in Hz above which the output has negligible power: less than 1e-4 of its variance, or no more than
         white noise at the level of the quietest quarter of its spectrum.
     linear_minimum, nonlinear_minimum : int or None
-        Lag of the first minimum of each function in samples; None if there is none. If neither has one, the first is
-        the lag at which the linear function enters its band.
+        Lag of the first minimum of each function in samples; None if there is none. If neither function has a minimum,
+        `linear_minimum` is the lag at which the linear function enters its band.
     factor : int
         Decimation factor: keep every ``factor``-th sample; 1 keeps all.
     status : SamplingStatus
@@ -132,10 +132,11 @@ class SamplingChoice(Described):
 def choose_sampling(recordings: Recordings, *, n_lags: int | None = None) -> SamplingChoice:
     """Choose a decimation factor from the linear and nonlinear autocorrelation of the output.
 
-    The factor brings the smaller of the two first minima to 15 samples, or as near to that as possible within 10 to 20,
-    but leaves at least 10 samples to a period of the highest frequency in the output. A minimum counts if the function
-    rises significantly after it. If neither function has such a minimum, as with a first-order plant or a record of few
-    time constants, the lag at which the linear one enters its 95 % band about zero is used instead.
+    After decimation, the earlier of the first minima of the two functions lies at a lag of 15 samples, or as near to 15
+    as possible within 10 to 20, but a period of the highest frequency in the output still has at least 10 samples. A
+    minimum counts if the function rises significantly after the minimum. If neither function has such a minimum, as
+    with a first-order plant or a record of few time constants, the lag at which the linear autocorrelation enters its
+    95 % band about zero is used instead.
 
     Parameters
     ----------

@@ -97,7 +97,7 @@ def inspect_recordings(recordings: Recordings, *, level: float = 0.01, degree: i
     level : float
         Probability of a false finding of each kind in a signal that is normal noise.
     degree : int
-        Largest degree of the intended model, which an input with no more levels than that cannot determine.
+        Largest degree of the intended model; an input must have more levels than this degree to determine the model.
 
     Returns
     -------

@@ -52,12 +52,13 @@ class OrderTrial:
     n_terms : int
         Number of terms of the fitted model; 0 if there is no model.
     n_input_terms : int
-        Number of these terms that contain an input.
+        Number of terms of the fitted model that contain an input.
     error : float
-        Root mean square of the free-run error over the held-out data, in the output's unit; infinite if there is none.
+        Root mean square of the free-run error over the held-out data, in the output's unit; infinite if the trial gave
+        no free run.
     mean_square, standard_error : float
-        Mean squared free-run error and its standard error, in squares of the output's unit; the latter comes from the
-        means of ten nearly independent blocks of the held-out data.
+        Mean squared free-run error and its standard error, in squares of the output's unit; the standard error comes
+        from the means of ten nearly independent blocks of the held-out data.
     status : TrialStatus
         Outcome of the trial.
     reason : str
@@ -225,22 +226,22 @@ def choose_orders(
 ) -> OrderChoice:
     """Fit models over a grid of lags and degrees and compare their free runs on held-out data.
 
-    All errors are over the same samples, those after the largest lag of the grid. Ctrl-C keeps the trials completed so
-    far. If an input has a dead time (`estimate_dead_time`), lags that start there are tried too, unless input lags are
-    given.
+    All errors are computed over the same samples, those after the largest lag of the grid. Ctrl-C ends the search and
+    keeps the completed trials. If an input has a dead time (`estimate_dead_time`), input lags that begin at the dead
+    time are tried too, unless `input_lags` is given.
 
     Parameters
     ----------
     identifier : NarxIdentifier
-        Estimator whose clone, with the lags and degree of each grid point, is fitted there.
+        Estimator; at each grid point, a clone of it with the lags and degree of that point is fitted.
     training, validation : Recording, Experiment, or several
         Data for the fits and held-out data for the free runs, with one output.
     output_lags : iterable of Lags
         Output lags to try, each as the identifier takes it: a number n for 1..n, a sequence, or the lags of each
         channel.
     input_lags : iterable of Lags, optional
-        Input lags to try with each output lag. Defaults to the output lag itself and to as many lags from the dead time
-        of each input on.
+        Input lags to try with each entry of `output_lags`. By default, the input lags are the same as the output lags
+        and, if an input has a dead time, also as many lags from the dead time on.
     degrees : iterable of int
         Degrees to try.
     workers : int

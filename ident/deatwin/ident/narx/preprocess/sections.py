@@ -218,7 +218,7 @@ class Sections(Described):
 def stationarity_tests(recording: Recording, *, n_segments: int = 20) -> tuple[StationarityTest, ...]:
     """Test whether mean, variance and fast variance of each signal stay the same over a recording.
 
-    The fast variance is that of the steps from sample to sample. Constant signals are not tested.
+    The fast variance is the variance of the steps from sample to sample. Constant signals are not tested.
 
     Parameters
     ----------
@@ -246,9 +246,9 @@ def choose_sections(
     """Choose training and validation sections by a test of stationarity.
 
     Each recording is cut into segments. The longest run of at least ten segments that pass all tests is a stationary
-    stretch, without its outermost segments if others follow; the search then continues in the remaining segments. The
-    longest stretch is for training. The next one is for validation if it is long enough; otherwise the end of the
-    longest stretch is.
+    stretch; its first and last segments are dropped where they border on other segments. The search then continues in
+    the remaining segments. The longest stretch is used for training. The second longest is used for validation if it is
+    long enough; otherwise the end of the longest stretch is used.
 
     Parameters
     ----------
