@@ -172,7 +172,7 @@ def test_several_inputs_have_responses_of_their_own_and_cross_kernels(
     ("options", "message"),
     [
         (["--operating-input", "1"], "has 1 value(s): give it once for each of volts, heat, in this order"),
-        (["--order", "2", "--amplitude", "1"], "the model has 2 inputs; --amplitude is the size"),
+        (["--order", "2", "--amplitude", "1"], "leave --amplitude out: it sets the test signal"),
     ],
 )
 def test_options_that_do_not_suit_several_inputs_are_refused(

@@ -160,7 +160,7 @@ def _controller(source: str) -> _Given:
 
     def build(document: Mapping[str, Any]) -> Callable[..., SampledSource]:
         if document["controller"] is None:
-            raise ControlError("the check holds no controller: none could be designed")
+            raise ControlError("the check contains no controller, because none could be designed")
         units = {key: str(document["operating"][key]) for key in ("input_unit", "output_unit")}
         return partial(controller_source, controller_from_dict(document["controller"]), **units)
 
@@ -175,7 +175,7 @@ def _written(given: _Given, to: Form, out: Path, name: str) -> dict[str, Any]:
     from deatwin.plant.files import write_text_atomic
 
     if given.is_controller and to is not Form.C:
-        raise ModelError("a controller is exported as C source: give --to c")
+        raise ModelError("a controller can be exported only as C source: give --to c")
     if given.plant is not None and to is Form.FMU:
         export_model_exchange(given.plant, out, name=name)
         return {"name": name, "description": f"FMU 3.0 for model exchange, {described(given.plant)}"}

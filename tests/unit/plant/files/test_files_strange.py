@@ -90,7 +90,10 @@ REFUSED = {
         with_times([f"2026-10-25 0{3 - (t > 0.3)}:00:00.{1000 * t:03.0f}" for t in T]),
         "row 18: times do not increase.*; exactly an hour: where summer time .* offset from UTC; else there the clock",
     ),
-    "an overflow": ([*ROWS[:9], "0.18,0.1,-9.9E37", *ROWS[10:]], 'row 11, .*_mm": -9.9E37 stands for an overflow'),
+    "an overflow": (
+        [*ROWS[:9], "0.18,0.1,-9.9E37", *ROWS[10:]],
+        'row 11, .*_mm": -9.9E37 marks an overflow or a missing value',
+    ),
     "an error of Excel": (
         [*ROWS[:9], "0.18,0.1,#DIV/0!", *ROWS[10:]],
         "row 11, .*: there is no value; .* --allow-gaps",
@@ -181,7 +184,7 @@ def test_a_unit_of_time_is_offered_only_where_no_more_than_capitals_differ(tmp_p
 
 def test_names_on_two_lines_are_named_as_the_fault(tmp_path: Path) -> None:
     (tmp_path / "r.csv").write_text("\n".join(['time_s,"command', '(V)","x', '(mm)"', *ROWS]), encoding="utf-8")
-    with pytest.raises(DataError, match=r"row 4: .* a quoted name has a line break in it: write the names on one line"):
+    with pytest.raises(DataError, match=r"row 4: .* a quoted name contains a line break: write all names on one line"):
         read_recording(tmp_path / "r.csv")
 
 
