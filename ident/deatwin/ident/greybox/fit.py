@@ -324,7 +324,9 @@ def descend(
 
 def _problem(plant: Plant, records: Records, names: Sequence[str] | None, watch: Watch) -> Problem:
     if not isinstance(plant, Plant):
-        raise DataError(f"a calibration needs a Plant, not a {type(plant).__name__}: Plant(rig=...) makes one of a rig")
+        raise DataError(
+            f"a calibration needs a Plant, not a {type(plant).__name__}: make one of a rig with Plant(rig=...)"
+        )
     for name in names or ():
         if name not in plant.parameters.free:
             why = (
