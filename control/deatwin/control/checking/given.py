@@ -192,6 +192,6 @@ def known_residual(model: NarxModel, recording: Recording | None) -> Residual | 
     if carried is not None and found.rms > _FOREIGN * carried.rms:
         raise ModelError(
             f"the model's free-run error is {found.rms:.3g} {model.output_units[0]} on this recording, but was "
-            f"{carried.rms:.3g} where it was identified: give a recording of the same actuator, in the same units"
+            f"{carried.rms:.3g} when the model was identified: give a recording of the same actuator, in the same units"
         )
     return found

@@ -74,9 +74,9 @@ def export(model: Source, to: To, out: OutFile, name: Name = None, as_json: Json
     start = None if given.plant is None else given.plant.rig.start
     if start is not None and start.ramp + start.hold > 0.0:
         voice.say(
-            f"the exported model starts at rest; deatwin simulate first ramps to the first command for {start.ramp:g} s "
-            f"and holds it for {start.hold:g} s, so start the exported model at {-(start.ramp + start.hold):g} s with these "
-            "commands to obtain the same readings"
+            f"the exported model starts at rest, but deatwin simulate first ramps to the first command in {start.ramp:g} s "
+            f"and holds this command for {start.hold:g} s; to obtain the same readings, start the exported model at "
+            f"{-(start.ramp + start.hold):g} s with the same ramp and hold"
         )
     voice.result({"out": str(out), "form": to.value, **said})
 
