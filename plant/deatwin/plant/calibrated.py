@@ -245,7 +245,7 @@ def _require_calibration(plant: Plant, names: tuple[str, ...], covariance: np.nd
     for name in names:
         if name not in free:
             raise ModelError(
-                f"calibration.names: {clipped(name)} is not a free parameter (those are {', '.join(free)})"
+                f"calibration.names: {clipped(name)} is not a free parameter (free parameters: {', '.join(free)})"
             )
     if len(set(names)) < len(names):
         raise ModelError("calibration.names: a parameter is listed twice")

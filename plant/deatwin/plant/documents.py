@@ -36,7 +36,7 @@ def read_document(path: str | os.PathLike[str], schema: str, build: Callable[[Ma
     found = document.get("schema") if isinstance(document, dict) else None
     if found is None:
         raise ModelError(
-            f"{path}: it states no schema, so deatwin did not write it; a file with the schema {schema!r}{_in_words(schema)} is needed"
+            f"{path}: the file names no schema, so deatwin did not write it; a file with the schema {schema!r}{_in_words(schema)} is needed"
         )
     if found != schema:
         shown = f"{clipped(found)!r}{_in_words(found)}" if isinstance(found, str) else "no text"

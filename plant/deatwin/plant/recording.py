@@ -320,7 +320,9 @@ class Experiment:
             raise DataError("an experiment needs at least one recording")
         for one in given:
             if not isinstance(one, Recording):
-                raise DataError(f"a {type(one).__name__} is not a recording: Recording.from_arrays makes one of arrays")
+                raise DataError(
+                    f"a {type(one).__name__} is not a recording: make one of arrays with Recording.from_arrays"
+                )
         ordered = tuple(sorted(given, key=lambda recording: recording.start))
         for before, after in pairwise(ordered):
             _require_one_clock(before, after)

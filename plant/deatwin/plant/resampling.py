@@ -129,8 +129,8 @@ def plan_resampling(
     if usual > _FINEST * (1.0 + _SAME) * sample_time:
         options = resampling_options(timepts)
         raise DataError(
-            f"{where(0)}: rows every {usual:g} s cannot support a clock of {sample_time:g} s: "
-            f"{round(usual / sample_time) - 1} of {round(usual / sample_time)} new rows would be invented; take one of {usual / _FINEST:.6g} s or more, such as "
+            f"{where(0)}: rows every {usual:g} s are too sparse for a sample time of {sample_time:g} s: "
+            f"{round(usual / sample_time) - 1} of {round(usual / sample_time)} new rows would be invented; choose a sample time of {usual / _FINEST:.6g} s or more, such as "
             f"{options or ''}",
             options or NO_OPTIONS,
         )
@@ -139,8 +139,8 @@ def plan_resampling(
     if long.any() and not allow_gaps:
         row = int(np.argmax(long))
         raise DataError(
-            f"{where(row + 1)}: a gap from {timepts[row]:g} s to {timepts[row + 1]:g} s, where {usual:g} s is usual: "
-            f"readings interpolated across more than {_GAP:g} usual steps would be invented; split the record there "
+            f"{where(row + 1)}: a gap from {timepts[row]:g} s to {timepts[row + 1]:g} s, while the usual interval is "
+            f"{usual:g} s: a gap of more than {_GAP:g} usual intervals is not interpolated; split the recording there "
             "(--allow-gaps, in Python allow_gaps=True)",
             ReadOptions(allow_gaps=True),
         )
@@ -153,8 +153,8 @@ def plan_resampling(
     ]
     if not found:
         raise DataError(
-            f"{where(0)}: no stretch of the record is long enough for two samples {sample_time:g} s apart; "
-            "choose a shorter sample time"
+            f"{where(0)}: no part of the recording without a gap is long enough for two samples {sample_time:g} s "
+            "apart; choose a shorter sample time"
         )
     return Resampling(
         sample_time=sample_time,

@@ -94,7 +94,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if any("\udc80" <= letter <= "\udcff" for letter in word):  # Python's stand-ins for bytes that are no text
             name = word.encode("ascii", "backslashreplace").decode()
             complain(
-                f"{name}: the locale's encoding has no such characters; rename the file, or set a UTF-8 locale, such as LC_ALL=C.UTF-8"
+                f"{name}: the locale cannot represent some characters of this name; rename the file, or set a UTF-8 locale, such as LC_ALL=C.UTF-8"
             )
             return WRONG_INPUT
 

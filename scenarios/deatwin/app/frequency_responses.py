@@ -128,8 +128,8 @@ class Responses:
                 for y, stable in zip(point.outputs, point.stable, strict=True)
             )
             yield (
-                f"the model has several equilibria at this input, at outputs of {others}; the responses hold for "
-                f"{with_unit(point.output, output_unit)}"
+                f"at this input the model has several equilibria, with the outputs {others}; the responses hold only for the "
+                f"equilibrium with the output {with_unit(point.output, output_unit)}"
             )
         for row, (low, high) in self.beyond_training.items():
             of = f" of {names[row]}" if names else ""
@@ -167,8 +167,8 @@ class Responses:
             yield f"no NOFRFs were computed: {self.missing}"
         if names and self.order > 1:
             yield (
-                "this command computes NOFRFs of models with one input only; those of several are computed in Python, by "
-                "deatwin.ident.frequency.nofrf_of_inputs"
+                "this command computes NOFRFs only for models with one input; for a model with several inputs, use "
+                "deatwin.ident.frequency.nofrf_of_inputs in Python"
             )
 
     def to_json(self) -> dict[str, Any]:
@@ -220,8 +220,8 @@ def respond(
     names = _names(model)
     if names and amplitude is not None:
         raise ModelError(
-            f"the model has {len(names)} inputs; --amplitude is the size of the test signal of the NOFRFs, which "
-            "this command computes only for models with one input"
+            f"leave --amplitude out: it sets the test signal of the NOFRFs, which this command computes only for models with "
+            f"one input, but this model has {len(names)} inputs"
         )
     if operating_input is not None and (count := np.size(operating_input)) != len(model.input_names):
         wanted = f"once for each of {', '.join(names)}, in this order" if names else "once"
@@ -321,8 +321,9 @@ def _room(model: NarxModel, operating_input: float | Sequence[float] | None) -> 
         return None
     if not shifted.input_min[0] < 0 < shifted.input_max[0]:
         raise ModelError(
-            f"the operating input {operating_input:g} lies outside the range of the training inputs, and so does every "
-            "test signal around it: give --amplitude, or another operating input"
+            f"the operating input {operating_input:g} lies outside the range of the training inputs, so no test signal around "
+            "it stays inside this range: give another operating input, or set the amplitude of the test signal yourself with "
+            "--amplitude (the model then extrapolates)"
         )
     return float(min(-shifted.input_min[0], shifted.input_max[0]))
 
@@ -342,8 +343,8 @@ def _band(model: NarxModel, given: tuple[float, float] | None, excited: float | 
     low, high = given
     if not 0 <= low < high < nyquist:
         raise ModelError(
-            f"the band is given as {low:g} to {high:g} Hz: give the lower frequency first, at least 0, and then the higher one, "
-            f"below half the sampling rate, {nyquist:g} Hz"
+            f"the band is given as {low:g} to {high:g} Hz: give first the lower frequency (at least 0 Hz), then the higher one "
+            f"(below half the sampling rate, {nyquist:g} Hz)"
         )
     return low, high
 

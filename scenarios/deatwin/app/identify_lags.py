@@ -105,7 +105,7 @@ def disagreements(model: NarxModel, found: InputLags, *, by_free_run: bool) -> l
             and not one.interval[0] <= min(lags) <= one.interval[1]
         ):
             said.append(
-                f"{one.input_name} begins to act after {one.samples} {'sample' if one.samples == 1 else 'samples'}, but "
+                f"{one.input_name} begins to act on the output after {one.samples} {'sample' if one.samples == 1 else 'samples'}, but "
                 f"its first lag in the model is {min(lags)}; the first number is more reliable, because noise can hide a lag "
                 "when terms are chosen"
             )

@@ -226,7 +226,9 @@ def _terms(model: NarxModel) -> Drawing:
         axes = figure.add_subplot()
         places = np.arange(order.size)
         axes.plot(certainty[order], places, "o", color=Hue.AFTER, markersize=5)
-        axes.axvline(1.96, color=Hue.INK, linestyle=":", linewidth=1.1, label="not significant below this line (95 %)")
+        axes.axvline(
+            1.96, color=Hue.INK, linestyle=":", linewidth=1.1, label="left of this line: not significant (95 %)"
+        )
         axes.set_yticks(places, [str(model.terms[i]) for i in order])
         axes.set(xscale="log", xlabel="|parameter| / standard deviation", ylim=(-0.6, order.size - 0.4))
         plain_numbers(axes.xaxis, 1.0, 2.0, 5.0)

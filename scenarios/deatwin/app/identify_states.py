@@ -84,7 +84,7 @@ def identify_states(
             told=f"A nonlinear state space of order {states} with {model.theta.size} parameters",
             unseen=unseen,
             tested=Tested(
-                why_not="the model was fitted to the free run, so the error of its free run shows all that is missing"
+                why_not="the model was fitted to its free run, so the error of the free run already shows what the model lacks"
             ),
             complete=complete,
             notes=found,

@@ -39,7 +39,7 @@ def next_step(seen: Sequence[Seen], rig: str | None = None) -> Next:
     """Recommend what to run next. `rig` is the rig file to be filled in, if any."""
     if rig is not None and not seen:
         return Next(
-            sentence=f"fill in {rig}, then ask which effects an input would reveal, before you record it",
+            sentence=f"fill in {rig}; this command then shows, before you record, which effects an input would reveal",
             command=shlex.join(["deatwin", "plan", rig, "--out", "planned"]),
         )
     read = [(one.file, one.look) for one in seen if one.look is not None]
@@ -60,7 +60,7 @@ def next_step(seen: Sequence[Seen], rig: str | None = None) -> Next:
     different = len(seen) - len(alike)
     files = "1 file" if different == 1 else f"{different} files"
     left_out = (
-        f" (this leaves out {files}, with different columns, units or sample times, or with a fault)"
+        f" (this leaves out {files} with different columns, units or sample times, or with a fault)"
         if different
         else ""
     )
@@ -113,7 +113,7 @@ def _diagnosis(rig: str, alike: Sequence[tuple[Understood, Look]], left_out: str
     given = paths if follow else [word for path in paths for word in ("--experiment", path)]
     command = ["deatwin", "diagnose", rig, *given, *file.options, "--out", "found"]
     return Next(
-        sentence=f"fill in {rig}, and then let this command find which physics the model of the rig lacks{left_out}",
+        sentence=f"fill in {rig}; this command then finds which physics the model of the rig lacks{left_out}",
         command=shlex.join(command),
     )
 

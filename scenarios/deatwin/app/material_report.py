@@ -29,7 +29,7 @@ def _drawings(found: CalibratedMaterial, folder: ResultFolder) -> Iterator[Drawi
         with draw((6.4, 4.2)) as figure:
             found.draw_panel(name, figure.add_subplot())
             folder.text(f"figures/{name}.svg", standalone(figure))
-            caption = "Dots: samples of the tests. Lines: the material on the same path."
+            caption = "Dots: samples of the tests. Lines: the fitted material in the same tests."
             yield Drawing.of(figure, name, _TITLES[name], caption, _data(found, name))
 
 
@@ -84,8 +84,8 @@ def _page(found: CalibratedMaterial, drawings: list[Drawing]) -> StoryPage:
 
 
 _USE = (
-    f"Put {MATERIAL_FILE} next to the rig file and name it there. Its ranges are the 95 % intervals; widen them if the "
-    f"film of the rig may differ from the specimens in batch or thickness."
+    f"Put {MATERIAL_FILE} next to the rig file, and set the key material in the section [film] of the rig file as shown below. The "
+    f"ranges in {MATERIAL_FILE} are the 95 % intervals; widen them if the film of the rig may differ from the specimens in batch or thickness."
 )
 
 

@@ -52,7 +52,7 @@ def positive(complaint: str) -> Callable[[float | None], float | None]:
 
 def _some_files(values: list[str] | None) -> list[str] | None:
     if "" in (values or []):
-        raise typer.BadParameter("give the files of the experiment after it")
+        raise typer.BadParameter("give the files of the experiment after --experiment")
     return values
 
 

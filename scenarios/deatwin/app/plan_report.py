@@ -102,10 +102,10 @@ def _said(found: ExperimentPlan, unit: str) -> Iterator[str]:
         "All parameters of the model are refitted together with each effect."
     )
     yield (
-        "An effect counts as detected if the diagnosis is expected to give it a probability of at least 95 %, and if the effect "
-        "still changes the reading by more than the model error after a refit of all parameters. Two effects are not "
-        "distinguished if the wrong one, with any strength and time constants, would fit better in more than 2.3 % of all "
-        "recordings."
+        "An effect counts as detected on two conditions: the diagnosis is expected to give it a probability of at least 95 %, "
+        "and the change that it causes in the reading is larger than the model error even after all parameters are refitted. "
+        "Two effects count as not distinguished if, in more than 2.3 % of all recordings, the wrong effect would fit better than "
+        "the right one at some strength and with some time constants."
     )
     if found.impossible:
         yield f"The model could not be simulated with {', '.join(map(_words, found.impossible))}."

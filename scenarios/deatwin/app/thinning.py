@@ -49,7 +49,7 @@ def thinned(records: list[Recording], wanted: str | None, reading: ReadingTime, 
     slower, reason = choice.sample_time * choice.factor, _reason(choice)
     if wanted == "auto":
         made = [decimate(record, choice.factor, reading=reading) for record in records]
-        return Thinned(records=made, notes=[f"{_done(choice.factor, made)}: {reason}"])
+        return Thinned(records=made, notes=[_done(choice.factor, made, f", because {reason}")])
     if not advised(records, choice):
         return Thinned(records=records, notes=[])
     return Thinned(
@@ -90,7 +90,8 @@ def lost(model: NarxModel, unseen: Sequence[Recording], whole: Sequence[Recordin
     how = "diverges" if diverged else f"has an error of {with_unit(after, unit)} rms"
     return [
         "decimation lost information; leave --decimate out, or choose a smaller factor (on held-out data, the free run of the "
-        f"model {how}, and that of a linear model without decimation has an error of only {with_unit(before, unit)} rms)"
+        f"model {how}, while the free run of a linear model of the undecimated data has an error of only "
+        f"{with_unit(before, unit)} rms)"
     ]
 
 
@@ -111,10 +112,10 @@ def _choice(records: Sequence[Recording]) -> SamplingChoice | None:
 
 def _reason(choice: SamplingChoice) -> str:
     return (
-        f"the autocorrelation of the output reaches its first minimum, or zero, only after {choice.first_minimum} samples, "
-        f"where 10 to 20 suffice, and the output contains frequencies only up to {choice.highest:.3g} Hz"
+        f"the autocorrelation of the output takes {choice.first_minimum} samples to reach its first minimum or zero, although "
+        f"10 to 20 samples are enough, and the output contains frequencies only up to {choice.highest:.3g} Hz"
     )
 
 
-def _done(factor: int, made: Sequence[Recording]) -> str:
-    return f"decimated by {factor} to {made[0].sample_time:g} s; all signals passed the same low-pass filter"
+def _done(factor: int, made: Sequence[Recording], why: str = "") -> str:
+    return f"decimated by {factor} to {made[0].sample_time:g} s{why}; all signals passed the same low-pass filter"

@@ -93,7 +93,9 @@ def require_place(file: Path | str, inputs: Iterable[Path | str]) -> None:
 def require_unread(file: Path, inputs: Iterable[Path | str]) -> None:
     """Raise DataError if an output file is also an input file."""
     if file.exists() and any(p.is_file() and file.samefile(p) for p in (Path(split_sheet(i)[0]) for i in inputs)):
-        raise DataError(f"{file}: this command reads this file and would overwrite it; give another place or name")
+        raise DataError(
+            f"{file}: this file is an input of this command and would be overwritten; choose another name or folder for the result"
+        )
 
 
 def _require_writable(folder: Path) -> None:

@@ -31,7 +31,7 @@ def test_output_and_names_that_the_locale_cannot_encode(
 ) -> None:
     assert main(["look", "m\udce4ss.csv"]) == 1
     assert (
-        r"m\udce4ss.csv: the locale's encoding has no such characters; rename the file, or set a UTF-8 locale"
+        r"m\udce4ss.csv: the locale cannot represent some characters of this name; rename the file, or set a UTF-8 locale"
         in capsys.readouterr().err
     )
     written = io.BytesIO()

@@ -158,4 +158,4 @@ def test_a_port_that_is_taken_is_said(root: Path, capsys: pytest.CaptureFixture[
         port = taken.getsockname()[1]
         assert main(["view", str(root), "--no-browser", "--port", str(port)]) == 1
     said = capsys.readouterr().err
-    assert said == f"error: port {port}: taken by another program; give another, or 0 for any that is free\n"
+    assert said == f"error: port {port}: another program uses this port; give another port, or 0 for any free port\n"

@@ -87,7 +87,7 @@ def test_several_files_of_one_kind_are_given_to_one_model(at_desk: Path, capsys:
     table("slower.csv", "time_s,command_V,displacement_mm", [10.0 * times, u, y])
     found = told(capsys, "a.csv", "b.csv", "slower.csv", "--out", "looked")
     assert found["next"]["command"] == "deatwin identify a.csv b.csv --out narx.json"
-    assert "(this leaves out 1 file, with different columns, units or sample times" in found["next"]["sentence"]
+    assert "(this leaves out 1 file with different columns, units or sample times" in found["next"]["sentence"]
     assert sorted(path.name for path in Path("looked").glob("*.svg")) == ["look_1.svg", "look_2.svg", "look_3.svg"]
 
 

@@ -296,7 +296,7 @@ def test_the_page_shows_every_step_in_order(tmp_path: Path) -> None:
         "0 to 49.99 s after the command last rested",
         "displacement rate from -332 to 326 µm/s",
         "<td>falling reading</td>",
-        "the strength of creep is not constant: if allowed to vary, it changes by -126 % over the fitted data",
+        "the strength of creep is not constant: in a fit that lets it vary, it changes by -126 % over the fitted data",
     )
     for text in shown:
         assert text in page, text
@@ -356,7 +356,7 @@ EXPLANATIONS = {
         ),
         (
             Verdict.DISTURBANCE,
-            "2 % of the mismatch's power repeats with the command (at most 9 %), and a diagnosis of missing physics needs at least 30 %.",
+            "2 % of the power of the mismatch repeats with the command (with its uncertainty, at most 9 %), but missing physics is diagnosed only if at least 30 % does.",
         ),
         (Verdict.DATA_FAULT, "201 of 1000 samples (20.1 %) are faulty, and at most 10 are accepted."),
         (

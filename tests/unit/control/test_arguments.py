@@ -216,7 +216,7 @@ SENSELESS = [
     ("ScheduledController", {"points": [0.4]}, "a law at each"),
     ("ScheduledController", {"windup": np.zeros(2)}, "windup has the shape"),
     ("ScheduledController", {"windup": np.zeros(1)}, "drift away at 0.4"),
-    ("Limit", {"poor": 2.0}, "must be finite and differ"),
+    ("Limit", {"poor": 2.0}, "must be finite and must differ"),
 ]
 """Values of the right kind that make no sense, and what is said."""
 
@@ -294,7 +294,7 @@ def test_specifications_and_plants_of_another_kind_are_named():
         ({"others": {"spare": MODEL}}, r"others\['spare'\] must be a Plant or a CalibratedPlant; got a NarxModel"),
         ({"others": [PLANT]}, "others must be a Mapping from names to plants; got a list of 1"),
         ({"others": {1: PLANT}}, "a name in others must be a str; got an int"),
-        ({"others": {" ": PLANT}}, "another plant cannot be called ' '"),
+        ({"others": {" ": PLANT}}, "an alternative plant cannot be called ' '"),
         ({"trajectory": MODEL}, "trajectory must be a ThetaTrajectory; got a NarxModel"),
         ({"closed_loop_time": -1.0}, "closed_loop_time is -1: it must be positive and finite"),
         ({"rng": 0}, "rng must be a Generator, as numpy"),

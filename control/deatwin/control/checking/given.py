@@ -70,7 +70,7 @@ def require_others(value: Any, name: str) -> None:
         instance(str)(key, f"a name in {name}")
         if not key.strip() or key.split()[0] in _TAKEN:
             raise ControlError(
-                f"another plant cannot be called {key!r}; an empty name and {', '.join(_TAKEN)} are reserved"
+                f"an alternative plant cannot be called {key!r}; an empty name and {', '.join(_TAKEN)} are reserved"
             )
         instance(Plant, CalibratedPlant)(plant, f"{name}[{key!r}]")
 
@@ -107,8 +107,8 @@ def require_controller(controller: Any, model: NarxModel) -> None:
     if not isinstance(controller, Controller):
         instead = " (a model, from which a controller can be designed)" if isinstance(controller, LinearModel) else ""
         raise ControlError(
-            f"controller = {type(controller).__name__}{instead}: give a Controller, such as a LinearController, which "
-            "holds any linear law"
+            f"controller is a {type(controller).__name__}{instead}; it must be a Controller, such as a LinearController, "
+            "which represents any linear control law"
         )
     if abs(controller.sample_time / model.sample_time - 1.0) > 1e-6:
         raise ControlError(
@@ -139,7 +139,7 @@ def require_inside(model: NarxModel, operating_inputs: Sequence[float]) -> None:
     for operating_input in operating_inputs:
         if not low <= operating_input <= high:
             raise ModelError(
-                f"the operating input {operating_input:g} lies outside of the training data, "
+                f"the operating input {operating_input:g} lies outside the range of the training data, "
                 f"{low:g} to {high:g} {model.input_units[0]}"
             )
 
@@ -157,7 +157,7 @@ def require_limits(limits: tuple[float, float], linear: LinearModel) -> None:
 def trained_range(model: NarxModel) -> tuple[float, float]:
     """Return the smallest and largest input of the training data, in its unit."""
     if model.operating is None:
-        raise ModelError("the model does not know the range of its training data: give command_limits")
+        raise ModelError("the model does not state the range of its training data: give command_limits")
     return float(model.operating.input_min[0]), float(model.operating.input_max[0])
 
 
@@ -192,6 +192,6 @@ def known_residual(model: NarxModel, recording: Recording | None) -> Residual | 
     if carried is not None and found.rms > _FOREIGN * carried.rms:
         raise ModelError(
             f"the model's free-run error is {found.rms:.3g} {model.output_units[0]} on this recording, but was "
-            f"{carried.rms:.3g} where it was identified: give a recording of the same actuator, in the same units"
+            f"{carried.rms:.3g} when the model was identified: give a recording of the same actuator, in the same units"
         )
     return found

@@ -49,8 +49,8 @@ class Limit:
         require_fields(self, good=number, poor=number, unit=instance(str))
         if not (isfinite(self.good) and isfinite(self.poor) and self.good != self.poor):
             raise ControlError(
-                "the good and the poor value of a limit must be finite and differ, because their order says whether more is "
-                f"better; they are {self.good} and {self.poor}"
+                "the good and the poor value of a limit must be finite and must differ, because their order states whether "
+                f"more or less is better; they are {self.good} and {self.poor}"
             )
 
     def judge(self, value: float) -> Verdict:
@@ -184,13 +184,15 @@ class Specification:
             if limit.more_is_better is not default.more_is_better:
                 sense, side = ("more", "above") if default.more_is_better else ("less", "below")
                 raise ControlError(
-                    f"of {name} {sense} is better: its good value must lie {side} the poor one; it has "
-                    f"good = {limit.good:g} and poor = {limit.poor:g}"
+                    f"{name}: {sense} is better, so good must be {side} poor, but good = {limit.good:g} and "
+                    f"poor = {limit.poor:g}"
                 )
         if not 0.0 <= self.reserve < 1.0:
-            raise ControlError(f"reserve = {self.reserve:g}: it is a share, from 0 to below 1")
+            raise ControlError(f"reserve = {self.reserve:g}; it must be at least 0 and less than 1")
         if min(self.gain.good, self.gain.poor) < 1.0:
-            raise ControlError(f"a gain margin is at least 1; its limits are {self.gain.good:g} and {self.gain.poor:g}")
+            raise ControlError(
+                f"gain: a gain margin is at least 1, but good = {self.gain.good:g} and poor = {self.gain.poor:g}"
+            )
 
     @property
     def on_a_stand_in(self) -> Specification:

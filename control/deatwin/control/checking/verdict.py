@@ -183,7 +183,7 @@ def _beyond(trained: tuple[float, float] | None, achieved: ClosedLoop) -> str:
     unit, size = written_amplitude(achieved.output_unit)
     ends = " to ".join(f"{value / size:.3g}" for value in (low, high))
     data = " to ".join(f"{value / size:.3g}" for value in trained)
-    return f" (output {ends} {unit}, beyond the training data, {data} {unit})"
+    return f" (output {ends} {unit}, beyond the range of the training data, {data} {unit})"
 
 
 def _failed(runs: Runs, run: ClosedLoop) -> Finding:

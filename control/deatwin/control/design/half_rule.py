@@ -47,8 +47,8 @@ def reduce_to_second_order(linear: LinearModel) -> SecondOrderDelay:
     if second < h:
         poles = ", ".join(f"{pole:.3g}" for pole in np.sort_complex(linear.poles)[::-1])
         raise ControlError(
-            f"the model has no second lag of at least a sample, {h:g} s, for a derivative to cancel "
-            f"(poles in z: {poles or 'none'}): a PI controller is right (lambda_tuning)"
+            f"the model has no second lag of at least one sample, {h:g} s, that a derivative could cancel "
+            f"(poles in z: {poles or 'none'}): use a PI controller (lambda_tuning)"
         )
     return SecondOrderDelay(
         gain=linear.static_gain * share,

@@ -339,7 +339,7 @@ class LinearModel(Described):
         if reading is ReadingTime.START_OF_HOLD:
             if self.numerator[0] != 0.0:
                 raise ModelError(
-                    "the model has the input lag 0, but the rig reads before it applies the row's command: "
+                    "the model has the input lag 0, but the rig takes each reading before it applies the command of the same row: "
                     "identify with input lags from 1 on"
                 )
             return self

@@ -303,7 +303,7 @@ class _Terms:
         self._table = model.table
         if any(v.kind == "u" and v.lag < self._first for v in variables):
             raise ModelError(
-                "the model has the input lag 0, but the rig reads before it applies the row's command: "
+                "the model has the input lag 0, but the rig takes each reading before it applies the command of the same row: "
                 "identify with input lags from 1 on"
             )
         draws = len(theta)

@@ -66,7 +66,7 @@ def polynomial_model(model: Any) -> NarxModel:
     if narx_model(model).table.functions:
         raise ModelError(
             f"frequency analysis needs a polynomial model, but this model contains {model.table.functions[0]}: identify it without "
-            "functions, or measure its response by best_linear_approximation of a simulated multisine"
+            "functions, or compute its response with best_linear_approximation from a simulation with a multisine"
         )
     checked: NarxModel = model
     return checked

@@ -335,7 +335,9 @@ def descend(
 
 def _problem(plant: Plant, records: Records, names: Sequence[str] | None, watch: Watch) -> Problem:
     if not isinstance(plant, Plant):
-        raise DataError(f"a calibration needs a Plant, not a {type(plant).__name__}: Plant(rig=...) makes one of a rig")
+        raise DataError(
+            f"a calibration needs a Plant, not a {type(plant).__name__}: make one of a rig with Plant(rig=...)"
+        )
     chosen = tuple(plant.parameters.free) if names is None else texts(names)
     if names is not None and not chosen:
         raise DataError("no name of a parameter to fit is given; leave names out to fit all that are free")

@@ -149,7 +149,7 @@ class BestLinearApproximation(Frozen):
             return text + part("nonlinear distortion", self._rms(np.isfinite(self.distortion_variance)), both)
         return (
             text
-            + ", nonlinear distortion unknown: to determine it, excite only odd harmonics and leave some out, or record several random phases"
+            + ", nonlinear distortion unknown: to determine it, excite only odd harmonics and leave some of them out, or record the input with several sets of random phases"
         )
 
     def to_dict(self) -> dict[str, Any]:

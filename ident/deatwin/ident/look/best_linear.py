@@ -87,7 +87,7 @@ def best_linear_approximation(
     records = flatten(recordings)
     require_alike(records)
     if not 0 <= channel < records[0].inputs.shape[0] or not 0 <= output < records[0].outputs.shape[0]:
-        raise DataError(f"{label(records[0])} has no input {channel} or no output {output}; rows count from 0")
+        raise DataError(f"{label(records[0])} has no input {channel} or no output {output}; the numbers begin at 0")
     if skip is not None:
         skip = whole_number(skip, "skip", 0)
     n = _samples_of(records[0], period, channel)
@@ -176,7 +176,11 @@ def _realisation(record: Recording, n: int, channel: int, output: int, skip: int
     if periods < needed:
         raise DataError(
             f"{label(record)}: {periods} whole periods of {n} samples, but {needed} are needed"
-            + (" (or give skip=0 if the first is in the steady state)" if skip is None and periods == 2 else "")
+            + (
+                " (or give skip=0 if the output is already in the steady state in the first period)"
+                if skip is None and periods == 2
+                else ""
+            )
         )
     u, y = (
         np.fft.rfft(row[: periods * n].reshape(periods, n)) / n
@@ -208,8 +212,8 @@ def _distinct(runs: Sequence[_Realisation], n: int) -> list[_Realisation]:
             sizes = np.linalg.norm(first), np.linalg.norm(mean)
             if not 1.0 / _SAME_SIZE <= sizes[1] / sizes[0] <= _SAME_SIZE:
                 raise DataError(
-                    f"inputs whose rms differ, {np.sqrt(2) * sizes[0]:.4g} and {np.sqrt(2) * sizes[1]:.4g}: the best "
-                    "linear approximation depends on the size; give recordings with inputs of the same size"
+                    f"the inputs have different rms values, {np.sqrt(2) * sizes[0]:.4g} and {np.sqrt(2) * sizes[1]:.4g}, on which "
+                    "the best linear approximation depends; give recordings whose inputs have the same rms value"
                 )
             shifts = _FINER * n
             alike = np.fft.irfft(np.concatenate([[0.0], mean * first.conj()]), shifts) * shifts / 2.0
@@ -235,7 +239,9 @@ def _excited(runs: Sequence[_Realisation]) -> Lines:
         found.append((power > _EXCITED * power.max()) & (power > _ABOVE_NOISE * noise))
     excited = np.logical_and.reduce(found)
     if not excited.any():
-        raise DataError("no line is excited in all recordings; give recordings of one set of harmonics")
+        raise DataError(
+            "no spectral line is excited in all recordings; give recordings whose inputs contain the same harmonics"
+        )
     return np.asarray(excited, dtype=np.bool_)
 
 

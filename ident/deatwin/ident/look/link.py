@@ -42,7 +42,7 @@ class LinkStatus(Enum):
         "the output follows the input, and the output's past predicts the input: the recording was made in a closed loop, or the "
         "input was measured with noise"
     )
-    UNSEEN = "no part of the output follows the input by more than chance: check the columns and the wiring"
+    UNSEEN = "the output follows the input no more than chance explains: check the columns and the wiring"
     SLOW = "the input varies too slowly or too rarely to distinguish a response from a drift"
     SHORT = "not tested: the recording is too short"
     STILL = "not tested: the input or the output is constant"

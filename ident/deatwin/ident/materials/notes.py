@@ -68,7 +68,7 @@ def _on_energies(data: Observations, fitted: Fit, choices: Sequence[Choice]) -> 
     apart = [float(c.fit.start.stress(pair, c.fit.elastic)[0][0]) / own - 1.0 for c in others]
     worst = max(apart, key=abs, default=0.0)
     yield (
-        "all tests are uniaxial, and a film in a ring is stretched both ways: its stress is an extrapolation"
+        "all tests are uniaxial, but a film in a ring is stretched in both directions, so its stress is extrapolated"
         + (f", {100 * worst:+.0f} % by another energy at a stretch of {stretch:.2f}" if abs(worst) > APART else "")
     )
 
@@ -77,7 +77,9 @@ def _on_times(data: Observations, fitted: Fit) -> Iterator[str]:
     if data.relaxation is None:
         pulls = any(block.test.times is not None for block in data.blocks)
         why = (
-            "all tests are pulls at one rate, which bends a curve as elasticity does" if pulls else "no test has times"
+            "all tests are pulls at one rate, at which relaxation and elasticity cannot be distinguished"
+            if pulls
+            else "no test has times"
         )
         yield f"{why}: the material has no branches, even if it relaxes"
         return
@@ -95,7 +97,7 @@ def _on_errors(data: Observations, noise: Noise) -> Iterator[str]:
     if len(data.specimens) > 1 and noise.scatter > 0.005:
         yield f"the {len(data.specimens)} specimens differ by {100 * noise.scatter:.1f} % (one deviation), which the intervals allow for"
     elif len(data.specimens) == 1:
-        yield "there is only one specimen: the intervals do not include how much others differ"
+        yield "there is only one specimen: the intervals do not include the differences between specimens"
     repeats = max(noise.repeats)
     if repeats > 2.0:
         worst = data.blocks[int(np.argmax(noise.repeats))].test.name
@@ -130,6 +132,6 @@ def _on_softening(data: Observations, fitted: Fit, noise: Noise) -> Iterator[str
     if share > 0.0 and 0.5 * share**2 * size > 0.5 * np.log(noise.count(data)) + ODDS:
         yield (
             f"below the largest stretch so far the stress is lower by up to {100 * min(share, 1.0):.0f} % than the branches "
-            "explain (Mullins effect); the material leaves it out: add the effect mullins to a rig, or test conditioned "
+            "explain (Mullins effect); the material does not include this effect: add the effect mullins to a rig, or test conditioned "
             "specimens"
         )

@@ -189,16 +189,16 @@ def _incomplete(one: Mapping[str, Any]) -> Iterator[str]:
     for names in ((*STRETCHES, "held_stretch"), STRESSES, ("time", "rate_1_s")):
         given = [name for name in names if name in one]
         if len(given) > 1:
-            yield f"{' and '.join(given)} say the same; keep one of them"
+            yield f"{' and '.join(given)} state the same quantity; keep one of them"
         if not given and names[0] != "time":
             yield f"one of {', '.join(names)} must be given"
     needed = {"displacement": ("length_mm",), "force": ("width_mm", "thickness_mm")}
     for name, dimensions in needed.items():
         for dimension in dimensions if name in one else ():
             if dimension not in one:
-                yield f'"{name}" needs {dimension}, here or in [specimen]'
+                yield f'"{name}" is given, so {dimension} is needed too, here or in [specimen]'
     if "held_stretch" in one and "time" not in one:
-        yield 'a stretch that is held needs the column "time"'
+        yield '"held_stretch" is given, so the column "time" is needed too'
 
 
 def _test(one: Mapping[str, Any], folder: Path, number: int) -> MaterialTest:

@@ -55,7 +55,7 @@ def next_step(diagnosis: Diagnosis) -> str:
         also = f", measure {advised.measure} as well" if advised.undecided and advised.measure else ""
         mass = advised.added_mass_g
         if mass is not None:  # another rig, whose recordings stand alone
-            load = f"add {number(mass)} g to the load and to the rig file"
+            load = f"add {number(mass)} g to the load, state the new mass in the rig file"
             return f"{load}, record the input in {advised.file}{also}, and diagnose this recording alone"
         return f"record the input in {advised.file}{also}, and diagnose all recordings together"
     if advised is not None and advised.measure is not None:
@@ -135,8 +135,9 @@ def _disturbance(diagnosis: Diagnosis) -> str:
     repeats = origin.by == "repeats"
     what = "repeats with the command" if repeats else "can be predicted from command and motion"
     return (
-        f"{_estimated(origin.share)} % of the mismatch's power {what} (at most {_estimated(origin.high)} %), and a diagnosis of "
-        f"missing physics needs at least {100 * (FOREIGN if repeats else UNPREDICTED):g} %"
+        f"{_estimated(origin.share)} % of the power of the mismatch {what} (with its uncertainty, at most "
+        f"{_estimated(origin.high)} %), but missing physics is diagnosed only if at least "
+        f"{100 * (FOREIGN if repeats else UNPREDICTED):g} % does"
     )
 
 

@@ -135,7 +135,7 @@ def _hardly_shown(findings: Findings) -> Iterator[str]:
     ):
         yield (
             f"{'+'.join(best.effects)} could explain the recordings, but less than a quarter of its cycle was recorded, and so "
-            "short a part looks like any other slow change"
+            "short a part cannot be distinguished from any other slow change"
         )
 
 

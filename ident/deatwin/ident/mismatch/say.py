@@ -367,7 +367,7 @@ def _gain(diagnosis: Diagnosis) -> str:
     shown, gain = _shown(diagnosis), diagnosis.fit.unseen.gain_low
     if shown.after is None or gain is None:
         raise ModelError("a diagnosis with causes needs the error that they leave on held-out data")
-    chance = "" if gain > 0 else ", a fall that could be chance"
+    chance = "" if gain > 0 else ", but this reduction could be due to chance"
     return (
         f"adding {_names(diagnosis)} to the model lowers the error"
         f"{shown.reading and f' of {shown.reading}'} on held-out data from {_rounded(shown.unseen)} to "

@@ -23,7 +23,7 @@ eps kappa; a covariance that would lose more than half of its digits to cancella
 
 
 def covariance_of(
-    values: ArrayLike, names: Sequence[object], complaint: str = "theta_cov is not a covariance"
+    values: ArrayLike, names: Sequence[object], complaint: str = "theta_cov is not a covariance matrix"
 ) -> Array:
     """Return a covariance (n, n), symmetric and read-only; ModelError if its correlations are indefinite."""
     given = np.asarray(values, dtype=np.float64)
@@ -34,8 +34,8 @@ def covariance_of(
     row, column = _worst(np.abs(scaled - scaled.T))
     if not abs(scaled[row, column] - scaled[column, row]) <= _UNEQUAL:
         raise ModelError(
-            f"{complaint}: it holds {given[row, column]:.6g} for {names[row]} and {names[column]}, and "
-            f"{given[column, row]:.6g} for {names[column]} and {names[row]}; it must be symmetric"
+            f"{complaint}, because it is not symmetric: it holds {given[row, column]:.6g} for {names[row]} and "
+            f"{names[column]}, but {given[column, row]:.6g} for {names[column]} and {names[row]}"
         )
     _require_semidefinite(0.5 * (scaled + scaled.T), complaint)
     return read_only(0.5 * given + 0.5 * given.T)
@@ -72,8 +72,8 @@ def _require_semidefinite(scaled: Array, complaint: str) -> None:
     eigenvalues = np.linalg.eigvalsh(scaled)
     if not eigenvalues[0] >= -_INDEFINITE * eigenvalues[-1]:
         raise ModelError(
-            f"{complaint}: its correlations have the negative "
-            f"eigenvalue {eigenvalues[0]:.3g} (the largest is {eigenvalues[-1]:.3g})"
+            f"{complaint}, because its matrix of correlations has the negative eigenvalue {eigenvalues[0]:.3g} (the largest "
+            f"is {eigenvalues[-1]:.3g})"
         )
 
 

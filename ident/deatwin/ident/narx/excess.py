@@ -55,16 +55,18 @@ def noisy_products(model: NarxModel, recordings: Sequence[Recording]) -> tuple[s
         return ()
     told = ", ".join(f"{100 * shares[row]:.2g} % of {model.output_names[row]}" for row in sorted(products))
     return (
-        f"the one-step residual is {told}: if that is noise on the readings, it also enters the regressors of all "
-        f"equations, and products of outputs may represent its bias rather than the plant, however small their "
-        f"intervals; average, filter or measure again before you interpret them",
+        f"the one-step residual is {told}: if it is noise on the readings, this noise also enters the regressors, and terms "
+        f"with products of outputs may describe the bias that the noise causes rather than the plant, even if their intervals "
+        f"are small; average, filter or repeat the measurement before you interpret these terms",
     )
 
 
 def _note(name: str, error: float, least: float) -> str:
     """State how much larger an error is than that of least squares, both in standard deviations of the output."""
     if least <= _RESOLVED:  # a ratio to rounding errors says nothing
-        excess = f"{error:.2g} of its standard deviation, where least squares on the same terms leaves only rounding"
+        excess = (
+            f"{error:.2g} of its standard deviation, while least squares on the same terms leaves only rounding errors"
+        )
     elif error < 2.0 * least:
         excess = f"{100 * (error / least - 1.0):.3g} % above that of least squares on the same terms"
     else:
@@ -72,6 +74,6 @@ def _note(name: str, error: float, least: float) -> str:
             f"{error / least:.3g} times that of least squares on the same terms, {error:.2g} of its standard deviation"
         )
     return (
-        f"one step ahead {name}'s error on the training data is {excess}: the estimator holds the parameters back; "
-        "compare with Fixed(terms=model), which is least squares"
+        f"the one-step error of {name} on the training data is {excess}, because the estimator shrinks the parameters; "
+        "compare with least squares on the same terms, Fixed(terms=model)"
     )

@@ -75,9 +75,9 @@ def late_inputs(model: NarxModel, recordings: Sequence[Recording]) -> tuple[str,
                 there = (
                     f"later than its last lag in the model, {last}" if last >= 0 else "and is in no term of the model"
                 )
-                advice = f": let lags {one.interval[0]} to {one.interval[1] + 2} of {one.input_name} compete"
+                advice = f": allow lags {one.interval[0]} to {one.interval[1] + 2} of {one.input_name}"
                 known = one.interval[1] <= _competed(model, column)
-                said.append(f"{one}, {there}{', though such lags competed' if known else advice}")
+                said.append(f"{one}, {there}{', although such lags were candidates' if known else advice}")
     return tuple(said)
 
 

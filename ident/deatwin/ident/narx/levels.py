@@ -81,8 +81,8 @@ def said_of_levels(name: str, count: int) -> str:
         return f"{name} is constant, so the recording does not show its effect"
     shown = "curvature" if count == 2 else f"power from the {count}th on" if count > 3 else "third power or higher one"
     return (
-        f"{name} has {count} levels and shows no {shown}: let it take more levels, or keep its powers in the model "
-        f"below {count}"
+        f"{name} takes only {count} levels, which show no {shown}: use an input with more levels, or keep the powers of "
+        f"{name} in the model below {count}"
     )
 
 

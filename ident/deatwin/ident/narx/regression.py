@@ -273,7 +273,7 @@ def _functions(written: Sequence[str], record: Recording) -> tuple[Variable, ...
     terms = [Term.parse(text, **names) for text in written]
     for text, term in zip(written, terms, strict=True):
         if term.degree != 1 or term.expanded[0].shape is None:
-            raise ModelError(f'functions: {text!r} is not a function of a lagged signal, as "|u(k-1)|" is')
+            raise ModelError(f'functions: {text!r} is not a function of a lagged signal, such as "|u(k-1)|"')
     table = TermTable(tuple(terms))
     if table.channels("u") > len(record.inputs) or table.channels("y") > len(record.outputs):
         raise ModelError(f"functions {', '.join(written)}: the recordings have no such signal")

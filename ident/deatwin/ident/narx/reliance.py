@@ -128,8 +128,8 @@ class Reliance:
         if self.samples_per_parameter is None or self.samples_per_parameter >= _ENOUGH:
             return ""
         return (
-            f"the model was fitted to only {self.samples_per_parameter:.2g} samples per effective parameter, including "
-            f"the choice among candidates, where {_ENOUGH:g} would suffice: terms may be present by chance, and "
+            f"the model was fitted to only {self.samples_per_parameter:.2g} samples per effective parameter (the choice among "
+            f"candidates counts as parameters), but {_ENOUGH:g} are needed: terms may be present by chance, and "
             f"intervals are too narrow; record longer, or choose a lower degree"
         )
 

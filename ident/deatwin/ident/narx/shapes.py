@@ -186,7 +186,9 @@ class Shape:
         wanted = _KINDS[name].parameters
         if len(chosen) != len(wanted) or not np.isfinite(chosen).all():
             form = ", ".join(["u(k-1)", *wanted])
-            raise ModelError(f"the function {name} is written {name}({form}); got {len(chosen)} numbers")
+            raise ModelError(
+                f"the function {name} must be written as {name}({form}), but {len(chosen)} numbers were given"
+            )
         positive = [p for key, p in zip(wanted, chosen, strict=True) if key in ("limit", "width")]
         if positive and positive[0] <= 0.0:
             raise ModelError(f"the function {name} needs a positive {wanted[-1]}; got {positive[0]:g}")

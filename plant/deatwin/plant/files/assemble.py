@@ -98,7 +98,7 @@ def recordings_of(
     if times is not None and told is not None:
         remark = _seconds_or_ticks(table, times, told) if ticks and stated is None else ""
     elif counted and times is not None and dt != 1.0:
-        remark = f'the stated sample time was taken; the column "{table.shown(times)}" counts the rows'
+        remark = f'the stated sample time was used, because the column "{table.shown(times)}" only counts the rows'
     elif stated:
         remark = _passed_over(table, used, stated.sample_time)
     remark = "; ".join(text for text in (slow, remark) if text)
@@ -228,7 +228,7 @@ def on_one_clock(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
         began = [moment(str(date)) for date in dates]
     except ValueError:
         raise DataError(
-            f"{files}: their {STARTED} are not dates; write the times of all recordings on one clock"
+            f"{files}: the values of {STARTED} are not dates; give the times of all recordings on one clock"
         ) from None
     if len({date.tzinfo for date in began}) > 1:
         raise DataError(

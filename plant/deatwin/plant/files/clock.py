@@ -97,7 +97,7 @@ def _evenly(rounded: Rounded, timepts: Floats) -> Piece:
     """Return all rows on the even clock that fits rounded times; report it if the old clock is lost."""
     first, step = float(timepts[0]), rounded.sample_time
     start = first if abs(rounded.start - first) <= _AGREE * step else rounded.start
-    said = f"the times are stored to {rounded.digit:.2g} s only: read as even, {step:.9g} s a sample"
+    said = f"the times are stored only to {rounded.digit:.2g} s, so evenly spaced times were assumed, one every {step:.9g} s"
     piece = Piece.even(len(timepts), step, start)
     return replace(piece, remark=said if rounded.digit > 2.0 * _ROUNDING * step else "")
 
@@ -117,9 +117,9 @@ def _not_increasing(timepts: Floats, where: Callable[[int], str]) -> DataError:
         advice = _summer_time(steps[row - 1], float(np.median(np.abs(steps)))) + advice
     elif rounded := rounded_clock(timepts):
         offers = ReadOptions(dt=float(f"{rounded.sample_time:.9g}"))
-        advice = f"they are printed too coarsely; where the rows are evenly sampled, state their sample time: {offers}"
+        advice = f"the times are printed too coarsely; if the rows are evenly sampled, state the sample time: {offers}"
     elif (steps == 0.0).mean() > 0.5:
-        advice = "they are stored too coarsely to tell the sample time; where the rows are evenly sampled, state it: --dt SECONDS"
+        advice = "the times are stored too coarsely to show the sample time; if the rows are evenly sampled, state it: --dt SECONDS"
     return DataError(
         f"{where(row)}: times do not increase: {timepts[row]:.9g} s follows {timepts[row - 1]:.9g} s{more}; {advice}",
         offers,
@@ -182,13 +182,13 @@ def _sample_time(
     sample = int(np.argmax(late))
     if stated:
         raise DataError(
-            f"{where(sample)}: the times do not keep the stated sample time of {stated:g} s; they advance by "
-            f"{fitted:.9g} s; correct one of the two"
+            f"{where(sample)}: the stated sample time is {stated:g} s, but the times advance by {fitted:.9g} s per "
+            "sample; correct one of the two"
         )
     options = resampling_options(timepts, fitted)
     raise DataError(
-        f"{where(sample)}: uneven sampling: time {timepts[sample]:g} s is {late[sample]:.3g} s off "
-        f"the even clock of {fitted:g} s (tolerance {tolerance:.2g} s); {_advice(options)}",
+        f"{where(sample)}: uneven sampling: the time {timepts[sample]:g} s deviates by {late[sample]:.3g} s "
+        f"from even times every {fitted:g} s (tolerance {tolerance:.2g} s); {_advice(options)}",
         options or NO_OPTIONS,
     )
 
@@ -205,7 +205,7 @@ def _gap(timepts: Floats, long: Flags, usual: float, where: Callable[[int], str]
     before, after = timepts[sample], timepts[sample + 1]
     more = f" ({int(long.sum())} gaps in all)" if long.sum() > 1 else ""
     count = round((after - before) / usual) - 1
-    advice = _summer_time(after - before, usual) + "fill it, or split the record there"
+    advice = _summer_time(after - before, usual) + "fill the gap, or split the recording there"
     missing = "1 sample is" if count == 1 else f"{count} samples, one every {usual:g} s, are"
     return DataError(
         f"{where(sample + 1)}: a gap from {before:g} s to {after:g} s, in which {missing} missing{more}; "
@@ -231,8 +231,8 @@ def _odd_step(
     sample = int(np.argmax(odd)) + 1
     step, options = timepts[sample] - timepts[sample - 1], resampling_options(timepts, meant)
     return DataError(
-        f"{where(sample)}: uneven sampling: time {timepts[sample]:g} s is {step:g} s after the row before, "
-        f"where {usual:g} s is usual (tolerance {2.0 * tolerance:.2g} s); {_advice(options)}",
+        f"{where(sample)}: uneven sampling: the time {timepts[sample]:g} s is {step:g} s after that of the row "
+        f"before, but the usual interval is {usual:g} s (tolerance {2.0 * tolerance:.2g} s); {_advice(options)}",
         options or NO_OPTIONS,
     )
 
@@ -240,6 +240,6 @@ def _odd_step(
 def _advice(options: ReadOptions | None) -> str:
     """Return advice for uneven times."""
     if options is None:
-        return "resample the record evenly"
+        return "resample the recording to even times"
     gaps = ", allow_gaps=True" if options.allow_gaps else ""
-    return f"resample the record onto an even clock: {options}, in Python resample={options.resample:g}{gaps}"
+    return f"resample the recording to even times: {options}, in Python resample={options.resample:g}{gaps}"

@@ -79,7 +79,7 @@ def _twice(
         way = times_options(table, other) if role == "time" else named
     hint = f", for example {way}" if way else f": --{role}-column"
     return DataError(
-        f'{table.path}: the column "{table.shown(column)}" is {said[0]} and {said[1]}; name another one for the '
+        f'{table.path}: the column "{table.shown(column)}" is {said[0]} and also {said[1]}; name another one for the '
         f"{role}{hint}",
         way,
     )
@@ -116,7 +116,7 @@ def data_columns(
     name = _USUAL[role]
     column = _usual_column(table, name)
     if column is None:
-        raise _no_column(table, name, f"rename it, or name the one to use: --{role}-column", offered)
+        raise _no_column(table, name, f"rename that column, or name the {role} column with --{role}-column", offered)
     return (column,)
 
 
@@ -126,7 +126,9 @@ def _require_places(table: Table, asked: Mapping[str, str | None]) -> None:
     missing = [role for role in ("input", "output") if role in asked and not places[role]]
     wrong = [name for name in places.values() if name and not is_place(name)]
     if wrong or missing:
-        fault = f'no column "{clipped(wrong[0])}"' if wrong else f"no column is named as the {missing[0]}"
+        fault = (
+            f'no column is called "{clipped(wrong[0])}"' if wrong else f"it is unknown which column is the {missing[0]}"
+        )
         raise _no_header(table, fault, asked)
 
 

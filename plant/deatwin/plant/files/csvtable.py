@@ -130,11 +130,11 @@ class CsvTable(Table):
             try:
                 rows = list(csv.reader(self.lines, delimiter=self.delimiter, skipinitialspace=True))
             except csv.Error:
-                raise DataError(f"{self.path}: a quote that is not closed, or a cell that does not end") from None
+                raise DataError(f"{self.path}: a quotation mark is not closed, or a cell does not end") from None
         else:
             rows = [line.split(self.delimiter) for line in self.lines]
         if len(rows) != len(self.lines):
-            raise DataError(f"{self.path}: a quoted cell with a line break in it; write each sample on one line")
+            raise DataError(f"{self.path}: a quoted cell contains a line break; write each sample on one line")
         count = len(self.headers)
         for sample, row in enumerate(rows):
             if len(row) > count and any(cell.strip() for cell in row[count:]):
@@ -159,13 +159,13 @@ class CsvTable(Table):
                 mark = "," if cell.rfind(".") > cell.rfind(",") or cell.count(",") > 1 else "."
                 bare = cell.replace(mark, "")
                 if mark in cell and is_number(bare.replace(",", ".")):
-                    raise DataError(f"{place} has a mark between thousands; write it as {clipped(bare)}")
+                    raise DataError(f"{place} has a thousands separator; write it as {clipped(bare)}")
                 comma = comma or place
                 sure = sure or not _THOUSANDS.fullmatch(cell)
         if comma and point:
             raise DataError(
-                f"{comma} has a comma, where {point.removeprefix(f'{self.path}, ')} has a decimal point; use one "
-                "decimal sign and no marks between thousands"
+                f"{comma} has a comma, but {point.removeprefix(f'{self.path}, ')} has a decimal point; use the same "
+                "decimal sign in all numbers, and no thousands separators"
             )
         if not sure:
             raise DataError(
@@ -202,14 +202,16 @@ class CsvTable(Table):
                 bare = _APART.sub("", cell)
                 if bare != cell and is_number(bare.replace(",", ".")):
                     return DataError(
-                        f'{place}: "{clipped(cell)}" has a mark between thousands; write it as {clipped(bare)}'
+                        f'{place}: "{clipped(cell)}" has a thousands separator; write it as {clipped(bare)}'
                     )
                 if not is_number(cell.replace(",", ".")):
                     return DataError(f'{place}: "{clipped(cell)}" is not a number')
                 if not np.isfinite(float(cell.replace(",", "."))):
                     return DataError(f"{place}: {clipped(cell)} is not a finite number")
                 if np.isclose(abs(float(cell.replace(",", "."))), _OVERFLOWS).any():
-                    return DataError(f"{place}: {clipped(cell)} stands for an overflow or no value; empty the cell")
+                    return DataError(
+                        f"{place}: {clipped(cell)} marks an overflow or a missing value; leave the cell empty"
+                    )
         return DataError(f"{self.path}: the samples cannot be read as numbers")
 
 

@@ -69,7 +69,7 @@ def decode(content: bytes, path: str) -> str:
         try:
             return content.decode(bare or "utf-16")
         except UnicodeDecodeError as error:
-            raise DataError(f"{path}: UTF-16 text that breaks off at byte {error.start}; save it again") from None
+            raise DataError(f"{path}: the UTF-16 text breaks off at byte {error.start}; save the file again") from None
     written = content.rstrip(b"\0")  # a logger that loses power leaves the rest of its file unwritten
     content = written if written.endswith(b"\n") else content  # in the middle of a row, a number may be cut
     if b"\0" in content:
@@ -369,9 +369,9 @@ def _no_layout(lines: list[str], rows: list[int], delimiter: str, path: str) -> 
         delimiter, cells = BLANKS, [split_cells(line, BLANKS) for line in lines[:_HEAD]]
         numeric = [_is_sample(line, row) for line, row in zip(lines, cells, strict=False)]
     if numeric[0]:
-        advice = f"the first line must name the columns, and no name is a number; for example {header_line(len(cells[0]), delimiter)}"
+        advice = f"the first line must contain the names of the columns, and a name must not be a number; for example {header_line(len(cells[0]), delimiter)}"
         if delimiter == "," and _is_cut(lines, cells):
-            advice = "a comma is not delimiter and decimal sign at once: delimit by semicolon or tab"
+            advice = "a comma cannot be both delimiter and decimal sign: separate the cells by semicolons or tabs"
         return DataError(f"{path}, row {rows[0]}: there is no header; {advice}")
     width = _width(lines, delimiter) if delimiter != BLANKS else 0
     before = [k for k in range(1, len(cells)) if numeric[k] and not numeric[k - 1]]
@@ -379,9 +379,9 @@ def _no_layout(lines: list[str], rows: list[int], delimiter: str, path: str) -> 
     header = _header_cells(lines[k - 1], delimiter, len(cells[k]))
     commas = delimiter == "," and len(cells[k]) > len(header) and "." not in lines[k]
     advice = grouped(lines[k], delimiter) or (
-        "; a comma is not delimiter and decimal sign at once: delimit by semicolon or tab"
+        "; a comma cannot be both delimiter and decimal sign: separate the cells by semicolons or tabs"
         if commas
-        else "; a quoted name has a line break in it: write the names on one line"
+        else "; a quoted name contains a line break: write all names on one line"
         if '"' in lines[k - 1] and lines[k - 1].count('"') % 2
         else "; each column needs a name of one word"
         if delimiter == BLANKS

@@ -307,12 +307,14 @@ def _by_ending(path: str | Path, ways: Mapping[str, Way], verb: str) -> Way:
     if ending in _PACKED and verb == "read":
         raise DataError(f"{path}: it is packed; unpack it, and give the file inside it")
     if ending == ".xls" and verb == "read":
-        raise DataError(f'{path}: files ".xls" cannot be read; save the sheet as .xlsx or .csv')
+        raise DataError(f"{path}: files with the extension .xls cannot be read; save the sheet as .xlsx or .csv")
     if ending not in ways and verb == "read" and Path(path).is_dir():
         raise DataError(f"{path}: this is a folder; give the files in it")
     if ending not in ways:
-        kind = f'files "{ending}"' if ending else "files without an extension"
-        hint = "; give a text file one of these, and export other tables to one" if verb == "read" else ""
+        kind = f"files {f'with the extension {ending}' if ending else 'without an extension'}"
+        hint = (
+            "; rename a text file to .txt, and export any other table to one of these formats" if verb == "read" else ""
+        )
         raise DataError(f"{path}: {kind} cannot be {verb}; known are {', '.join(ways)}{hint}")
     return ways[ending]
 

@@ -56,7 +56,7 @@ def time_column(
         listed = " and ".join(f'"{table.shown(column)}"' for column in found[:_LISTED])
         one = ReadOptions(time_column=table.unmistakable(found[0]))
         raise DataError(
-            f"{table.path}: the columns {listed} may all be the times, and they differ; name the one of input and output: {one}",
+            f"{table.path}: each of the columns {listed} may hold the times, and they differ; name the column with the times of input and output: {one}",
             one,
         )
     return (found[0], table.units[found[0]]) if len(found) == 1 or (found and needed) else (None, "")
@@ -94,8 +94,8 @@ def _named_times(table: Table, taken: set[int], wanted: str) -> tuple[int, str]:
         stated = behind if behind in ORDERS else find_unit(behind)
         if stated not in (*TIME_UNITS, *ORDERS):
             raise DataError(
-                f'{table.path}: the times are said to be in "{clipped(behind)}"; known are {", ".join(TIME_UNITS)}, and '
-                f"of dates {' and '.join(ORDERS)}, for the day or the month first"
+                f'{table.path}: the times are said to be in "{clipped(behind)}"; known are the units {", ".join(TIME_UNITS)}; '
+                f"for dates, write {ORDERS[0]} if the day comes first, and {ORDERS[1]} if the month comes first"
             )
     column = table.column(name, lambda column: column not in taken and holds_times(table, column, stated))
     header = table.headers[column]
@@ -215,9 +215,9 @@ def no_times(table: Table, taken: set[int]) -> DataError:
     likely = likely_times(table, taken)
     offers = times_options(table, likely[0]) if len(likely) == 1 else NO_OPTIONS
     advice = (
-        f"name the column of times so, or give it a unit, such as (s) after or below its name; or state the column: "
-        f"{offers or '--time-column NAME'}; "
-        "for evenly sampled values without times give the sample time in seconds: --dt, in Python dt"
+        f'rename the column of times to "{USUAL_TIMES}", or write a unit of time, such as (s), after or below its name; '
+        f"or name this column with {offers or '--time-column NAME'}; "
+        "if the file holds no times, give the sample time in seconds: --dt, in Python dt"
     )
     near = table.near(USUAL_TIMES, lambda column: column in likely)
     return DataError(

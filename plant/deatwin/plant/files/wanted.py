@@ -77,7 +77,7 @@ def require_stated_unit(table: Table, column: int, wanted: str) -> None:
         return
     shown = split_unit(COLUMNS["displacement"])[1] if wanted == usual_unit("displacement") else wanted
     likes, name = units_like(wanted), table.names[column]
-    also = f" ({', '.join(likes)} would do)" if len(likes) > 1 else ""
+    also = f" (possible units: {', '.join(likes)})" if len(likes) > 1 else ""
     offers = ReadOptions(output_column=f"{table.unmistakable(column)}={shown}")
     raise DataError(
         f'{table.path}: the column "{table.shown(column)}" has no unit, but the model needs it in {wanted}: put the unit '
@@ -130,26 +130,29 @@ def _another_unit(table: Table, column: int, unit: str, wanted: str, taken: Coll
     better = header_like(name.removesuffix(unit).rstrip(" _") if name.endswith(unit) else name, wanted)
     if wanted == "1":
         return DataError(
-            f"{place}, but the model needs it without a unit: it is unclear whether these numbers are meant or those in "
-            f'SI; declare the unit in the plant, or, if these numbers are meant, name the column "{better}"'
+            f"{place}, but the plant declares no unit for it: it is unclear whether the plant needs the numbers in this "
+            f"column or the values in SI units; declare the unit in the plant, or, if the plant needs the numbers in this "
+            f'column, name the column "{better}"'
         )
     likes = units_like(wanted)
     fault = f"{place}, but the model needs it in {wanted}"
     if len(likes) == 1:
-        return DataError(f'{fault}; if these numbers are meant, name the column "{better}"')
+        return DataError(f'{fault}; if the numbers in this column are in {wanted}, name the column "{better}"')
     fitting = [k for k, own in enumerate(table.units) if own in likes and k not in taken]
     example = f', such as "{table.unmistakable(fitting[0])}"' if fitting else ""
     counted = [like for like in likes if unit in UNITS and _may_be(unit, like)]
     if counted:
         ways = " or ".join(f'"{table.unmistakable(column)}={like}"' for like in counted)
-        other = f"; or name a column in one of {', '.join(likes)}{example}" if fitting else ""
-        return DataError(f"{fault}; state what its numbers count: {ways}{other}")
+        other = f"; or name a column whose unit is one of {', '.join(likes)}{example}" if fitting else ""
+        return DataError(f"{fault}; state the unit that is meant: {ways}{other}")
     # Only names that differ in capitals are offered, because any other letter may change the size.
     hint = nearest(unit, (like for like in likes if like.lower() == unit.lower())) if unit not in UNITS else ""
     if hint:
-        return DataError(f'{fault}{hint} (one of {", ".join(likes)} must stand after its name, as in "{better}")')
+        return DataError(
+            f'{fault}{hint} (write one of {", ".join(likes)} after the name of the column, as in "{better}")'
+        )
     wrong = "" if unit in UNITS else f'; or state the unit that is meant: "{table.unmistakable(column)}=UNIT"'
-    return DataError(f"{fault}; name a column in one of {', '.join(likes)}{example}{wrong}")
+    return DataError(f"{fault}; name a column whose unit is one of {', '.join(likes)}{example}{wrong}")
 
 
 def header_like(name: str, wanted: str) -> str:

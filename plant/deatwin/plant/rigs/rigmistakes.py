@@ -171,7 +171,7 @@ def _of_supply(drive: object, called: str) -> Iterator[Mistake]:
     limits = {key.field for key in DRIVE.values()} & {field.name for field in fields(Supply)}
     for name in (name for name, key in DRIVE.items() if key.field in limits and name in drive):
         yield Mistake(
-            text="the recordings hold the film's own voltage, so the drive's limits do not apply; leave the key out",
+            text="the input of this rig is the voltage on the film, so limits of the drive do not apply; remove this key",
             at=(called, name),
             line_of=(called, name),
         )
@@ -216,7 +216,9 @@ def _inside(
         replaced = key.instead in values or key.instead[1:-1] in data
         if name in values and key.instead in values:
             yield Mistake(
-                text=f'"{key.instead}" already says this; keep one of them', at=(called, name), line_of=(called, name)
+                text=f'"{key.instead}" already states this; keep one of the two keys',
+                at=(called, name),
+                line_of=(called, name),
             )
         if name not in values and key.required and not replaced:
             other = f"; or give {_written(key.instead, keys)} instead" if key.instead else ""

@@ -12,12 +12,15 @@ _KEY = re.compile(r"\s*([A-Za-z0-9_-]+)\s*=\s*(.*?)\s*")
 _BARE = re.compile(r"\s*([A-Za-z0-9_-]+)\s+([^=\[\]#]+?)\s*(?:#.*)?")
 _SECTION = re.compile(r"\s*\[([A-Za-z0-9_-]+)\s*\]?" + _END)
 _SLIPS: tuple[tuple[re.Pattern[str], Callable[..., str]], ...] = (
-    (re.compile(rf"([+-]?\d+),(\d+){_END}"), lambda whole, part: f"a number has a decimal point: write {whole}.{part}"),
-    (re.compile(rf"([+-]?)(\.\d+){_END}"), lambda sign, part: f"a number begins with a digit: write {sign}0{part}"),
-    (re.compile(rf"([+-]?\d+)\.{_END}"), lambda whole: f"a number ends with a digit: write {whole}.0"),
+    (
+        re.compile(rf"([+-]?\d+),(\d+){_END}"),
+        lambda whole, part: f"write a number with a decimal point, not a comma: {whole}.{part}",
+    ),
+    (re.compile(rf"([+-]?)(\.\d+){_END}"), lambda sign, part: f"a number must begin with a digit: write {sign}0{part}"),
+    (re.compile(rf"([+-]?\d+)\.{_END}"), lambda whole: f"a number must end with a digit: write {whole}.0"),
     (
         re.compile(rf"({_NUMBER})\s*[A-Za-zµμ%°]+{_END}"),
-        lambda number: f"the key has the unit in its name: write {number}",
+        lambda number: f"leave the unit out, because the name of the key contains it: write {number}",
     ),
     (
         re.compile(rf"[{_CURLY}]+([^{_CURLY}\"']*)[{_CURLY}\"']*{_END}"),
@@ -25,7 +28,7 @@ _SLIPS: tuple[tuple[re.Pattern[str], Callable[..., str]], ...] = (
     ),
     (
         re.compile(r"(?!true\b|false\b|inf\b|nan\b)([^\W\d][^\"'#\[\]{}]*?)" + _END),
-        lambda word: f'a text stands in quotes: write "{word}"',
+        lambda word: f'a text must be in quotes: write "{word}"',
     ),
     (re.compile(_END), lambda: "there is no value"),
 )
@@ -38,7 +41,7 @@ def slip_of(text: str) -> str:
     for number, line in enumerate(text.split("\n"), start=1):
         if section := _SECTION.fullmatch(line):
             if "]" not in line.split("#")[0]:
-                return f"line {number}: a section stands in brackets: write [{clipped(section[1])}]"
+                return f"line {number}: a section must be in brackets: write [{clipped(section[1])}]"
             seen = {}
         elif entry := _KEY.fullmatch(line):
             key, value = entry.groups()
@@ -46,7 +49,7 @@ def slip_of(text: str) -> str:
                 if found := slip.fullmatch(value):
                     return f"line {number}, {clipped(key)}: {say(*map(clipped, found.groups()))}"
             if key in seen:
-                return f"line {number}, {clipped(key)}: the key stands in line {seen[key]} already: keep one of them"
+                return f"line {number}, {clipped(key)}: the key is already in line {seen[key]}: keep one of the two"
             seen[key] = number
         elif bare := _BARE.fullmatch(line):
             return f"line {number}: write {clipped(bare[1])} = {clipped(bare[2])}"

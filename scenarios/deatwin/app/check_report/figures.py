@@ -107,7 +107,7 @@ def draw_sine(view: View, sine: ClosedLoop) -> Drawing:
                 middle.axhline(sign * size, color=Hue.AFTER, linestyle="--", linewidth=0.9, label=label)
             caption += (
                 f" The identified model predicts an rms error of {view.check.sine_predicted / view.size:.3g} {unit}".rstrip()
-                + f"; in the last two thirds of the simulation with the plant model, it is {late_rms_error(sine) / view.size:.3g} {unit}".rstrip()
+                + f"; in the last two thirds of the simulation with the plant model, the rms error is {late_rms_error(sine) / view.size:.3g} {unit}".rstrip()
                 + "."
             )
         upper.set_ylabel(view.reading)

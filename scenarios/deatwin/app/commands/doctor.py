@@ -132,15 +132,15 @@ def _lines(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
     yield from found["versions"].items()
     slower = ", ".join(f"{what} {by} times" for what, by, _ in SLOWER)
     yield "compiler", found["compiler"] or "no compiler was found on the path: install gcc or clang"
-    yield "", f"{'without a compiler' if found['compiler'] else 'until then'}, programs are slower by about: {slower}"
+    yield "", f"without a compiler, programs are slower by about: {slower}"
     scripts = ", ".join(script for _, _, script in SLOWER)
-    yield "", f"(measured by {scripts} in tests/benchmarks; DEATWIN_COMPILER names another compiler)"
+    yield "", f"(measured by {scripts} in tests/benchmarks; to use another compiler, set DEATWIN_COMPILER)"
     for name, part in found["optional"].items():
         yield name, f"{part['version'] or 'absent: ' + part['install']} ({part['use']})"
     if found["cache"] is None:
         yield (
             "cache",
-            f"{found['cache_fault']}: without a cache folder nothing is compiled; DEATWIN_CACHE names another folder",
+            f"{found['cache_fault']}: without a cache folder nothing is compiled; set DEATWIN_CACHE to another folder",
         )
     else:
         yield "cache", f"{found['cache']}: {found['cache_files']} files, {found['cache_bytes'] / 1e6:.1f} MB"

@@ -74,9 +74,9 @@ def export(model: Source, to: To, out: OutFile, name: Name = None, as_json: Json
     start = None if given.plant is None else given.plant.rig.start
     if start is not None and start.ramp + start.hold > 0.0:
         voice.say(
-            f"the exported model starts at rest; deatwin simulate first ramps to the first command for {start.ramp:g} s "
-            f"and holds it for {start.hold:g} s, so start the exported model at {-(start.ramp + start.hold):g} s with these "
-            "commands to obtain the same readings"
+            f"the exported model starts at rest, but deatwin simulate first ramps to the first command in {start.ramp:g} s "
+            f"and holds this command for {start.hold:g} s; to obtain the same readings, start the exported model at "
+            f"{-(start.ramp + start.hold):g} s with the same ramp and hold"
         )
     voice.result({"out": str(out), "form": to.value, **said})
 
@@ -160,7 +160,7 @@ def _controller(source: str) -> _Given:
 
     def build(document: Mapping[str, Any]) -> Callable[..., SampledSource]:
         if document["controller"] is None:
-            raise ControlError("the check holds no controller: none could be designed")
+            raise ControlError("the check contains no controller, because none could be designed")
         units = {key: str(document["operating"][key]) for key in ("input_unit", "output_unit")}
         return partial(controller_source, controller_from_dict(document["controller"]), **units)
 
@@ -175,7 +175,7 @@ def _written(given: _Given, to: Form, out: Path, name: str) -> dict[str, Any]:
     from deatwin.plant.files import write_text_atomic
 
     if given.is_controller and to is not Form.C:
-        raise ModelError("a controller is exported as C source: give --to c")
+        raise ModelError("a controller can be exported only as C source: give --to c")
     if given.plant is not None and to is Form.FMU:
         export_model_exchange(given.plant, out, name=name)
         return {"name": name, "description": f"FMU 3.0 for model exchange, {described(given.plant)}"}

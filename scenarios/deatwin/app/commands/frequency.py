@@ -67,7 +67,7 @@ def frequency(
     """
     if amplitude is not None and order == 1:
         raise typer.BadParameter(
-            "it is the size of the test signal of the NOFRFs, which --order 1 does not compute: give --order 2 or more",
+            "this is the amplitude of the test signal of the NOFRFs, but --order 1 computes no NOFRFs: give --order 2 or more",
             param_hint="--amplitude",
         )
     from deatwin.app.frequency_report import write_responses

@@ -257,7 +257,7 @@ def _refuse_idle(context: typer.Context, method: Method) -> None:
         source = context.get_parameter_source(name)
         if source is not None and source.name == "COMMANDLINE":
             hint = f"--{name.replace('_', '-')}"
-            raise typer.BadParameter(f"{why}; leave it out with --method {method}", param_hint=hint)
+            raise typer.BadParameter(f"{why}; leave this option out with --method {method}", param_hint=hint)
 
 
 def _fit(identifier: NarxIdentifier, training: Sequence[Recording], records: Sequence[Recording], voice: Voice) -> None:
@@ -308,7 +308,7 @@ def _say(voice: Voice, model: NarxModel, errors: list[dict[str, Any]], labels: l
         voice.say(f"  ({shown.legend})")
     for label, error in zip(labels, errors, strict=True):
         free = (
-            f", of the free run {with_unit(error['free_run'], unit)} rms"
+            f", error of the free run {with_unit(error['free_run'], unit)} rms"
             if error["finished"]
             else "; the free run diverges"
         )

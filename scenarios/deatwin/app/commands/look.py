@@ -82,7 +82,7 @@ def look(
     if not files and rig is None:
         raise typer.BadParameter("give recordings, or --rig KIND for a rig file to fill in", param_hint="FILE")
     if rig is not None and out is None:
-        raise typer.BadParameter("the rig file needs a folder: give --out DIR", param_hint="--rig")
+        raise typer.BadParameter("give the folder for the rig file: --out DIR", param_hint="--rig")
     place = None if rig is None or out is None else out / "rig.toml"
     if place is not None and place.exists():
         raise typer.BadParameter(

@@ -47,7 +47,7 @@ def plan(
     """
     if commands is not None and seconds is not None:
         raise typer.BadParameter(
-            "it is the length of the input that plan suggests, but you gave an input: leave one of them out",
+            "this is the length of the input that plan would suggest, but you gave an input file: leave one of the two out",
             param_hint="--seconds",
         )
     from deatwin.app.planning import plan_into

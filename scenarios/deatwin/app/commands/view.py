@@ -22,7 +22,7 @@ NoBrowser = Annotated[bool, typer.Option("--no-browser", help="Print the address
 
 def _size(value: float) -> float:
     if not (0.0 < value <= MOST_MEGABYTES and math.isfinite(value)):
-        raise typer.BadParameter(f"{value:g} is not a size from above 0 to {MOST_MEGABYTES:g} MB")
+        raise typer.BadParameter(f"{value:g} is out of range; give a size above 0 and up to {MOST_MEGABYTES:g} MB")
     return value
 
 

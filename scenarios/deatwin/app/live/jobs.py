@@ -234,7 +234,7 @@ class Board:
                 f'{order.out}: not a valid name for a folder here; use for example "{safe_name(order.out)}"'
             )
         if len(self.running) >= MOST_RUNNING:
-            raise DataError(f"{MOST_RUNNING} jobs are running; wait for one, or cancel it")
+            raise DataError(f"{MOST_RUNNING} jobs are running; wait until one ends, or cancel one")
         self._make(order.out)
         job = Job(self.root, order, self.program)
         self.jobs.insert(0, job)

@@ -79,8 +79,12 @@ def _listening(port: int) -> socket.socket:
         return socket.create_server((LOOPBACK, port))
     except OSError as error:
         if error.errno == errno.EADDRINUSE:
-            raise DataError(f"port {port}: taken by another program; give another, or 0 for any that is free") from None
-        raise DataError(f"port {port}: cannot be opened: {error.strerror}; give 0 for any that is free") from None
+            raise DataError(
+                f"port {port}: another program uses this port; give another port, or 0 for any free port"
+            ) from None
+        raise DataError(
+            f"port {port}: this port cannot be opened: {error.strerror}; give 0 for any free port"
+        ) from None
 
 
 def _stop_cleanly(server: Any) -> None:

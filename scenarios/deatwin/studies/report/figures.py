@@ -125,7 +125,7 @@ def _residual(view: _View, further: str = "") -> Drawing:
         svg = inline(figure, name, title)
     caption = f"Measured minus simulated {which}. Grey marks held-out data, to which nothing was fitted."
     if any("mismatch" in text for text in handles[1]):
-        caption += " Ochre marks the times of the mismatch. The numbers are shares of the mismatch."
+        caption += " Ochre marks the times of the mismatch, and the numbers are their shares of the mismatch."
     data = f"figures/time_{further}.csv" if further else "figures/time.csv"
     return Drawing(name=name, title=title, caption=caption, svg=svg, data=data)
 

@@ -44,7 +44,7 @@ def _drawable(findings: Findings) -> dict[str, Drawable]:
     found["checked"] = (
         (WIDTH, 3.2),
         "The readings",
-        "The readings as recorded. Marks show samples that are stuck, outlying, clipped, noisier than elsewhere, or jump.",
+        "The readings as recorded. Marks show jumps, and samples that are stuck, outlying, clipped or noisier than elsewhere.",
         lambda figure: findings.checked.plot(figure.add_subplot()),
     )
     found["detection"] = (
@@ -73,7 +73,7 @@ def _drawable(findings: Findings) -> dict[str, Drawable]:
             found["lines"] = (
                 (WIDTH, 3.4),
                 "Frequencies of the periodic input",
-                "Spectrum of the mismatch, on the frequencies that the periodic input contains and between them.",
+                "Spectrum of the mismatch, at the frequencies that the periodic input contains and between them.",
                 lambda figure: lines.plot(figure.add_subplot(), unit=location.unit),
             )
     if (discovery := findings.discovery) is not None:

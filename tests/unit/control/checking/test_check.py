@@ -71,7 +71,7 @@ def test_bad_input_is_one_clear_error(model, plant):
     other_rate = replace(model, sample_time=0.01)
     with pytest.raises(ModelError, match=r"every 0\.01 s, the rig every 0\.02 s"):
         checked(other_rate, plant)
-    with pytest.raises(ModelError, match="outside of the training data"):
+    with pytest.raises(ModelError, match="outside the range of the training data"):
         checked(model, plant, operating_input=5.0)
     with pytest.raises(ModelError, match="deviations"):
         checked(remove_dc(model), plant)

@@ -54,6 +54,6 @@ def test_steps_that_leave_the_training_data_are_told_so_at_either_end_and_judged
     assert (found.verdict, found.value) == (inside.verdict, inside.value) == (Verdict.MARGINAL, 0.8)
     low, high = (f"{1e6 * value:.3g}" for value in (output.min(), output.max()))
     least, most = (f"{1e6 * value:.0f}" for value in trained)
-    told = f"(output {low} to {high} µm, beyond the training data, {least} to {most} µm), 80.0 %"
+    told = f"(output {low} to {high} µm, beyond the range of the training data, {least} to {most} µm), 80.0 %"
     assert told in found.text
     assert told not in inside.text

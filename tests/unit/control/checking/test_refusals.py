@@ -30,7 +30,7 @@ REVERSED = {"gain": (1.5, 2.0), "stable_share": (0.9, 0.975), "overshoot": (0.5,
 @pytest.mark.parametrize("name", REVERSED)
 def test_limits_the_wrong_way_round_are_refused(name):
     good, poor = REVERSED[name]
-    with pytest.raises(ControlError, match=rf"of {name} (more|less) is better.* good = {good:g} and poor = {poor:g}"):
+    with pytest.raises(ControlError, match=rf"{name}: (more|less) is better.* good = {good:g} and poor = {poor:g}"):
         Specification(**{name: Limit(good=good, poor=poor)})
     kept = Specification(**{name: Limit(good=poor, poor=good)})
     assert getattr(kept, name).good == poor
@@ -114,8 +114,8 @@ def test_a_controller_of_another_sample_time_is_refused_at_once(checked, exact, 
 def test_what_is_no_controller_is_refused_with_what_would_be(checked, exact, rig):
     model = from_control(control.tf([1.0], [1.0, -0.5], H))
     for given, says in (
-        (model, r"LinearModel \(a model, from which a controller can be designed\): give a Controller"),
-        ("PI", "= str: give"),
+        (model, r"LinearModel \(a model, from which a controller can be designed\); it must be a Controller"),
+        ("PI", "controller is a str; it must be"),
     ):
         with pytest.raises(ControlError, match=says):
             checked(exact(), rig, controller=given)
@@ -154,9 +154,9 @@ def test_runs_without_an_end_are_refused_with_the_longest_closed_loop_time(check
 
 def test_a_controller_outside_of_the_training_data_is_refused(checked, exact, rig, fast):
     far = replace(fast, operating_input=1.2, command_max=2.0)
-    with pytest.raises(ModelError, match="outside of the training data"):
+    with pytest.raises(ModelError, match="outside the range of the training data"):
         checked(exact(), rig, controller=far)
-    with pytest.raises(ModelError, match="outside of the training data"):
+    with pytest.raises(ModelError, match="outside the range of the training data"):
         checked(exact(), rig, controller=fast, operating_inputs=[0.0, 1.5])
 
 

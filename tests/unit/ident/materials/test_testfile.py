@@ -95,9 +95,12 @@ def test_two_tests_of_one_file_have_names_of_their_own(tmp_path: Path) -> None:
         ),
         (
             '[[tests]]\nkind = "tension"\nfile = "b.csv"\nstrain = "#1"\nstretch = "#1"\nstress = "s"\n',
-            "stretch and strain say the same",
+            "stretch and strain state the same quantity",
         ),
-        ('[[tests]]\nkind = "tension"\nfile = "b.csv"\nheld_stretch = 2\nstress = "s"\n', 'needs the column "time"'),
+        (
+            '[[tests]]\nkind = "tension"\nfile = "b.csv"\nheld_stretch = 2\nstress = "s"\n',
+            'the column "time" is needed too',
+        ),
         (
             '[[tests]]\nkind = "tension"\nfile = "b.csv"\nstrain = "#1"\nstress = "s"\n',
             'gives no unit.*stress = "s=MPa"',

@@ -358,7 +358,7 @@ def test_each_verdict_says_only_what_it_may():
         said = diagnosis.sentence
         assert ("to the model lowers the error on held-out data from " in said) is bool(diagnosis.causes)
         low = diagnosis.fit.unseen.gain_low
-        assert ("a fall that could be chance" in said) is (low is not None and low <= 0.0)
+        assert ("but this reduction could be due to chance" in said) is (low is not None and low <= 0.0)
         assert said.startswith("The model lacks ") is (diagnosis.verdict in (Verdict.NAMED, Verdict.PARTLY))
         assert ("perhaps" in said) is (diagnosis.verdict is Verdict.AMBIGUOUS)
         assert ("After a fit to all recordings" in said) is bool(diagnosis.detection.taken_up)
@@ -601,7 +601,9 @@ def test_an_experiment_with_another_load_stands_alone() -> None:
     advised = replace(DIAGNOSES["ambiguous"], advice=ADVICE)
     assert next_step(advised) == "record the input in next_input.csv, and diagnose all recordings together"
     heavier = next_step(DIAGNOSES["ambiguous, heavier"])
-    assert heavier.startswith("add 4.50 g to the load and to the rig file, record the input in next_input.csv")
+    assert heavier.startswith(
+        "add 4.50 g to the load, state the new mass in the rig file, record the input in next_input.csv"
+    )
     assert heavier.endswith(", and diagnose this recording alone")
 
 

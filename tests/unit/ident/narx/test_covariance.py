@@ -61,7 +61,8 @@ def test_an_eigenvalue_below_zero_is_refused_in_any_units(seed, n, decades):
     wrong = q * np.r_[-(10.0**decades), np.ones(n - 1)] @ q.T
     units = 10.0 ** rng.uniform(-6, 6, n)  # by the law of inertia they leave the sign of the eigenvalue
     with pytest.raises(
-        ModelError, match=r"theta_cov is not a covariance: .* (must not be negative|have the negative eigenvalue .*)"
+        ModelError,
+        match=r"theta_cov is not a covariance matrix.* (must not be negative|has the negative eigenvalue .*)",
     ):
         model_of((wrong + wrong.T) * np.outer(units, units))
 
@@ -74,7 +75,7 @@ def test_a_pair_that_disagrees_is_named(seed, n, decades):
     wrong = np.diag(sizes**2)
     i, j = rng.permutation(n)[:2]
     wrong[i, j] = 10.0**decades * sizes[i] * sizes[j]
-    with pytest.raises(ModelError, match="it must be symmetric") as caught:
+    with pytest.raises(ModelError, match="because it is not symmetric") as caught:
         model_of(wrong)
     assert f"u(k-{i})".replace("-0", "") in str(caught.value)
     assert f"u(k-{j})".replace("-0", "") in str(caught.value)
@@ -83,11 +84,11 @@ def test_a_pair_that_disagrees_is_named(seed, n, decades):
 @pytest.mark.parametrize(
     ("wrong", "says"),
     [
-        ([[1.0, 0.2], [0.1, 1.0]], "holds 0.2 for y(k-1) and u(k-1), and 0.1 for u(k-1) and y(k-1)"),
+        ([[1.0, 0.2], [0.1, 1.0]], "holds 0.2 for y(k-1) and u(k-1), but 0.1 for u(k-1) and y(k-1)"),
         ([[1.0, 0.0], [0.0, -1e-30]], "the variance of u(k-1) is -1e-30"),
         ([[0.0, 1e-9], [1e-9, 1.0]], "holds 1e-09 for y(k-1) and u(k-1), one of which has the variance 0"),
-        ([[1.0, 1.5], [1.5, 1.0]], "its correlations have the negative eigenvalue -0.5 "),
-        ([[1e-12, 2e-6], [2e-6, 1.0]], "its correlations have the negative eigenvalue -1 "),
+        ([[1.0, 1.5], [1.5, 1.0]], "its matrix of correlations has the negative eigenvalue -0.5 "),
+        ([[1e-12, 2e-6], [2e-6, 1.0]], "its matrix of correlations has the negative eigenvalue -1 "),
     ],
 )
 def test_the_offender_is_named(wrong, says):

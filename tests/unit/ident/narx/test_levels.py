@@ -133,7 +133,7 @@ def test_of_equal_candidates_the_first_is_chosen_whatever_rounding_says():
 
 def test_the_findings_name_inputs_of_few_levels():
     (found,) = [f for f in inspect_recordings(steps((0.0, 1.0))) if f.kind is FindingKind.FEW_LEVELS]
-    assert found.count == 2 and found.size == 1.0 and "2 levels and shows no curvature" in found.text
+    assert found.count == 2 and found.size == 1.0 and "takes only 2 levels, which show no curvature" in found.text
     together = inspect_recordings([steps((0.0, 1.0)), steps((0.5, 2.0)), steps((3.0, 4.0))])
     assert FindingKind.FEW_LEVELS not in {f.kind for f in together}  # six levels in all
     three = steps((0.0, 1.0, 3.0))

@@ -122,7 +122,7 @@ def test_what_is_a_date() -> None:
 
 def test_times_that_are_printed_too_coarsely(tmp_path: Path) -> None:
     path = written(tmp_path, stamps("%d.%m.%Y %H:%M:%S"))  # four rows a second
-    with pytest.raises(DataError, match=r"30 such rows in all\); they are printed too coarsely; .* --dt 0.25"):
+    with pytest.raises(DataError, match=r"30 such rows in all\); the times are printed too coarsely; .* --dt 0.25"):
         read_recording(path)
     assert read_recording(path, dt=STEP).sample_time == STEP
     with pytest.raises(DataError, match="do not increase"):
@@ -136,7 +136,7 @@ def test_a_column_that_counts_the_rows_is_no_clock_beside_a_sample_time(tmp_path
     assert "counts the rows" in found.provenance["clock"]
     with pytest.raises(DataError, match='said to be in "samples", which is not a known unit of time'):
         read_recording(path, dt=STEP, time_column="#1")
-    with pytest.raises(DataError, match="keep the stated sample time"):
+    with pytest.raises(DataError, match="the stated sample time is"):
         read_recording(path, dt=STEP, time_column="#1=s")
 
 

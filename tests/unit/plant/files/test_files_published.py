@@ -82,12 +82,12 @@ class TestNoHeader:
     @pytest.mark.parametrize("header", ["time,1,2", "0.1;u;y"])
     def test_a_header_that_holds_numbers_is_no_sample(self, write, header: str) -> None:
         lines = rows(seconds, "," if "," in header else ";")
-        with pytest.raises(DataError, match=r"no header; .*no name is a number"):
+        with pytest.raises(DataError, match=r"no header; .*a name must not be a number"):
             read_recording(write(header, *lines), time_column="#1", **BY_PLACE)
 
     def test_commas_that_part_digits_too(self, write) -> None:
         lines = [line.replace(".", ",") for line in rows(seconds)]
-        with pytest.raises(DataError, match=r"a comma is not delimiter and decimal sign at once"):
+        with pytest.raises(DataError, match=r"a comma cannot be both delimiter and decimal sign"):
             read_recording(write(*lines), time_column="#1", **BY_PLACE)
 
 

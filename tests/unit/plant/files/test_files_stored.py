@@ -43,12 +43,21 @@ def test_what_is_packed_otherwise_has_to_be_unpacked(tmp_path: Path, name: str) 
 @pytest.mark.parametrize(
     ("rows", "said"),
     [
-        (['0.02,1,"1,234.5"'], r'row 3, column "displacement_mm": "1,234.5" has a mark .*; write it as 1234.5'),
-        (['0.02,1,"1,234,567"'], r'row 3, column "displacement_mm": "1,234,567" has a mark between thousands'),
-        (['0.02,1,"1.234,5"'], r'row 3, column "displacement_mm": "1.234,5" has a mark .*; write it as 1234,5'),
-        (['0.02,1,"1,5"'], r'row 3, column "displacement_mm": "1,5" has a comma, where row 2, column "time_s": "0.00"'),
-        (["0.02,1,1'234.5"], 'row 3, column "displacement_mm": "1\'234.5" has a mark .*; write it as 1234.5'),
-        (["0.02,1,1\u202f234.5"], 'row 3, column "displacement_mm": .* has a mark .*; write it as 1234.5'),
+        (
+            ['0.02,1,"1,234.5"'],
+            r'row 3, column "displacement_mm": "1,234.5" has a thousands separator; write it as 1234.5',
+        ),
+        (['0.02,1,"1,234,567"'], r'row 3, column "displacement_mm": "1,234,567" has a thousands separator'),
+        (
+            ['0.02,1,"1.234,5"'],
+            r'row 3, column "displacement_mm": "1.234,5" has a thousands separator; write it as 1234,5',
+        ),
+        (['0.02,1,"1,5"'], r'row 3, column "displacement_mm": "1,5" has a comma, but row 2, column "time_s": "0.00"'),
+        (
+            ["0.02,1,1'234.5"],
+            'row 3, column "displacement_mm": "1\'234.5" has a thousands separator; write it as 1234.5',
+        ),
+        (["0.02,1,1\u202f234.5"], 'row 3, column "displacement_mm": .* has a thousands separator; write it as 1234.5'),
         (["0.02,1,1,234.5"], "row 3: the row has 4 cells, but the header has 3; is 1,234.5 one number"),
     ],
 )

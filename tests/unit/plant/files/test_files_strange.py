@@ -91,7 +91,10 @@ REFUSED = {
         with_times([f"2026-10-25 0{3 - (t > 0.3)}:00:00.{1000 * t:03.0f}" for t in T]),
         "row 18: times do not increase.*; exactly an hour: where summer time .* offset from UTC; else there the clock",
     ),
-    "an overflow": ([*ROWS[:9], "0.18,0.1,-9.9E37", *ROWS[10:]], 'row 11, .*_mm": -9.9E37 stands for an overflow'),
+    "an overflow": (
+        [*ROWS[:9], "0.18,0.1,-9.9E37", *ROWS[10:]],
+        'row 11, .*_mm": -9.9E37 marks an overflow or a missing value',
+    ),
     "an error of Excel": (
         [*ROWS[:9], "0.18,0.1,#DIV/0!", *ROWS[10:]],
         "row 11, .*: there is no value; .* --allow-gaps",

@@ -119,7 +119,7 @@ class TestRefused:
         [
             (
                 dressed(",", ","),
-                r"row 2: the row has 6 cells separated by comma, but the header in row 1 has 3; a comma is not",
+                r"row 2: the row has 6 cells separated by comma, but the header in row 1 has 3; a comma cannot",
             ),
             (
                 ["command_V", "1,234", "2,345"],
@@ -164,7 +164,9 @@ class TestDescription:
 
 
 def test_format_that_cannot_be_written(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match=r'files ".xls" cannot be written; known are .csv, .mat, .tdms, .nc'):
+    with pytest.raises(
+        DataError, match=r"files with the extension .xls cannot be written; known are .csv, .mat, .tdms, .nc"
+    ):
         write_recording(tmp_path / "rec.xls", Recording.from_arrays([1.0], [1.0], 1.0))
 
 

@@ -69,7 +69,7 @@ def test_rows_that_stand_twice_are_no_rounding():
 
 def test_times_that_each_stand_as_often_may_belong_to_several_channels():
     times = np.repeat(np.arange(30.0), 4)
-    with pytest.raises(DataError, match=r"state their sample time: --dt 0.25") as error:
+    with pytest.raises(DataError, match=r"state the sample time: --dt 0.25") as error:
         read(times)
     step = float(re.search(r"--dt (\S+)", str(error.value))[1])
     assert read(times, stated=step)[0] == step

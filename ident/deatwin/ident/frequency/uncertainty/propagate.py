@@ -64,9 +64,9 @@ class UncertaintyStatus(Enum):
         "more data"
     )
     LOST = (
-        "the parameters are so uncertain that for some of them the operating point has no equilibrium, or one of other "
-        "stability: no covariance describes the response; sample the posterior, identify on more data or leave out "
-        "terms"
+        "the parameters are so uncertain that for some of their likely values the model has no equilibrium at the operating "
+        "point, or its stability differs: no covariance describes the response; sample the posterior, identify on more "
+        "data or leave out terms"
     )
     CERTAIN = (
         "the model has no covariance of its parameters, so no uncertainty can be propagated: identify a model with one"

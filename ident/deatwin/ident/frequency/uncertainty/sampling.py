@@ -46,7 +46,7 @@ class SampleStatus(Enum):
 
     OK = "all draws have the operating point, with the model's stability"
     LOST = (
-        "some draws have no equilibrium, or one of other stability than that of the model, and are left out: the result is valid only if the true "
+        "some draws are left out, because they have no equilibrium or their stability differs from that of the model: the result is valid only if the true "
         "operating point is like that of the model; identify on more data or leave out terms"
     )
 

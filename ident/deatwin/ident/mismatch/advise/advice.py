@@ -137,7 +137,11 @@ class Advice(Described):
             return f"No input within the rig's limits can distinguish {which}; measure {self.measure}.{self._odds}"
         load = "" if self.added_mass is None else f" with {1e3 * self.added_mass:.3g} g added to the load"
         before, after = _percent(self.confusion_before), _percent(self.confusion_after)
-        rest = "" if not self.undecided else f"; if {_listed(self.undecided)} remain, measure {self.measure}"
+        rest = (
+            ""
+            if not self.undecided
+            else f"; if {_listed(self.undecided)} still remain possible, measure {self.measure}"
+        )
         return (
             f"Record a further experiment of {self.seconds:.4g} s{load} ({self.waveform}, {INPUT_FILE}). The probability of "
             f"choosing the wrong one of {which} then falls from {before} to {after}{rest}.{self._odds}"

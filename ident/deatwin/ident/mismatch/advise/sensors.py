@@ -31,7 +31,7 @@ from deatwin.plant.recording import Experiment
 SHARE = 1e-3
 """Noise of a reading without stated noise, as a share of its largest value: ten effective bits. It is also the basic
 accuracy of a fast LCR meter (Keysight E4980A, data sheet 5989-4435EN: 0.10 %)."""
-NOT_RECORDED = "as stated in the rig file; not recorded"
+NOT_RECORDED = "as stated in the rig file; this reading was not recorded"
 TYPICAL = "typical: a thousandth of the largest value"
 PLATINUM = "typical: platinum thermometer of class AA, IEC 60751"
 KELVIN = 0.1

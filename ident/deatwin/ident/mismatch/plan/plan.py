@@ -96,7 +96,7 @@ def plan_experiment(
     if commands is not None:
         if seconds is not None:
             raise DataError(
-                "a length in seconds is only for an input that plan suggests: give either an input or a length"
+                "the length in seconds applies only to an input that plan suggests: give either an input or a length"
             )
         doing = "trying the effects on this input"
         tell(0.0, doing)
@@ -336,7 +336,7 @@ def _inputs(plant: Plant, seconds: float, seed: int) -> dict[str, Recording]:
     least, most = FEWEST * rig.sample_time, MOST * rig.sample_time
     if not least <= seconds <= most:
         raise DataError(
-            f"an input of {seconds:g} s was requested: give {least:g} to {most:g} s, which are {FEWEST} to {MOST} samples"
+            f"an input of {seconds:g} s was requested, but its length must be {least:g} to {most:g} s ({FEWEST} to {MOST} samples)"
         )
     limits = safe_limits([plant], limits_of(plant, ()))
     if limits is None:

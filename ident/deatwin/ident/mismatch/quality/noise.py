@@ -56,7 +56,7 @@ class NoiseSource(Enum):
     SHEET = "the data sheet"
     REPEATS = "differences between repeats of the same command"
     RESTS = "the readings while the command rests"
-    TOP_OF_SPECTRUM = "the top of the residual's spectrum"
+    TOP_OF_SPECTRUM = "the highest frequencies of the residual"
 
 
 @dataclass(frozen=True, kw_only=True)

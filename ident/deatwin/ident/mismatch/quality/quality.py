@@ -296,7 +296,9 @@ def check_quality(plant: Plant, experiments: Experiment | Recording | Sequence[E
         If there is no plant, or there are too few samples for its parameters.
     """
     if not isinstance(plant, Plant):
-        raise ModelError(f"a diagnosis needs a Plant, not a {type(plant).__name__}: Plant(rig=...) makes one of a rig")
+        raise ModelError(
+            f"a diagnosis needs a Plant, not a {type(plant).__name__}: make one of a rig with Plant(rig=...)"
+        )
     given = tuple(experiment_for(plant.rig, one) for one in _listed(experiments))
     records = [record for experiment in given for record in experiment.recordings]
     for record in records:
@@ -340,7 +342,7 @@ def _listed(
         if not isinstance(one, Experiment | Recording):
             raise DataError(
                 f"experiment {place + 1} is a {type(one).__name__}, neither an Experiment nor a Recording: "
-                "Recording.from_arrays makes one of arrays"
+                "make a Recording of arrays with Recording.from_arrays"
             )
     return given
 
@@ -426,7 +428,7 @@ def _coarse(name: str, record: Recording) -> list[str]:
     if step**2 / 12.0 <= COARSE * noise**2:
         return []
     unit, size = written_amplitude(record.output_units[0])
-    return [f"{name}: the readings come in steps of {step / size:.3g} {unit}".rstrip()]
+    return [f"{name}: the readings are quantised in steps of {step / size:.3g} {unit}".rstrip()]
 
 
 def _called(record: Recording, number: int) -> str:

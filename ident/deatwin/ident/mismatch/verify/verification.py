@@ -128,8 +128,8 @@ class Verification(Described):
             if t.worse
         ]
         found += [
-            f"the strength of {c.effect} is not constant: if allowed to vary, it changes by {100 * c.change:.0f} % over "
-            + ("the recordings, which would explain most of the remaining error" if c.mends else "the fitted data")
+            f"the strength of {c.effect} is not constant: in a fit that lets it vary, it changes by {100 * c.change:.0f} % over "
+            + ("the recordings, and this change explains most of the remaining error" if c.mends else "the fitted data")
             for c in self.constancies
             if c.change is not None and not c.holds
         ]

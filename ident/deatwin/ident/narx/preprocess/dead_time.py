@@ -46,8 +46,8 @@ class DeadTimeStatus(Enum):
     )
     LOOP = (
         "the past of the output predicts this input, so a closed loop is suspected; but the input may also be a noisy "
-        "reading, or share an unrecorded cause with the output, which recordings cannot distinguish. Dead times are "
-        "searched from one sample on, and may be those of the common cause"
+        "reading, or share an unrecorded cause with the output; recordings cannot distinguish these cases. Dead times are "
+        "searched only from one sample on, and a dead time that is found may be that of the common cause"
     )
     ALIKE = (
         "very different dead times fit equally well, because the input repeats itself, so none is stated: record with "

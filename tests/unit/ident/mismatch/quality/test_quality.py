@@ -256,7 +256,7 @@ def test_limits_jumps_steps_and_gaps_are_reported_but_no_faults(sound):
     coarse = np.round(first.outputs[0] / 8e-6) * 8e-6
     checked = check_quality(PLANT, [with_outputs(sound, coarse)])
     assert checked.soundness is Soundness.SOUND
-    assert "record 1: the readings come in steps of 8 µm" in checked.notes
+    assert "record 1: the readings are quantised in steps of 8 µm" in checked.notes
     jumped = first.outputs[0] - 3e-4 * (np.arange(2000) >= 1200)
     jumps = [note for note in check_quality(PLANT, [with_outputs(sound, jumped)]).notes if "jumps" in note]
     assert jumps == ["record 1: the reading jumps in one sample at 24.00 s"]
