@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -57,7 +58,7 @@ class Reading:
             raise RigError(f"a reading has the name {clipped(repr(self.name))}; it must be the name of a signal")
         for name, least in (("noise", 0.0), ("model_error", -1.0), ("series_resistance", 0.0)):
             value = getattr(self, name)
-            number = isinstance(value, int | float) and not isinstance(value, bool)
+            number = isinstance(value, Real) and not isinstance(value, bool)
             if not (number and least < value < np.inf) or (name == "model_error" and value < 0.0):
                 need = "a number of at least 0" if name == "model_error" else "a number above 0"
                 raise RigError(f'{name} of the reading "{self.name}" is {clipped(repr(value))}; it must be {need}')

@@ -166,7 +166,10 @@ RECORDS: list[tuple[Callable[[], object], str]] = [
         "output names differ: displacement and force",
     ),
     (lambda: Experiment(recordings=()), "at least one recording"),
-    (lambda: Experiment(recordings=np.ones(3)), "a float64 is not a recording: Recording.from_arrays"),
+    (
+        lambda: Experiment(recordings=np.ones(3)),
+        "a float64 is not a recording: make one of arrays with Recording.from_arrays",
+    ),
     (lambda: PLANT.simulate(np.ones(3)), "a ndarray is not a recording|a float64 is not a recording"),
     (
         lambda: PLANT.simulate(ramp(input_names="command", input_units="kV")),
@@ -198,7 +201,10 @@ PARAMETERS: list[tuple[Callable[[], object], str]] = [
     (lambda: Plant(rig=Planar(sample_time=0.0)), "sample_time is 0.0; it must be a number above 0"),
     (lambda: Plant(rig=Planar(noise=-1.0)), "noise .* is -1.0; it must be a number above 0"),
     (lambda: Plant(rig=Planar(reading="start of hold")), "reading is 'start of hold'; it must be one of"),
-    (lambda: Plant(rig=Planar(command_range=(5.0, 1.0))), "command_range is 5 to 1; the lower end comes first"),
+    (
+        lambda: Plant(rig=Planar(command_range=(5.0, 1.0))),
+        r"command_range is \(5.0, 1.0\); it must be the lower end and then the upper one",
+    ),
     (lambda: Plant(rig=Disc(start_hold=-1.0)), "hold of the start is -1.0; it must be a number of at least 0"),
     (lambda: Plant(rig=Disc(start_ramp=np.inf)), "ramp of the start is inf"),
     *(

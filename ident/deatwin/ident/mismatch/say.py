@@ -461,7 +461,7 @@ def _physics(cause: Cause, diagnosis: Diagnosis) -> str:
 def _at_body(text: str, diagnosis: Diagnosis) -> str:
     """Return a text in which the moving part is called as it is called on this rig."""
     model = diagnosis.model or diagnosis.base_model
-    return text if model is None else re.sub(r"\bball\b", model.plant.rig.body, text)
+    return text if model is None else re.sub(r"\bball\b", lambda _: model.plant.rig.body, text)
 
 
 def _effect(cause: Cause, diagnosis: Diagnosis) -> Effect:

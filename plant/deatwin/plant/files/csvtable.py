@@ -255,10 +255,10 @@ def table_of(numbered: Iterable[tuple[int, str]], name: str, sha256: str) -> Csv
         raise DataError(f"{name}: the file is empty; it must hold a header, with the names of its columns, and samples")
     rows, lines = [row for row, _ in filled], [line for _, line in filled]
     layout = find_layout(lines, rows, name)
-    require_no_settings(layout, lines, rows, name)
     if layout.head:
         headers, units, said = names_and_units(list(layout.head), name)
         names = [split_unit(header)[0] for header in headers]
+        require_no_settings(layout, lines, rows, name, sure=bool(units[0] or LIKE_TIMES.search(headers[0])))
     else:
         places = range(1, 1 + len(split_cells(lines[layout.first], layout.delimiter)))
         headers, names = [f"#{k}" for k in places], [f"column_{k}" for k in places]

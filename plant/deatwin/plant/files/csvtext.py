@@ -21,6 +21,11 @@ BLANKS = " "  # Delimiter that stands for any run of blanks and tabs
 _HEAD = 1000  # Largest number of lines before the samples
 _HEADERS = 4  # Largest number of lines with names, units and remarks
 _LIKE_SAMPLES = 3  # Number of lines after the header that must hold numbers, if the file has as many
+_SETTINGS = re.compile(
+    "(?i)scal|offset|gain|factor|zero|range|sensitiv|slope|coupl|calib|resol|bits|min|max|type|rate|sequence|skal|faktor"
+    "|null|bereich|empfind"
+)
+"""Beginnings of words before the settings of channels."""
 _UNITS_LABEL = re.compile(r"(?i)(units?|einheit(en)?|unités?)\s*:?")  # Word before the units in their line
 NO_VALUE = frozenset(
     {
@@ -109,8 +114,14 @@ def find_layout(lines: list[str], rows: list[int], path: str) -> Layout:
     raise _no_layout(lines, rows, marks[0], path)
 
 
-def require_no_settings(layout: Layout, lines: list[str], rows: list[int], path: str) -> None:
-    """Refuse lines with a word and a number for each channel, such as scales, between the names and the samples."""
+def require_no_settings(layout: Layout, lines: list[str], rows: list[int], path: str, *, sure: bool) -> None:
+    """Refuse lines with a word and a number for each channel, such as scales, between the names and the samples.
+
+    `sure` says that the first column cannot hold words, as that of the times; in any other one only the words of
+    settings count.
+    """
+    if not (sure or _SETTINGS.match(lines[layout.first].lstrip('" '))):
+        return
     near = slice(layout.first, layout.first + _HEAD)
     words = [_is_labelled(split_cells(line, layout.delimiter)) for line in lines[near] if not is_comment(line)]
     if words[0] and not any(words[words.index(False) :] if False in words else words):
@@ -175,13 +186,13 @@ def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[s
     """Return headers and units from the header lines, and the line of units."""
     # A line with the channels' rates, ranges or the like may follow the names and units.
     head = head[:-1] if len(head) > 1 and len(head[-2]) >= len(head[-1]) and _are_quantities(head[-1]) else head
-    head = [["" if _UNITS_LABEL.fullmatch(cell) else cell for cell in cells] for cells in _without_remarks(head)]
+    head = _without_remarks(head)
     only_units = len(head) > 1 and len(head[-2]) >= len(head[-1]) and _are_units(head[-1])
     headers = _header(head[:-1] if only_units else head)
     names, units = (list(part) for part in zip(*map(split_unit, headers), strict=True))
     said = ["" for _ in headers]
     if only_units:
-        for k, cell in enumerate(head[-1]):
+        for k, cell in enumerate("" if _UNITS_LABEL.fullmatch(cell) else cell for cell in head[-1]):
             said[k] = cell
             if units[k] and cell and units[k] not in (find_unit(cell), for_name(names[k], find_unit(cell))):
                 raise DataError(
@@ -201,7 +212,9 @@ def _without_remarks(head: list[list[str]]) -> list[list[str]]:
         return head
     for k in range(len(head) - 2, 0, -1):
         names = head[k - 1]
-        if _are_units(head[k]) and all(head[k]) and len(names) == len(set(names)) == len(head[k]) >= len(last):
+        numbered = all(cell[-1:].isdigit() for cell in names)  # channels, whose names come below
+        distinct = len(names) == len(set(names)) == len(head[k]) >= len(last)
+        if _are_units(head[k]) and all(head[k]) and distinct and not numbered:
             return head[: k + 1]
     return head
 

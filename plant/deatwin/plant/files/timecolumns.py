@@ -44,8 +44,8 @@ def time_column(
     usual = [column for column in likely if table.headers[column] == USUAL_TIMES]
     named = [column for column in likely if _plain(table.names[column]) in TIME_NAMES]
     stamped = [column for column in likely if _plain(table.names[column]) in _STAMP_NAMES]
-    inner = [column for column in likely if _plain(_field(table.names[column])) in (*TIME_NAMES, *_STAMP_NAMES)]
-    inner = [column for column in inner if holds_times(table, column)]
+    fields = [column for column in likely if _plain(_field(table.names[column])) in (*TIME_NAMES, *_STAMP_NAMES)]
+    inner = [column for column in fields if needed and holds_times(table, column)]
     first = [0] if needed and table.nameless and 0 in free and _uneven(table, 0) == NO_OPTIONS else []
     found = usual or named or stamped or timed or inner or first
     groups = {_group(table.names[column]) for column in taken}
@@ -173,7 +173,7 @@ def with_times(table: Table, column: int, unit: str) -> Table:
 def require_unit(table: Table, column: int, times: Floats) -> None:
     """Refuse times in an unknown unit, or in none if they may be dates of a spreadsheet or of MATLAB: as many days as
     since 1900 or since the year 0, in steps that would be very short as seconds. A time of day is a part of a day, long
-    after midnight, and its step is a round number of seconds only if counted in days.
+    after midnight; neither step nor rate is a round number unless the times are counted in days.
     """
     place = f'{table.path}: the times in the column "{table.shown(column)}"'
     options = {unit: ReadOptions(time_column=f"{table.unmistakable(column)}={unit}") for unit in TIME_UNITS}
@@ -188,7 +188,7 @@ def require_unit(table: Table, column: int, times: Floats) -> None:
     dated = any(a <= times[0] < b for a, b in _CALENDARS)
     step = float(times[-1] - times[0]) / max(steps.size, 1)
     late = step * steps.size < times[0] < times[-1] < 1.0
-    of_day = late and _is_round(step * UNITS["day"].numerator) and not _is_round(step)
+    of_day = late and _is_round(step * UNITS["day"].numerator) and not (_is_round(step) or _is_round(1.0 / step))
     if steps.size and 0.0 < np.median(steps) < _SHORT and (dated or of_day):
         raise DataError(
             f"{place} may be days of a calendar, as spreadsheets count them, or seconds; state it: "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from enum import Enum
@@ -137,7 +137,7 @@ class Rig(ABC):
     @property
     def readings(self) -> tuple[Reading, ...]:
         """Return all readings, the first one first."""
-        noise = self.noise or 1e-300  # a simulated sensor may have no noise
+        noise = 1e-300 if self.noise == 0.0 else self.noise  # a simulated sensor may have no noise
         first = Reading(name=self.output_name, unit=self.output_unit, noise=noise, model_error=self.model_error)
         return (first, *self.further)
 
@@ -341,11 +341,9 @@ def require_usable(rig: object) -> None:
     _require_number("sample_time", rig.sample_time)
     require_reading_time(rig.reading, RigError)
     if rig.command_range is not None:
-        lower, upper = rig.command_range
-        _require_number("the lower end of command_range", lower, least=-math.inf)
-        _require_number("the upper end of command_range", upper, least=-math.inf)
-        if not lower < upper:
-            raise RigError(f"command_range is {lower:g} to {upper:g}; the lower end comes first")
+        ends = tuple(rig.command_range) if isinstance(rig.command_range, Iterable) else ()
+        if len(ends) != 2 or not all(isinstance(end, Real) for end in ends) or not ends[0] <= ends[1]:
+            raise RigError(f"command_range is {rig.command_range!r}; it must be the lower end and then the upper one")
     rig.readings, rig.start  # noqa: B018  (check noise, model error and times)
 
 

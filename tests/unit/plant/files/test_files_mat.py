@@ -99,7 +99,9 @@ class TestBoth:
         path = save({"one": one, "two": two})
         recording = read_recording(path, input_column="two.u=V", output_column="two.y=mm")
         assert (recording.start, recording.sample_time) == (5.0, 0.02)
-        with pytest.raises(DataError, match=r'each of the columns "one.t" and "two.t" may hold the times, and they differ'):
+        with pytest.raises(
+            DataError, match=r'each of the columns "one.t" and "two.t" may hold the times, and they differ'
+        ):
             read_recording(path, input_column="one.u=V", output_column="two.y=mm")
 
     def test_columns_of_another_length_are_not_the_times(self, save) -> None:

@@ -120,7 +120,24 @@ class Tried:
 
     def each_counts(self, names: Names) -> bool:
         """Return whether each effect of `names` removes more than the model error and 5 % of the mismatch's power."""
-        return all(self._counts_beside(names, less) for less in self.without_one(names))
+        if subsets := self._worth_fitting(names):
+            self.fit_subsets(subsets)
+        return self._each_known_counts(names)
+
+    def _worth_fitting(self, names: Names) -> dict[Names, Names]:
+        """Return the unknown subsets of `names`, each mapped to it, unless a known one shows that an effect does not
+        count.
+        """
+        # All of them are fitted side by side: one that shows that an effect does not count need not be the best one,
+        # since the effect that was added first may only have led to the others.
+        fewer = each_without_one(names) if self._each_known_counts(names) else []
+        return {rest: names for rest in fewer if self._is_open(rest)}
+
+    def _each_known_counts(self, names: Names) -> bool:
+        """Return whether the effects of `names` count beside each known subset."""
+        return all(
+            self._counts_beside(names, self.tried[rest]) for rest in each_without_one(names) if rest in self.tried
+        )
 
     def _counts_beside(self, names: Names, less: Candidate) -> bool:
         """Return whether the effect of `names` that a candidate lacks removes enough."""
@@ -147,9 +164,7 @@ class Tried:
         asked = [names for names in stage if len(names) > 1 and self.takes_most(names)]
         subsets: dict[Names, Names] = {}
         for names in asked:
-            fewer = each_without_one(names)
-            if all(self._counts_beside(names, self.tried[rest]) for rest in fewer if rest in self.tried):
-                subsets = {rest: names for rest in fewer if self._is_open(rest)} | subsets
+            subsets = self._worth_fitting(names) | subsets
         self.fit_subsets(subsets)
         padded = {names for names in asked if not self.each_counts(names)}
         return [names for names in stage if names not in padded]

@@ -181,14 +181,28 @@ def placebo_effects(
         court=court, name=effect.name, gain=gain, residual=residual, named=court.left(_counted(change, everything))
     )
     drawn = [[[phase_randomised(y, rng) for y in each] for each in change] for _ in range(DRAWS)]
-    turned = _change(without.plant, effect, [_backwards(part) for part in everything])
     return (
-        case.skipped(PlaceboKind.BACKWARDS, "the model cannot be simulated with reversed commands")
-        if turned is None
-        else case.backwards(_counted(_forwards(turned), everything)),
+        _judged_backwards(case, without.plant, effect, everything),
         case.opposite(),
         case.random_phases([_counted(each, everything) for each in drawn]),
     )
+
+
+def _judged_backwards(case: _Case, plant: Plant, effect: Effect, parts: Sequence[Part]) -> Placebo:
+    """Judge an effect with reversed commands if it has a memory; `plant` is without it."""
+    # Reversed commands also reverse the memory of all else in the plant, which says nothing about the effect.
+    if not _has_memory(effect, plant):
+        return case.skipped(PlaceboKind.BACKWARDS, "the effect has no memory, so it is the same backwards in time")
+    turned = _change(plant, effect, [_backwards(part) for part in parts])
+    if turned is None:
+        return case.skipped(PlaceboKind.BACKWARDS, "the model cannot be simulated with reversed commands")
+    return case.backwards(_counted(_forwards(turned), parts))
+
+
+def _has_memory(effect: Effect, plant: Plant) -> bool:
+    """Return whether an effect adds states to a plant, or depends on the time."""
+    timed = any(parameter.unit in ("s", "Hz") for parameter in effect.describe())
+    return timed or len(plant.with_effects(effect).equations.states) > len(plant.equations.states)
 
 
 def backwards(experiment: Experiment) -> Experiment:

@@ -45,9 +45,9 @@ _UNREAD = frozenset(
 )  # Marks of empty arrays, and of objects such as timetables
 _PACKING = ("scale_factor", "add_offset")  # Attributes of HDF5 with which a value is packed
 _FILLS = ("_FillValue", "missing_value")  # Attributes of HDF5 that name the number in place of a missing value
-_SCALING = re.compile(
-    r"(?i)scale|scaling|gain|slope|factor|offset|per_(count|bit|lsb)"
-)  # Attributes of unknown meaning
+_SCALING = re.compile(r"(?i)(.*[ _])?(scale|scaling|gain|slope|offset)([ _].*)?|.*per[ _]?(count|bit|lsb)")
+"""Names of attributes that may say how counts become values."""
+_COUNTED = ("", "1", "count", "counts", "adu", "dn", "lsb", "raw")  # Units, in lower case, of values that are counts
 _UNUSED = ("cell", "object", "function", "opaque", "sparse", "unknown")  # Classes of variables that are ignored
 
 
@@ -213,8 +213,9 @@ def _unscaled(node: Any, place: str, path: str) -> np.ndarray:
     numbers = {name: value[0] for name in node.attrs if (value := _numeric(node.attrs[name])).size == 1}
     known = {name: numbers[name] for name in (*_PACKING, *_FILLS) if name in numbers}
     if not known:
-        unknown = next((name for name in numbers if _SCALING.search(name) and numbers[name] != 1), None)
-        if unknown and packed.dtype.kind in "iu" and _unit(node):
+        neutral = {name: 0.0 if "offset" in name.lower() else 1.0 for name in numbers}
+        unknown = next((name for name in numbers if _SCALING.fullmatch(name) and numbers[name] != neutral[name]), None)
+        if unknown and packed.dtype.kind in "iu" and _unit(node).lower() not in _COUNTED:
             raise DataError(
                 f'{path}: "{clipped(place)}" holds whole numbers, and its attribute "{clipped(unknown)}" is '
                 f"{numbers[unknown]:g}; rename it to scale_factor or add_offset if the values must be multiplied by it or "

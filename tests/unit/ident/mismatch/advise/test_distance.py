@@ -171,7 +171,7 @@ def test_earlier_recordings_hold_a_rival_back():
 def test_a_truth_that_fails_says_so():
     asked = parts(np.full(600, 1e200))
     fit = start(BASE, parts(commands()))
-    with pytest.raises(SimulationError, match="imitated cannot be simulated"):
+    with pytest.raises(SimulationError, match="the plant of one explanation cannot be simulated"):
         distance_squared(BASE.with_effects(SensorCurvature(curvature=1e3)), fit, asked, NOISE)
 
 

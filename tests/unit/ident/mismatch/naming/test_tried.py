@@ -21,14 +21,31 @@ def test_a_fit_that_cannot_be_had_is_tried_once(candidate, search_over, monkeypa
     search = search_over(candidate(rms=5.0), candidate("creep", rms=4.0), candidate("creep", "delay", rms=2.1))
     asked: list[tuple[str, ...]] = []
 
-    def lost(full, rest):
-        asked.append(rest)
-        search.lost.append("+".join(rest))
+    def lost(subsets):
+        asked.extend(subsets)
+        search.lost.extend("+".join(rest) for rest in subsets)
 
-    monkeypatch.setattr(search, "fit_some", lost)
+    monkeypatch.setattr(search, "fit_subsets", lost)
     assert search.each_counts(("creep", "delay"))  # as far as it is known: without delay much returns
     assert search.each_counts(("creep", "delay"))
     assert asked == [("delay",)]
+
+
+def test_all_unknown_subsets_are_fitted_even_if_one_shows_that_an_effect_does_not_count(
+    candidate, search_over, monkeypatch
+):
+    """Creep led to mullins, which with delay leaves less than with creep: so creep does not count, but the others do."""
+    known = [candidate("creep", rms=6.0), candidate("creep", "delay", rms=4.0)]
+    search = search_over(candidate(rms=9.0), *known, candidate("creep", "delay", "mullins", rms=3.0))
+
+    def fit(subsets):
+        for rest, rms in ((("creep", "mullins"), 3.0), (("delay", "mullins"), 2.0)):
+            assert rest in subsets
+            search.tried[rest] = candidate(*rest, rms=rms)
+
+    monkeypatch.setattr(search, "fit_subsets", fit)
+    assert not search.each_counts(("creep", "delay", "mullins"))
+    assert ("delay", "mullins") in search.tried
 
 
 def test_what_padding_asks_of_several_sets_is_fitted_at_once(candidate, search_over, monkeypatch):

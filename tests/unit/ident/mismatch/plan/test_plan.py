@@ -144,7 +144,7 @@ def test_what_cannot_be_planned_is_said() -> None:
     with pytest.raises(DataError, match="no sensor noise"):
         plan_experiment(Plant(rig=Amplifier(noise=0.0)), commands(np.zeros(200)), effects=EFFECTS)
     for seconds in (1.0, 1e9):
-        with pytest.raises(DataError, match="give 2 to 2000 s"):
+        with pytest.raises(DataError, match="must be 2 to 2000 s"):
             plan_experiment(plant.with_rig(replace(plant.rig, command_range=(0.0, 1.0))), seconds=seconds)
 
 
