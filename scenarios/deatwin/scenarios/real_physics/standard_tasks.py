@@ -343,7 +343,7 @@ def _measure(row: Row) -> Measure:
     """Hold an error against the goal."""
     told = row.said or f"{row.error:.3g} {row.unit}, {row.size}"
     return Measure(
-        f"{row.task}: free-run error, {row.model}",
+        f"{row.task}: free-run error (model: {row.model})",
         f"at most {row.goal:g} {row.unit} rms",
         told,
         bool(row.error <= row.goal),

@@ -95,7 +95,7 @@ def _drifts(study: Study) -> Iterable[Measure]:
         )
         moves.append((move, late - early))
     signs = " ".join("+" if move.sign > 0 else "−" for move in MOVES)
-    texts = ", ".join(f"{move.number}: {1e6 * size:+.0f}" for move, size in moves)
+    texts = ", ".join(f"DEA {move.number}: {1e6 * size:+.0f}" for move, size in moves)
     yield WORDS.measure("moves", all(size * move.sign > 0 for move, size in moves), signs=signs, moves=texts)
 
     changes = {}
