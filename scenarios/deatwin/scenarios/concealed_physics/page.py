@@ -249,7 +249,7 @@ def _reach() -> Table:
             "mechanism": _words,
             "effect": lambda name: KEY[name][0] if name in KEY else "outside the catalogue",
             "largest mismatch divided by noise": lambda name: three_digits(REACH[name]),
-            "visible": lambda name: "no" if REACH[name] < VISIBLE else "yes",
+            f"visible (at least {VISIBLE:g})": lambda name: "no" if REACH[name] < VISIBLE else "yes",
         },
     )
 

@@ -266,7 +266,7 @@ def _harm(study: Opened) -> Goal:
 def _coverage(study: Opened) -> Goal:
     rate = Rate.of(study.intervals)
     met = rate.count >= LEAST_PARAMETERS and 0.92 <= rate.share <= 0.98
-    return _rate("covered", f"92 to 98 % of at least {LEAST_PARAMETERS}", study.intervals, met)
+    return _rate("covered", f"92 to 98 %, of at least {LEAST_PARAMETERS} intervals", study.intervals, met)
 
 
 def _calibration(study: Opened) -> Goal:
