@@ -83,7 +83,7 @@ def _coverage(known: Known) -> Iterable[Measure]:
 def _drifts(study: Study) -> Iterable[Measure]:
     """Drifts before any fit, in the equilibrium and in the gain."""
     chances = {one.name: one.chance for one in study.driven}
-    texts = ", ".join(f"{name} {chance:.2g}" for name, chance in chances.items())
+    texts = ", ".join(f"{name}: {chance:.2g}" for name, chance in chances.items())
     yield WORDS.measure("sliding", all(chances[n] < CHANCE for n in DRIFTING), CHANCE=CHANCE, chances=texts)
 
     moves = []
@@ -104,7 +104,7 @@ def _drifts(study: Study) -> Iterable[Measure]:
         tenth = gain.size // 10
         changes[one.name] = 20 * float(np.log10(gain[-tenth:].mean() / gain[:tenth].mean()))
     first, second, *_ = changes.values()
-    texts = ", ".join(f"{name} {change:+.2f} dB" for name, change in changes.items())
+    texts = ", ".join(f"{name}: {change:+.2f} dB" for name, change in changes.items())
     yield WORDS.measure("opposed", first < 0 < second, changes=texts)
 
 
