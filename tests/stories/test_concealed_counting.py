@@ -189,23 +189,23 @@ def test_every_goal_is_counted_as_a_person_would(opened: Opened) -> None:
         return round(found.value * found.count), found.count
 
     assert counted("false alarm") == (1, 4)  # ambiguous names a cause as well
-    assert counted("no effect concealed: the verdict is none or parameters") == (2, 4)
+    assert counted("no effect concealed: the verdict is `none` or `parameters`") == (2, 4)
     # detected and in the catalogue: e1 e2 e3 e5, p1 p2, t1 to t4; named wrong: e3, p2
     assert counted("a named cause is wrong") == (2, 10)
     # mismatch at least half the noise: e1 e2 e3 e4 e5 e7; e5 has a near rival
     assert counted("cause listed first is right") == (2, 5)
     assert counted("right family") == (2, 5)
     assert counted("one concealed effect", "the true effect is among") == (3, 6)
-    assert counted("catalogue lacks", "verdict is unknown") == (1, 2)
+    assert counted("catalogue lacks", "verdict is `unknown`") == (1, 2)
     assert counted("catalogue lacks", "the cause listed first is") == (1, 2)
     assert counted("contains both concealed effects") == (1, 2)
     assert counted("no wrong cause") == (1, 2)
-    assert counted("(ties), verdict ambiguous", "after the advised experiment") == (2, 3)  # t1 t4, not t2
+    assert counted("(ties), verdict `ambiguous`", "after the advised experiment") == (2, 3)  # t1 t4, not t2
     assert counted("(ties), mismatch", "at once or after the advised experiment") == (2, 3)  # t1 t3, not t2; t4 is weak
     assert counted("(ties), mismatch", "true effect is among") == (3, 3)
     # named: e1 e2 e3, p1 p2, all with 2 µm against 3 and 5 µm
     assert counted("smaller held-out error than the models of pysindy") == (5, 5)
-    assert counted("plant's own equations") == (3, 4)
+    assert counted("deatwin's own equations") == (3, 4)
     mean_size = goal(goals, "mean number")
     assert (mean_size.value, mean_size.count) == (pytest.approx((1 + 1 + 1 + 2) / 4), 4)
     # first cause right 2 of 6; of the strongest terms x may be creep (e1) and s friction (e3)
@@ -303,7 +303,7 @@ def test_of_an_interrupted_study_the_results_of_what_has_run_are_written(tmp_pat
     study, seal = opened_study(tmp_path)
     page = results_page(study, score(study), seal)
     assert f"2 of {len(specs)} cases. The order of the cases is random" in page.splitlines()[2]
-    assert "| no effect concealed: the verdict is none or parameters | at least 95 % | 1 of 2, 50.0 %" in page
+    assert "| no effect concealed: the verdict is `none` or `parameters` | at least 95 % | 1 of 2, 50.0 %" in page
     assert not (tmp_path / "key.json").exists()  # the key stays shut until the last case is through
 
 

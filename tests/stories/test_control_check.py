@@ -263,10 +263,10 @@ def test_a_study_that_reaches_all() -> None:
     assert len(rows) == 7
     assert all(row.passed for row in rows)
     assert rows[0].reached == (
-        "inverse 10.0 times, inverse with dynamics 50.0 times; all three controllers have a gain margin of 5 and a phase margin of 80°"
+        "inverse: 10.0; inverse with dynamics: 50.0; all three controllers have a gain margin of 5 and a phase margin of 80°"
     )
-    assert rows[1].reached == "inverse 1.25 times, inverse with dynamics 1.25 times"
-    assert rows[3].reached == "fail; on the true rig fail: steps overshoot by 51 %"
+    assert rows[1].reached == "inverse: 1.25; inverse with dynamics: 1.25"
+    assert rows[3].reached == "`fail`; verdict on the true rig: `fail`, steps overshoot by 51 %"
     assert rows[5].reached == "9 of 9, 100 % (with 95 % confidence at least 71 %)"  # 0.05^(1/9) = 0.717
 
 
@@ -277,14 +277,14 @@ def spec() -> Tracking:
 @pytest.mark.parametrize(
     ("row", "parts", "says"),
     [
-        (0, {"tracking": (tracking(I=11.0, oI=6.0), spec())}, "inverse 4.5 times"),
+        (0, {"tracking": (tracking(I=11.0, oI=6.0), spec())}, "inverse: 4.5"),
         (0, {"tracking": (tracking(phase=81.0), spec())}, "80°, the inverses have others"),
-        (1, {"tracking": (tracking(D=1.7), spec())}, "with dynamics 2.12 times"),
+        (1, {"tracking": (tracking(D=1.7), spec())}, "with dynamics: 2.12"),
         (2, {"fleet": six(tones=loop(status=RunStatus.PULL_IN, seconds=3.0))}, "5 of 6 stable (not DEA 6)"),
         (2, {"fleet": six(steps=loop(ringing=3e-5))}, "5 of 6 stable (not DEA 6)"),
         (2, {"fleet": ()}, "0 of 0"),
-        (3, {"concealed": (concealed(PASS, PASS),)}, "pass; on the true rig"),
-        (4, {"concealed": (concealed(FAIL, MARGINAL),)}, "marginal; on the true rig"),
+        (3, {"concealed": (concealed(PASS, PASS),)}, "`pass`; verdict on the true rig"),
+        (4, {"concealed": (concealed(FAIL, MARGINAL),)}, "`marginal`; verdict on the true rig"),
         (5, {"outcomes": (*GOOD, outcome(18, inside=0.998), outcome(19, inside=None))}, "9 of 11, 82 %"),
         (5, {"outcomes": GOOD[9:]}, "no trial"),
         (6, {"outcomes": (*GOOD, outcome(18, sound=False), outcome(19, sound=False))}, "9 of 11, 82 %"),

@@ -50,14 +50,16 @@ def story_blocks(data: Mapping[str, Any]) -> dict[str, list[str]]:
     }
     return {
         "tracking": [
-            f"{whence} The first table compares each measure with its goal:",
+            f"{whence} The first table compares each measure with its goal. An *inverse* computes the command from the "
+            "reference by the inverse of the model's static curve; an *inverse with dynamics* also inverts the model's "
+            "linear dynamics. An *oracle* is a controller that was designed in the same way from the true plant.",
             "",
             *markdown_table(["measure", "demanded", "reached", "met"], measures),
             "",
-            "The next table compares controllers that track tones. For each controller on each plant, the table shows the "
-            "rms "
-            "error, the factor by which the error of a PI controller is larger, and the margins of the loop with the identified "
-            "model. An *oracle* is a controller that was designed in the same way from the true plant.",
+            "The next table compares controllers that track tones on two simulated plants: the nominal rig, and the "
+            "specification of the six actuators, which has hysteresis. For each controller on each plant, the table shows "
+            "the rms error, the factor by which the error of a PI controller is larger, and the margins of the loop with "
+            "the identified model.",
             "",
             *table["tracking"],
             "",

@@ -249,7 +249,7 @@ def _run(trials: Mapping[str, Any], outcomes: Sequence[Outcome]) -> list[str]:
         trials["remark"],
         f"In {len(outcomes) - designs} of the {len(outcomes)} trials, the check failed at the design stage, because no "
         f"design met the specification on the model. Of the remaining {designs} designs, {passed} passed the check, and "
-        f"{broken.count} broke a limit on the true rig; {broken.count - broken.hits} designs did both. The next table "
+        f"{broken.count} broke a limit on the true rig; {broken.count - broken.hits} of these {broken.count} had passed. The next table "
         "counts how often statements about these designs are true. A design that did not pass counts as rejected. The "
         "bounds are one-sided 95 % confidence bounds (Clopper and Pearson) of the rate that very many trials would give.",
     ]

@@ -202,7 +202,7 @@ def score(study: Opened) -> list[Goal]:
         _median("gap_closed", gaps_closed(study), 0.95),
         _at_least("ahead", [_ahead(c) for c in named], 0.9),
         _points("beyond_sparse", inside, 0.3),
-        _rate("covered", f"92 to 98 % of at least {LEAST_PARAMETERS}", study.intervals, covers),
+        _rate("covered", f"92 to 98 %, of at least {LEAST_PARAMETERS} intervals", study.intervals, covers),
         _rate("fine_covered", REPORTED, fine, None),
         _calibration(study),
     ]
@@ -296,12 +296,12 @@ def _median(name: str, values: Sequence[float], limit: float) -> Goal:
 def _points(name: str, cases: Sequence[Case], limit: float) -> Goal:
     """Return the difference of two rates on the same cases, with a conservative bound."""
     ours, theirs = Rate.of(c.first_right for c in cases), Rate.of(c.sparse_right for c in cases)
-    demanded = f"at least {100 * limit:g} points"
+    demanded = f"at least {100 * limit:g} percentage points"
     if not cases:
         return _goal(name, demanded, "", (np.nan, np.nan, np.nan), 0, False)
     ahead, (our_low, our_high), (low, high) = ours.share - theirs.share, ours.interval, theirs.interval
     bound = f"true difference above {100 * (our_low - high):.1f}"
-    words = f"{100 * ahead:.1f} points ({ours.hits} and {theirs.hits} of {ours.count}; {bound})"
+    words = f"{100 * ahead:.1f} percentage points ({ours.hits} and {theirs.hits} of {ours.count}; {bound})"
     return _goal(name, demanded, words, (ahead, our_low - high, our_high - low), ours.count, ahead >= limit)
 
 

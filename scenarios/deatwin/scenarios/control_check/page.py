@@ -58,7 +58,7 @@ def _pays(tracking: Tracking) -> Measure:
         "pays",
         same and min(factors.values()) >= LOWER,
         least=LOWER,
-        factors=", ".join(f"{name} {factor:.1f} times" for name, factor in factors.items()),
+        factors="; ".join(f"{name}: {factor:.1f}" for name, factor in factors.items()),
         gain=float(alone.margins.gain[0]),
         phase=float(alone.margins.phase_deg[0]),
         whose="all three controllers have" if same else "PI has",
@@ -73,7 +73,7 @@ def _alike(one: Tracked, other: Tracked) -> bool:
 
 def _near(tracking: Tracking) -> Measure:
     factors = {name: tracking.ratio(name, f"oracle: {name}") for name in INVERSES}
-    said = ", ".join(f"{name} {factor:.2f} times" for name, factor in factors.items())
+    said = "; ".join(f"{name}: {factor:.2f}" for name, factor in factors.items())
     return WORDS.measure("near", max(factors.values()) <= NEAR, most=NEAR, factors=said)
 
 
@@ -93,7 +93,7 @@ def _scheduled(fleet: Sequence[FleetRun]) -> Measure:
 def _both(designed: Designed) -> str:
     """Return the verdict of the check, and the behaviour on the true rig."""
     true = designed.truth.text.removeprefix("in simulation with the plant model, ").replace("the plant model", "it")
-    return f"{designed.check.verdict.value}; on the true rig {designed.truth.verdict.value}: {true}"
+    return f"`{designed.check.verdict.value}`; verdict on the true rig: `{designed.truth.verdict.value}`, {true}"
 
 
 def tables(study: Study) -> list[Table]:

@@ -57,7 +57,7 @@ def _known(known: Known) -> Iterable[Measure]:
         shares = {order: float(each.mean()) for order, each in flags.items()}
         passed = all(COVERED[0] <= share <= COVERED[1] for share in shares.values())
         sets = len(next(iter(flags.values())))
-        text = ", ".join(f"H{SUBSCRIPTS[order]} {100 * share:.1f} %" for order, share in shares.items())
+        text = ", ".join(f"H{SUBSCRIPTS[order]}: {100 * share:.1f} %" for order, share in shares.items())
         yield WORDS.measure("coverage", passed, name=name, sets=sets, shares=text)
 
     held, holds = (np.concatenate([getattr(one, name) for one in known.sweeps]) for name in ("held", "holds"))
@@ -66,7 +66,7 @@ def _known(known: Known) -> Iterable[Measure]:
     yield WORDS.measure("warned", numbers["missed"] == 0, **{**numbers, "missed": numbers["missed"] or "none"})
 
     slowest = min(one.ratio for one in known.speeds)
-    ratios = ", ".join(f"{one.label} {one.ratio:.0f}" for one in known.speeds)
+    ratios = ", ".join(f"{one.label}: {one.ratio:.0f}" for one in known.speeds)
     yield WORDS.measure("speed", slowest >= FASTER, FASTER=FASTER, ratios=ratios)
 
 

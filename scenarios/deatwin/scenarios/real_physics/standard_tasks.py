@@ -292,7 +292,7 @@ def _written(
     ]
     measures = [
         within(
-            f"{r.task}: free-run error, {r.model}",
+            f"{r.task}: free-run error (model: {r.model})",
             r.error,
             r.goal,
             r.unit,

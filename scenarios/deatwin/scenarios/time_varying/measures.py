@@ -84,7 +84,7 @@ def _coverage(known: Known) -> Iterable[Measure]:
 def _drifts(study: Study) -> Iterable[Measure]:
     """Drifts before any fit, in the equilibrium and in the gain."""
     chances = {one.name: one.chance for one in study.driven}
-    texts = ", ".join(f"{name} {chance:.2g}" for name, chance in chances.items())
+    texts = ", ".join(f"{name}: {chance:.2g}" for name, chance in chances.items())
     yield WORDS.measure("sliding", all(chances[n] < CHANCE for n in DRIFTING), CHANCE=CHANCE, chances=texts)
 
     moves = []
@@ -96,7 +96,7 @@ def _drifts(study: Study) -> Iterable[Measure]:
         )
         moves.append((move, late - early))
     signs = " ".join("+" if move.sign > 0 else "−" for move in MOVES)
-    texts = ", ".join(f"{move.number}: {1e6 * size:+.0f}" for move, size in moves)
+    texts = ", ".join(f"DEA {move.number}: {1e6 * size:+.0f}" for move, size in moves)
     yield WORDS.measure("moves", all(size * move.sign > 0 for move, size in moves), signs=signs, moves=texts)
 
     changes = {}
@@ -105,7 +105,7 @@ def _drifts(study: Study) -> Iterable[Measure]:
         tenth = gain.size // 10
         changes[one.name] = 20 * float(np.log10(gain[-tenth:].mean() / gain[:tenth].mean()))
     first, second, *_ = changes.values()
-    texts = ", ".join(f"{name} {change:+.2f} dB" for name, change in changes.items())
+    texts = ", ".join(f"{name}: {change:+.2f} dB" for name, change in changes.items())
     yield WORDS.measure("opposed", first < 0 < second, changes=texts)
 
 
