@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from deatwin.ident.mismatch.excess import practical_size
 from deatwin.ident.mismatch.locate.time import locate_time
 from deatwin.ident.mismatch.locate.track import readings, tracks
 from deatwin.ident.mismatch.model_error import error_in, model_error_of, with_model_error
@@ -149,14 +150,16 @@ def _same_parts(one: DiagnosisProblem, other: DiagnosisProblem) -> bool:
 
 
 def _weights(rig: Rig, checked: DataQuality) -> dict[str, float]:
-    """Return weights of recorded further readings, so that no noise or model error exceeds that of the first one."""
+    """Return weights of recorded further readings, so that no noise or practical size exceeds that of the first one."""
     # The same limit then holds for all residuals. It is exact where noise and model error have the same ratio in each
-    # reading. Elsewhere it is too high for the smaller of the two, which costs power but causes no false alarm.
+    # reading, and where the noise hides the model error. Elsewhere it is too high for the smaller of the two, which
+    # costs power but causes no false alarm.
     weights = {}
     for reading in rig.further:
         error = error_in(rig, reading, [r for e in checked.experiments for r in e.recordings])
         if error is not None:
-            floors = [(rig.noise, reading.noise), (rig.model_error, error)]
+            practical = practical_size(rig.noise, rig.model_error), practical_size(reading.noise, error)
+            floors = [(rig.noise, reading.noise), practical]
             weights[reading.name] = min((first / own for first, own in floors if first > 0.0 < own), default=0.0)
     return {name: weight for name, weight in weights.items() if weight}
 
