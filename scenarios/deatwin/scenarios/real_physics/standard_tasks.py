@@ -290,16 +290,9 @@ def _written(
         )
         for one in plants
     ]
+    claimed = [(f"{r.task}: free-run error (model: {r.model})", r) for r in rows if r.model in CLAIMED]
     measures = [
-        within(
-            f"{r.task}: free-run error (model: {r.model})",
-            r.error,
-            r.goal,
-            r.unit,
-            r.said or f"{r.error:.3g} {r.unit}, {r.size}",
-        )
-        for r in rows
-        if r.model in CLAIMED
+        within(title, r.error, r.goal, r.unit, r.said or f"{r.error:.3g} {r.unit}, {r.size}") for title, r in claimed
     ]
     cells = [
         [row.task, row.model, row.size, row.said or f"{row.error:.3g} {row.unit}", f"{row.seconds:.1f}", said(row.task)]
