@@ -177,7 +177,7 @@ class Actuator:
 
 
 def specification() -> Plant:
-    """Return the nominal plant of the fleet of six simulated actuators: no drift, drive and sensor of `MeasuringChain`.
+    """Return the nominal plant of the fleet of six simulated actuators, without drift, with drive and sensor of `MeasuringChain`.
 
     Returns
     -------

@@ -253,14 +253,15 @@ def calibrate(
     """Fit a plant's free parameters to recordings by output error.
 
     The plant is simulated from its state of rest; a trust-region Gauss-Newton method with exact derivatives minimises
-    the squared difference between measured and simulated readings inside the physical ranges. Times of events keep
-    their values, because only a sample or two depend on them; they still count as fitted parameters, with their
+    the squared difference between measured and simulated readings inside the physical ranges. The times of events are
+    not changed, because only one or two samples depend on a time; they still count as fitted parameters and have a
     variance.
 
     Because a descent ends in the nearest minimum, further fits follow, each on growing initial parts of the record: the
     first from the same values, the others from a low-discrepancy sequence of points in the parameters' ranges, which is
-    the same in every run. The search ends when two starts agree on the least error, at about three times the cost of
-    one fit. Two errors agree if a single 95 % interval could contain both; if the parameters nevertheless disagree, the
+    the same in every run. The search ends when two starts agree on the least error, which usually costs about three
+    times as much as one fit. Two errors agree if a single 95 % interval could contain both; if the parameters
+    nevertheless disagree, the
     result contains both solutions.
 
     Ctrl-C ends the search: the best parameters so far are kept, and `status` says so. If the first simulation has not

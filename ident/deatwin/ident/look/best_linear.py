@@ -46,7 +46,7 @@ class _Realisation:
 def best_linear_approximation(
     recordings: Recordings, *, period: float | None = None, channel: int = 0, output: int = 0, skip: int | None = None
 ) -> BestLinearApproximation:
-    """Estimate the best linear approximation of a system from periodic recordings, with noise and distortions.
+    """Estimate from periodic recordings the best linear approximation of a system, its noise and its nonlinear distortions.
 
     Differences between periods are attributed to noise. Nonlinear distortion is estimated from the differences between
     realisations of the input's phases (robust method), or from the output on lines that are not excited (fast method:

@@ -284,8 +284,8 @@ class AdviceSummary:
     undecided : tuple of str or None
         Explanations that the input cannot distinguish from another explanation.
     log_odds : float or None
-        Natural logarithm of the expected odds of the true explanation over the nearest other explanation, after the
-        best waveform alone.
+        Natural logarithm of the expected odds of the true explanation over the nearest other explanation, after an
+        experiment with the best waveform but without a further reading.
     readings : tuple of PricedReading
         How well each further reading would distinguish the explanations, the best first.
     """

@@ -176,7 +176,7 @@ def prune(
     -------
     tuple of NarxModel
         Refined initial model and its successors, each one term smaller; the path ends early if the free run diverges
-        without any further term.
+        whichever further term is removed.
 
     Raises
     ------

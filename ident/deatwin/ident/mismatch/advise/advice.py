@@ -70,8 +70,8 @@ class Advice(Described):
         Readings that each explanation in `alternatives` predicts for the input after a refit that makes it imitate the
         first explanation; SI.
     log_odds : float
-        Natural logarithm of the expected odds of the true explanation over the nearest other explanation, after the
-        best waveform alone.
+        Natural logarithm of the expected odds of the true explanation over the nearest other explanation, after an
+        experiment with the best waveform but without a further reading.
     readings : tuple of PricedReading
         Further readings that the rig could have, the most informative first.
     noise : float

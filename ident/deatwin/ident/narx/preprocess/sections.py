@@ -45,7 +45,7 @@ _FEWEST_SEGMENTS = 10  # with fewer segments, no order of them is improbable eno
 
 
 class SectionStatus(Enum):
-    """Reason for the choice of sections; each value describes it."""
+    """Reason why these sections of the recordings were chosen, in words."""
 
     STATIONARY = "whole recordings pass the test of stationarity"
     PART = "only a part of the recordings passes the test; the table lists the excluded segments"
