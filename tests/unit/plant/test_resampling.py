@@ -155,7 +155,7 @@ def test_whole_numbers_without_a_unit_raise_a_question(tmp_path: Path) -> None:
     found = read_recording(tmp_path / "r.csv")
     assert found.sample_time == 100.0
     assert "are they milliseconds?" in found.provenance["clock"]
-    with pytest.raises(DataError, match=r"999 of 1000 new rows .* --resample 100; where .* --time-column \"time=ms\""):
+    with pytest.raises(DataError, match=r"999 of 1000 new rows .* --resample 100; if .* --time-column \"time=ms\""):
         read_recording(tmp_path / "r.csv", resample=0.1)
     for column, step in (("time=ms", 0.1), ("time=s", 100.0)):
         told = read_recording(tmp_path / "r.csv", time_column=column, resample=step)
@@ -171,7 +171,7 @@ def test_whole_numbers_without_a_unit_raise_a_question(tmp_path: Path) -> None:
     ("times", "step", "says"),
     [
         ([0.0, 0.1], 0.1, "shape"),
-        ([0.0, 0.1, 0.2], 0.009, "take one of 0.01 s or more"),
+        ([0.0, 0.1, 0.2], 0.009, "choose a sample time of 0.01 s or more"),
         ([0.0, 0.2, 0.1], 0.1, "sample 2: times do not increase"),
         ([0.0, 0.1, 0.2], 0.0, "must be positive"),
         ([0.0, 0.1, 0.2], 5.0, "long enough for two samples"),

@@ -94,7 +94,7 @@ def test_a_rig_file_describes_it_and_a_model_keeps_it(tmp_path: Path) -> None:
     assert "supply" not in Plant(rig=Diaphragm()).to_dict()["rig"]
     own = text.replace("gain = 800.0", 'input = "film voltage"')
     write_text_atomic(tmp_path / "own.toml", own.replace("[drive]\n", "[drive]\ncurrent_limit_uA = 200\n"))
-    with pytest.raises(RigError, match="current_limit_uA: the recordings hold the film's own voltage"):
+    with pytest.raises(RigError, match="current_limit_uA: the input of this rig is the voltage on the film"):
         load_plant(tmp_path / "own.toml")
 
 

@@ -75,7 +75,7 @@ def test_signals_in_functions_have_the_names_of_the_recording() -> None:
     [
         ("sign(e(k-1))", "cannot read"),
         ("|u(k-1)^2|", "cannot read"),
-        ("sat(u(k-1))", r"written sat\(u\(k-1\), limit\)"),
+        ("sat(u(k-1))", r"written as sat\(u\(k-1\), limit\)"),
         ("sat(u(k-1),-1)", "positive limit"),
         ("stan(u(k-1),1)", "no function is called 'stan'.*known are abs, sign, sat"),
         ("sign(y(k-1)-u(k-2))", "difference of one signal"),

@@ -102,4 +102,4 @@ def test_products_of_noisy_outputs_are_warned_of(noise, said):
         y[1, k] = 1.2 * y[1, k - 1] - 0.6 * y[1, k - 2] + 0.1 * y[0, k - 1] + 0.05 * y[0, k - 1] * u[k - 1]
     seen = y + noise * y.std(axis=1, keepdims=True) * rng.normal(size=y.shape)
     notes = Frols().fit(Recording.from_arrays(u, seen, 0.1)).notes_
-    assert any("may represent its bias" in note for note in notes) is said
+    assert any("may describe the bias" in note for note in notes) is said

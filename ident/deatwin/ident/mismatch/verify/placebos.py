@@ -200,9 +200,11 @@ def _judged_backwards(case: _Case, plant: Plant, effect: Effect, parts: Sequence
 
 
 def _has_memory(effect: Effect, plant: Plant) -> bool:
-    """Return whether an effect adds states to a plant, or depends on the time."""
+    """Return whether an effect adds states to a plant, or depends on the time; true if the equations are unknown."""
     timed = any(parameter.unit in ("s", "Hz") for parameter in effect.describe())
-    return timed or len(plant.with_effects(effect).equations.states) > len(plant.equations.states)
+    if timed or not plant.rig.equations_known:
+        return True
+    return len(plant.with_effects(effect).equations.states) > len(plant.equations.states)
 
 
 def backwards(experiment: Experiment) -> Experiment:
