@@ -124,7 +124,7 @@ def require_no_settings(layout: Layout, lines: list[str], rows: list[int], path:
         return
     near = slice(layout.first, layout.first + _HEAD)
     words = [_is_labelled(split_cells(line, layout.delimiter)) for line in lines[near] if not is_comment(line)]
-    if words[0] and not any(words[words.index(False) :] if False in words else words):
+    if words[0] > words[-1] and words == sorted(words, reverse=True):  # words first, then none
         word = split_cells(lines[layout.first], layout.delimiter)[0]
         raise DataError(
             f'{path}, row {rows[layout.first]}: "{clipped(word)}" begins a line below the names that is no sample; apply '

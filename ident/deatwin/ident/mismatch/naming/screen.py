@@ -108,6 +108,14 @@ def linearised_responses(
     return tuple(itertools.chain.from_iterable(found))
 
 
+def by_effect(responses: Iterable[LinearisedResponse]) -> dict[str, list[LinearisedResponse]]:
+    """Return the responses of each effect, by its name."""
+    found: dict[str, list[LinearisedResponse]] = {}
+    for one in responses:
+        found.setdefault(one.effect.name, []).append(one)
+    return found
+
+
 def sought_in(fit: Calibration, effects: Iterable[Effect], parts: Sequence[Part]) -> list[Effect]:
     """Return the effects whose shapes are sought in a fit's residual, as the lines of a periodic one are."""
     times = reading_times(fit.plant, first_only(parts))

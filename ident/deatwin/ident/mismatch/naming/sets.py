@@ -13,6 +13,7 @@ from deatwin.ident.mismatch.naming.onsets import event_leads
 from deatwin.ident.mismatch.naming.screen import (
     Lead,
     LinearisedResponse,
+    by_effect,
     leads,
     linearised_responses,
     most_promising,
@@ -155,8 +156,7 @@ class Search(Tried):
             return []
         self._replaced[best, names] = found
         added = tuple(name for name in best if name not in names)
-        for response in self.known() if not self._responses else ():
-            self._responses.setdefault(response.effect.name, []).append(response)
+        self._responses = self._responses or by_effect(self.known())
         alike = siblings(self.problem, found, added, self._open_beside(names, best), self._responses)
         bare, unbiased = found.plant.without_effects(*added), fit.plant
         trials = [

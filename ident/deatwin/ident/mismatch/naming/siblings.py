@@ -12,7 +12,14 @@ from deatwin.ident.greybox.parts import level_of, simulated
 from deatwin.ident.greybox.problem import Problem
 from deatwin.ident.greybox.tangent import taken_off, tangent_basis
 from deatwin.ident.mismatch.naming.contribution import contribution, readings_of_fit
-from deatwin.ident.mismatch.naming.screen import Lead, LinearisedResponse, leads, linearised_responses, sought_in
+from deatwin.ident.mismatch.naming.screen import (
+    Lead,
+    LinearisedResponse,
+    by_effect,
+    leads,
+    linearised_responses,
+    sought_in,
+)
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.ident.parallel import run_jobs
 from deatwin.plant.effects.base import Effect
@@ -64,8 +71,7 @@ def _responses(
     sought = {e.name for e in effects if e.event} | {e.name for e in sought_in(done, effects, problem.fitted)}
     new = [effect for effect in effects if effect.name in sought or effect.name not in known]
     found: dict[str, list[LinearisedResponse]] = {effect.name: [] for effect in new}
-    for response in linearised_responses(problem, bare, new, done):
-        found[response.effect.name].append(response)
+    found |= by_effect(linearised_responses(problem, bare, new, done))
     known |= {name: responses for name, responses in found.items() if name not in sought}
     return [response for effect in effects for response in {**known, **found}[effect.name]]
 

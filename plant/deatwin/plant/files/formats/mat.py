@@ -213,8 +213,8 @@ def _unscaled(node: Any, place: str, path: str) -> np.ndarray:
     numbers = {name: value[0] for name in node.attrs if (value := _numeric(node.attrs[name])).size == 1}
     known = {name: numbers[name] for name in (*_PACKING, *_FILLS) if name in numbers}
     if not known:
-        neutral = {name: 0.0 if "offset" in name.lower() else 1.0 for name in numbers}
-        unknown = next((name for name in numbers if _SCALING.fullmatch(name) and numbers[name] != neutral[name]), None)
+        scales = {name: value for name, value in numbers.items() if _SCALING.fullmatch(name)}
+        unknown = next((name for name, value in scales.items() if value != float("offset" not in name.lower())), None)
         if unknown and packed.dtype.kind in "iu" and _unit(node).lower() not in _COUNTED:
             raise DataError(
                 f'{path}: "{clipped(place)}" holds whole numbers, and its attribute "{clipped(unknown)}" is '
