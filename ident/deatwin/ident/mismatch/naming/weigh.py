@@ -8,6 +8,8 @@ effect could cause and the rest. Let :math:`c` be the contribution of the single
 .. math:: y = f_1(\theta) + \sum_{k=1}^2 \lambda_k\,\ell_k\,\frac{\mathrm{rms}(c)}{\mathrm{rms}(\delta_k)}\,\delta_k
           + B \beta + g + e, \qquad \lambda_k \sim N(0, 1)
 
+Another law of a slow effect is slow, too. So the second part is at most 10 % of c in each octave of frequency.
+
 A difference larger than such errors is a second effect. Of all pairs that were fitted, that one gives :math:`\delta`
 whose error helps the single effect most, since each pair is compared with the same single effect: what a second effect
 explains worse than an error of the law along another one is no reason to name it. That is cautious: with equal prior
@@ -51,7 +53,10 @@ OWN, OTHER = 0.05, 0.015
 contribution: of the part that another law of the same mechanism could cause, and of the rest."""
 LOOPS, LOOSE = frozenset({"coulomb_friction", "hysteresis"}), 0.1
 """Effects whose laws vary more, and not by a filter; for them both deviations have this value. It was measured between
-other laws of these mechanisms and the catalogue's (docs/development/evidence.md)."""
+other laws of these mechanisms and the catalogue's (docs/development/evidence.md). It is also the largest share of what
+an effect does in an octave of frequency that the second part of an error reaches there."""
+GAP = 0.5
+"""Smallest deviation of a time step from the usual one that counts as a gap, in usual steps."""
 FAR = 1e-300
 """Smallest divisor."""
 
@@ -146,7 +151,21 @@ class Scale:
             return structured.known(apart[:, None], sizes[:1])
         basis = structured.law(does, self.error.times, level_of(self.problem.fitted))
         own = basis @ (basis.T @ apart)
-        return structured.known(np.column_stack([own, apart - own]), sizes)
+        return np.column_stack([structured.known(own[:, None], sizes[:1]), self._rest(apart - own, alone)])
+
+    def _rest(self, direction: np.ndarray, alone: Candidate) -> np.ndarray:
+        """Return the expected law error of one effect along a direction, (n,), that no other law of it would cause."""
+        error, does = structured.known(direction[:, None], self._missed(alone)[1:])[:, 0], alone.contribution
+        known = np.isfinite(does).all() and does.any()  # without the effect the plant may have no equilibrium
+        return structured.limited(error, does, self._pieces, LOOSE) if known else error
+
+    @cached_property
+    def _pieces(self) -> list[slice]:
+        """Return the stretches of fitted samples of one reading without a gap."""
+        sizes, steps = [part.size for part in self.problem.fitted], np.diff(self.error.times)
+        gaps = 1 + np.flatnonzero(np.abs(steps - np.median(steps)) > GAP * np.median(steps))
+        ends = np.union1d(gaps, np.cumsum(sizes))
+        return [slice(int(a), int(b)) for a, b in zip([0, *ends[:-1]], ends, strict=True)]
 
     def _missed(self, alone: Candidate) -> tuple[float, float]:
         """Return the rms law error of one effect, SI: the part another law could cause, and the rest."""
@@ -194,7 +213,7 @@ class Scale:
         for change, along, square in zip(changes[1:], among[0, 1:], np.diagonal(among)[1:], strict=True):
             if not fit.plant.lacks(effects[change.effect]) or square <= 0.0:
                 continue
-            law = self._missed(alone)[1] / max(_rms(change.readings), FAR)
+            law = _rms(self._rest(change.readings, alone)) / max(_rms(change.readings), FAR)
             fitted = along / square if along > 0.0 or not change.one_sided else 0.0
             deviation, factor = touching(change.deviation, fitted)
             odds = factor + _gain(along, square, deviation, change.one_sided) - _gain(along, square, law, False)

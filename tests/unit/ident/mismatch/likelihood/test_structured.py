@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from deatwin.ident.mismatch.likelihood.structured import bends, known, law, slow, timing
+from deatwin.ident.mismatch.likelihood.structured import bends, known, law, limited, slow, timing
 
 TIMES = 0.02 * np.arange(3000)
 MOTION = 1e-4 * np.sin(0.7 * TIMES) + 3e-5 * np.sin(3.1 * TIMES + 1.0)
@@ -61,3 +61,13 @@ def test_another_law_of_an_effect_is_bent_or_has_other_times():
     assert outside(contribution**2) < 1e-5
     assert outside(power) < 0.1
     assert outside(np.sin(2.0 * np.pi * 3.0 * TIMES)) > 0.99
+
+
+def test_a_change_is_limited_where_the_effect_does_less():
+    """A slow tone passes, a fast one is cut to a share of what the effect does there; pieces keep their own ends."""
+    times, pieces = 0.02 * np.arange(3000), (slice(0, 2000), slice(2000, 3000))
+    slow, fast = (np.cos(2.0 * np.pi * f * (times + 0.01)) for f in (0.05, 5.0))  # whole half periods in each piece
+    found = limited(slow + fast, slow + 0.2 * fast, pieces, 0.5)
+    np.testing.assert_allclose(found, 0.5 * slow + 0.1 * fast, atol=1e-12)
+    np.testing.assert_allclose(limited(slow, 3.0 * slow, pieces, 0.5), slow, atol=1e-12)
+    np.testing.assert_allclose(limited(np.full(3000, 2.0), slow, pieces, 0.5), 2.0, atol=1e-12)  # constants are kept

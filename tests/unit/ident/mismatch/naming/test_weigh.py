@@ -17,7 +17,10 @@ MOTION = 2e-4 * np.sin(2.0 * np.pi * TIMES)
 EFFECTS = tuple(effect_named(name) for name in ("creep", "sensor_drift", "delay"))
 FIRST, SECOND = EFFECTS[:2]
 CREPT = 2e-5 * np.exp(-((TIMES - 10.0) ** 2))  # what the first effect does at its typical strength
-FAST_TONE = np.sin(2.0 * np.pi * 9.0 * TIMES)  # nothing that another law of the first would do
+EARLIER = np.exp(-((TIMES - 5.0) ** 2))  # as slow, but nothing that another law of the first would do
+EARLIER = EARLIER / np.sqrt(np.mean(EARLIER**2))
+SIZE = np.sqrt(np.mean(CREPT**2))
+FAST_TONE = np.sqrt(2.0) * np.sin(2.0 * np.pi * 9.0 * TIMES)  # faster than anything that the first one does
 NOTHING = SimpleNamespace(
     calibration=SimpleNamespace(residuals=np.zeros(TIMES.size)),
 )
@@ -65,7 +68,7 @@ def fitted(left, *effects):
 def odds(scale, missed, rng):
     """Of the two over the first one, which is there and misses so much along the second, in its own rms."""
     left = NOISE * rng.standard_normal(TIMES.size)
-    along = FAST_TONE * np.sqrt(2.0) * np.sqrt(np.mean(CREPT**2))
+    along = SIZE * EARLIER
     alone = fitted(left + missed * along, (FIRST, CREPT))
     return scale.of_two(fitted(left + missed * along, (FIRST, CREPT), (SECOND, along)), alone)
 
@@ -82,12 +85,27 @@ def test_what_is_far_more_than_an_error_of_the_law_is_a_second_effect(scale):
     assert min(odds(scale, 20.0 * OTHER, rng) for _ in range(5)) > STRONG
 
 
+def test_no_error_of_a_slow_law_is_fast(scale):
+    """An error as errors of laws are explains what is slow, as the first effect is, but nothing where that one does
+    nothing: there, a tone of 0.3 of the noise makes a second effect e^(1500 * 0.3^2 / 2) times as likely.
+    """
+    strong, rng = 10.0 * CREPT, np.random.default_rng(8)
+    size = OTHER * np.sqrt(np.mean(strong**2))
+    assert size == pytest.approx(0.3 * NOISE, rel=0.05)
+    found = []
+    for shape in (EARLIER, FAST_TONE):
+        left = NOISE * rng.standard_normal(TIMES.size) + size * shape
+        pair = fitted(left, (FIRST, strong), (SECOND, size * shape))
+        found.append(scale.of_two(pair, fitted(left, (FIRST, strong))))
+    assert found[0] < STRONG
+    assert found[1] > 0.5 * 1500 * 0.3**2 / 2  # noise and fast errors of unknown size explain some of it
+
+
 def test_pairs_are_compared_with_the_same_single_effect(scale):
     """The odds of two pairs over one effect are apart by what the recordings say of the pairs: odds multiply."""
     rng = np.random.default_rng(7)
-    size = np.sqrt(2.0) * np.sqrt(np.mean(CREPT**2))
-    along, beside = size * FAST_TONE, size * np.sin(2.0 * np.pi * 9.01 * TIMES)
-    left = NOISE * rng.standard_normal(TIMES.size) + OTHER * along
+    along, beside = SIZE * EARLIER, SIZE * np.roll(EARLIER, 75)
+    left = NOISE * rng.standard_normal(TIMES.size) + 10.0 * OTHER * along
     alone = fitted(left, (FIRST, CREPT))
     right, wrong = (fitted(left, (FIRST, CREPT), (SECOND, does)) for does in (along, beside))
     odds = [scale.of_two(pair, alone, (right, wrong)) for pair in (right, wrong)]
@@ -100,10 +118,11 @@ def test_of_two_that_do_nothing_the_odds_are_at_most_those_beforehand(scale):
     assert np.mean([odds(scale, 0.0, rng) for _ in range(10)]) < pair_odds(3)
 
 
-def test_first_order_promises_what_a_fit_then_shows(scale):
+@pytest.mark.parametrize("shape", [EARLIER, FAST_TONE])
+def test_first_order_promises_what_a_fit_then_shows(scale, shape):
     """The readings are linear: what is promised beside the first one is the evidence that the pair then has."""
     rng = np.random.default_rng(6)
-    missed = 3e-6 * FAST_TONE
+    missed = 0.5e-6 * shape
     left = NOISE * rng.standard_normal(TIMES.size) + missed
     typical = strength(SECOND).value
     alone, pair = fitted(left, (FIRST, CREPT)), fitted(left, (FIRST, CREPT), (SECOND, missed))
