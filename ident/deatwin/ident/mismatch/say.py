@@ -112,8 +112,12 @@ def _named(diagnosis: Diagnosis) -> list[str]:
 def _explained(causes: Sequence[Cause]) -> str:
     """Write the share of the mismatch that each cause explains."""
     first, *others = causes
-    said = f"{spaced(first.effect)} explains {_share(first)} of the mismatch between model and recordings"
-    return _and([said, *(f"{spaced(cause.effect)} {_share(cause)}" for cause in others)])
+    whole = "of the mismatch between model and recordings"
+    if not others:
+        return f"{spaced(first.effect)} explains {_share(first)} {whole}"
+    # The others imitate a part of each cause, so the shares need not add up to the whole.
+    each = [f"without {spaced(c.effect)}, {100 * c.share_explained:.0f} %" for c in causes]
+    return _and([f"{each[0]} {whole} would return", *each[1:]])
 
 
 def _and(texts: Sequence[str]) -> str:
