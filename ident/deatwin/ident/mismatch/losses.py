@@ -29,7 +29,8 @@ def exceeds(losses: np.ndarray, floor: float) -> float:
     lags = round(losses.size ** (1 / 3))
     variance = np.mean(centred**2)
     for lag in range(1, lags + 1):
-        variance += 2 * (1 - lag / (lags + 1)) * np.mean(centred[lag:] * centred[:-lag])
+        # Divided by b, not by the number of products: otherwise the variance may be negative.
+        variance += 2 * (1 - lag / (lags + 1)) * (centred[lag:] @ centred[:-lag]) / losses.size
     deviation = np.sqrt(max(variance, 1e-300) / losses.size)
     return float(stdtr(1.5 * losses.size / (lags + 1), (floor - losses.mean()) / deviation))
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from deatwin.ident.greybox.parts import first_only
 from deatwin.ident.mismatch.problem import DiagnosisProblem
 from deatwin.plant.errors import SimulationError
 from deatwin.plant.model import Plant
@@ -30,7 +31,7 @@ def model_error_of(plant: Plant, problem: DiagnosisProblem) -> float:
     bare = plant.without_effects()
     if not isinstance(bare.rig, Refinable):
         return problem.expected_error
-    found = max((_not_followed(bare, part.experiment) for part in problem.everything), default=0.0)
+    found = max((_not_followed(bare, part.experiment) for part in first_only(problem.everything)), default=0.0)
     return min(float(np.hypot(problem.expected_error, found)), BIASED * problem.expected_error)
 
 

@@ -215,5 +215,5 @@ def _late_onset(base: Base, checked: DataQuality) -> float | None:
     if chosen.fitted_test.mismatch or not chosen.unseen_test.mismatch:
         return None
     floor = base.noise**2 + chosen.calibration.plant.rig.model_error**2
-    windows = locate_time(tracks(chosen.calibration.plant, checked.experiments), floor)
+    windows = locate_time(tracks(chosen.calibration.plant, checked.experiments, usable=checked.usable), floor)
     return max(windows, key=lambda w: w.score).from_s if windows else None

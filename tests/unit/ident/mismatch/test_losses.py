@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.special import stdtr
 
 from deatwin.ident.mismatch.losses import BLOCK_SAMPLES, block_losses, bootstrap_gain, evidence, exceeds
 
@@ -47,6 +48,22 @@ def test_a_residual_above_the_floor_is_found():
     p_values = [exceeds(block_losses(coloured(rng, 6000)), 1.5) for _ in range(50)]
     # a third more energy than the floor, 120 blocks: found in at least nine of ten
     assert np.mean(np.array(p_values) < 0.01) >= 0.9
+
+
+def test_the_variance_of_a_mean_is_the_quadratic_form_of_the_window_and_never_negative():
+    """Losses with a period at which the window's transform vanishes leave hardly any variance."""
+    rng, count, lags = np.random.default_rng(5), 8, 2
+    apart = np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
+    window = np.maximum(1.0 - apart / (lags + 1), 0.0)
+    for _ in range(50):
+        losses = (
+            1.0 + 0.6 * np.cos(2 * np.pi * np.arange(count) / 3 + rng.uniform(0, 6)) + 0.06 * rng.normal(size=count)
+        )
+        centred = losses - losses.mean()
+        deviation = np.sqrt(centred @ window @ centred) / count
+        floor = losses.mean() - 0.01
+        expected = stdtr(1.5 * count / (lags + 1), -0.01 / deviation)
+        assert exceeds(losses, floor) == pytest.approx(expected, rel=1e-6)
 
 
 def test_evidence_prefers_fewer_parameters_at_equal_losses():

@@ -39,10 +39,25 @@ class Followed:
     ],
 )
 def test_the_most_that_is_left_of_any_experiment_counts(left, floor):
-    problem = SimpleNamespace(everything=[SimpleNamespace(experiment=k) for k in range(len(left))], expected_error=4.0)
+    parts = [SimpleNamespace(experiment=k, reading="") for k in range(len(left))]
+    problem = SimpleNamespace(everything=parts, expected_error=4.0)
     assert model_error_of(Followed(*left), problem) == pytest.approx(floor)
 
 
+def test_finer_equations_are_simulated_once_for_all_readings_of_an_experiment():
+    asked: list[int] = []
+
+    class Counted(Followed):
+        def model_error(self, experiment: int) -> SimpleNamespace:
+            asked.append(experiment)
+            return super().model_error(experiment)
+
+    parts = [SimpleNamespace(experiment=k, reading=name) for name in ("", "current", "charge") for k in (0, 1)]
+    problem = SimpleNamespace(everything=parts, expected_error=4.0)
+    assert model_error_of(Counted(1.0, 3.0), problem) == pytest.approx(5.0)
+    assert asked == [0, 1]
+
+
 def test_where_no_error_is_expected_there_is_none():
-    problem = SimpleNamespace(everything=[SimpleNamespace(experiment=0)], expected_error=0.0)
+    problem = SimpleNamespace(everything=[SimpleNamespace(experiment=0, reading="")], expected_error=0.0)
     assert model_error_of(Followed(3.0), problem) == 0.0

@@ -41,6 +41,29 @@ def test_the_motion_is_the_same_into_however_many_records_it_is_cut():
     assert cut == pytest.approx(np.std(staircase), rel=1e-3)
 
 
+def test_a_faulty_reading_does_not_show_when_a_mismatch_begins():
+    """Twenty readings that are lost carry a hundred times the energy of a mismatch that begins at 50 s."""
+    module = importlib.import_module("deatwin.ident.mismatch.prepare")
+    command = 2.4 + 0.3 * band_limited_noise(np.random.default_rng(3), 60.0, 0.02)
+    blank = Recording.from_arrays(command, np.zeros(3000), 0.02)
+    record = NOMINAL.record(Experiment(recordings=(blank,)), np.random.default_rng(4)).recordings[0]
+    shown = record.outputs.copy()
+    shown[0, 2500:] += 2e-5
+    shown[0, 500:520] += 1e-3
+    checked = check_quality(NOMINAL, [Experiment(recordings=(replace(record, outputs=shown),))])
+    lost = np.zeros(3000, dtype=bool)
+    lost[500:520] = True
+    checked = replace(checked, stuck=((lost,),), outliers=((~lost & lost,),))
+    candidate = SimpleNamespace(
+        calibration=SimpleNamespace(plant=NOMINAL),
+        fitted_test=SimpleNamespace(mismatch=False),
+        unseen_test=SimpleNamespace(mismatch=True),
+    )
+    base = SimpleNamespace(chosen=candidate, noise=NOMINAL.rig.noise)
+    # windows last two seconds
+    assert module._late_onset(base, checked) == pytest.approx(50.0, abs=2.0)
+
+
 def test_a_base_plant_is_not_calibrated_again_to_the_same_samples(monkeypatch):
     """From where a mismatch begins that only the held-out part has some of it is fitted, too, unless it was."""
     module = importlib.import_module("deatwin.ident.mismatch.prepare")

@@ -53,12 +53,15 @@ class Difference:
         Rms of the plant's own error at each sample, over the noise's level, SI.
     sizes : tuple of int
         Samples of each record.
+    names : tuple of str
+        Name of the reading in each record; the same in all if empty. Errors of different readings are independent.
     """
 
     readings: np.ndarray
     left: np.ndarray
     model_error: np.ndarray
     sizes: tuple[int, ...]
+    names: tuple[str, ...] = ()
 
     @classmethod
     def between(
@@ -79,10 +82,13 @@ class Difference:
         -------
         Difference
         """
-        sizes = tuple(int(mask.sum()) for part in parts for mask in part.masks if mask.any())
-        motion = np.sqrt(np.mean([r.var() for r in np.split(readings, np.cumsum(sizes)[:-1])]))
+        pieces = [(part.reading, int(mask.sum())) for part in parts for mask in part.masks if mask.any()]
+        names, sizes = zip(*pieces, strict=True)
+        each = zip(names, np.split(readings, np.cumsum(sizes)[:-1]), strict=True)
+        # Further readings, in units of their own noise, say nothing about the motion.
+        motion = np.sqrt(np.mean([values.var() for name, values in each if name == names[0]]))
         error = max(plant.rig.for_motion(float(motion)).model_error for plant in (truth, alternative))
-        return cls(readings=readings, left=left, model_error=error / level_of(parts), sizes=sizes)
+        return cls(readings=readings, left=left, model_error=error / level_of(parts), sizes=sizes, names=names)
 
     @property
     def rms(self) -> float:
@@ -105,7 +111,10 @@ class Difference:
         squares = float(self.left @ self.left)
         weighted = self.left * self.model_error
         slow = sum(_slow(piece) for piece in np.split(weighted, np.cumsum(self.sizes)[:-1]))
-        spread = noise**2 * squares + (_static(self.readings, weighted) + slow) / 2
+        reading = np.repeat(self._names, self.sizes)
+        same = [reading == name for name in dict.fromkeys(self._names)]
+        static = sum(_static(self.readings[own], weighted[own]) for own in same)
+        spread = noise**2 * squares + (static + slow) / 2
         if squares == 0.0:
             return 0.0
         return squares**2 / spread if spread > 0 else float(np.inf)
@@ -126,7 +135,11 @@ class Difference:
             name: np.concatenate([getattr(self, name), getattr(other, name)])
             for name in ("readings", "left", "model_error")
         }
-        return Difference(**arrays, sizes=self.sizes + other.sizes)
+        return Difference(**arrays, sizes=self.sizes + other.sizes, names=self._names + other._names)
+
+    @property
+    def _names(self) -> tuple[str, ...]:
+        return self.names or ("",) * len(self.sizes)
 
 
 def _static(readings: np.ndarray, weighted: np.ndarray) -> float:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from itertools import pairwise
 
 import numpy as np
 
@@ -39,6 +40,8 @@ PLAYS = (0.05, 0.2)
 """Widths of two play operators, as shares of the range of the motion."""
 BOUND = 2.0
 """Half width of the bounds, in standard deviations of the jackknife."""
+ROUNDING = 1e-8
+"""Share of a pattern beside others below which it is only rounding."""
 FEWEST_SECONDS, FEWEST_SAMPLES = 20.0, 200
 """Smallest duration and number of samples of recordings without repeats from which anything is concluded."""
 
@@ -114,56 +117,63 @@ def _is_noise(left: Leftover) -> bool:
     return not any(has_lines(piece / level) for piece, level in zip(pieces, levels, strict=True))
 
 
+@dataclass(frozen=True, eq=False)
+class _Forms:
+    """Orthonormal bases of the patterns within each experiment, and of further ones, (n, k), beside these."""
+
+    within: tuple[tuple[slice, np.ndarray], ...]
+    further: np.ndarray
+
+    def taken_off(self, values: np.ndarray) -> np.ndarray:
+        """Return the part of values, (n,) or (n, j), that no pattern explains."""
+        # One basis for all experiments would take their number squared times as long.
+        rest = values.copy()
+        for inside, basis in self.within:
+            rest[inside] = taken_off(rest[inside], basis)
+        return taken_off(rest, self.further)
+
+    def beside(self, columns: np.ndarray) -> _Forms:
+        """Return the bases with further columns, (n, j)."""
+        left, length = self.taken_off(columns), np.linalg.norm(columns, axis=0)
+        new = np.linalg.norm(left, axis=0) > ROUNDING * length  # a tone may be found twice
+        return _Forms(self.within, np.concatenate([self.further, _orthonormal(left[:, new])], axis=1))
+
+
 def without_forms(left: Leftover) -> np.ndarray:
     """Return the residual, (n,), without drifts and steps of level and gain, effects of the largest motion, and tones."""
     moves = left.readings - left.readings.mean()
     moves = moves / max(float(moves.std()), 1e-300)
-    slow, farthest = _slow(left), _farthest(left)
-    forms = [slow, slow * moves[:, None], farthest, farthest * moves[:, None]]
-    basis = _orthonormal(np.concatenate(forms, axis=1))
-    rest = taken_off(left.residual, basis)
+    edges = [0, *(np.flatnonzero(np.diff(left.experiment)) + 1).tolist(), moves.size]
+    each = [slice(first, last) for first, last in pairwise(edges)]
+    within = ((own, _orthonormal(_patterns(left.timepts[own], left.readings[own], moves[own]))) for own in each)
+    forms = _Forms(tuple(within), np.empty((moves.size, 0)))
+    rest = forms.taken_off(left.residual)
     for _ in range(STEPS):
-        basis, rest = _less(rest, basis, _best_step(left, rest, basis, moves))
+        forms = forms.beside(_best_step(left, rest, forms, moves))
+        rest = forms.taken_off(rest)
     for _ in range(TONES):
-        basis, rest = _less(rest, basis, _best_tone(left, rest))
+        forms = forms.beside(_best_tone(left, rest))
+        rest = forms.taken_off(rest)
     return rest
 
 
-def _slow(left: Leftover) -> np.ndarray:
-    """Return slow cosines over each experiment, shape (n, k)."""
-    columns = []
-    for number in np.unique(left.experiment):
-        inside = left.experiment == number
-        t = left.timepts[inside]
-        phase = np.pi * (t - t[0]) / max(t[-1] - t[0], 1e-300)
-        waves = np.zeros((left.residual.size, COSINES + 1))
-        waves[inside] = np.cos(phase[:, None] * np.arange(COSINES + 1))
-        columns.append(waves)
-    return np.concatenate(columns, axis=1)
+def _patterns(timepts: np.ndarray, readings: np.ndarray, moves: np.ndarray) -> np.ndarray:
+    """Return slow drifts and effects of the largest motion so far in an experiment, of level and gain, (n, k)."""
+    phase = np.pi * (timepts - timepts[0]) / max(timepts[-1] - timepts[0], 1e-300)
+    slow = np.cos(phase[:, None] * np.arange(COSINES + 1))
+    # film that is stretched further softens once
+    farthest = np.stack([extreme.accumulate(readings) for extreme in (np.maximum, np.minimum)], axis=1)
+    return np.concatenate([slow, slow * moves[:, None], farthest, farthest * moves[:, None]], axis=1)
 
 
-def _farthest(left: Leftover) -> np.ndarray:
-    """Return the largest and smallest reading so far in each experiment, (n, 2 e): film that is stretched further
-    softens once.
-    """
-    columns = []
-    for number in np.unique(left.experiment):
-        inside = left.experiment == number
-        for extreme in (np.maximum, np.minimum):
-            column = np.zeros(left.residual.size)
-            column[inside] = extreme.accumulate(left.readings[inside])
-            columns.append(column)
-    return np.stack(columns, axis=1)
-
-
-def _best_step(left: Leftover, rest: np.ndarray, basis: np.ndarray, moves: np.ndarray) -> np.ndarray:
+def _best_step(left: Leftover, rest: np.ndarray, forms: _Forms, moves: np.ndarray) -> np.ndarray:
     """Return a step of level and one of gain, at the time at which they explain most of the residual."""
     best, gain = np.zeros((rest.size, 2)), 0.0
     for position in np.linspace(0, rest.size, STEP_TIMES + 2)[1:-1].astype(int):
         after = np.zeros(rest.size)
         after[position:] = left.experiment[position:] == left.experiment[position]
         step = np.stack([after, after * moves], axis=1)
-        explained = float(np.sum((_orthonormal(taken_off(step, basis)).T @ rest) ** 2))
+        explained = float(np.sum((_orthonormal(forms.taken_off(step)).T @ rest) ** 2))
         if explained > gain:
             best, gain = step, explained
     return best
@@ -178,18 +188,12 @@ def _best_tone(left: Leftover, rest: np.ndarray) -> np.ndarray:
     return np.stack([np.cos(phase), np.sin(phase)], axis=1)
 
 
-def _less(rest: np.ndarray, basis: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Extend a basis by columns; return it and the residual without these columns."""
-    added = _orthonormal(taken_off(columns, basis))
-    return np.concatenate([basis, added], axis=1), taken_off(rest, added)
-
-
 def _orthonormal(columns: np.ndarray) -> np.ndarray:
     """Return an orthonormal basis of the space that columns span."""
     scale = np.linalg.norm(columns, axis=0)
     tall, small = np.linalg.qr(columns / np.where(scale > 0, scale, 1.0))
     left, singular, _ = np.linalg.svd(small)
-    return np.asarray(tall @ left[:, singular > 1e-8 * max(float(singular.max()), 1e-300)])
+    return np.asarray(tall @ left[:, singular > ROUNDING * max(float(singular.max(initial=0.0)), 1e-300)])
 
 
 def _predictors(left: Leftover) -> np.ndarray:

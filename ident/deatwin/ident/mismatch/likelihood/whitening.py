@@ -11,7 +11,7 @@ the same the gains settle, and the rest is one linear filter. Only the ratio ρ 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -25,6 +25,8 @@ ROUNDING = 16.0 * float(np.finfo(float).eps)
 SAME_STEP = 1e-6
 """Relative difference up to which two time steps count as equal: times of day in double precision differ by 1e-9 of a
 step."""
+DIGITS = ".8g"
+"""Digits to which equal steps agree."""
 PIECE = 1000
 """Number of samples in a block while the gains have not settled."""
 DOUBLINGS = 60
@@ -37,6 +39,7 @@ class Filter:
 
     ratios: np.ndarray
     process: Process
+    _settled: dict[str, tuple[float, np.ndarray]] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def variances(self) -> np.ndarray:
@@ -57,13 +60,17 @@ class Filter:
         innovation = row.sum(axis=1) + 1.0
         return row / innovation[:, None], innovation
 
-    def ahead(self, cov: np.ndarray, step: float) -> np.ndarray:
-        """Return P one sample later, after its reading is included."""
-        gain, innovation = self.gain(cov)
-        decay = self.decay(step)
-        left = cov - np.einsum("ki,kj,k->kij", gain, gain, innovation)
-        grown = self.variances * (1.0 - decay**2)
-        return left * np.outer(decay, decay) + grown[:, :, None] * np.eye(decay.size)
+    def for_step(self, step: float) -> tuple[float, np.ndarray]:
+        """Return the first step met that equals this one, but for rounding, and its stationary P."""
+        # Missing samples make thousands of stretches of a few different steps.
+        name = f"{step:{DIGITS}}"
+        if name not in self._settled:
+            self._settled[name] = step, self.settled(step)
+        return self._settled[name]
+
+    def allowed(self, final: np.ndarray) -> np.ndarray:
+        """Return the sum of changes of P, (k,), that is negligible relative to the innovation's variance."""
+        return np.asarray((SETTLED + ROUNDING * self.ratios**2) * self.gain(final)[1])
 
     def settled(self, step: float) -> np.ndarray:
         """Return the stationary P, by doubling (Anderson 1978, doi:10.1016/0005-1098(78)90088-3), shape (k, p, p)."""
@@ -102,9 +109,9 @@ def blocks(
 ) -> Iterator[Block]:
     """Yield the innovations of rows (m, n) in blocks; times and recording numbers are (n,) each."""
     times, records = clock
-    ends = [*(1 + np.flatnonzero(np.diff(records))), times.size]
+    ends, of = [*(1 + np.flatnonzero(np.diff(records))), times.size], Filter(ratios, process)
     for first, last in zip([0, *ends[:-1]], ends, strict=True):
-        yield from _recording(Filter(ratios, process), times[first:last], rows[:, first:last], first)
+        yield from _recording(of, times[first:last], rows[:, first:last], first)
 
 
 def grams(
@@ -133,9 +140,9 @@ def _recording(of: Filter, times: np.ndarray, rows: np.ndarray, first: int) -> I
     changes = 1 + np.flatnonzero(np.abs(np.diff(steps)) > SAME_STEP * steps[:-1])
     cov, state, at = of.start(), np.zeros((of.ratios.size, len(rows), len(of.process.times))), 0
     for end in (*changes, times.size):
-        step, final = steps[at], of.settled(steps[at])
+        step, final = of.for_step(float(steps[at]))
         while at < end:
-            if _is_settled(of, cov, final):
+            if _is_settled(cov, final, of.allowed(final)):
                 yield from _steady(of, final, step, state, rows[:, at:end], first + at)
                 cov, at = final, end
                 continue
@@ -145,9 +152,8 @@ def _recording(of: Filter, times: np.ndarray, rows: np.ndarray, first: int) -> I
             yield block
 
 
-def _is_settled(of: Filter, cov: np.ndarray, final: np.ndarray) -> bool:
-    """Return whether P has become stationary, relative to the innovation's variance."""
-    allowed = (SETTLED + ROUNDING * of.ratios**2) * of.gain(final)[1]
+def _is_settled(cov: np.ndarray, final: np.ndarray, allowed: np.ndarray) -> bool:
+    """Return whether P has become stationary; `allowed` (k,) is the largest sum of changes still to come."""
     return bool((np.abs(cov - final).sum(axis=(1, 2)) <= allowed).all())
 
 
@@ -155,15 +161,16 @@ def _varying(
     of: Filter, cov: np.ndarray, final: np.ndarray, step: float, state: np.ndarray, rows: np.ndarray, first: int
 ) -> tuple[Block, np.ndarray]:
     """Filter sample by sample until the gains have settled; `state` (k, m, p) is advanced."""
-    decay, values, variances = of.decay(step), [], []
+    decay, allowed, values, variances = of.decay(step), of.allowed(final), [], []
+    shrink, grown = np.outer(decay, decay), (of.variances * (1.0 - decay**2))[:, :, None] * np.eye(decay.size)
     for row in rows.T:
         gain, innovation = of.gain(cov)
         values.append(row - state.sum(axis=2))
         variances.append(innovation)
         state += values[-1][:, :, None] * gain[:, None, :]
         state *= decay
-        cov = of.ahead(cov, step)
-        if _is_settled(of, cov, final):
+        cov = (cov - gain[:, :, None] * gain[:, None, :] * innovation[:, None, None]) * shrink + grown
+        if _is_settled(cov, final, allowed):
             break
     samples = slice(first, first + len(values))
     return Block(samples, slice(0, of.ratios.size), np.stack(values, axis=2), np.stack(variances, axis=1)), cov

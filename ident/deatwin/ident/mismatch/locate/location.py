@@ -155,7 +155,7 @@ def locate(base: Candidate, problem: DiagnosisProblem, checked: DataQuality, rng
     """
     plant = base.calibration.plant
     unit, model_error = amplitude_unit(plant.rig.output_unit), plant.rig.model_error
-    found = tracks(plant, checked.experiments)
+    found = tracks(plant, checked.experiments, usable=checked.usable)
     simulated = [y for each in readings(plant, checked.experiments) for y in each]
     return Location(
         time=locate_time(found, base.noise**2 + model_error**2),
@@ -177,7 +177,7 @@ def _of_further(base: Candidate, problem: DiagnosisProblem, checked: DataQuality
     for reading in problem.nominal.rig.further:
         own = error_in(plant.rig, reading, records)
         if own is not None:
-            residual = tracks(plant, checked.experiments, reading.name)
+            residual = tracks(plant, checked.experiments, reading.name, checked.known(reading.name))
             found.append(
                 ReadingLocation(
                     reading=reading.name,

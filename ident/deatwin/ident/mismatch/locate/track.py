@@ -56,15 +56,24 @@ def readings(plant: Plant, experiments: Sequence[Experiment], reading: str = "")
     return tuple(tuple(y[row] for y in plant.simulate(e).require().outputs) for e in experiments)
 
 
-def tracks(plant: Plant, experiments: Sequence[Experiment], reading: str = "") -> tuple[Track, ...]:
-    """Return residual and operating signals of each record; an empty `reading` stands for the first one."""
+def tracks(
+    plant: Plant,
+    experiments: Sequence[Experiment],
+    reading: str = "",
+    usable: Sequence[Sequence[np.ndarray]] | None = None,
+) -> tuple[Track, ...]:
+    """Return residual and operating signals of each record; an empty `reading` stands for the first one.
+
+    The residual is 0 at samples that are not `usable`, (n,) each; by default all are.
+    """
     rig = plant.rig
     size = amplitude_unit(rig.output_unit)[1]
     row = row_of(plant.rig, reading)
     found = []
-    for experiment in experiments:
+    for number, experiment in enumerate(experiments):
         simulated = plant.simulate(experiment).require().outputs
-        for record, rows, counts in zip(experiment.recordings, simulated, settled(experiment, rig), strict=True):
+        sound = settled(experiment, rig) if usable is None else usable[number]
+        for record, rows, counts in zip(experiment.recordings, simulated, sound, strict=True):
             if record.n_samples < FEWEST:
                 continue  # too short, between two gaps, for a location of its own
             motion = rows[0] / size
@@ -76,7 +85,7 @@ def tracks(plant: Plant, experiments: Sequence[Experiment], reading: str = "") -
             found.append(
                 Track(
                     timepts=record.timepts,
-                    # Missing values contain no information, nor do values that still depend on an unknown start.
+                    # Missing and faulty values contain no information, nor do values that still depend on an unknown start.
                     residual=np.where(counts, np.nan_to_num(record.reading(reading) - rows[row]), 0.0),
                     signals=signals,
                     sample_time=record.sample_time,

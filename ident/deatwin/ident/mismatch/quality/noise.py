@@ -207,12 +207,20 @@ def _white(pieces: Sequence[np.ndarray], above: float) -> float:
     # such as the error after each step of a plant that answers too early.
     from scipy.signal import welch
 
-    powers, weights = [], []
+    # Densities of equally long segments are averaged over the pieces first: the median over the lines of a single
+    # segment is far below their mean.
+    densities: dict[int, list[tuple[np.ndarray, int]]] = {}
     for piece in [piece for piece in pieces if piece.size >= FEWEST_OF_A_PIECE] or [np.concatenate(pieces)]:
-        frequency, density = welch(piece, 1.0, nperseg=min(SEGMENT_SAMPLES, piece.size), average="median")
+        segment = min(SEGMENT_SAMPLES, piece.size)
+        density = welch(piece, 1.0, nperseg=segment, average="median")[1]
+        densities.setdefault(segment, []).append((density, piece.size))
+    powers, weights = [], []
+    for segment, found in densities.items():
+        frequency, sizes = np.fft.rfftfreq(segment), [size for _, size in found]
+        density = np.average([density for density, _ in found], axis=0, weights=sizes)
         asked = density[1:][frequency[1:] >= above * frequency[-1]]
         # At half the sample rate the one-sided density is only half of the others, and has another median.
         asked = asked[:-1] if frequency[-1] == 0.5 and asked.size > 1 else asked
         powers.append(np.median(asked) / 2.0)
-        weights.append(piece.size)
+        weights.append(sum(sizes))
     return float(np.sqrt(np.average(powers, weights=weights)))

@@ -49,6 +49,12 @@ class Amplifier(Bare):
         return build.place(Place.SENSOR, "reading", position + build.parameter("zero"))
 
 
+class Coarse(Amplifier):
+    """An amplifier whose equations err by a hundredth of the motion."""
+
+    share_of_motion = 0.01
+
+
 BASE = Plant(rig=Amplifier())
 
 
@@ -105,6 +111,34 @@ def test_the_quick_square_form_is_that_of_the_dense_covariance():
     known = Difference(readings=readings, left=left, model_error=np.full(300, 0.7), sizes=(300,))
     expected = (left @ left) ** 2 / (left @ spread(readings, 1.3, 0.7) @ left)
     assert known.squared_distance(1.3) == pytest.approx(expected, rel=1e-9)
+
+
+def test_the_errors_of_two_readings_are_independent():
+    """However alike their values and differences are, and whatever the sign of either."""
+    rng = np.random.default_rng(2)
+    first, other = np.cumsum(rng.standard_normal((2, 200)), axis=1)
+    for sign, size in ((1.0, 1.0), (-1.0, 1.0), (1.0, 30.0)):
+        readings, left = np.concatenate([first, size * other]), np.concatenate([first**2, sign * other**2])
+        both = Difference(
+            readings=readings, left=left, model_error=np.full(400, 0.7), sizes=(200, 200), names=("", "current")
+        )
+        cov = np.zeros((400, 400))
+        cov[:200, :200], cov[200:, 200:] = spread(first, 1.3, 0.7), spread(size * other, 1.3, 0.7)
+        assert both.squared_distance(1.3) == pytest.approx((left @ left) ** 2 / (left @ cov @ left), rel=1e-9)
+        assert both.beside(both).names == ("", "current", "", "current")
+
+
+def test_a_further_reading_in_units_of_its_noise_is_no_motion():
+    asked = parts(commands())
+    readings = simulated(BASE, asked)
+    further = [*asked, replace(asked[0], reading="current", weight=1e3)]
+    plant = Plant(rig=Coarse())
+    alone, both = (
+        Difference.between(plant, plant, values, 0.0 * values, some)
+        for values, some in ((readings, asked), (np.concatenate([readings, 1e3 * readings]), further))
+    )
+    assert alone.model_error[0] == pytest.approx(0.01 * readings.std())
+    assert both.model_error == pytest.approx(np.full(2 * readings.size, alone.model_error[0]))
 
 
 def test_thousands_of_samples_of_a_tenth_of_the_model_error_tell_nothing():

@@ -15,7 +15,7 @@ from deatwin.ident.mismatch.detect.detect import detect, detect_in
 from deatwin.ident.mismatch.detect.law import LEVEL, Law
 from deatwin.ident.mismatch.detect.leftover import Leftover, leftover_of
 from deatwin.ident.mismatch.detect.null import Refit, _autoregression, colour
-from deatwin.ident.mismatch.detect.origin import Origin, origin_of
+from deatwin.ident.mismatch.detect.origin import Origin, origin_of, without_forms
 from deatwin.ident.mismatch.detect.power import Power
 from deatwin.ident.mismatch.detect.statistics import Scores
 from deatwin.ident.mismatch.naming.candidate import judge
@@ -304,6 +304,30 @@ def test_physics_that_does_not_come_back_is_no_disturbance(form, periods):
         "tone": 8 * np.sin(2 * np.pi * 7.3 * t),
     }[form]
     assert origin(left, 1e-6 * excess, rng) is not Origin.DISTURBANCE
+
+
+def test_drifts_within_each_experiment_are_removed_as_by_least_squares():
+    """Of level and gain, with nine cosines and the largest and smallest reading so far, in each of four experiments."""
+    left, rng = film(2000, 51), np.random.default_rng(1)
+    left = replace(left, experiment=np.repeat(np.arange(4), 500))
+    moves, columns = left.readings - left.readings.mean(), []
+    for own in np.split(np.arange(2000), 4):
+        shapes = [np.cos(np.pi * k * np.linspace(0.0, 1.0, 500)) for k in range(9)]
+        shapes += [f.accumulate(left.readings[own]) / 1e-4 for f in (np.maximum, np.minimum)]
+        for shape in shapes:
+            columns += [np.zeros(2000), np.zeros(2000)]
+            columns[-2][own], columns[-1][own] = shape, shape * moves[own] / moves.std()
+    patterns = np.stack(columns, axis=1)
+    drift = patterns @ rng.standard_normal(patterns.shape[1])
+    rest = without_forms(left.with_residual(1e-6 * drift))
+    np.testing.assert_allclose(rest, 0.0, atol=1e-6 * 1e-8 * np.abs(drift).max())
+    noise = white(rng, 2000)
+    rest = without_forms(left.with_residual(noise))
+    np.testing.assert_allclose(
+        patterns.T @ rest / np.linalg.norm(patterns, axis=0), 0.0, atol=1e-9 * np.linalg.norm(noise)
+    )
+    # least squares by 88 columns, two steps of two and three tones of two leaves no less than by 98 independent ones
+    assert 0.8 < rest @ rest / (noise @ noise) < 1.0
 
 
 @pytest.mark.parametrize(("seconds", "beside"), [(60.0, ""), (15.0, ""), (60.0, "memory"), (60.0, "mode")])

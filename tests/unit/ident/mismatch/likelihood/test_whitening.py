@@ -41,6 +41,26 @@ def test_products_and_determinant_are_those_of_the_dense_covariance(process):
         np.testing.assert_allclose(row @ row.T, products[k], atol=1e-10)
 
 
+def test_missing_samples_need_one_stationary_covariance_for_each_length_of_gap(monkeypatch):
+    solved: list[float] = []
+    settled = Filter.settled
+
+    def counted(of: Filter, step: float) -> np.ndarray:
+        solved.append(step)
+        return settled(of, step)
+
+    monkeypatch.setattr(Filter, "settled", counted)
+    rng = np.random.default_rng(4)
+    kept = np.flatnonzero(rng.random(400) > 0.2)
+    times, records = np.tile(50_000.0 + 0.02 * kept, 2), np.repeat([0, 1], kept.size)
+    rows = rng.standard_normal((2, times.size))
+    products, logs = grams(FAST, np.array([0.4]), (times, records), rows)
+    cov = dense(FAST, 0.4, times, records)
+    np.testing.assert_allclose(products[0], rows @ np.linalg.solve(cov, rows.T), atol=1e-7)
+    assert logs[0] == pytest.approx(np.linalg.slogdet(cov)[1], abs=1e-7)
+    assert len(solved) == np.unique(np.diff(kept)).size
+
+
 def test_the_settled_covariance_solves_the_riccati_equation():
     from scipy.linalg import solve_discrete_are
 

@@ -77,6 +77,14 @@ def test_a_piece_of_a_few_samples_says_nothing():
     assert np.isfinite(noise_level([whole[:3], whole[:5]], 0.02, 0.0).level)
 
 
+@pytest.mark.parametrize("samples", [30, 64, 100, 300])
+def test_many_short_records_show_the_noise_as_well_as_a_long_one(samples):
+    """Of 6000 samples in all, six lines scatter by 4 % of the noise; the median line of one segment is 17 % lower."""
+    rng = np.random.default_rng(7)
+    levels = [noise_level(list(rng.standard_normal((6000 // samples, samples))), 0.02, 0.0).level for _ in range(20)]
+    assert np.mean(levels) == pytest.approx(1.0, abs=0.025)
+
+
 @pytest.mark.parametrize(("samples", "median"), [(16, 1.0), (17, 1.0)])
 def test_the_line_at_half_the_sample_rate_pulls_nothing_down(samples, median):
     """Its density is half of the others' in a one-sided spectrum; an odd number of samples has none there.
