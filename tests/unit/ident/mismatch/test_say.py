@@ -457,7 +457,9 @@ def test_a_narrow_interval_has_the_digits_that_tell_its_ends_apart():
 
 def test_a_small_share_is_said_to_be_small():
     assert "only 3 % of the mismatch" in DIAGNOSES["named, weakly"].sentence
-    said = "Without creep, 97 % of the mismatch between model and recordings would return and without sensor jump, 21 %."
+    said = (
+        "Without creep, 97 % of the mismatch between model and recordings would return and without sensor jump, 21 %."
+    )
     assert said in DIAGNOSES["two causes"].sentence
 
 

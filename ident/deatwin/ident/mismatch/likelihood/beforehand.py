@@ -142,9 +142,11 @@ def coordinate(parameter: Parameter, nominal: Plant, effects: Mapping[str, Effec
         mean = typical.scale.to_coordinate(typical.value)
         width, factor = touching(RATE, typical.scale.to_coordinate(parameter.value) - mean)
         return Coordinate(mean=mean, deviation=width, log_factor=factor)
+    if typical.unit == "rad":  # any phase is as likely: at its centre this normal law has the density 1/(2 pi)
+        return Coordinate(mean=parameter.value, deviation=float(np.sqrt(2.0 * np.pi)))
     # in the upper half of the range that is reached; otherwise hardly anything would be seen of it
     if own == effect.threshold:
-        high = typical.upper if typical.unit == "V" else min(typical.upper, reading)
+        high = typical.value / 0.75 if typical.unit == "V" else min(typical.upper, reading)
         return Coordinate(mean=0.75 * high, deviation=0.25 * high)
     return Coordinate(mean=typical.value, deviation=min(_width(typical), max(abs(typical.value), 1.0)))
 

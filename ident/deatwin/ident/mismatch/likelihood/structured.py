@@ -59,10 +59,12 @@ def slow(times: np.ndarray, rms: float, constant: float, count: int) -> np.ndarr
     return np.column_stack([np.interp(times, grid, mode) for mode in largest.T])
 
 
-def law(contribution: np.ndarray, times: np.ndarray, level: np.ndarray | float = 1.0) -> np.ndarray:
+def law(
+    contribution: np.ndarray, times: np.ndarray, records: np.ndarray, level: np.ndarray | float = 1.0
+) -> np.ndarray:
     """Return an orthonormal basis, (n, k), of the changes that another law may make to an effect's contribution, (n,).
 
-    Both are over the noise's relative `level`, (n,).
+    Both are over the noise's relative `level`, (n,). `records`, (n,), numbers the recordings, each of which begins anew.
     """
     # Another law may be bent (powers of the contribution, and its absolute value), change with time, or have other time
     # constants (first-order filters, from one sample to the whole recording).
@@ -74,7 +76,8 @@ def law(contribution: np.ndarray, times: np.ndarray, level: np.ndarray | float =
     step = float(np.median(steps)) if steps.size else 1.0
     decays = np.exp(-step / np.geomspace(step, max(float(np.ptp(times)), 2.0 * step), FILTERS))
     columns = [along, along**2, along**3, np.abs(along), along * clock, along * clock**2]
-    columns += [lfilter([1.0 - decay], [1.0, -decay], along) for decay in decays]
+    each = np.split(along, 1 + np.flatnonzero(np.diff(records)))
+    columns += [np.concatenate([lfilter([1.0 - k], [1.0, -k], piece) for piece in each]) for k in decays]
     together = np.column_stack(columns) / np.reshape(level, (-1, 1))
     basis, sizes, _ = np.linalg.svd(together, full_matrices=False)
     return np.asarray(basis[:, sizes > ALIKE * sizes[0]])

@@ -45,6 +45,8 @@ class Candidate:
         Fitted and held-out readings, SI; empty if no test depends on them.
     level : ndarray, shape (m + n,)
         Relative noise level by which the residuals were divided; empty if the level is constant.
+    readings : tuple of str
+        Name of the reading in each experiment of `sizes`, empty for the first one; empty if there is only one reading.
     log_share : float
         Logarithm of the prior share of the places at which the effects act.
     log_size : float
@@ -59,6 +61,7 @@ class Candidate:
     sizes: tuple[tuple[int, int], ...] = ()
     measured: np.ndarray = field(default_factory=lambda: np.zeros(0))
     level: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    readings: tuple[str, ...] = ()
     log_share: float = 0.0
     log_size: float = 0.0
 
@@ -128,6 +131,13 @@ class Candidate:
         return tuple(size for part in zip(*sizes, strict=True) for size in part if size)
 
     @property
+    def readings_of_pieces(self) -> tuple[str, ...]:
+        """Name of the reading in each of the `pieces`; empty if there is only one reading."""
+        names = self.readings or ("",) * len(self.sizes)
+        parts = zip(*self.sizes, strict=True)
+        return tuple(name for part in parts for name, size in zip(names, part, strict=True) if size)
+
+    @property
     def losses(self) -> np.ndarray:
         """Mean square residual of each block, on fitted and held-out data."""
         return np.concatenate([block_losses(self.calibration.residuals), block_losses(self.unseen)])
@@ -168,6 +178,7 @@ def judge(problem: DiagnosisProblem, calibration: Calibration, noise: float) -> 
         sizes=tuple((one.size, other.size) for one, other in zip(problem.fitted, problem.unseen, strict=True)),
         measured=np.concatenate([part.measured for part in (*problem.fitted, *problem.unseen)]),
         level=level_of((*problem.fitted, *problem.unseen)),
+        readings=tuple(part.reading for part in problem.fitted),
         log_share=problem.log_share(added),
         log_size=problem.log_size(added, calibration.plant),
     )

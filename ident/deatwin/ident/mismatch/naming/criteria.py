@@ -56,15 +56,15 @@ def held_back_by(candidate: Candidate) -> tuple[str, ...]:
     ended = {name for name in fit.at_bound if not name.startswith(added)}
     if not ended:
         return ()
-    inwards = [_inwards(fit.plant.parameters[name]) if name in ended else 0.0 for name in fit.names]
-    lower = np.array([0.0 if way > 0.0 else -np.inf for way in inwards])
-    upper = np.array([0.0 if way < 0.0 else np.inf for way in inwards])
+    ways = [inwards(fit.plant.parameters[name]) if name in ended else 0.0 for name in fit.names]
+    lower = np.array([0.0 if way > 0.0 else -np.inf for way in ways])
+    upper = np.array([0.0 if way < 0.0 else np.inf for way in ways])
     cost, held = bounded_fit(fit.residuals, fit.jacobian, lower, upper)
     pressing = tuple(name for name, stays in zip(fit.names, held, strict=True) if stays)
     return pressing if cost > candidate.fitted_test.practical**2 else ()
 
 
-def _inwards(parameter: Parameter) -> float:
+def inwards(parameter: Parameter) -> float:
     """Return the sign of the change of the coordinate that moves a parameter from its bound into its range."""
     rising = float(np.sign(parameter.scale.slope(parameter.value)))
     return rising if parameter.is_low else -rising

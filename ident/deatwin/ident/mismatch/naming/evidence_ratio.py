@@ -62,7 +62,9 @@ def _by_shape(one: Candidate, other: Candidate) -> float:
     error = max(c.calibration.plant.rig.model_error for c in (one, other))
     readings = one.measured if one.measured.size else np.zeros(apart.size)
     errors = error / one.level if one.level.size else np.full(apart.size, error)
-    difference = Difference(readings=readings, left=apart, model_error=errors, sizes=one.pieces)
+    difference = Difference(
+        readings=readings, left=apart, model_error=errors, sizes=one.pieces, names=one.readings_of_pieces
+    )
     squared = difference.squared_distance(min(one.noise, other.noise))
     share = float(np.clip((theirs @ theirs - mine @ mine) / whole, -1.0, 1.0))
     return share / (2 * (1 / squared + LAW**2))

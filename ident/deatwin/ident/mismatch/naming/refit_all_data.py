@@ -152,6 +152,7 @@ def fitted_to_all(candidate: Candidate, parts: Sequence[Part]) -> Candidate | No
         calibration=fit,
         unseen=np.zeros(0),
         sizes=tuple((part.size, 0) for part in parts),
+        readings=tuple(part.reading for part in parts),
         measured=np.concatenate([part.measured for part in parts]),
         level=level_of(parts),
     )

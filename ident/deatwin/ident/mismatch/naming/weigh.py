@@ -43,6 +43,7 @@ from deatwin.ident.mismatch.likelihood.scales import evidence
 from deatwin.ident.mismatch.likelihood.several import OwnErrors, own_errors
 from deatwin.ident.mismatch.naming.candidate import Candidate
 from deatwin.ident.mismatch.naming.contribution import readings_of_fit
+from deatwin.ident.mismatch.naming.criteria import inwards
 from deatwin.ident.mismatch.naming.screen import LinearisedResponse
 from deatwin.ident.mismatch.plan.seen import Change, products
 from deatwin.ident.mismatch.problem import DiagnosisProblem
@@ -113,9 +114,10 @@ class Scale:
                 above=np.append(prior.above, np.full(law.shape[1], -np.inf)),
             )
         events = sum(name in fit.plant.event_times for name in fit.names)
-        # The prior of an event's time is uniform over the recordings; readings are not smooth in it.
+        # The prior of an event's time is uniform over the recordings; readings are not smooth in it, and show it to
+        # about a sample.
         weighed = evidence(self.error.likelihood(fit.residuals, columns), prior)
-        placed = events * float(np.log(np.ptp(self.error.times)))
+        placed = events * float(np.log(np.ptp(self.error.times) / self.error.of[0].sample_time))
         return weighed.log + factor + self.log_prior_of_rig(candidate) - placed
 
     @cached_property
@@ -141,7 +143,18 @@ class Scale:
         columns = np.column_stack([fit.jacobian[:, moves] * spread, self.error.columns])
         sided = [k for k, one in enumerate(known) if one.one_sided]
         prior = Prior.of((at.size, (at - mean) / spread), (columns.shape[1] - at.size, None), one_sided=sided)
-        return columns, prior, sum(k.log_factor for k in known)
+        factor = sum(k.log_factor for k in known)
+        # Beyond a bound that a fit has reached nothing is likely: such a coordinate is counted inwards from the bound.
+        for k, p in enumerate(parameters):
+            if p.name not in fit.at_bound or np.isfinite(prior.above[k]):
+                continue
+            if inwards(p) < 0.0:
+                columns[:, k] *= -1.0
+                prior.fitted[k] *= -1.0
+            prior.above[k] = prior.fitted[k]
+            if not of_effects[k]:
+                factor -= float(np.log(2.0))  # `log_prior_of_rig` is a density over the whole range
+        return columns, prior, factor
 
     def _law(self, pair: Candidate, alone: Candidate) -> np.ndarray:
         """Return the expected law error of one effect along the response of the second one, (n, k)."""
@@ -149,7 +162,7 @@ class Scale:
         apart = alone.calibration.residuals - pair.calibration.residuals
         if not np.isfinite(does).all() or not does.any():
             return structured.known(apart[:, None], sizes[:1])
-        basis = structured.law(does, self.error.times, level_of(self.problem.fitted))
+        basis = structured.law(does, self.error.times, self._records, level_of(self.problem.fitted))
         own = basis @ (basis.T @ apart)
         return np.column_stack([structured.known(own[:, None], sizes[:1]), self._rest(apart - own, alone)])
 
@@ -160,11 +173,17 @@ class Scale:
         return structured.limited(error, does, self._pieces, LOOSE) if known else error
 
     @cached_property
+    def _records(self) -> np.ndarray:
+        """Return the number of the recording and reading of each fitted sample, (n,)."""
+        parts = self.problem.fitted
+        return np.repeat(np.arange(len(parts)), [part.size for part in parts])
+
+    @cached_property
     def _pieces(self) -> list[slice]:
         """Return the stretches of fitted samples of one reading without a gap."""
-        sizes, steps = [part.size for part in self.problem.fitted], np.diff(self.error.times)
-        gaps = 1 + np.flatnonzero(np.abs(steps - np.median(steps)) > GAP * np.median(steps))
-        ends = np.union1d(gaps, np.cumsum(sizes))
+        steps = np.diff(self.error.times)
+        apart = (np.abs(steps - np.median(steps)) > GAP * np.median(steps)) | (np.diff(self._records) > 0)
+        ends = [*(1 + np.flatnonzero(apart)), self.error.times.size]
         return [slice(int(a), int(b)) for a, b in zip([0, *ends[:-1]], ends, strict=True)]
 
     def _missed(self, alone: Candidate) -> tuple[float, float]:

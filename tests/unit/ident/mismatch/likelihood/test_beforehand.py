@@ -22,8 +22,11 @@ from deatwin.plant import Disc, Plant
 from deatwin.plant.effects.catalogue import effect_named
 from deatwin.plant.parameters import Parameter, Scale
 
-CREEP, LAG, CEILING = (effect_named(name) for name in ("creep", "sensor_lag", "sensor_saturation"))
-EFFECTS = {effect.name: effect for effect in (CREEP, LAG, CEILING)}
+CREEP, LAG, CEILING, SUPPLY, TONE = (
+    effect_named(name)
+    for name in ("creep", "sensor_lag", "sensor_saturation", "amplifier_saturation", "periodic_disturbance")
+)
+EFFECTS = {effect.name: effect for effect in (CREEP, LAG, CEILING, SUPPLY, TONE)}
 MASS = Parameter(name="mass", value=2.0, unit="kg", lower=0.1, upper=10.0, scale=Scale.LOGARITHMIC)
 PLANT = SimpleNamespace(parameters={"mass": MASS})
 
@@ -73,9 +76,18 @@ def test_a_time_is_known_to_a_factor_of_e():
 def test_a_threshold_lies_where_readings_reach():
     threshold = own(CEILING, CEILING.threshold)
     known = before(threshold)
-    high = threshold.upper if threshold.unit == "V" else min(threshold.upper, 1e-3)
-    assert known.mean == pytest.approx(0.75 * high)
+    assert known.mean == pytest.approx(0.75 * min(threshold.upper, 1e-3))
     assert 0.0 < known.deviation < known.mean
+    limit = own(SUPPLY, SUPPLY.threshold)  # the reading says nothing of volts
+    assert (before(limit).mean, before(limit).deviation) == (pytest.approx(limit.value), pytest.approx(limit.value / 3))
+
+
+@pytest.mark.parametrize("phase", [-6.0, 0.0, 0.5])
+def test_every_phase_is_as_likely(phase):
+    """A uniform law over a period has the density 1/(2 pi); the normal one has its largest value at the phase."""
+    known = before(replace(own(TONE, "phase"), value=phase))
+    assert norm(known.mean, known.deviation).pdf(phase) == pytest.approx(1.0 / (2.0 * np.pi))
+    assert known.log_factor == 0.0
 
 
 def test_a_parameter_of_another_form_of_the_plant_only_is_about_its_value():

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
-from deatwin.ident.mismatch.likelihood.structured import bends, known, law, limited, slow, timing
+from deatwin.ident.mismatch.likelihood.structured import FILTERS, bends, known, law, limited, slow, timing
 
 TIMES = 0.02 * np.arange(3000)
 MOTION = 1e-4 * np.sin(0.7 * TIMES) + 3e-5 * np.sin(3.1 * TIMES + 1.0)
@@ -51,7 +52,7 @@ def test_slow_modes_hold_nearly_all_of_a_slow_process():
 def test_another_law_of_an_effect_is_bent_or_has_other_times():
     """A film that creeps by a power of time is a sum of exponentials; of their sum none of one time is a part."""
     contribution = np.where(TIMES > 10.0, 1e-5 * (1.0 - np.exp(-(TIMES - 10.0) / 20.0)), 0.0)
-    basis = law(contribution, TIMES)
+    basis = law(contribution, TIMES, np.zeros(TIMES.size))
     np.testing.assert_allclose(basis.T @ basis, np.eye(basis.shape[1]), atol=1e-9)
 
     def outside(signal: np.ndarray) -> float:
@@ -61,6 +62,16 @@ def test_another_law_of_an_effect_is_bent_or_has_other_times():
     assert outside(contribution**2) < 1e-5
     assert outside(power) < 0.1
     assert outside(np.sin(2.0 * np.pi * 3.0 * TIMES)) > 0.99
+
+
+def test_another_law_begins_anew_in_each_recording():
+    """A lag of what an effect does is a part of the laws in each of several recordings, as in one."""
+    one = np.exp(-((TIMES[:600] - 9.0) ** 2))
+    keep = np.exp(-0.02 / np.geomspace(0.02, np.ptp(TIMES), FILTERS)[4])
+    lagged = lfilter([1.0 - keep], [1.0, -keep], one)
+    basis = law(np.tile(one, 5), TIMES, np.repeat(np.arange(5), 600))
+    late = np.tile(lagged, 5)
+    assert np.linalg.norm(late - basis @ (basis.T @ late)) < 1e-6 * np.linalg.norm(late)
 
 
 def test_a_change_is_limited_where_the_effect_does_less():

@@ -1,9 +1,13 @@
 """Odds of two effects over one whose law errs, on readings that are linear in the strengths of effects."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
+from scipy.special import logsumexp
+from scipy.stats import norm
 
 from deatwin.ident.mismatch.likelihood.beforehand import FAST, pair_odds
 from deatwin.ident.mismatch.naming.decide import STRONG
@@ -56,7 +60,9 @@ def fitted(left, *effects):
     plant = SimpleNamespace(
         parameters=parameters, event_times=(), effect_names=own, lacks=lambda effect: effect.name not in own
     )
-    calibration = SimpleNamespace(plant=plant, names=tuple(names), residuals=left - columns @ off, jacobian=columns)
+    calibration = SimpleNamespace(
+        plant=plant, names=tuple(names), residuals=left - columns @ off, jacobian=columns, at_bound=()
+    )
     return SimpleNamespace(
         effects=own,
         calibration=calibration,
@@ -135,3 +141,52 @@ def test_first_order_promises_what_a_fit_then_shows(scale, shape):
 def test_the_error_is_that_of_the_base_plant_as_it_moves(scale):
     assert np.array_equal(scale.error.readings, MOTION)
     assert scale.error.of[0].ratio == pytest.approx(FAST * 5e-7 / NOISE)
+
+
+def test_beyond_a_bound_nothing_is_likely(scale):
+    """A share that the data want beyond 1: the evidence is that of the shares up to 1, summed on a fine grid."""
+    rng, lag = np.random.default_rng(9), effect_named("electrode_rc")
+    own = {p.name: p for p in lag.parameters}
+    share, rate = own["electrode_rc.film_share"], own["electrode_rc.time"]
+    fast, slow = (6e-6 * np.sin(2.0 * np.pi * f * TIMES) for f in (9.0, 4.0))
+    left = NOISE * rng.standard_normal(TIMES.size) + 0.2 * fast  # of a share of 1.2, fitted with 1
+    columns = np.column_stack([slow / rate.value, fast])
+    near = Scale(problem=SimpleNamespace(**{**vars(scale.problem), "everywhere": (lag,)}), base=NOTHING, noise=NOISE)
+
+    def weight(name, value, names, at_bound=()):
+        held = {rate.name: rate, share.name: replace(share, value=value)}
+        plant = SimpleNamespace(parameters=held, event_times=(), effect_names=("electrode_rc",))
+        residuals, jacobian = left - (value - 1.0) * fast, columns[:, : len(names)]
+        fit = dict(plant=plant, names=names, residuals=residuals, jacobian=jacobian, at_bound=at_bound)
+        return near.weight(SimpleNamespace(effects=(name,), calibration=SimpleNamespace(**fit), log_share=0.0))
+
+    found = weight("fit", 1.0, (rate.name, share.name), (share.name,))
+    values = np.linspace(0.8, 1.0, 81)  # at 0.8 the evidence is already e^-60 of that at 1
+    each = [weight(f"share {value}", value, (rate.name,)) for value in values]
+    prior = norm(0.5, 1.0 / np.sqrt(12.0))
+    densities = prior.logpdf(values) - np.log(prior.cdf(1.0) - prior.cdf(0.0))
+    exact = np.log(trapezoid(np.exp(each + densities - max(each)), values)) + max(each)
+    assert found == pytest.approx(exact, abs=1.0)
+
+
+def test_when_an_event_came_costs_what_a_sum_over_all_samples_says(scale):
+    """A jump of six times the noise is seen to a sample: its evidence is the mean of those at each sample."""
+    rng, jump = np.random.default_rng(10), effect_named("sensor_jump")
+    strength, when = (next(p for p in jump.parameters if p.name == f"sensor_jump.{n}") for n in ("change", "at"))
+    near = Scale(problem=SimpleNamespace(**{**vars(scale.problem), "everywhere": (jump,)}), base=NOTHING, noise=NOISE)
+    noise = NOISE * rng.standard_normal(TIMES.size)
+
+    def weight(at, event):
+        held = {strength.name: replace(strength, value=6.0 * NOISE), when.name: replace(when, value=TIMES[at])}
+        events = (when.name,) if event else ()
+        plant = SimpleNamespace(parameters=held, event_times=events, effect_names=("sensor_jump",))
+        names = (strength.name, when.name) if event else (strength.name,)
+        step = (np.arange(TIMES.size) >= at).astype(float)
+        left = noise + 6.0 * NOISE * ((np.arange(TIMES.size) >= 700) - step)
+        columns = np.column_stack([step, np.zeros(TIMES.size)])[:, : len(names)]
+        fit = SimpleNamespace(plant=plant, names=names, residuals=left, jacobian=columns, at_bound=())
+        return near.weight(SimpleNamespace(effects=(f"{at} {event}",), calibration=fit, log_share=0.0))
+
+    each = np.array([weight(at, False) for at in range(690, 711)])  # elsewhere it is e^-100 of that
+    best = 690 + int(np.argmax(each))
+    assert weight(best, True) == pytest.approx(logsumexp(each) - np.log(TIMES.size), abs=1.0)
