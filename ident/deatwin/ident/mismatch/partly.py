@@ -22,7 +22,7 @@ from deatwin.ident.mismatch.naming.criteria import (
     takes_most,
 )
 from deatwin.ident.mismatch.naming.decide import STRONG, Naming, decide
-from deatwin.ident.mismatch.naming.evidence_ratio import advantage
+from deatwin.ident.mismatch.naming.evidence_ratio import advantage, advantage_of_shape
 from deatwin.ident.mismatch.naming.limits import with_limits
 from deatwin.ident.mismatch.naming.tried import each_without_one
 from deatwin.ident.mismatch.problem import DiagnosisProblem
@@ -83,7 +83,9 @@ def led_by_what_acts(naming: Naming) -> Naming | None:
         led = with_limits(led, lambda c: takes_most(c, base))
         larger = [c for c in tried if len(c.effects) > size and _takes_nearly_all(c, base)]
         beyond = [c for c in larger if advantage(c, first) > STRONG]
-        common = set(first.effects).intersection(*(c.effects for c in (*led.alternatives, *beyond)))
+        # No set explains everything, so some law is inexact, and sets that differ by no more than that are as likely.
+        close = [c for c in stage if takes_most(c, base) and advantage_of_shape(first, c) <= STRONG]
+        common = set(first.effects).intersection(*(c.effects for c in (*led.alternatives, *beyond, *close)))
         best = known.get(tuple(sorted(common)))
         if not common or best is None or not _stands_alone(best, base):
             return None

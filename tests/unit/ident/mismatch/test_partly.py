@@ -1,7 +1,7 @@
 """What acts where nothing explains a mismatch wholly: which effects stand, and what they leave."""
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, ClassVar
 
@@ -74,6 +74,22 @@ def test_of_rivals_only_what_they_have_in_common_stands():
     assert found(friction, offset, lag, pairs[0], candidate("f", "l", rms=7.0)) == ("f", "o")
     assert found(offset, lag, *pairs) is None  # what was never tried alone does not stand alone
     assert found(candidate("f", rms=25.0), offset, lag, *pairs) is None  # nor what alone takes less than half
+
+
+def test_sets_that_differ_by_no_more_than_errors_of_laws_are_as_likely():
+    """Both leave much that the other explains: their mean would leave less than either, so both are inexact."""
+    friction, offset, lag = (candidate(name, rms=rms) for name, rms in (("f", 15.0), ("o", 29.0), ("l", 29.0)))
+    fast = np.tile([1.0, -1.0], 5000)
+    slow = np.repeat(fast[:200], 50)
+
+    def leaving(name: str, left: np.ndarray) -> Candidate:
+        known = candidate("f", name, rms=6.0)
+        fitted, late = np.split(left, [7000])
+        return replace(known, unseen=late, calibration=SimpleNamespace(**vars(known.calibration) | {"residuals": fitted}))
+
+    one, other = leaving("o", 6.0 * fast), leaving("l", 6.2 * slow)  # apart by 8.6, of which x is 2.4 / 74
+    assert found(friction, offset, lag, one, other) == ("f",)
+    assert found(friction, offset, lag, one, leaving("l", 6.2 * fast + 4.0 * slow)) == ("f", "o")
 
 
 @pytest.mark.parametrize(

@@ -36,7 +36,7 @@ def advantage(one: Candidate, other: Candidate) -> float:
     # The cost of a parameter is that of `deatwin.ident.mismatch.losses.evidence`.
     more = len(other.calibration.names) - len(one.calibration.names)
     cost = more / 2 * float(np.log(one.losses.size)) + one.log_prior - other.log_prior
-    by_blocks, by_shape = one.evidence - other.evidence - cost, _by_shape(one, other)
+    by_blocks, by_shape = one.evidence - other.evidence - cost, advantage_of_shape(one, other)
     return max(by_blocks, by_shape, key=abs) + cost
 
 
@@ -53,7 +53,8 @@ def likeliest(candidates: Sequence[Candidate]) -> Candidate:
     return best
 
 
-def _by_shape(one: Candidate, other: Candidate) -> float:
+def advantage_of_shape(one: Candidate, other: Candidate) -> float:
+    """Return the log ratio of both likelihoods, nats, where the law of the right one may be inexact; antisymmetric."""
     mine, theirs = one.residuals, other.residuals
     apart = theirs - mine
     whole = float(apart @ apart)
