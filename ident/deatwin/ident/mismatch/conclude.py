@@ -12,6 +12,7 @@ from deatwin.ident.mismatch.advise.distance import DISTINGUISHED
 from deatwin.ident.mismatch.diagnosis import Diagnosis
 from deatwin.ident.mismatch.findings import Findings
 from deatwin.ident.mismatch.layout import Readings
+from deatwin.ident.mismatch.likelihood.beforehand import is_wrong
 from deatwin.ident.mismatch.locate.track import readings
 from deatwin.ident.mismatch.located import LocationSummary, PlaceSummary
 from deatwin.ident.mismatch.model_error import differences, with_model_error
@@ -26,12 +27,12 @@ from deatwin.ident.mismatch.refit.exchange import exchanged_lags
 from deatwin.ident.mismatch.refit.fitted import fitted_parameters
 from deatwin.ident.mismatch.refit.search import gap_around
 from deatwin.ident.mismatch.result import Errors, FitSummary, IndistinguishablePair, Output, UnseenErrors
-from deatwin.ident.mismatch.say import say
+from deatwin.ident.mismatch.say import number, say
 from deatwin.ident.mismatch.steps import variants_tried
 from deatwin.ident.mismatch.taught import errors_in, taught
 from deatwin.ident.mismatch.verdict import CandidateSummary, Cause, Explanation, Interval, Verdict
 from deatwin.ident.mismatch.verify.verify import shares_explained
-from deatwin.plant.amplitudes import written_unit
+from deatwin.plant.amplitudes import amount, written_unit
 from deatwin.plant.calibrated import CalibratedPlant
 from deatwin.plant.effects.base import Alone, Effect
 from deatwin.plant.model import Plant
@@ -94,6 +95,7 @@ def conclude(findings: Findings) -> Diagnosis:
             *_held_back(findings),
             *_alike_but_unlikely(findings),
             *_hardly_shown(findings),
+            *_doubtful_values(findings),
         ),
         verification=findings.verification.summary if findings.verification.ablations else None,
         faults=faults_of(findings.checked),
@@ -137,6 +139,20 @@ def _hardly_shown(findings: Findings) -> Iterator[str]:
             f"{'+'.join(best.effects)} could explain the recordings, but less than a quarter of its cycle was recorded, and so "
             "short a part cannot be distinguished from any other slow change"
         )
+
+
+def _doubtful_values(findings: Findings) -> Iterator[str]:
+    """Warn of fitted parameters so far from nominal that the nominal value is more probably wrong than inaccurate."""
+    if findings.verdict is not Verdict.PARAMETERS:
+        return
+    nominal, fitted = findings.problem.nominal.parameters, findings.final.plant.parameters
+    for name in findings.final.names:
+        if name in nominal and is_wrong(fitted[name], nominal[name]):
+            found, known = (amount(number(p.value), p.unit) for p in (fitted[name], nominal[name]))
+            yield (
+                f"the fitted {name.replace('_', ' ')}, {found}, is far from its nominal value, {known}: measure it if you "
+                "can, because missing physics can hide behind a parameter, such as a lag behind a damping"
+            )
 
 
 def _alike_but_unlikely(findings: Findings) -> Iterator[str]:

@@ -79,3 +79,19 @@ def test_the_probability_of_an_explanation_is_that_of_its_effects_at_all_places(
     found = {one.effects: one.probability for one in conclude._explanations(findings)}
     expected = {("sensor_drift",): 0.95 * 0.32, ("creep",): 0.95 * 0.4, ("hysteresis",): 0.95 * 0.2}
     assert found == ({} if verdict is Verdict.PARTLY else pytest.approx(expected))
+
+
+@pytest.mark.parametrize(
+    ("verdict", "factor", "said"),
+    [(Verdict.PARAMETERS, 20.0, True), (Verdict.PARAMETERS, 1.5, False), (Verdict.NAMED, 20.0, False)],
+)
+def test_a_parameter_far_from_its_nominal_value_may_hide_physics(verdict, factor, said):
+    """Data sheets err by 30 %, so a factor of 1.5 is usual; a factor of 20 is ten deviations."""
+    plant = Plant(rig=Diaphragm())
+    off = plant.with_values({"damping": factor * plant.parameters["damping"].value})
+    findings = SimpleNamespace(
+        verdict=verdict, problem=SimpleNamespace(nominal=plant), final=SimpleNamespace(plant=off, names=("damping",))
+    )
+    found = list(conclude._doubtful_values(findings))
+    start = "the fitted damping, 1.00 N s/m, is far from its nominal value, 0.0500 N s/m"
+    assert [text.startswith(start) for text in found] == [True] * said

@@ -85,7 +85,9 @@ def test_sets_that_differ_by_no_more_than_errors_of_laws_are_as_likely():
     def leaving(name: str, left: np.ndarray) -> Candidate:
         known = candidate("f", name, rms=6.0)
         fitted, late = np.split(left, [7000])
-        return replace(known, unseen=late, calibration=SimpleNamespace(**vars(known.calibration) | {"residuals": fitted}))
+        return replace(
+            known, unseen=late, calibration=SimpleNamespace(**vars(known.calibration) | {"residuals": fitted})
+        )
 
     one, other = leaving("o", 6.0 * fast), leaving("l", 6.2 * slow)  # apart by 8.6, of which x is 2.4 / 74
     assert found(friction, offset, lag, one, other) == ("f",)

@@ -106,10 +106,20 @@ def departure(parameter: Parameter, nominal: Parameter) -> float:
 
 def nominal_odds(parameter: Parameter, nominal: Parameter) -> float:
     """Return the log prior density of a plant's parameter relative to that of its nominal value; 0 or less."""
-    # Both densities are relative to the peak of the normal one.
-    anywhere = WRONG * deviation(nominal) * np.sqrt(2.0 * np.pi / 12.0) / _width(nominal)
-    usual = (1.0 - WRONG) * np.exp(-0.5 * departure(parameter, nominal) ** 2)
+    usual, anywhere = _densities(parameter, nominal)
     return float(np.log((usual + anywhere) / (1.0 - WRONG + anywhere)))
+
+
+def is_wrong(parameter: Parameter, nominal: Parameter) -> bool:
+    """Return whether a nominal value is more probably wrong than only inaccurate, given a plant's parameter."""
+    usual, anywhere = _densities(parameter, nominal)
+    return anywhere > usual
+
+
+def _densities(parameter: Parameter, nominal: Parameter) -> tuple[float, float]:
+    """Return the prior densities of a parameter, about its nominal value and anywhere, over the peak of the first law."""
+    anywhere = WRONG * deviation(nominal) * np.sqrt(2.0 * np.pi / 12.0) / _width(nominal)
+    return float((1.0 - WRONG) * np.exp(-0.5 * departure(parameter, nominal) ** 2)), float(anywhere)
 
 
 @dataclass(frozen=True, kw_only=True)
