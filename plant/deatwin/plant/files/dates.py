@@ -17,17 +17,22 @@ _COMPACT = re.compile(  # 14 digits are no Unix time
     r"((?:19|20)\d\d(?:0[1-9]|1[0-2])(?:0[1-9]|[12]\d|3[01]))T?"
     r"((?:[01]\d|2[0-3])[0-5]\d[0-5]\d(?:[.,]\d+)?(?:Z|[+-]\d\d:?\d\d)?)"
 )
-_CLOCK = re.compile(
-    r"(\d{1,2}):(\d\d)(?::(\d\d)(?:[.,:](\d+))?)?\s*(?:([ap])\.?m\.?)?\s*(Z|UTC|GMT|[+-]\d\d(?::?\d\d)?)?",
+_CLOCK = re.compile(  # behind a colon, two digits may be hundredths, milliseconds or frames
+    r"(\d{1,2}):(\d\d)(?::(\d\d)(?:[.,:]((?<!:)\d+|\d{3}(?:\d{3})?))?)?\s*(?:([ap])\.?m\.?)?\s*(Z|UTC|GMT|[+-]\d\d(?::?\d\d)?)?",
     re.IGNORECASE,
 )
-_DURATION = re.compile(r"(?:(\d+):)?(\d{1,2}):(\d\d)(?:[.,](\d+))?")
+_NAMED = re.compile(  # March 4, 2024 12:00:00, or as C writes it, Mon Mar  4 12:00:00 2024
+    r"(?:[A-Za-z]{3,9},? +)?([A-Za-z]{3,9})\.? +(\d\d?),? +(?:(\d{4})(?:,? +(.*))?|(\d\d?:\S+) +(\d{4}))"
+)
+_DURATION = re.compile(r"(?:(?:(\d+) days?,? +)?(\d+):)?(\d{1,2}):(\d\d)(?:[.,](\d+))?")
 
 
 def is_date(cell: str) -> bool:
     """Return whether a cell begins like a date."""
     if _ISO.fullmatch(cell) or _COMPACT.fullmatch(cell):
         return True
+    if found := _NAMED.fullmatch(cell):
+        return found[1][:3].lower() in _MONTHS
     found = _OTHER.fullmatch(cell)
     return found is not None and ((found[3].isdigit() and found[2] != " ") or found[3].lower() in _MONTHS)
 
@@ -38,7 +43,7 @@ def is_clock(cell: str) -> bool:
     if found and not found[6] and (found[3] or found[5]):
         return True
     found = _DURATION.fullmatch(cell)
-    return found is not None and (found[1] is not None or found[4] is not None)
+    return found is not None and (found[2] is not None or found[5] is not None)
 
 
 def date_order(cells: Iterable[str]) -> str:
@@ -69,6 +74,9 @@ def _moment(cell: str, order: str) -> datetime:
     """Return a date in a format that `datetime.fromisoformat` does not know."""
     if found := _ISO.fullmatch(cell):
         year, month, day, clock = found[1], found[2], found[3], found[4]
+    elif (found := _NAMED.fullmatch(cell)) and found[1][:3].lower() in _MONTHS:
+        year, month, day = found[3] or found[6], str(1 + _MONTHS.index(found[1][:3].lower())), found[2]
+        clock = found[4] or found[5]
     elif found := _OTHER.fullmatch(cell):
         year, clock = found[4], found[5]
         day, month = (found[3], found[1]) if order == "mdy" and found[3].isdigit() else (found[1], found[3])
@@ -117,8 +125,9 @@ def _of_day(cell: str) -> Decimal:
     clock = _CLOCK.fullmatch(cell)
     if clock and not clock[6] and (clock[3] or clock[5]):
         hour, minutes, seconds, fraction = _hour(clock), clock[2], clock[3], clock[4]
-    elif (long := _DURATION.fullmatch(cell)) and (long[1] or long[4]):
-        hour, minutes, seconds, fraction = int(long[1] or 0), long[2], long[3], long[4]
+    elif (long := _DURATION.fullmatch(cell)) and (long[2] or long[5]):
+        hour = 24 * int(long[1] or 0) + int(long[2] or 0)
+        minutes, seconds, fraction = long[3], long[4], long[5]
     else:
         raise ValueError("no time of day")
     if hour < 0 or int(minutes) > 59 or int(seconds or 0) > 59:
