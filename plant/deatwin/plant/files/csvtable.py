@@ -30,8 +30,8 @@ from deatwin.plant.files.csvtext import (
 )
 from deatwin.plant.files.formats.description import SCHEMA, read_description
 from deatwin.plant.files.formats.table import Declared, Table
-from deatwin.plant.files.headers import split_unit
-from deatwin.plant.files.units import Unit
+from deatwin.plant.files.headers import for_name, split_unit
+from deatwin.plant.files.units import Unit, find_unit
 from deatwin.plant.files.usual import LIKE_TIMES
 from deatwin.plant.safe_read import COLUMNS, RECORDING_BYTES, ROWS, TEXT_BYTES, clipped, in_words, read_regular
 
@@ -44,7 +44,8 @@ _LARGE = 1e20  # SI value that an overflow exceeds in any unit
 _APART = re.compile(
     r"(?<=\d)['’\u00a0\u2009\u202f ](?=\d{3}(?!\d))"
 )  # Mark between thousands that no decimal sign can be
-_MINUS = re.compile('\u2212|(?<![^\\s,;|"])\u2013(?=[\\d.,])')  # Typographic minus sign, or a dash before a number
+_DASH = re.compile('(?<![^\\s,;|"])\u2013(?=[\\d.,])')  # Dash in place of a minus sign
+_UNIT_COLUMN = re.compile(r"(?i)(.*[\W_])?(units?|einheit(en)?)")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 
 
@@ -236,8 +237,9 @@ def read_table(path: str | Path) -> CsvTable:
     content = _unzipped(content, name) if content[:2] == _GZIP else content
     if (count := max(content.count(b"\n"), content.count(b"\r"))) > ROWS:
         raise DataError(f"{name}: it has {count} lines; at most {ROWS} can be read: split it, or give NetCDF or TDMS")
-    text = _MINUS.sub("-", decode(content, name))
-    return table_of(enumerate(re.split("\r\n|\r|\n", text), 1), name, hashlib.sha256(content).hexdigest())
+    text = decode(content, name).replace("\r\n", "\n").replace("\r", "\n").replace("\u2212", "-")
+    text = _DASH.sub("-", text) if "\u2013" in text else text
+    return table_of(enumerate(text.split("\n"), 1), name, hashlib.sha256(content).hexdigest())
 
 
 def _unzipped(content: bytes, path: str) -> bytes:
@@ -285,6 +287,11 @@ def table_of(numbered: Iterable[tuple[int, str]], name: str, sha256: str) -> Csv
         kept = [k for k, line in enumerate(lines) if line not in above]
         rows, lines = [rows[k] for k in kept], [lines[k] for k in kept]
     require_no_settings(lines, rows, layout.delimiter, name)
+    for k in range(1, len(headers)):
+        if _UNIT_COLUMN.fullmatch(headers[k]) and not (units[k - 1] or said[k - 1]):
+            units[k - 1], said[k - 1] = _unit_of_rows(
+                names[k - 1], [split_cells(line, layout.delimiter) for line in lines], k
+            )
     return CsvTable(
         path=name,
         sha256=sha256,
@@ -298,6 +305,15 @@ def table_of(numbered: Iterable[tuple[int, str]], name: str, sha256: str) -> Csv
         rows=rows,
         delimiter=layout.delimiter,
     )
+
+
+def _unit_of_rows(name: str, rows: Sequence[Sequence[str]], column: int) -> tuple[str, str]:
+    """Return the unit that a column of units gives for the signal before it; an unknown one where the rows differ."""
+    cells = sorted({row[column] for row in rows if column < len(row)})
+    found = {for_name(name, find_unit(cell)) for cell in cells}
+    if not found or "" in found:
+        return "", ""
+    return (found.pop(), "") if len(found) == 1 else ("", " or ".join(cells))
 
 
 def read_bytes(path: str | Path, limit: int = RECORDING_BYTES) -> bytes:

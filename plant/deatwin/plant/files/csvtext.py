@@ -213,7 +213,7 @@ def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[s
             said[k] = "" if LIKE_TIMES.search(cell) else cell
             if units[k] and cell and units[k] not in (find_unit(cell), for_name(names[k], find_unit(cell))):
                 raise DataError(
-                    f'{path}, column "{clipped(headers[k])}": the name gives the unit {units[k]}, but the units line below '
+                    f'{path}, column "{clipped(headers[k])}": the name gives the unit {units[k]}, but the line of units '
                     f"gives {clipped(cell.strip('()[] '))}; correct one of them"
                 )
             units[k] = units[k] or for_name(names[k], find_unit(cell))
@@ -275,9 +275,8 @@ def _are_mostly_units(cells: list[str], names: list[str]) -> bool:
 
 def _stand_above(units: list[str], names: list[str]) -> bool:
     """Return whether units stand above the names instead of below them."""
-    several = len(units) == len(names) and sum(map(bool, map(find_unit, units))) > 1
-    own = any(split_unit(cell)[1] or find_unit(cell) or cell in COLUMNS for cell in names)
-    return several and _are_units(units) and not own and all(names)
+    several = sum(map(bool, map(find_unit, units))) > 1 and len(units) <= len(names)
+    return several and _are_units(units) and all(names) and not any(map(find_unit, names))
 
 
 def _are_quantities(cells: list[str]) -> bool:

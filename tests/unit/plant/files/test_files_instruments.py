@@ -40,6 +40,18 @@ BLOCK = (
 )
 READ = {
     "units above the names": ("ms,V,mm\nTime,Cmd,Laser\n" + plain(20 * np.arange(60)), "Cmd", "Laser", {}),
+    "units above some names": (
+        "Units:,V,mm,\nTime (ms),Cmd,Laser,Flag\n" + table(20 * np.arange(60), U, Y, [1] * 60),
+        "Cmd",
+        "Laser",
+        {},
+    ),
+    "units in columns of their own": (
+        "time_s,Cmd,Unit,Laser,Laser unit\n" + table(T, U, ["V"] * 60, Y, ["mm"] * 60),
+        "Cmd",
+        "Laser",
+        {},
+    ),
     "units and an unknown word": (
         "Time,Cmd,Laser,Flag\ns,V,mm,status\n" + table(T, U, Y, [1] * 60),
         "Cmd",
@@ -185,6 +197,14 @@ def test_whole_steps_without_a_unit_are_asked_for(tmp_path: Path) -> None:
     (tmp_path / "r.csv").write_text(f"clock,u_V,y_mm\n{plain(20 * np.arange(60) + 0.5)}", encoding="utf-8")
     found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm", time_column="clock")
     assert "are they milliseconds?" in found.provenance["clock"]
+
+
+def test_a_meter_that_changes_its_range_gives_no_unit(tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text(
+        "time_s,u_V,Laser,Unit\n" + table(T, U, Y, ["mm"] * 30 + ["um"] * 30), encoding="utf-8"
+    )
+    with pytest.raises(DataError, match="is in mm or um, but the model needs it in m;"):
+        read_recording(tmp_path / "r.csv", input_column="u_V", output_column="Laser", output_unit="m")
 
 
 def test_parts_of_the_time_are_no_signals(tmp_path: Path) -> None:
