@@ -219,8 +219,8 @@ def on_one_clock(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
     files = " and ".join(label(recording) for recording in recordings)
     if None in dates and len(dates) > 1 and any(one.provenance.get("times") == DATES for one in recordings):
         raise DataError(
-            f"{files}: some of their dates may have the day or the month first, and none shows which; state the order for all: "
-            f"--time-column NAME={ORDERS[0]} or NAME={ORDERS[1]}"
+            f"{files}: some of their dates may have the day, the month or the year first, and none shows which; state the order "
+            f"for all: --time-column NAME={ORDERS[0]}, NAME={ORDERS[1]} or NAME={ORDERS[2]}"
         )
     if None in dates or len(set(dates)) < 2:
         return tuple(recordings)

@@ -1,7 +1,8 @@
 """Dates and times of day as loggers and spreadsheets write them.
 
 Year, month, day is ISO 8601, with strokes too. With points the day comes first, and a month by its name is certain.
-Between strokes or dashes day and month change places from country to country: one above 12 tells, else nothing does.
+Between strokes or dashes day and month change places from country to country, and a year of two digits may come first: a
+number above 12 or 31 tells, else nothing does.
 """
 
 import re
@@ -9,7 +10,7 @@ from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta, timezone
 from decimal import Decimal
 
-ORDERS = ("dmy", "mdy")  # Order of day and month, as a user states it
+ORDERS = ("dmy", "mdy", "ymd")  # Order of day and month, or of a year of two digits, as a user states it
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _ISO = re.compile(r"(\d{4})[-/.](\d\d?)[-/.](\d\d?)(?:[T ,]+(.*))?")
 _OTHER = re.compile(r"(\d\d?)([-/. ])(\d\d?|[A-Za-z]{3})\2(\d{4}|\d\d)(?:[T ,]+(.*))?")
@@ -46,15 +47,23 @@ def is_clock(cell: str) -> bool:
     return found is not None and (found[2] is not None or found[5] is not None)
 
 
-def date_order(cells: Iterable[str]) -> str:
-    """Return the entry of `ORDERS` that fits the dates of a column; empty if it cannot be determined."""
+def date_orders(cells: Iterable[str]) -> tuple[str, ...]:
+    """Return the entries of `ORDERS` that fit all dates of a column; the first one if none does."""
+    left = ORDERS
     for cell in cells:
         found = _OTHER.fullmatch(cell.strip())
-        if found is None or found[2] == "." or not found[3].isdigit() or int(found[1]) > 12:
-            return "dmy"
-        if int(found[3]) > 12:
-            return "mdy"
-    return ""
+        if found is None or found[2] == "." or not found[3].isdigit():
+            return ORDERS[:1]
+        first, second, last = int(found[1]), int(found[3]), int(found[4])
+        fits = {
+            "dmy": first <= 31 and second <= 12,
+            "mdy": first <= 12 and second <= 31,
+            "ymd": second <= 12 and 1 <= last <= 31,  # a year of four digits is no day
+        }
+        left = tuple(order for order in left if fits[order])
+        if len(left) < 2:
+            break
+    return left or ORDERS[:1]
 
 
 def moment(text: str, order: str = "dmy") -> datetime:
@@ -78,8 +87,9 @@ def _moment(cell: str, order: str) -> datetime:
         year, month, day = found[3] or found[6], str(1 + _MONTHS.index(found[1][:3].lower())), found[2]
         clock = found[4] or found[5]
     elif found := _OTHER.fullmatch(cell):
-        year, clock = found[4], found[5]
-        day, month = (found[3], found[1]) if order == "mdy" and found[3].isdigit() else (found[1], found[3])
+        clock, order = found[5], order if found[3].isdigit() else "dmy"
+        parts = dict(zip(order or ORDERS[0], (found[1], found[3], found[4]), strict=True))
+        day, month, year = parts["d"], parts["m"], parts["y"]
         month = month if month.isdigit() else str(1 + _MONTHS.index(month.lower()))
         year = year if len(year) == 4 else f"20{year}"
     else:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.clock import even_pieces
-from deatwin.plant.files.dates import ORDERS
+from deatwin.plant.files.dates import ORDERS, date_orders
 from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.headers import TIME_NAMES
 from deatwin.plant.files.times import TIME_UNITS, time_scale
@@ -103,7 +103,7 @@ def _named_times(table: Table, taken: set[int], wanted: str) -> tuple[int, str]:
         if stated not in (*TIME_UNITS, *ORDERS):
             raise DataError(
                 f'{table.path}: the times are said to be in "{clipped(behind)}"; known are the units {", ".join(TIME_UNITS)}; '
-                f"for dates, write {ORDERS[0]} if the day comes first, and {ORDERS[1]} if the month comes first"
+                "for dates, write dmy if the day comes first, mdy if the month does, and ymd if a year of two digits does"
             )
     column = table.column(name, lambda column: column not in taken and holds_times(table, column, stated))
     header = table.headers[column]
@@ -178,9 +178,11 @@ def with_times(table: Table, column: int, unit: str) -> Table:
     if order and not scale:
         raise DataError(f'{table.path}: the column "{table.shown(column)}" holds no dates; remove "={order}"')
     if scale and not scale.order and len({re.split("[T ,]", text.strip())[0] for text in table.texts(column)}) > 1:
-        either = [ReadOptions(time_column=f"{table.unmistakable(column)}={order}") for order in ORDERS]
+        orders = date_orders(table.texts(column))
+        either = [ReadOptions(time_column=f"{table.unmistakable(column)}={order}") for order in orders]
+        first = " or ".join({"d": "the day", "m": "the month", "y": "the year"}[order[0]] for order in orders)
         raise DataError(
-            f'{table.path}: the dates in the column "{table.shown(column)}" may have the day or the month first, and '
+            f'{table.path}: the dates in the column "{table.shown(column)}" may have {first} first, and '
             f"none of them shows which; state the order: {' or '.join(map(str, either))}",
             either[0],
         )
