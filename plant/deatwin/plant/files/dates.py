@@ -58,7 +58,7 @@ def date_orders(cells: Iterable[str]) -> tuple[str, ...]:
         fits = {
             "dmy": first <= 31 and second <= 12,
             "mdy": first <= 12 and second <= 31,
-            "ymd": second <= 12 and 1 <= last <= 31,  # a year of four digits is no day
+            "ymd": len(found[1]) == 2 and second <= 12 and 1 <= last <= 31,  # a year of four digits is no day
         }
         left = tuple(order for order in left if fits[order])
         if len(left) < 2:

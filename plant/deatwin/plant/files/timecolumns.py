@@ -180,7 +180,8 @@ def with_times(table: Table, column: int, unit: str) -> Table:
     if scale and not scale.order and len({re.split("[T ,]", text.strip())[0] for text in table.texts(column)}) > 1:
         orders = date_orders(table.texts(column))
         either = [ReadOptions(time_column=f"{table.unmistakable(column)}={order}") for order in orders]
-        first = " or ".join({"d": "the day", "m": "the month", "y": "the year"}[order[0]] for order in orders)
+        words = [{"d": "the day", "m": "the month", "y": "the year"}[order[0]] for order in orders]
+        first = f"{', '.join(words[:-1])} or {words[-1]}"
         raise DataError(
             f'{table.path}: the dates in the column "{table.shown(column)}" may have {first} first, and '
             f"none of them shows which; state the order: {' or '.join(map(str, either))}",
