@@ -49,7 +49,7 @@ def is_clock(cell: str) -> bool:
 
 def date_orders(cells: Iterable[str]) -> tuple[str, ...]:
     """Return the entries of `ORDERS` that fit all dates of a column; the first one if none does."""
-    left = ORDERS
+    left: tuple[str, ...] = ORDERS
     for cell in cells:
         found = _OTHER.fullmatch(cell.strip())
         if found is None or found[2] == "." or not found[3].isdigit():

@@ -2,8 +2,9 @@
 
 Signals are numeric vectors named as CSV columns are, alone or as fields of structs, ``signals(2).values`` in an array of
 structs, columns of a matrix, ``data(:,2)``, or fields of a compound data set of HDF5. A struct ``units`` may name units:
-``units.command = 'V'``; so may a text ``unit`` beside the only vector of a struct, and attributes of HDF5. A scalar ``Ts``, ``dt`` or ``sample_time`` (s), ``fs`` or ``sample_rate`` (Hz) states the clock of a
-file without times. Texts go into the provenance.
+``units.command = 'V'``; so may a text ``unit`` beside the only vector of a struct, and attributes of HDF5. A scalar
+``Ts``, ``dt`` or ``sample_time`` (s), ``fs`` or ``sample_rate`` (Hz) states the clock of a file without times. Texts go
+into the provenance.
 """
 
 import hashlib
