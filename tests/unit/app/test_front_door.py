@@ -163,7 +163,10 @@ FILES = {
     "clocks.csv": table("time,t,command_V"),
     "naive.csv": table("time,command_V,displacement_mm", samples=0) + stamped("2024-05-01 12:00:0{}"),
     "zoned.csv": table("time,command_V,displacement_mm", samples=0) + stamped("2024-05-01T13:00:0{}Z"),
-    "dates.csv": table("time,command_V,displacement_mm", samples=0) + stamped("2024-05-01 12:00:0{}") + "soon,1,2\n",
+    "dates.csv": table("time,command_V,displacement_mm", samples=0)
+    + stamped("2024-05-01 12:00:0{}")
+    + "soon,1,2\n2024-05-01 12:00:11,1,2\n",
+    "means.csv": table() + "Mean,1,2\n",
     "day.csv": table("time,command_V,displacement_mm", samples=0) + stamped("5/6/24 12:00:0{}"),
     "days.csv": table("time,command_V,displacement_mm", samples=0) + "5/6/24 23:59:59,1,2\n6/6/24 00:00:00,1,2\n",
     "fake.lvm": table(),

@@ -209,7 +209,7 @@ def _tell_times(table: Table, times: int, unit: str, named: str | None) -> None:
 def _may_be_ticks(table: Table, times: int, told: Floats) -> bool:
     """Return whether times without a unit may be counts, for instance of ms: they increase by whole numbers."""
     steps = np.diff(told)
-    whole = bool(steps.size and (steps > 0.0).all() and np.array_equal(told, np.round(told)))
+    whole = bool(steps.size and (steps > 0.5).all() and np.allclose(steps, np.round(steps), rtol=0.0, atol=1e-6))
     return whole and not table.scales and table.headers[times] != USUAL_TIMES
 
 
@@ -219,8 +219,8 @@ def on_one_clock(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
     files = " and ".join(label(recording) for recording in recordings)
     if None in dates and len(dates) > 1 and any(one.provenance.get("times") == DATES for one in recordings):
         raise DataError(
-            f"{files}: some of their dates may have the day or the month first, and none shows which; state the order for all: "
-            f"--time-column NAME={ORDERS[0]} or NAME={ORDERS[1]}"
+            f"{files}: some of their dates may have the day, the month or the year first, and none shows which; state the order "
+            f"for all: --time-column NAME={ORDERS[0]}, NAME={ORDERS[1]} or NAME={ORDERS[2]}"
         )
     if None in dates or len(set(dates)) < 2:
         return tuple(recordings)
@@ -399,7 +399,7 @@ def _seconds_or_ticks(table: Table, times: int, told: Floats) -> str:
     named, step = f'--time-column "{table.unmistakable(times)}', float(np.median(np.diff(told)))
     counted = "do they count the samples? Then state the sample time, --dt SECONDS; " if step == 1.0 else ""
     return (
-        f'the column "{table.shown(times)}" gives no unit, and its whole numbers were taken as seconds, '
+        f'the column "{table.shown(times)}" gives no unit, and its whole steps were taken as seconds, '
         f'{step:g} s a sample; {counted}are they milliseconds? Then state {named}=ms", else {named}=s"'
     )
 

@@ -30,8 +30,8 @@ from deatwin.plant.files.csvtext import (
 )
 from deatwin.plant.files.formats.description import SCHEMA, read_description
 from deatwin.plant.files.formats.table import Declared, Table
-from deatwin.plant.files.headers import split_unit
-from deatwin.plant.files.units import Unit
+from deatwin.plant.files.headers import for_name, split_unit
+from deatwin.plant.files.units import Unit, find_unit
 from deatwin.plant.files.usual import LIKE_TIMES
 from deatwin.plant.safe_read import COLUMNS, RECORDING_BYTES, ROWS, TEXT_BYTES, clipped, in_words, read_regular
 
@@ -44,6 +44,8 @@ _LARGE = 1e20  # SI value that an overflow exceeds in any unit
 _APART = re.compile(
     r"(?<=\d)['’\u00a0\u2009\u202f ](?=\d{3}(?!\d))"
 )  # Mark between thousands that no decimal sign can be
+_DASH = re.compile('(?<![^\\s,;|"])\u2013(?=[\\d.,])')  # Dash in place of a minus sign
+_UNIT_COLUMN = re.compile(r"(?i)(.*[\W_])?(units?|einheit(en)?)")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 
 
@@ -137,7 +139,7 @@ class CsvTable(Table):
             raise DataError(f"{self.path}: a quoted cell contains a line break; write each sample on one line")
         count = len(self.headers)
         for sample, row in enumerate(rows):
-            if len(row) > count and any(cell.strip() for cell in row[count:]):
+            if len(row) > count and any(cell.strip() for cell in row[count:]) and not is_comment(row[count]):
                 hint = grouped(self.lines[sample], self.delimiter)
                 raise DataError(f"{self.where(sample)}: the row has {len(row)} cells, but the header has {count}{hint}")
         return rows
@@ -205,7 +207,7 @@ class CsvTable(Table):
                         f'{place}: "{clipped(cell)}" has a thousands separator; write it as {clipped(bare)}'
                     )
                 if not is_number(cell.replace(",", ".")):
-                    return DataError(f'{place}: "{clipped(cell)}" is not a number')
+                    return DataError(f'{place}: "{clipped(cell)}" is not a number{_advice(cell)}')
                 if not np.isfinite(float(cell.replace(",", "."))):
                     return DataError(f"{place}: {clipped(cell)} is not a finite number")
                 if np.isclose(abs(float(cell.replace(",", "."))), _OVERFLOWS).any():
@@ -215,19 +217,29 @@ class CsvTable(Table):
         return DataError(f"{self.path}: the samples cannot be read as numbers")
 
 
+def _advice(cell: str) -> str:
+    """Return advice for a cell that holds more than a number; empty if there is none."""
+    if re.search(r"\d:\d\d", cell):
+        return "; write a date as in 2024-05-01 12:00:00.25, and a time of day as in 12:00:00.25"
+    if re.fullmatch(r"[-+]?[\d.,]*\d\s?[^\W\d_].{0,5}", cell):
+        return "; write only numbers in the rows, and the unit, with its prefix, in the header"
+    return ""
+
+
 def _is_absent(cell: str) -> bool:
     """Return whether a cell marks a missing value."""
     return cell.strip().lower() in NO_VALUE
 
 
 def read_table(path: str | Path) -> CsvTable:
-    """Read a CSV file: UTF-8, UTF-16 with its mark, GBK or Latin-1; comma, semicolon, tab, bar or blanks."""
+    """Read a CSV file: UTF-8, UTF-16 with its mark, GBK or Windows-1252; comma, semicolon, tab, bar or blanks."""
     content, name = read_bytes(path, TEXT_BYTES), str(path)
     content = _unzipped(content, name) if content[:2] == _GZIP else content
     if (count := max(content.count(b"\n"), content.count(b"\r"))) > ROWS:
         raise DataError(f"{name}: it has {count} lines; at most {ROWS} can be read: split it, or give NetCDF or TDMS")
-    text = decode(content, name).replace("\u2212", "-")  # typographic minus sign
-    return table_of(enumerate(text.splitlines(), 1), name, hashlib.sha256(content).hexdigest())
+    text = decode(content, name).replace("\r\n", "\n").replace("\r", "\n").replace("\u2212", "-")
+    text = _DASH.sub("-", text) if "\u2013" in text else text
+    return table_of(enumerate(text.split("\n"), 1), name, hashlib.sha256(content).hexdigest())
 
 
 def _unzipped(content: bytes, path: str) -> bytes:
@@ -258,7 +270,6 @@ def table_of(numbered: Iterable[tuple[int, str]], name: str, sha256: str) -> Csv
     if layout.head:
         headers, units, said = names_and_units(list(layout.head), name)
         names = [split_unit(header)[0] for header in headers]
-        require_no_settings(layout, lines, rows, name, sure=bool(units[0] or LIKE_TIMES.search(headers[0])))
     else:
         places = range(1, 1 + len(split_cells(lines[layout.first], layout.delimiter)))
         headers, names = [f"#{k}" for k in places], [f"column_{k}" for k in places]
@@ -275,6 +286,12 @@ def table_of(numbered: Iterable[tuple[int, str]], name: str, sha256: str) -> Csv
     if layout.head and header in lines and any(map(LIKE_TIMES.search, names)):
         kept = [k for k, line in enumerate(lines) if line not in above]
         rows, lines = [rows[k] for k in kept], [lines[k] for k in kept]
+    require_no_settings(lines, rows, layout.delimiter, name)
+    for k in range(1, len(headers)):
+        if _UNIT_COLUMN.fullmatch(headers[k]) and not (units[k - 1] or said[k - 1]):
+            units[k - 1], said[k - 1] = _unit_of_rows(
+                names[k - 1], [split_cells(line, layout.delimiter) for line in lines], k
+            )
     return CsvTable(
         path=name,
         sha256=sha256,
@@ -288,6 +305,15 @@ def table_of(numbered: Iterable[tuple[int, str]], name: str, sha256: str) -> Csv
         rows=rows,
         delimiter=layout.delimiter,
     )
+
+
+def _unit_of_rows(name: str, rows: Sequence[Sequence[str]], column: int) -> tuple[str, str]:
+    """Return the unit that a column of units gives for the signal before it; an unknown one where the rows differ."""
+    cells = sorted({row[column] for row in rows if column < len(row)})
+    found = {for_name(name, find_unit(cell)) for cell in cells}
+    if not found or "" in found:
+        return "", ""
+    return (found.pop(), "") if len(found) == 1 else ("", " or ".join(cells))
 
 
 def read_bytes(path: str | Path, limit: int = RECORDING_BYTES) -> bytes:

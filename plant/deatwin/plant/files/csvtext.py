@@ -26,6 +26,9 @@ _SETTINGS = re.compile(
     "|null|bereich|empfind"
 )
 """Beginnings of words before the settings of channels."""
+_SCALES = re.compile("(?i)scal|offset|gain|factor|zero|sensitiv|slope|calib|skal|faktor|null|empfind")
+_NAMES_LABEL = re.compile(r"(?i)(trace|channel|signal)[ _]?(name|title)s?\b")  # Word before the names
+_TIMES = ("s", "ms", "us", "ns", "min", "h")
 _UNITS_LABEL = re.compile(r"(?i)(units?|einheit(en)?|unités?)\s*:?")  # Word before the units in their line
 NO_VALUE = frozenset(
     {
@@ -64,7 +67,7 @@ class Layout:
 
 
 def decode(content: bytes, path: str) -> str:
-    """Return the text of a file in UTF-8, UTF-16 (also without its mark), UTF-32 with it, GBK, or Latin-1."""
+    """Return the text of a file in UTF-8, UTF-16 (also without its mark), UTF-32 with it, GBK, or Windows-1252."""
     if content[:4] in (b"\xff\xfe\0\0", b"\0\0\xfe\xff"):
         return content.decode("utf-32", errors="replace")
     halves = content[0:8:2], content[1:8:2]  # of the first four characters, which are Latin in a table
@@ -83,13 +86,13 @@ def decode(content: bytes, path: str) -> str:
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
-        # In GBK, a Chinese character takes two such bytes, and common ones begin with B0 to D7. In Latin-1, µ, ° and
+        # In GBK, a Chinese character takes two such bytes, and common ones begin with B0 to D7. In Windows-1252, µ, ° and
         # accented letters stand alone, or are small letters from DF on, as in größe.
         runs = re.findall(rb"[\x80-\xff]+", content)
         paired = all(len(run) % 2 == 0 for run in runs) and any(
             0xB0 <= lead <= 0xD7 for run in runs for lead in run[::2]
         )
-        return content.decode("gbk" if paired else "latin-1", errors="replace")
+        return content.decode("gbk" if paired else "cp1252", errors="replace")
 
 
 def find_layout(lines: list[str], rows: list[int], path: str) -> Layout:
@@ -114,22 +117,30 @@ def find_layout(lines: list[str], rows: list[int], path: str) -> Layout:
     raise _no_layout(lines, rows, marks[0], path)
 
 
-def require_no_settings(layout: Layout, lines: list[str], rows: list[int], path: str, *, sure: bool) -> None:
-    """Refuse lines with a word and a number for each channel, such as scales, between the names and the samples.
+def require_no_settings(lines: list[str], rows: list[int], delimiter: str, path: str) -> None:
+    """Refuse samples that begin or end with lines of a word and numbers, such as scales, units and mean values.
 
-    `sure` says that the first column cannot hold words, as that of the times; in any other one only the words of
-    settings count.
+    If the first column holds neither numbers nor dates, a single word may belong to a sample, unless it names a setting.
     """
-    if not (sure or _SETTINGS.match(lines[layout.first].lstrip('" '))):
-        return
-    near = slice(layout.first, layout.first + _HEAD)
-    words = [_is_labelled(split_cells(line, layout.delimiter)) for line in lines[near] if not is_comment(line)]
-    if words[0] > words[-1] and words == sorted(words, reverse=True):  # words first, then none
-        word = split_cells(lines[layout.first], layout.delimiter)[0]
-        raise DataError(
-            f'{path}, row {rows[layout.first]}: "{clipped(word)}" begins a line below the names that is no sample; apply '
-            "scales and other settings to the samples, and remove such lines"
-        )
+    for part, place, advice in (
+        (
+            range(min(_HEAD, len(lines))),
+            "below the names",
+            "apply scales and other settings to the samples, and remove",
+        ),
+        (range(-1, -min(_HEAD, len(lines)) - 1, -1), "at the end", "remove"),
+    ):
+        cells = [split_cells(lines[k], delimiter) for k in part]
+        words = list(map(_is_labelled, cells))
+        if not words or not words[0] or words[-1] or words != sorted(words, reverse=True):  # words first, then none
+            continue
+        labels = [row[0] for row, word in zip(cells, words, strict=True) if word]
+        setting = part[0] == 0 and (1 < len(labels) == len(set(labels)) or _SETTINGS.match(labels[0]))
+        if _kind(cells[-1][0]) in ("number", "date") or setting:
+            raise DataError(
+                f'{path}, row {rows[part[0]]}: "{clipped(cells[0][0])}" begins a line {place} that is no sample; {advice} '
+                "such lines"
+            )
 
 
 def header_line(width: int, delimiter: str, times: int | None = 0) -> str:
@@ -187,16 +198,22 @@ def names_and_units(head: list[list[str]], path: str) -> tuple[list[str], list[s
     # A line with the channels' rates, ranges or the like may follow the names and units.
     head = head[:-1] if len(head) > 1 and len(head[-2]) >= len(head[-1]) and _are_quantities(head[-1]) else head
     head = _without_remarks(head)
-    only_units = len(head) > 1 and len(head[-2]) >= len(head[-1]) and _are_units(head[-1])
+    if len(head) > 1 and _stand_above(head[-2], head[-1]):
+        head = [*head[:-2], head[-1], head[-2]]
+    only_units = (
+        len(head) > 1
+        and len(head[-2]) >= len(head[-1])
+        and (_are_units(head[-1]) or _are_mostly_units(head[-1], head[-2]))
+    )
     headers = _header(head[:-1] if only_units else head)
     names, units = (list(part) for part in zip(*map(split_unit, headers), strict=True))
     said = ["" for _ in headers]
     if only_units:
         for k, cell in enumerate("" if _UNITS_LABEL.fullmatch(cell) else cell for cell in head[-1]):
-            said[k] = cell
+            said[k] = "" if LIKE_TIMES.search(cell) else cell
             if units[k] and cell and units[k] not in (find_unit(cell), for_name(names[k], find_unit(cell))):
                 raise DataError(
-                    f'{path}, column "{clipped(headers[k])}": the name gives the unit {units[k]}, but the units line below '
+                    f'{path}, column "{clipped(headers[k])}": the name gives the unit {units[k]}, but the line of units '
                     f"gives {clipped(cell.strip('()[] '))}; correct one of them"
                 )
             units[k] = units[k] or for_name(names[k], find_unit(cell))
@@ -237,6 +254,31 @@ def _are_units(cells: list[str]) -> bool:
     )
 
 
+def _are_mostly_units(cells: list[str], names: list[str]) -> bool:
+    """Return whether a line below names contains units, and further words such as ``No.`` or ``status``.
+
+    Letters such as s, F and V may be names, too, but those differ from each other.
+    """
+    known = [k for k, cell in enumerate(cells) if find_unit(cell)]
+    units, others = [cells[k] for k in known], [cell for cell in cells if not find_unit(cell)]
+    certain = (
+        max(map(len, units), default=0) > 1 or len(set(units)) < len(units) or not re.search(r"\w", "".join(others))
+    )
+    return (
+        len(known) > 1
+        and certain
+        and len(set(filter(None, names))) == sum(map(bool, names))
+        and all(names[k] == cells[k] or (names[k] and not find_unit(names[k])) for k in known)
+        and not any(split_unit(cell)[1] or cell in COLUMNS for cell in others)
+    )
+
+
+def _stand_above(units: list[str], names: list[str]) -> bool:
+    """Return whether units stand above the names instead of below them."""
+    several = sum(map(bool, map(find_unit, units))) > 1 and len(units) <= len(names)
+    return several and _are_units(units) and all(names) and not any(map(find_unit, names))
+
+
 def _are_quantities(cells: list[str]) -> bool:
     """Return whether a line contains numbers with units, such as ``200 Hz``."""
     parts = [re.fullmatch(r"([-+±\d.,eE]*\d)\s*([^\d\s].*)", cell) for cell in cells if cell]
@@ -268,11 +310,16 @@ def _first_sample(lines: list[str], delimiter: str, width: int) -> int | None:
 def _starts(lines: list[str], cells: list[list[str]], delimiter: str, width: int) -> Iterator[int]:
     """Yield the index of each line that may be the first one of samples, from the cells of the first lines."""
     numeric = [_is_sample(line, row) for line, row in zip(lines, cells, strict=False)]
+    if width > 1:  # a line with numbers only beyond the columns of the samples belongs to the header
+        within = [*(_holds_number(row[:width]) for row in cells), False]
+        numeric = [one and (within[k] or not within[k + 1]) for k, one in enumerate(numeric)]
     for k in range(1, len(cells)):
         follow = cells[k : k + _LIKE_SAMPLES]
         if numeric[k - 1] or not all(numeric[k : k + _LIKE_SAMPLES]):
             continue
         header = _header_cells(lines[k - 1], delimiter, len(cells[k]))
+        if _are_units(header) and delimiter != BLANKS and '"' not in lines[k - 1]:  # its last cells may be empty
+            header += [""] * (lines[k - 1].count(delimiter) + 1 - len(header))
         # No cell can be empty if blanks delimit, so all lines have as many.
         even = delimiter != BLANKS or ({len(row) for row in follow} == {len(header)} and len(header) > 1)
         if even and width <= len(header) >= len(cells[k]):
@@ -287,10 +334,41 @@ def _is_labelled(cells: list[str]) -> bool:
 def _named(lines: list[str], delimiter: str, first: int) -> Layout:
     """Return the layout of a file with a header."""
     width = len(split_cells(lines[first], delimiter))
+    if found := _of_block(lines, delimiter, first):
+        return found
     # Names above a line of units may be numbers, such as those of an oscilloscope's channels.
     above = lines[max(first - _HEADERS, 0) : first]
     names = [_header_cells(line, delimiter, width) or split_cells(line, delimiter) for line in above]
     return Layout(delimiter=delimiter, first=first, head=tuple(names))
+
+
+def _of_block(lines: list[str], delimiter: str, first: int) -> Layout | None:
+    """Return the layout of a file whose names stand in a block of settings: a word, then a value for each channel.
+
+    None if there is no such block right above the samples, or a scale or offset in it has yet to be applied.
+    """
+    cells = [split_cells(line, delimiter) for line in lines[: first + _HEAD]]
+    start = next((k for k in range(first, len(cells)) if not _is_labelled(cells[k])), first)
+    names = next((k for k in range(start - 1, -1, -1) if _NAMES_LABEL.search(cells[k][0]) and len(cells[k]) > 2), None)
+    ends = start > first or cells[start - 1][0].endswith(("=", ":"))
+    if not ends or names is None or any(map(_alters, cells[names:start])):
+        return None
+    whole, width = cells[names], len(cells[start])
+    head = [whole[1:] if len(whole) == width + 1 else ["", *whole[1:]]]
+    if len(head[0]) != width or any(map(_is_value, whole[1:])):
+        return None
+    for row in cells[names:start]:
+        units = [find_unit(cell) for cell in row[1:]]
+        if "unit" in row[0].lower() and len(row) == len(whole) and all(units) and not all(u in _TIMES for u in units):
+            return Layout(delimiter=delimiter, first=start, head=(*head, [*head[0][: width - len(units)], *row[1:]]))
+    return Layout(delimiter=delimiter, first=start, head=tuple(head))
+
+
+def _alters(cells: list[str]) -> bool:
+    """Return whether a setting scales or shifts samples: a factor that is not 1, or an offset that is not 0."""
+    found = _SCALES.search(cells[0])
+    neutral = "0" if found and found[0].lower() in ("offset", "zero", "null") else "1"
+    return found is not None and any(not is_number(cell) or float(cell) != float(neutral) for cell in cells[1:])
 
 
 def _header_cells(line: str, delimiter: str, width: int) -> list[str]:
@@ -301,6 +379,8 @@ def _header_cells(line: str, delimiter: str, width: int) -> list[str]:
     ways.append(split_cells(line, delimiter))
     if delimiter == BLANKS:
         ways += [apart.split(bare.strip()) for apart in (_BEFORE_UNIT, _FAR_APART)]
+    if delimiter != BLANKS and width > 1:  # numbers beyond the columns of the samples are settings
+        ways = [cells[:width] if _holds_number(cells) else cells for cells in ways]
     ways = [cells for cells in ways if not _holds_number(cells)] or [[]]
     return next((cells for cells in ways if len(cells) == width), ways[0])
 

@@ -1,7 +1,8 @@
 """Dates and times of day as loggers and spreadsheets write them.
 
 Year, month, day is ISO 8601, with strokes too. With points the day comes first, and a month by its name is certain.
-Between strokes or dashes day and month change places from country to country: one above 12 tells, else nothing does.
+Between strokes or dashes day and month change places from country to country, and a year of two digits may come first: a
+number above 12 or 31 tells, else nothing does.
 """
 
 import re
@@ -9,7 +10,7 @@ from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta, timezone
 from decimal import Decimal
 
-ORDERS = ("dmy", "mdy")  # Order of day and month, as a user states it
+ORDERS = ("dmy", "mdy", "ymd")  # Order of day and month, or of a year of two digits, as a user states it
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _ISO = re.compile(r"(\d{4})[-/.](\d\d?)[-/.](\d\d?)(?:[T ,]+(.*))?")
 _OTHER = re.compile(r"(\d\d?)([-/. ])(\d\d?|[A-Za-z]{3})\2(\d{4}|\d\d)(?:[T ,]+(.*))?")
@@ -17,17 +18,22 @@ _COMPACT = re.compile(  # 14 digits are no Unix time
     r"((?:19|20)\d\d(?:0[1-9]|1[0-2])(?:0[1-9]|[12]\d|3[01]))T?"
     r"((?:[01]\d|2[0-3])[0-5]\d[0-5]\d(?:[.,]\d+)?(?:Z|[+-]\d\d:?\d\d)?)"
 )
-_CLOCK = re.compile(
-    r"(\d{1,2}):(\d\d)(?::(\d\d)(?:[.,:](\d+))?)?\s*(?:([ap])\.?m\.?)?\s*(Z|UTC|GMT|[+-]\d\d(?::?\d\d)?)?",
+_CLOCK = re.compile(  # behind a colon, two digits may be hundredths, milliseconds or frames
+    r"(\d{1,2}):(\d\d)(?::(\d\d)(?:[.,:]((?<!:)\d+|\d{3}(?:\d{3})?))?)?\s*(?:([ap])\.?m\.?)?\s*(Z|UTC|GMT|[+-]\d\d(?::?\d\d)?)?",
     re.IGNORECASE,
 )
-_DURATION = re.compile(r"(?:(\d+):)?(\d{1,2}):(\d\d)(?:[.,](\d+))?")
+_NAMED = re.compile(  # March 4, 2024 12:00:00, or as C writes it, Mon Mar  4 12:00:00 2024
+    r"(?:[A-Za-z]{3,9},? +)?([A-Za-z]{3,9})\.? +(\d\d?),? +(?:(\d{4})(?:,? +(.*))?|(\d\d?:\S+) +(\d{4}))"
+)
+_DURATION = re.compile(r"(?:(?:(\d+) days?,? +)?(\d+):)?(\d{1,2}):(\d\d)(?:[.,](\d+))?")
 
 
 def is_date(cell: str) -> bool:
     """Return whether a cell begins like a date."""
     if _ISO.fullmatch(cell) or _COMPACT.fullmatch(cell):
         return True
+    if found := _NAMED.fullmatch(cell):
+        return found[1][:3].lower() in _MONTHS
     found = _OTHER.fullmatch(cell)
     return found is not None and ((found[3].isdigit() and found[2] != " ") or found[3].lower() in _MONTHS)
 
@@ -38,18 +44,26 @@ def is_clock(cell: str) -> bool:
     if found and not found[6] and (found[3] or found[5]):
         return True
     found = _DURATION.fullmatch(cell)
-    return found is not None and (found[1] is not None or found[4] is not None)
+    return found is not None and (found[2] is not None or found[5] is not None)
 
 
-def date_order(cells: Iterable[str]) -> str:
-    """Return the entry of `ORDERS` that fits the dates of a column; empty if it cannot be determined."""
+def date_orders(cells: Iterable[str]) -> tuple[str, ...]:
+    """Return the entries of `ORDERS` that fit all dates of a column; the first one if none does."""
+    left: tuple[str, ...] = ORDERS
     for cell in cells:
         found = _OTHER.fullmatch(cell.strip())
-        if found is None or found[2] == "." or not found[3].isdigit() or int(found[1]) > 12:
-            return "dmy"
-        if int(found[3]) > 12:
-            return "mdy"
-    return ""
+        if found is None or found[2] == "." or not found[3].isdigit():
+            return ORDERS[:1]
+        first, second, last = int(found[1]), int(found[3]), int(found[4])
+        fits = {
+            "dmy": first <= 31 and second <= 12,
+            "mdy": first <= 12 and second <= 31,
+            "ymd": len(found[1]) == 2 and second <= 12 and 1 <= last <= 31,  # a year of four digits is no day
+        }
+        left = tuple(order for order in left if fits[order])
+        if len(left) < 2:
+            break
+    return left or ORDERS[:1]
 
 
 def moment(text: str, order: str = "dmy") -> datetime:
@@ -69,9 +83,13 @@ def _moment(cell: str, order: str) -> datetime:
     """Return a date in a format that `datetime.fromisoformat` does not know."""
     if found := _ISO.fullmatch(cell):
         year, month, day, clock = found[1], found[2], found[3], found[4]
+    elif (found := _NAMED.fullmatch(cell)) and found[1][:3].lower() in _MONTHS:
+        year, month, day = found[3] or found[6], str(1 + _MONTHS.index(found[1][:3].lower())), found[2]
+        clock = found[4] or found[5]
     elif found := _OTHER.fullmatch(cell):
-        year, clock = found[4], found[5]
-        day, month = (found[3], found[1]) if order == "mdy" and found[3].isdigit() else (found[1], found[3])
+        clock, order = found[5], order if found[3].isdigit() else "dmy"
+        parts = dict(zip(order or ORDERS[0], (found[1], found[3], found[4]), strict=True))
+        day, month, year = parts["d"], parts["m"], parts["y"]
         month = month if month.isdigit() else str(1 + _MONTHS.index(month.lower()))
         year = year if len(year) == 4 else f"20{year}"
     else:
@@ -117,8 +135,9 @@ def _of_day(cell: str) -> Decimal:
     clock = _CLOCK.fullmatch(cell)
     if clock and not clock[6] and (clock[3] or clock[5]):
         hour, minutes, seconds, fraction = _hour(clock), clock[2], clock[3], clock[4]
-    elif (long := _DURATION.fullmatch(cell)) and (long[1] or long[4]):
-        hour, minutes, seconds, fraction = int(long[1] or 0), long[2], long[3], long[4]
+    elif (long := _DURATION.fullmatch(cell)) and (long[2] or long[5]):
+        hour = 24 * int(long[1] or 0) + int(long[2] or 0)
+        minutes, seconds, fraction = long[3], long[4], long[5]
     else:
         raise ValueError("no time of day")
     if hour < 0 or int(minutes) > 59 or int(seconds or 0) > 59:

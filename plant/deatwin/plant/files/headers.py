@@ -2,7 +2,7 @@
 
 import re
 
-from deatwin.plant.files.units import UNITS, find_unit
+from deatwin.plant.files.units import FULL_WIDTH, UNITS, find_unit
 
 _LOWERED = {name.lower() for name in UNITS}
 _IN_BRACKETS = re.compile(r"(.+?)[\s/]*(\([^()]*\)|\[[^\[\]]*\])")
@@ -21,7 +21,10 @@ _TIMES = re.compile(
 """Header of a time column that ends in its unit without a separator."""
 _TIME_WORD = re.compile(r"millis|micros|nanos|[mun]s|[mun]?secs?|(?:milli|micro|nano)?seconds?", re.IGNORECASE)
 """Header that is only a unit of time. s, min and h are excluded: alone they may mean distance, minimum and height."""
-_DOUBTFUL = ("F", "l")  # Units recognised in brackets only, because names of forces and lengths have these endings, too
+_UNIT_ALONE = re.compile(r"(?:in\s+)?(\(.*\)|\[.*\]|(?<=\s)\S+)")
+"""Header without a name, of which brackets or the word *in* say that it is a unit: ``[s]``, ``in s``."""
+_DOUBTFUL = re.compile("F|l|(?i:in|ft|foot|feet|yd|dm|kp|dyn|kip|ksi|turns?)")
+"""Units recognised in brackets only, because names have these endings, too: of forces and lengths, ``u_in``, ``kp``."""
 TIME_NAMES = ("time", "t", "zeit", "uhrzeit", "temps", "heure", "hora", "tiempo", "时间")
 _NO_QUANTITIES = frozenset({"counts"})  # Words before a slash that belong to an unknown unit, as in ``counts/s``
 _DIFFERENCE = re.compile(r"(?i:[Δ∆]|delta|diff(?!us)|d_?t(?![a-z])|(.*[^a-z]|temp)?(difference|rise|increase)\b)")
@@ -52,13 +55,16 @@ _ACCELERATION = re.compile(r"(?i:.*acc(?![a-z])|.*accel|a(_?[xyz])?$)")
 
 def split_unit(header: str) -> tuple[str, str]:
     """Return name and unit of a column header; the unit is empty if it is unknown or may belong to the name."""
-    if (match := _QUOTIENT.fullmatch(header)) and (unit := find_unit(f"{match[2]}/{match[4]}")):
+    header = header.translate(FULL_WIDTH)
+    match = _QUOTIENT.fullmatch(header)
+    doubtful = match and not match[3] and any(map(_DOUBTFUL.fullmatch, (match[2], match[4])))
+    if match and not doubtful and (unit := find_unit(f"{match[2]}/{match[4]}")):
         # N_m may mean N/m, a stiffness, or N m, a torque.
         either = not match[3] and find_unit(f"{match[2]} {match[4]}")
         return (header, "") if either else (match[1], unit)
     for form in _FORMS:
         match = form.fullmatch(header)
-        if not match or (form is not _IN_BRACKETS and match[2] in _DOUBTFUL):
+        if not match or _is_doubtful(form, match[2]):
             continue
         unit = find_unit(match[2])
         if unit and not (form is _DIVIDED and _is_rate(match[1], unit)):
@@ -67,10 +73,17 @@ def split_unit(header: str) -> tuple[str, str]:
         return match[1], find_unit((match[2] or match[3]).lower())
     if _TIME_WORD.fullmatch(header):
         return header, find_unit(header.lower())
+    if (match := _UNIT_ALONE.fullmatch(header)) and (unit := find_unit(match[1])):
+        return header, unit
     if (match := _REMARK.fullmatch(header)) and (found := split_unit(match[1]))[1]:
         return f"{found[0]} {match[2]}", found[1]
     match = _IN_BRACKETS.fullmatch(header)
     return (match[1] if match and said_unit(header) == match[2].strip("()[] ") else header), ""
+
+
+def _is_doubtful(form: re.Pattern[str], unit: str) -> bool:
+    """Return whether the end of a header may belong to the name, although it is a unit."""
+    return form is not _IN_BRACKETS and _DOUBTFUL.fullmatch(unit) is not None
 
 
 def for_name(name: str, unit: str) -> str:
@@ -106,8 +119,10 @@ def said_unit(header: str) -> str:
     ('lines/min', 'Mv', '', '')
     """
     for form in _FORMS:
-        if match := form.fullmatch(header):
+        if match := form.fullmatch(header.translate(FULL_WIDTH)):
             said = match[2].strip("()[] ")
+            if _is_doubtful(form, said):
+                continue
             if form is _IN_BRACKETS and re.search(r"[^\W\d_]|[%°]", said):
                 return said
             if is_misspelt(said):

@@ -93,11 +93,11 @@ def read_recordings(
     input_column, output_column : str, optional
         Header of the input and of the output, or the position, ``"#2"`` for the second column. By default the columns
         that the file declares, else ``command`` and ``displacement``. The unit may be given in the header, in a line
-        below it, in an attribute, or here after an equals sign, ``"#2=mm"``.
+        of units, in an attribute, or here after an equals sign, ``"#2=mm"``.
     time_column : str, optional
         Header or position of the times; by default the column called ``time`` or similar, else the one with a unit of
         time. The unit comes from the header or follows an equals sign, ``"Timestamp=ms"``; otherwise it is the second.
-        For dates, ``"Date=dmy"`` or ``mdy`` gives the order. With dates and Unix times, the clock's zero is at the
+        For dates, ``"Date=dmy"``, ``mdy`` or ``ymd`` gives the order. With dates and Unix times, the clock's zero is at the
         first sample, whose date is kept in the provenance as ``clock_began``.
     allow_gaps : bool, default False
         If True, split the record at its gaps and keep the clock; otherwise a gap is an error.

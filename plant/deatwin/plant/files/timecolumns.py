@@ -3,18 +3,19 @@
 import math
 import re
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deatwin.plant.errors import DataError
 from deatwin.plant.files.clock import even_pieces
-from deatwin.plant.files.dates import ORDERS
+from deatwin.plant.files.dates import ORDERS, date_orders
 from deatwin.plant.files.formats.table import Table
 from deatwin.plant.files.headers import TIME_NAMES
 from deatwin.plant.files.times import TIME_UNITS, time_scale
 from deatwin.plant.files.units import UNITS, find_unit
-from deatwin.plant.files.usual import USUAL_TIMES
+from deatwin.plant.files.usual import LIKE_TIMES, USUAL_TIMES
 from deatwin.plant.files.wanted import split_stated
 from deatwin.plant.readoptions import NO_OPTIONS, ReadOptions
 from deatwin.plant.resampling import resampling_options
@@ -51,7 +52,7 @@ def time_column(
     groups = {_group(table.names[column]) for column in taken}
     found = [column for column in found if _group(table.names[column]) in groups] or found
     if len(found) > 1 and found == timed:  # some of them may be durations
-        found = [column for column in found if holds_times(table, column)] or found
+        found = [column for column in found if holds_times(table, column) or _breaks_off(table, column)] or found
     if len(found) > 1 and needed and not _equal(table, found):
         listed = " and ".join(f'"{table.shown(column)}"' for column in found[:_LISTED])
         one = ReadOptions(time_column=table.unmistakable(found[0]))
@@ -60,6 +61,13 @@ def time_column(
             one,
         )
     return (found[0], table.units[found[0]]) if len(found) == 1 or (found and needed) else (None, "")
+
+
+def _breaks_off(table: Table, column: int) -> bool:
+    """Return whether a column ends before the others, as the times of a slower channel do."""
+    cells = list(table.texts(column))
+    count = max((k for k, cell in enumerate(cells, 1) if cell.strip()), default=0)
+    return 1 < count < len(cells) and all(map(str.strip, cells[:count]))
 
 
 def _equal(table: Table, columns: list[int]) -> bool:
@@ -95,7 +103,7 @@ def _named_times(table: Table, taken: set[int], wanted: str) -> tuple[int, str]:
         if stated not in (*TIME_UNITS, *ORDERS):
             raise DataError(
                 f'{table.path}: the times are said to be in "{clipped(behind)}"; known are the units {", ".join(TIME_UNITS)}; '
-                f"for dates, write {ORDERS[0]} if the day comes first, and {ORDERS[1]} if the month comes first"
+                "for dates, write dmy if the day comes first, mdy if the month does, and ymd if a year of two digits does"
             )
     column = table.column(name, lambda column: column not in taken and holds_times(table, column, stated))
     header = table.headers[column]
@@ -120,7 +128,16 @@ def holds_times(table: Table, column: int, unit: str = "") -> bool:
 def likely_times(table: Table, taken: set[int]) -> list[int]:
     """Return columns that may be the times: those on an even clock, else those that can be resampled to one."""
     ways = {k: way for k in range(len(table.headers)) if k not in taken and (way := _uneven(table, k)) is not None}
+    ways = {k: way for k, way in ways.items() if table.nameless or not _numbers_rows(table, k)}
     return [k for k, way in ways.items() if not way] or list(ways)
+
+
+def _numbers_rows(table: Table, column: int) -> bool:
+    """Return whether a column without a name of times counts the rows, so that it tells nothing of the sample time."""
+    if table.units[column] or LIKE_TIMES.search(table.names[column]):
+        return False
+    cells = list(table.texts(column))
+    return all(map(str.isdecimal, cells)) and {int(b) - int(a) for a, b in pairwise(cells)} == {1}
 
 
 def times_options(table: Table, column: int, unit: str = "", step: float | None = None) -> ReadOptions:
@@ -161,9 +178,12 @@ def with_times(table: Table, column: int, unit: str) -> Table:
     if order and not scale:
         raise DataError(f'{table.path}: the column "{table.shown(column)}" holds no dates; remove "={order}"')
     if scale and not scale.order and len({re.split("[T ,]", text.strip())[0] for text in table.texts(column)}) > 1:
-        either = [ReadOptions(time_column=f"{table.unmistakable(column)}={order}") for order in ORDERS]
+        orders = date_orders(table.texts(column))
+        either = [ReadOptions(time_column=f"{table.unmistakable(column)}={order}") for order in orders]
+        words = [{"d": "the day", "m": "the month", "y": "the year"}[order[0]] for order in orders]
+        first = f"{', '.join(words[:-1])} or {words[-1]}"
         raise DataError(
-            f'{table.path}: the dates in the column "{table.shown(column)}" may have the day or the month first, and '
+            f'{table.path}: the dates in the column "{table.shown(column)}" may have {first} first, and '
             f"none of them shows which; state the order: {' or '.join(map(str, either))}",
             either[0],
         )

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal
 
-from deatwin.plant.files.dates import ORDERS, date_order, day_seconds, is_clock, is_date, moment
+from deatwin.plant.files.dates import ORDERS, date_orders, day_seconds, is_clock, is_date, moment
 from deatwin.plant.files.units import UNITS
 from deatwin.plant.safe_read import clipped
 
@@ -87,7 +87,8 @@ def time_scale(texts: Iterable[str], unit: str) -> TimeScale | None:
     cells = iter(texts)
     first = next(cells, "").strip()
     if is_date(first):
-        order = unit if unit in ORDERS else date_order([first, *cells])
+        fitting = (unit,) if unit in ORDERS else date_orders([first, *cells])
+        order = fitting[0] if len(fitting) == 1 else ""
         try:
             began = moment(first, order)
         except ValueError:

@@ -141,6 +141,7 @@ def _guessed(table: Table, options: ReadOptions) -> ReadOptions:
                 return NO_OPTIONS  # a column named by the user is not replaced
     times = _times(table, set(known.values()), asked["time"])
     left = [k for k in range(len(table.headers)) if k not in times and k not in known.values()]
+    left = [k for k in left if table.unit(k).si != "s"]  # a part of the time, such as its milliseconds
     # A column with a single bad cell is still a candidate; the next error names that cell.
     free = [k for k in left if works(table, k) or _mostly_numbers(table, k)]
     free = [k for k in free if not _counts(table, k)] or free

@@ -87,19 +87,32 @@ _SYMBOLS = {
     **_scaled("W", "munk"),
     **_scaled("J", "munk"),
     **_scaled("m", "cmunk"),
-    "inch": Unit("m", 254, 1e4),  # its symbol, in, is a word
+    "dm": Unit("m", 1, 10),
+    "inch": Unit("m", 254, 1e4),
+    "ft": Unit("m", 3048, 1e4),
+    "yd": Unit("m", 9144, 1e4),
+    "mil": Unit("m", 254, 1e7),  # a thousandth of an inch
+    "uinch": Unit("m", 254, 1e10),
+    "angstrom": Unit("m", 1, 1e10),
     **_scaled("m3", "mu", "l", 1, 1e3),
     **_scaled("rad", "mu"),
     "deg": Unit("rad", math.pi, 180),
+    "arcmin": Unit("rad", math.pi, 10800),
+    "arcsec": Unit("rad", math.pi, 648000),
     "rev": Unit("rad", 2 * math.pi),
     **_scaled("Hz", "mkMG"),
     **_scaled("kg", "munk", "g", 1, 1e3),
     **_scaled("N", "munkM"),
     **_scaled("N", "mk", "gf", _GRAVITY, 1e3),
     "lbf": Unit("N", _POUND_FORCE),
+    "ozf": Unit("N", _POUND_FORCE, 16),
+    "kip": Unit("N", 1e3 * _POUND_FORCE),
+    "kp": Unit("N", _GRAVITY),
+    "dyn": Unit("N", 1, 1e5),
     **_scaled("Pa", "muhkMG"),
     **_scaled("Pa", "muk", "bar", 1e5),
     "psi": Unit("Pa", _POUND_FORCE, 0.00064516),
+    "ksi": Unit("Pa", 1e3 * _POUND_FORCE, 0.00064516),
     "atm": Unit("Pa", 101325),
     "Torr": Unit("Pa", 101325, 760),
     "mmHg": Unit("Pa", 133.322387415),  # conventional: 13.5951 g/cm3 under standard gravity
@@ -112,6 +125,7 @@ _SYMBOLS = {
     "Δ°C": Unit("K"),
     "°F": Unit("K", 5, 9, shift=459.67),
     "gn": Unit("m/s2", _GRAVITY),
+    "mph": Unit("m/s", 44704, 1e5),
     "rpm": Unit("rad/s", math.pi, 30),
     "%": Unit("1", 1, 1e2),
     "ppm": Unit("1", 1, 1e6),
@@ -240,6 +254,19 @@ _SPELLED_OUT = {
     "celsius": "°C",
     "fahrenheit": "°F",
     "degree": "deg",
+    "in": "inch",
+    "inch": "inch",
+    "inches": "inch",
+    "foot": "ft",
+    "feet": "ft",
+    "yard": "yd",
+    "thou": "mil",
+    "ångström": "angstrom",
+    "turn": "rev",
+    "arcminute": "arcmin",
+    "arcsecond": "arcsec",
+    "kilopond": "kp",
+    "dyne": "dyn",
     "revolution": "rev",
     "percent": "%",
     "millis": "ms",
@@ -255,6 +282,10 @@ _SPELLED_OUT = {
     "rev": "rev",
     "rpm": "rpm",
     "psi": "psi",
+    "psig": "psi",  # over the pressure of the air, as bar g is
+    "ft": "ft",
+    "mil": "mil",
+    "lbf": "lbf",
     "hz": "Hz",
     "torr": "Torr",
     "microstrain": "ppm",
@@ -298,9 +329,12 @@ _OTHER_SPELLINGS = {
     "mL": "ml",
     "uL": "ul",
     "uε": "ppm",
+    "Å": "angstrom",
+    "uin": "uinch",
     "g force": "gf",
     "kg force": "kgf",
-    **{f"{length} {fluid}": length + fluid for length in ("mm", "cm", "in") for fluid in ("Hg", "H2O")},
+    **{f"{length} {fluid}": length + fluid for length in ("mm", "cm") for fluid in ("Hg", "H2O")},
+    **{f"inch {fluid}": f"in{fluid}" for fluid in ("Hg", "H2O")},
     **{
         f"{first}{second}": f"{first} {second}" for first in ("A", "mA", "uA", "W", "mW", "kW") for second in ("h", "s")
     },
@@ -310,6 +344,7 @@ _SIGNS = str.maketrans(
     {
         "µ": "u",
         "μ": "u",
+        "\u212b": "Å",
         "∆": "Δ",
         "Ω": "ohm",
         "\u2126": "ohm",
@@ -335,9 +370,12 @@ _SIGNS = str.maketrans(
 )
 
 
+FULL_WIDTH = str.maketrans("（）［］", "()[]")  # Brackets among Chinese and Japanese characters
+
+
 def find_unit(text: str) -> str:
     """Return the unit that a cell such as ``(mm)``, ``[µm]``, ``s``, ``N·m``, ``m s^-2`` or ``(Volts)`` names."""
-    bare = text.strip()
+    bare = text.strip().translate(FULL_WIDTH)
     if bare[:1] + bare[-1:] in ("()", "[]"):
         bare = bare[1:-1].strip()
     if bare in _SYMBOLS:

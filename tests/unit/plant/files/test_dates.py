@@ -100,6 +100,20 @@ def test_day_and_month_that_nothing_tells(tmp_path: Path) -> None:
         read_recording(written(tmp_path, ["1", "2", "3", "4"]), time_column="Time=dmy")
 
 
+def test_a_year_of_two_digits_may_come_first(tmp_path: Path) -> None:
+    cells = stamps("%y/%m/%d %H:%M:%S.~", datetime(2025, 5, 13, 23, 59, 55))
+    path = written(tmp_path, cells, mark=",")
+    with pytest.raises(
+        DataError, match=r'the day or the year first.*: --time-column "Time=dmy" or --time-column "Time=ymd"'
+    ):
+        read_recording(path)
+    found = read_recording(path, time_column="Time=ymd")
+    assert the_clock(found) == (STEP, STEP * 39)
+    assert found.provenance["clock_began"] == "2025-05-13T23:59:55"
+    within = read_recording(written(tmp_path, cells[:20], mark=","))  # on one day, only its date is unknown
+    assert "clock_began" not in within.provenance and the_clock(within) == (STEP, STEP * 19)
+
+
 def test_a_cell_that_is_no_date(tmp_path: Path) -> None:
     cells = stamps("%d.%m.%Y %H:%M:%S")
     with pytest.raises(DataError, match=r'row 9, column "Time": "31.12.2025 25:00:00" is not a date'):

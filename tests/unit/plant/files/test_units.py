@@ -69,6 +69,19 @@ from deatwin.plant.files.units import UNITS, find_unit
         ("Position (L)", "Position", ""),
         ("temperature (F)", "temperature", "°F"),
         ("charge (µC)", "charge", "uC"),
+        ("Extension (in)", "Extension", "inch"),
+        ("gap [mils]", "gap", "mil"),
+        ("v_in_per_s", "v", "inch/s"),
+        ("v [in/s]", "v", "inch/s"),
+        ("u_in", "u_in", ""),
+        ("time_in_s", "time_in", "s"),
+        ("disp_mm_in", "disp_mm_in", ""),
+        ("gain_kp", "gain_kp", ""),
+        ("left_foot", "left_foot", ""),
+        ("n_turns", "n_turns", ""),
+        ("[s]", "[s]", "s"),
+        ("in s", "in s", "s"),
+        ("in air", "in air", ""),
     ],
 )
 def test_the_unit_is_read_off_the_usual_forms(header: str, name: str, unit: str) -> None:
@@ -77,7 +90,8 @@ def test_the_unit_is_read_off_the_usual_forms(header: str, name: str, unit: str)
 
 @pytest.mark.parametrize("form", ["{}_{}", "{} ({})", "{}[{}]", "{} in {}"])
 def test_any_name_keeps_its_unit(form: str) -> None:
-    ends_names = {"F", "l"} if form in ("{}_{}", "{} in {}") else set()  # as a force and a length do
+    # Forces and lengths end in F and l, gains in kp, demands in dm, wanted values in yd, and Greek letters in ksi.
+    ends_names = {*"F l dm ft yd kp dyn kip ksi".split()} if form in ("{}_{}", "{} in {}") else set()
     for name, unit in product(["U", "U_cmd", "Weg 2", "a_b_c", "电压_x"], set(UNITS) - {""} - ends_names):
         assert split_unit(form.format(name, unit)) == (name, unit)
 
@@ -126,6 +140,22 @@ def test_any_name_keeps_its_unit(form: str) -> None:
         ("uC/cm2", "C/m2", constants.micro / constants.centi**2),
         ("um/m", "1", constants.micro),
         ("inch", "m", constants.inch),
+        ("uinch", "m", constants.inch / 1e6),
+        ("mil", "m", constants.mil),
+        ("ft", "m", constants.foot),
+        ("yd", "m", constants.yard),
+        ("angstrom", "m", constants.angstrom),
+        ("dm", "m", constants.deci),
+        ("arcmin", "rad", constants.arcmin),
+        ("arcsec", "rad", constants.arcsec),
+        ("kp", "N", constants.kgf),
+        ("dyn", "N", constants.dyn),
+        ("ozf", "N", constants.lbf / 16),
+        ("kip", "N", constants.kilo * constants.lbf),
+        ("ksi", "Pa", constants.kilo * constants.psi),
+        ("mph", "m/s", constants.mph),
+        ("lbf/inch", "N/m", constants.lbf / constants.inch),
+        ("inch lbf", "N m", constants.lbf * constants.inch),
         ("mW h", "J", constants.milli * constants.hour),
     ],
 )
@@ -190,6 +220,14 @@ def test_a_temperature_whose_name_is_like_that_of_a_difference_is_shifted(name: 
             "mA h": "mAh mA·h",
             "Gohm": "GΩ GOhm",
             "mmHg": "mm-Hg",
+            "inHg": "in-Hg",
+            "inch": "in in. Inches",
+            "mil": "mils thou",
+            "ft": "foot feet FT",
+            "angstrom": "Å \u212b",
+            "uinch": "uin µin",
+            "psi": "PSI psig",
+            "rev": "turns revs",
             "l/min": "L/min liters/min l·min⁻¹",
             "V/um": "V/µm volt/micron V·µm⁻¹",
             "N/mm2": "N/mm² N·mm^-2",

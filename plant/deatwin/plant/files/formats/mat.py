@@ -2,8 +2,9 @@
 
 Signals are numeric vectors named as CSV columns are, alone or as fields of structs, ``signals(2).values`` in an array of
 structs, columns of a matrix, ``data(:,2)``, or fields of a compound data set of HDF5. A struct ``units`` may name units:
-``units.command = 'V'``; so may attributes of HDF5. A scalar ``Ts``, ``dt`` or ``sample_time`` (s), ``fs`` or ``sample_rate`` (Hz) states the clock of a
-file without times. Texts go into the provenance.
+``units.command = 'V'``; so may a text ``unit`` beside the only vector of a struct, and attributes of HDF5. A scalar
+``Ts``, ``dt`` or ``sample_time`` (s), ``fs`` or ``sample_rate`` (Hz) states the clock of a file without times. Texts go
+into the provenance.
 """
 
 import hashlib
@@ -99,6 +100,7 @@ def _table(path: str, sha256: str, found: Mapping[str, Any]) -> ArrayTable:
                 "other objects of MATLAB cannot be read; writetable and writetimetable write them as CSV)"
             )
         units = {name.removeprefix("units."): text for name, text in found.items() if name.startswith("units.")}
+        units = _units_beside(found) | units
         units = {short.get(name, name): text for name, text in units.items()}
         notes = {name: text for name, text in texts.items() if name not in units and text}
         return array_table(
@@ -109,6 +111,16 @@ def _table(path: str, sha256: str, found: Mapping[str, Any]) -> ArrayTable:
             declared=Declared(timing=_timing(arrays, path), provenance=notes),
         )
     return array_table(path, sha256, columns, {}, declared=declared)
+
+
+def _units_beside(found: Mapping[str, Any]) -> dict[str, str]:
+    """Return the units that a text ``unit`` gives for the only vector in its struct."""
+    structs: dict[str, list[str]] = {}
+    for name, value in found.items():
+        if isinstance(value, np.ndarray) and value.size > 1:
+            structs.setdefault(name.rpartition(".")[0], []).append(name)
+    said = {name.rpartition(".")[0]: text for name, text in found.items() if re.fullmatch(r"(?i).+\.units?", name)}
+    return {structs[struct][0]: text for struct, text in said.items() if len(structs.get(struct, ())) == 1}
 
 
 def _of_matrix(name: str, value: np.ndarray, lengths: set[int]) -> dict[str, np.ndarray]:

@@ -1,0 +1,221 @@
+"""Tables as instruments export them: the values that are read are those that were written."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from deatwin.plant.errors import DataError
+from deatwin.plant.files import read_recording
+from deatwin.plant.files.understood import understand
+
+DT = 0.02
+T = DT * np.arange(60)
+U, Y = np.round(1.5 + np.sin(9 * T), 4), np.round(2.5 + np.cos(4 * T), 4)
+
+
+def table(*columns: Iterable[object], mark: str = ",") -> str:
+    return "\n".join(mark.join(map(str, row)) for row in zip(*columns, strict=True)) + "\n"
+
+
+def plain(first: Iterable[object] = np.round(T, 2), mark: str = ",") -> str:
+    return table(first, U, Y, mark=mark)
+
+
+LOGGED = "Number,Date&Time,ms,CH1,CH2,Alarm\nNO.,Time,ms,V,mm,A1234\n" + table(
+    range(1, 61),
+    [f"2024/05/01 10:11:{12 + k // 50}" for k in range(60)],
+    [20 * k % 1000 for k in range(60)],
+    U,
+    Y,
+    "L" * 60,
+)
+TITLES = "Interval=\t0.02 s\nChannelTitle=\tCommand\tLaser\nRange=\t10 V\t10 mm\nUnitName=\tV\tmm\n"
+LIMITS = "TopValue=\t10\t10\nBottomValue=\t-10\t-10\n"
+BLOCK = (
+    '"BlockNumber",1\n"TraceName"," CH1"," CH2"\n"VUnit"," V"," mm"\n"SampleRate",5.0E+01,5.0E+01\n"HUnit"," s"," s"\n'
+    '"Time"," 10:11:12"," 10:11:12"\n"HResolution",2.0E-02,2.0E-02\n"HOffset",0.0E+00,0.0E+00\n\n'
+)
+READ = {
+    "units above the names": ("ms,V,mm\nTime,Cmd,Laser\n" + plain(20 * np.arange(60)), "Cmd", "Laser", {}),
+    "units above some names": (
+        "Units:,V,mm,\nTime (ms),Cmd,Laser,Flag\n" + table(20 * np.arange(60), U, Y, [1] * 60),
+        "Cmd",
+        "Laser",
+        {},
+    ),
+    "units in columns of their own": (
+        "time_s,Cmd,Unit,Laser,Laser unit\n" + table(T, U, ["V"] * 60, Y, ["mm"] * 60),
+        "Cmd",
+        "Laser",
+        {},
+    ),
+    "units and an unknown word": (
+        "Time,Cmd,Laser,Flag\ns,V,mm,status\n" + table(T, U, Y, [1] * 60),
+        "Cmd",
+        "Laser",
+        {},
+    ),
+    "units and an empty cell": (
+        "Time,Cmd,Laser,Note\n[s],[V],[mm],\n" + table(T, U, Y, ["x"] * 60),
+        "Cmd",
+        "Laser",
+        {},
+    ),
+    "units below channels": (LOGGED, "CH1", "CH2", {"dt": DT}),
+    "units behind a mark of comments": (
+        "\tPt\tT\tVf\tIm\n\t#\ts\tV\tmm\n" + table([""] * 60, range(60), T, U, Y, mark="\t"),
+        "Vf",
+        "Im",
+        {},
+    ),
+    "settings behind the units": (
+        "X,CH1,CH2,Start,Increment,\nSequence,VOLT,mm,-2.4E+00,2.0E-02\n" + table(range(60), U, Y, [""] * 60),
+        "CH1",
+        "CH2",
+        {"dt": DT},
+    ),
+    "units without a name": ("[s],Cmd[V],Laser[mm]\n" + plain(), "Cmd", "Laser", {}),
+    "units in wide brackets": ("t\uff08s\uff09,u\uff08V\uff09,y\uff08mm\uff09\n" + plain(), "u", "y", {}),
+    "units behind in": ("in s,C1 in V,C2 in mm\n" + plain(), "C1", "C2", {}),
+    "a block of channels": (BLOCK + table([""] * 60, U, Y), "CH1", "CH2", {"dt": DT}),
+    "a block of titles": (TITLES + LIMITS + plain(mark="\t"), "Command", "Laser", {"time_column": "#1"}),
+    "a block of titles that ends in units": (TITLES + plain(mark="\t"), "Command", "Laser", {"time_column": "#1"}),
+    "a block of titles without times": (TITLES + LIMITS + table(U, Y, mark="\t"), "Command", "Laser", {"dt": DT}),
+    "a comment behind a row": (
+        "time_s,u_V,y_mm\n" + table(T, U, [f"{y},#* pulse" if k == 9 else y for k, y in enumerate(Y)]),
+        "u_V",
+        "y_mm",
+        {},
+    ),
+    "dashes before numbers": (
+        "Time (s);Cmd (V);Laser (mm)\n" + plain(mark=";").replace(";", ";\u2013"),
+        "Cmd (V)",
+        "Laser (mm)",
+        {},
+    ),
+    "the month first": (
+        "Timestamp;u_V;y_mm\n" + plain((f"May 1, 2024 10:11:{12 + t:05.2f}" for t in T), mark=";"),
+        "u_V",
+        "y_mm",
+        {},
+    ),
+    "dates of C": (
+        "Timestamp,u_V,y_mm\n" + plain(f"Wed May  1 10:11:{12 + t:05.2f} 2024" for t in T),
+        "u_V",
+        "y_mm",
+        {},
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", READ)
+def test_values_units_and_times_are_those_of_the_instrument(tmp_path: Path, kind: str) -> None:
+    text, command, reading, options = READ[kind]
+    (tmp_path / "r.csv").write_text(text, encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column=command, output_column=reading, **options)
+    sign = -1.0 if kind == "dashes before numbers" else 1.0
+    np.testing.assert_allclose(found.inputs[0], sign * U, rtol=1e-12)
+    np.testing.assert_allclose(found.outputs[0], sign * 1e-3 * Y, rtol=1e-12)
+    assert (found.input_units, found.output_units) == (("V",), ("m",))
+    assert found.sample_time == pytest.approx(DT, rel=1e-6)
+
+
+def test_days_before_a_time_are_counted(tmp_path: Path) -> None:
+    """A pandas index of time differences, which passes a whole day."""
+    times = [f"{k // 50} days {'23:59:59' if k < 50 else '00:00:00'}.{20 * (k % 50):03d}000" for k in range(60)]
+    (tmp_path / "r.csv").write_text(",u_V,y_mm\n" + plain(times), encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm", time_column="#1")
+    assert (found.sample_time, found.n_samples) == (pytest.approx(DT), 60)
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "utf-8"])
+def test_only_ends_of_lines_part_lines(tmp_path: Path, encoding: str) -> None:
+    """In Windows-1252, three dots are the byte 85, which is the end of a line in Latin-1."""
+    (tmp_path / "r.csv").write_bytes(
+        f"Zeit (s);Weg\u2026 (µm);U \u2013 Soll (V)\n{table(T, Y, U, mark=';')}".encode(encoding)
+    )
+    found = read_recording(tmp_path / "r.csv", input_column="U \u2013 Soll (V)", output_column="Weg\u2026 (µm)")
+    np.testing.assert_allclose(found.outputs[0], 1e-6 * Y, rtol=1e-12)
+
+
+ROWS = plain(range(1, 61))
+REFUSED = {
+    "mean values below the samples": (f"No,u_V,y_mm\n{ROWS}Mean,1.5,2.5\n", 'row 62: "Mean" .* at the end'),
+    "mean values above the samples": (
+        f"No,u_V,y_mm\nMean,1.5,2.5\nPeak,2,3\n{ROWS}",
+        'row 2: "Mean" .* below the names',
+    ),
+    "a factor in a block": (
+        f"{TITLES}Scale\t2\t1\n{LIMITS}{plain(mark=chr(9))}",
+        '"Scale" begins a line below the names',
+    ),
+    "an offset in a block": (
+        BLOCK.replace('"HOffset",0', '"VOffset",1') + table([""] * 60, U, Y),
+        'row 7: "HResolution" begins',
+    ),
+    "times of a slower channel": (
+        "t1_s,u_V,t2_s,y_mm\n" + table(T, U, [*(2 * T[:30]), *[""] * 30], [*Y[:30], *[""] * 30]),
+        '"t1_s" and "t2_s" may hold the times, and they differ',
+    ),
+    "frames behind a colon": (
+        "Time,u_V,y_mm\n" + plain(f"10:11:{12 + k // 25}:{k % 25:02d}" for k in range(60)),
+        "a time of day as in 12:00:00.25",
+    ),
+    "numbers of samples": (f"Sample,u_V,y_mm\n{ROWS}", "state the sample time|give the sample time in seconds: --dt"),
+    "a prefix in the cells": (
+        f"time_s,u_V,y_m\n{table(T, U, [f'{y}m' for y in Y])}",
+        'm" is not a number; .* in the header',
+    ),
+    "a date of another form": (
+        f"Timestamp,u_V,y_mm\n{plain(f'2024.122.10:11:{12 + t:05.2f}' for t in T)}",
+        "is not a number; write a date as in",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", REFUSED)
+def test_what_would_be_read_wrongly_is_refused(tmp_path: Path, kind: str) -> None:
+    text, said = REFUSED[kind]
+    (tmp_path / "r.csv").write_text(text, encoding="utf-8")
+    columns = {"input_column": "#2", "output_column": "#4" if "slower" in kind else "#3"}
+    options = {"dt": DT} if "values" in kind or kind == "an offset in a block" else {}
+    with pytest.raises(DataError, match=said) as error:
+        read_recording(tmp_path / "r.csv", **columns, **options)
+    if kind == "numbers of samples":
+        assert not error.value.offers
+
+
+def test_names_of_one_letter_are_no_units_below_a_title(tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text(f"Operator,Smith,Date,Day\nt,s,F,V\n{table(T, Y, Y, U)}", encoding="utf-8")
+    assert read_recording(tmp_path / "r.csv", input_column="V", output_column="s").output_units == ("",)
+
+
+def test_whole_steps_without_a_unit_are_asked_for(tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text(f"clock,u_V,y_mm\n{plain(20 * np.arange(60) + 0.5)}", encoding="utf-8")
+    found = read_recording(tmp_path / "r.csv", input_column="u_V", output_column="y_mm", time_column="clock")
+    assert "are they milliseconds?" in found.provenance["clock"]
+
+
+def test_a_meter_that_changes_its_range_gives_no_unit(tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text(
+        "time_s,u_V,Laser,Unit\n" + table(T, U, Y, ["mm"] * 30 + ["um"] * 30), encoding="utf-8"
+    )
+    with pytest.raises(DataError, match="is in mm or um, but the model needs it in m;"):
+        read_recording(tmp_path / "r.csv", input_column="u_V", output_column="Laser", output_unit="m")
+
+
+def test_parts_of_the_time_are_no_signals(tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text(LOGGED, encoding="utf-8")
+    assert {c.header: c.role for c in understand(tmp_path / "r.csv").columns}["CH2"] == "output"
+
+
+def test_a_unit_beside_the_vector_of_a_struct_is_its_unit(tmp_path: Path) -> None:
+    channels = np.zeros((1, 2), dtype=[("Name", object), ("Unit", object), ("Data", object)])
+    channels[0, 0], channels[0, 1] = ("u", "V", U), ("y", "mm", Y)
+    savemat(tmp_path / "r.mat", {"run": {"X": {"Data": 1e3 * T, "Unit": "ms"}, "Y": channels}})
+    found = read_recording(tmp_path / "r.mat", input_column="run.Y(1).Data", output_column="run.Y(2).Data")
+    np.testing.assert_allclose(found.outputs[0], 1e-3 * Y, rtol=1e-12)
+    assert (found.sample_time, found.input_units) == (pytest.approx(DT), ("V",))
