@@ -112,10 +112,6 @@ class ActuationCurve(Described):
             Axes to draw on; new ones by default.
         **style
             Keyword arguments of the line, passed to `matplotlib.axes.Axes.plot`.
-
-        Returns
-        -------
-        matplotlib Axes
         """
         ax = axes_or_new(ax)
         (command, command_unit), (reading, reading_unit) = self.axes

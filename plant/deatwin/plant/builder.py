@@ -454,10 +454,6 @@ class Builder:
         further : sequence of str
             Names of the rig's further readings.
 
-        Returns
-        -------
-        Equations
-
         Raises
         ------
         RigError

@@ -138,10 +138,6 @@ class CalibratedPlant(
         ----------
         plant : Plant
             Plant with the values of its rig file and of the literature.
-
-        Returns
-        -------
-        CalibratedPlant
         """
         return cls(plant=plant, noise=plant.rig.noise, model_error=plant.rig.model_error)
 
@@ -152,10 +148,6 @@ class CalibratedPlant(
         ----------
         experiment : Experiment or Recording
             Experiment to simulate; only its commands are used. A single recording starts from rest.
-
-        Returns
-        -------
-        Prediction
 
         Raises
         ------

@@ -66,10 +66,6 @@ class MeasuringChain:
         data : mapping
             Plain data, also after a round trip through JSON.
 
-        Returns
-        -------
-        MeasuringChain
-
         Raises
         ------
         DataError

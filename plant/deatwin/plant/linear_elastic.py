@@ -56,10 +56,6 @@ class LinearElastic:
             Material with its published values.
         thickness : float
             Undeformed thickness, m.
-
-        Returns
-        -------
-        LinearElastic
         """
         return cls(
             elastic_modulus=3 * substance.shear_modulus, permittivity=substance.permittivity.value, thickness=thickness

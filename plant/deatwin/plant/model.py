@@ -110,10 +110,6 @@ class Plant:
         ----------
         effect : Effect
             Effect to look for.
-
-        Returns
-        -------
-        bool
         """
         return all(own.cause != effect.cause for own in self.effects)
 
@@ -130,10 +126,6 @@ class Plant:
         *effects : Effect
             Effects to add.
 
-        Returns
-        -------
-        Plant
-
         Raises
         ------
         RigError
@@ -148,10 +140,6 @@ class Plant:
         ----------
         *names : str
             Names of the effects to remove; all effects if none is named.
-
-        Returns
-        -------
-        Plant
         """
         kept = tuple(effect for effect in self.effects if names and effect.name not in names)
         effects = (p for effect in kept for p in effect.parameters)
@@ -165,10 +153,6 @@ class Plant:
         ----------
         values : mapping of str to float
             SI values by name; all others stay.
-
-        Returns
-        -------
-        Plant
         """
         return replace(self, values={**self.values, **values})
 
@@ -179,10 +163,6 @@ class Plant:
         ----------
         rig : Rig
             Rig with parameters of the same names.
-
-        Returns
-        -------
-        Plant
         """
         return replace(self, rig=rig)
 
@@ -262,10 +242,6 @@ class Plant:
         ----------
         experiment : Experiment
             Recordings on one clock.
-
-        Returns
-        -------
-        Timeline
         """
         return Timeline.of(experiment, self.rig.start, self.rig.sample_time, self.rig.reading)
 
@@ -302,10 +278,6 @@ class Plant:
             Experiment to simulate; only its commands are used. A single recording starts from rest.
         progress : callable, optional
             Function called with the completed share, 0 to 1.
-
-        Returns
-        -------
-        Simulation
 
         Raises
         ------
@@ -402,10 +374,6 @@ class Plant:
         ----------
         data : mapping
             Plain data.
-
-        Returns
-        -------
-        Plant
 
         Raises
         ------

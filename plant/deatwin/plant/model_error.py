@@ -101,10 +101,6 @@ class Discrepancy:
             Commands of the readings, in the rig's unit.
         before : float
             Rms error before the refit, SI.
-
-        Returns
-        -------
-        Discrepancy
         """
         rest = fine - coarse
         edges = np.linspace(commands.min(), commands.max(), BINS + 1)
@@ -135,10 +131,6 @@ class Discrepancy:
         ----------
         data : mapping
             Plain data.
-
-        Returns
-        -------
-        Discrepancy
         """
         commands, mean, deviation = (
             np.array([np.nan if v is None else float(v) for v in data[name]])

@@ -28,10 +28,6 @@ class Scale(Enum):
         ----------
         value : float
             SI value.
-
-        Returns
-        -------
-        float
         """
         if self is Scale.LINEAR:
             return value
@@ -61,10 +57,6 @@ class Scale(Enum):
         ----------
         value : float
             SI value.
-
-        Returns
-        -------
-        float
         """
         if self is Scale.LINEAR:
             return 1.0
@@ -218,10 +210,6 @@ class ParameterSet(Mapping[str, Parameter]):
         ----------
         values : mapping of str to float
             New SI values by name.
-
-        Returns
-        -------
-        ParameterSet
 
         Raises
         ------

@@ -141,10 +141,6 @@ class Recording:
         provenance : mapping of str to str, optional
             Origin of the samples.
 
-        Returns
-        -------
-        Recording
-
         Raises
         ------
         DataError
@@ -220,10 +216,6 @@ class Recording:
         ----------
         first, last : int
             Sample numbers, ``0 <= first < last <= n_samples``.
-
-        Returns
-        -------
-        Recording
 
         Raises
         ------

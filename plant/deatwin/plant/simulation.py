@@ -66,10 +66,6 @@ class Simulation(Brief):
             Names of the watched signals.
         unit : str
             Unit of the command.
-
-        Returns
-        -------
-        Simulation
         """
         full = np.full((1 + run.further.shape[1], timeline.commands.size + 1), np.nan)
         full[:, : run.outputs.size] = np.column_stack([run.outputs, run.further]).T

@@ -101,10 +101,6 @@ class Material:
         data : mapping
             Plain data, also after a round trip through JSON.
 
-        Returns
-        -------
-        Material
-
         Raises
         ------
         RigError

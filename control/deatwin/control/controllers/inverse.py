@@ -180,13 +180,7 @@ class StaticCurve(Described):
         return 2.0 * float(np.finfo(np.float64).eps * np.abs(self.inputs).max())
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot the output at rest over the constant input.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-        """
+        """Plot the output at rest over the constant input, on `ax` or new axes."""
         axes = axes_or_new(ax)
         inputs, outputs, _ = self._table
         axes.plot(inputs, outputs)

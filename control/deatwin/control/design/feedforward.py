@@ -103,10 +103,6 @@ def inverse_filter(linear: LinearModel, band_Hz: float) -> InverseFilter:
     band_Hz : float
         Upper end of the frequency band of the references, Hz; below half the sampling rate.
 
-    Returns
-    -------
-    InverseFilter
-
     Raises
     ------
     ModelError

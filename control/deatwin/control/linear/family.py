@@ -284,10 +284,6 @@ def linearise_many(model: NarxModel, operating_inputs: ArrayLike, thetas: ArrayL
     thetas : array_like, shape (n_samples, n_terms), optional
         Parameter samples, such as `draw` returns; the model's own parameters alone by default.
 
-    Returns
-    -------
-    LinearFamily
-
     Raises
     ------
     ModelError

@@ -58,10 +58,6 @@ def gain_schedule(
     samples : int
         Number of samples.
 
-    Returns
-    -------
-    GainSchedule
-
     Raises
     ------
     ModelError

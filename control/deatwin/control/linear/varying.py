@@ -80,10 +80,6 @@ def linearise_along(
     progress : callable, optional
         Callback that receives the completed share, from 0 to 1.
 
-    Returns
-    -------
-    VaryingLinear
-
     Raises
     ------
     ModelError

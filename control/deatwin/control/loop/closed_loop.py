@@ -162,13 +162,7 @@ class ClosedLoop(Described):
         return max(measure(error) for error in late) / smallest
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot reference and output over time.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-        """
+        """Plot reference and output over time, on `ax` or new axes."""
         axes = axes_or_new(ax)
         unit, size = written_amplitude(self.output_unit)
         axes.plot(self.timepts, self.measured / size, color="0.8", linewidth=0.8, label="simulated reading")
@@ -274,10 +268,6 @@ def closed_loop(
         Time at the operating input before the loop is closed, s.
     progress : callable, optional
         Callback that receives the completed share, from 0 to 1.
-
-    Returns
-    -------
-    ClosedLoop
 
     Raises
     ------

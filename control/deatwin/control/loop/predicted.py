@@ -162,13 +162,7 @@ class PredictedLoop(Described):
         return float(middle), float(low), float(high)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot reference, mean and band over time.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-        """
+        """Plot reference, mean and band over time, on `ax` or new axes."""
         axes = axes_or_new(ax)
         unit, size = written_amplitude(self.output_unit)
         middle, half = self.middle / size, self.half_width / size
@@ -231,10 +225,6 @@ def predict_loop(
         Number of draws.
     progress : callable, optional
         Callback that receives the completed share, from 0 to 1.
-
-    Returns
-    -------
-    PredictedLoop
 
     Raises
     ------

@@ -134,13 +134,7 @@ class MarginBand(Described):
         return np.asarray(self.response.values[:, None] + outline[:, 0] + 1j * outline[:, 1])
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot the Nyquist curve near -1 with the ellipses of the simultaneous band.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-        """
+        """Plot the Nyquist curve near -1 with the ellipses of the simultaneous band, on `ax` or new axes."""
         from matplotlib.collections import LineCollection
 
         axes = axes_or_new(ax)
@@ -206,10 +200,6 @@ def band_margins(
         Coefficients of z^0, z^-1, ... of the controller's feedback, input unit per output unit; taken as exact.
     level : float
         Probability of the band, between 0 and 1.
-
-    Returns
-    -------
-    MarginBand
 
     Raises
     ------

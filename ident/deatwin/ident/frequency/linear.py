@@ -84,10 +84,6 @@ def linear_part(model: NarxModel, operating_input: ArrayLike, output: float) -> 
     output : float
         Output at the equilibrium, in its unit.
 
-    Returns
-    -------
-    LinearPart
-
     Raises
     ------
     ModelError

@@ -277,16 +277,11 @@ class FrequencyResponse(Described, Frozen):
         )
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot the gain: over frequency with its 95 % band, or over two frequencies as contours.
+        """Plot the gain on `ax` or new axes: over frequency with its 95 % band, or over two frequencies as contours.
 
         A response of order three or more on a grid is plotted as a slice over the first two frequencies, with the
         others held constant; points that do not form a grid are plotted as points. See also `bode`, `plot_surface` and
         `slice_of`.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
         """
         from deatwin.ident.frequency.drawing import plot_response
 

@@ -145,10 +145,6 @@ class Calibration(Described):
         ----------
         count : int
             Number of stages (`Plant.stages`).
-
-        Returns
-        -------
-        Calibration
         """
         return replace(self, plant=replace(self.plant, stages=count))
 

@@ -181,17 +181,7 @@ class BestLinearApproximation(Frozen):
         }
 
     def plot(self, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
-        """Draw the gain with its standard deviations, and the output's lines with noise and distortions.
-
-        Parameters
-        ----------
-        axes : sequence of two matplotlib Axes, optional
-            Axes to draw on; created if omitted.
-
-        Returns
-        -------
-        sequence of matplotlib Axes
-        """
+        """Draw the gain with its standard deviations, and the lines of the output, on two `axes` or new ones."""
         gain, output = chosen = panels_or_new(axes, 2, height=2.6)
         unit, size = written_amplitude(self.output_unit)
         gain.plot(

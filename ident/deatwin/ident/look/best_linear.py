@@ -66,10 +66,6 @@ def best_linear_approximation(
         Number of periods at the start of each recording to leave out; by default the periods in which the output still
         settles; this default needs three periods or more.
 
-    Returns
-    -------
-    BestLinearApproximation
-
     Raises
     ------
     DataError

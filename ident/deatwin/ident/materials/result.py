@@ -102,12 +102,7 @@ class CalibratedMaterial:
         return "\n".join([self.sentence, *self.lines])
 
     def to_toml(self) -> str:
-        """Return the text of a file with the section ``[material]``.
-
-        Returns
-        -------
-        str
-        """
+        """Return the text of a file with the section ``[material]``."""
         head = [
             f"Made by deatwin from {', '.join(test.name for test in self.tests)}.",
             "low and high: intervals of 95 %.",
@@ -131,17 +126,7 @@ class CalibratedMaterial:
         }
 
     def plot(self, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
-        """Draw measured and computed values: stress over stretch, stress over time, moduli.
-
-        Parameters
-        ----------
-        axes : sequence of matplotlib Axes, optional
-            One for each of `panels`; new ones by default.
-
-        Returns
-        -------
-        sequence of matplotlib Axes
-        """
+        """Draw measured and computed stresses and moduli on `axes`, one for each of `panels`, or on new ones."""
         shown = panels_or_new(axes, len(self.panels), height=2.6)
         for name, panel in zip(self.panels, shown, strict=True):
             self.draw_panel(name, panel)

@@ -139,10 +139,6 @@ class Excitation:
         ----------
         several : iterable of Excitation
             Excitations of the recordings; at least one.
-
-        Returns
-        -------
-        Excitation
         """
         merged: list[Band] = []
         for low, high in sorted(band for one in several for band in one.bands):
@@ -184,10 +180,6 @@ def excitation(recording: Recording) -> Excitation:
     ----------
     recording : Recording
         Recording whose first input is analysed, without its mean and trend.
-
-    Returns
-    -------
-    Excitation
 
     Raises
     ------

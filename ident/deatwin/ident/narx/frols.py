@@ -168,17 +168,7 @@ class Frols(CandidateSearch):
         return errors * path.output_scale**2
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the error reduction ratio of each term of ``path_``, and the criterion with its choice.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; created if omitted.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
+        """Draw on `ax` or new axes the error reduction ratio of each term, and the criterion with its choice."""
         axes = axes_or_new(ax)
         number = np.arange(1, len(self.path_) + 1)
         kept = number <= len(self.terms_)

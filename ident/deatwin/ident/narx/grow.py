@@ -177,17 +177,7 @@ class Grow(CandidateSearch):
             self.status_ = FitStatus.INTERRUPTED
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the free-run errors of the path over the number of terms, and the model that was kept.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; created if omitted.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
+        """Draw on `ax` or new axes the free-run errors of the path over the number of terms, and the model kept."""
         axes = axes_or_new(ax)
         counts = np.array([len(step.terms) for step in self.path_])
         last = int(np.argmax(counts)) + 1  # last position of the growth

@@ -107,10 +107,6 @@ class ThetaPosterior:
             Random generator for the draws.
         n_draws : int
             Number of draws.
-
-        Returns
-        -------
-        ThetaDraws
         """
         require_generator(rng)
         model = self.model

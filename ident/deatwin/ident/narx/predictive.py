@@ -105,10 +105,6 @@ class PredictiveBand(Described):
             Axes to draw on; created if omitted.
         output : int
             Row of the output.
-
-        Returns
-        -------
-        matplotlib Axes
         """
         axes = axes_or_new(ax)
         axes.fill_between(
@@ -145,10 +141,6 @@ def one_step_band(model: NarxModel, recording: Recording, *, level: float = 0.95
         Measured inputs and outputs, in the model's units.
     level : float
         Probability of the band, between 0 and 1.
-
-    Returns
-    -------
-    PredictiveBand
 
     Raises
     ------

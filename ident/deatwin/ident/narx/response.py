@@ -85,17 +85,7 @@ class NarxResponse(Described):
         return float(np.sqrt(np.mean(self.residuals**2)))
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw measured and computed outputs over time.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; created if omitted.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
+        """Draw measured and computed outputs over time, on `ax` or new axes."""
         axes = axes_or_new(ax)
         several = len(self.outputs) > 1
         for row, (measured, computed) in enumerate(zip(self.measured, self.outputs, strict=True), start=1):

@@ -170,18 +170,9 @@ class Semp(CandidateSearch):
         return grown(model, data, sections.tolist(), max_terms=self.max_terms, level=self.level, progress=tell)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the simulation error reduction ratio of each step on a logarithmic axis, and the threshold.
+        """Draw on `ax` or new axes the simulation error reduction ratio of each step, and the threshold.
 
         A step that made the simulation error larger, as the tests allow within its uncertainty, has no point.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; created if omitted.
-
-        Returns
-        -------
-        matplotlib Axes
         """
         axes = axes_or_new(ax)
         steps = np.arange(1, len(self.path_) + 1)

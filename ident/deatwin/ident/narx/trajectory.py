@@ -178,10 +178,6 @@ class ThetaTrajectory(
         steps : int
             Number of samples ahead.
 
-        Returns
-        -------
-        NarxResponse
-
         Raises
         ------
         ModelError
@@ -197,10 +193,6 @@ class ThetaTrajectory(
         recording : Recording
             Inputs and outputs within the trajectory's times; the outputs of the first lags start the run.
 
-        Returns
-        -------
-        NarxResponse
-
         Raises
         ------
         ModelError
@@ -209,22 +201,7 @@ class ThetaTrajectory(
         return self._driven.simulate(self._with_theta(recording))
 
     def plot(self, axes: Sequence[Axes] | None = None) -> list[Axes]:
-        """Draw each parameter over time with its 95 % band.
-
-        Parameters
-        ----------
-        axes : sequence of matplotlib Axes, length n_terms, optional
-            Axes to draw on; a new figure is made if omitted.
-
-        Returns
-        -------
-        list of matplotlib Axes, length n_terms
-
-        Raises
-        ------
-        ModelError
-            If there are fewer axes than terms.
-        """
+        """Draw each parameter over time with its band on `axes` or new ones; ModelError if there are too few axes."""
         panels = panels_or_new(axes, len(self.terms), height=1.4, sharex=True)
         for ax, term, theta, std in zip(panels, self.terms, self.theta, self.std, strict=True):
             half = _QUANTILE * std

@@ -257,10 +257,6 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
         steps : int
             Number of samples ahead, at least 1.
 
-        Returns
-        -------
-        NarxResponse
-
         Raises
         ------
         ModelError
@@ -283,10 +279,6 @@ class NonlinearStateSpace(Saved, schema=SCHEMA, document=to_document, fields=fie
             Number of samples that determine the first state, as in `simulate`.
         level : float
             Probability of the band, between 0 and 1.
-
-        Returns
-        -------
-        PredictiveBand
 
         Raises
         ------

@@ -224,10 +224,6 @@ class Effect(ABC):
         ----------
         name : str
             Field name.
-
-        Returns
-        -------
-        Parameter
         """
         return next(p for p in self.describe() if p.name == name)
 

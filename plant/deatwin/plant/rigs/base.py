@@ -194,10 +194,6 @@ class Rig(ABC):
             Equations that `write` and the effects gave.
         parameters : ParameterSet
             Parameters of the plant.
-
-        Returns
-        -------
-        Runner
         """
         return simulator
 
@@ -220,10 +216,6 @@ class Rig(ABC):
         ----------
         data : mapping
             Plain data.
-
-        Returns
-        -------
-        Rig
 
         Raises
         ------
@@ -252,10 +244,6 @@ class Rig(ABC):
         ----------
         *effects : Effect
             Effects of the plant; without any, it is the base plant.
-
-        Returns
-        -------
-        Plant
         """
         from deatwin.plant.model import Plant  # a plant is made of rigs, so the module cannot be loaded first
 
@@ -284,10 +272,6 @@ class Rig(ABC):
         ----------
         motion : float
             Standard deviation of the readings, SI.
-
-        Returns
-        -------
-        Rig
         """
         return replace(self, model_error=max(self.model_error, self.share_of_motion * motion))
 

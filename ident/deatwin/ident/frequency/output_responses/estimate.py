@@ -67,10 +67,6 @@ def nofrf(
     operating_input : float, optional
         Constant input about which the model is analysed, in its unit; the centre of the training data by default.
 
-    Returns
-    -------
-    Nofrf
-
     Warns
     -----
     NofrfWarning

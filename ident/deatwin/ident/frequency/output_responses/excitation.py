@@ -115,13 +115,7 @@ class TestSignal(Described, Frozen):
         return input_spectrum(self.values, order, self.sample_time, unit=self.unit)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot one period, with the pulse in the middle.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-        """
+        """Plot one period, with the pulse in the middle, on `ax` or new axes."""
         axes = axes_or_new(ax)
         half = self.values.size // 2
         timepts = (np.arange(self.values.size) - half) * self.sample_time
@@ -163,10 +157,6 @@ def design_excitation(
         its 20th line.
     unit : str
         Unit of the input.
-
-    Returns
-    -------
-    TestSignal
 
     Raises
     ------

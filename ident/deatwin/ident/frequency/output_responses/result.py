@@ -197,13 +197,7 @@ class Nofrf(Described, Frozen):
         )
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Plot the gain of the requested order over frequency, with its truncation error if visible.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-        """
+        """Plot on `ax` or new axes the gain of the requested order, with its truncation error if visible."""
         return self._draw(self.order, axes_or_new(ax))
 
     def plot_orders(self, axes: Sequence[Axes] | None = None) -> tuple[Axes, ...]:

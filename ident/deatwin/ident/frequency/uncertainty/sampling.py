@@ -172,10 +172,6 @@ def sample(
     level : float
         Default probability of regions and bands.
 
-    Returns
-    -------
-    Sampled
-
     Raises
     ------
     ModelError

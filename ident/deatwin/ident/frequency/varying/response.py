@@ -258,13 +258,7 @@ class VaryingResponse(Described, Frozen):
         return _plot_map(self, ax)
 
     def plot_equilibria(self, ax: Axes | None = None) -> Axes:
-        """Plot the equilibrium over time with the 95 % band due to the parameters.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; new ones by default.
-        """
+        """Plot the equilibrium over time with the 95 % band due to the parameters, on `ax` or new axes."""
         return _plot_equilibria(self, ax)
 
     def _stacked(self, get: Callable[[FrequencyResponse], NDArray[Any]]) -> NDArray[Any]:

@@ -157,17 +157,7 @@ class DeadTime:
         return found if self.status is DeadTimeStatus.FOUND else f"{found}; {self.status.value}"
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the impulse response of the whitened output over the lag, with the dead time and its interval.
-
-        Parameters
-        ----------
-        ax : matplotlib Axes, optional
-            Axes to draw on; created if omitted.
-
-        Returns
-        -------
-        matplotlib Axes
-        """
+        """Draw on `ax` or new axes the impulse response of the whitened output, with the dead time and its interval."""
         axes = axes_or_new(ax)
         lags = np.arange(self.impulse.size)
         axes.errorbar(lags, self.impulse, 1.96 * self.impulse_std, fmt=".", elinewidth=0.8, label="answer, 95 %")
